@@ -45,7 +45,7 @@ STARTED_S = 60.0  # for the first message of a take
 ENDED_S = 40.0  # for the end of a process that was asked to end
 LATENCY_S = 0.7  # from the stamp of an image to its detections in the launcher, on a busy machine
 LOST_S = 1.0  # what an accident may cost
-LARGEST_FILE = {"run": 40_000, "record": 3_000_000}  # bytes; a run's bag has no images and grows slowly
+A_LITTLE = {"run": 20_000, "record": 1_000_000}  # bytes; a second or two of a bag
 GRAPH = ("/cam0/detections", "/cam1/detections")
 IMAGES = tuple(TOPIC.format(name) for name in ("cam0", "cam1"))
 
@@ -102,26 +102,18 @@ class Take:
     """A take that is recorded by a process of its own.
 
     Args:
-        verb: run or record. prepare: called in the process before its program.
-        how: more arguments of `subprocess.Popen`.
+        verb: run or record. how: more arguments of `subprocess.Popen`.
     """
 
-    def __init__(
-        self, stage: Stage, verb: str, out: Path, *more: str,
-        prepare: Callable[[], None] = lambda: None, **how: Any,
-    ):  # fmt: skip
+    def __init__(self, stage: Stage, verb: str, out: Path, *more: str, **how: Any):
         self.out, self.verb = out, verb
         self.log = stage.folder / f"{out.name}.log"
         how = {"stdout": self.log.open("wb"), "stderr": subprocess.STDOUT, **how}
         variables = {**os.environ, **stage.environment, **how.pop("variables", {})}
 
-        def begin() -> None:
-            _heed_signals()
-            prepare()
-
         self.process = subprocess.Popen(
             stage.command(verb, out, *more), stdin=subprocess.DEVNULL, env=variables, start_new_session=True,
-            preexec_fn=begin, **how,
+            preexec_fn=_heed_signals, **how,
         )  # fmt: skip
 
     @property
@@ -268,16 +260,14 @@ def _foreign(what: str) -> Accident:
 
 
 def _file_full(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """No file may grow beyond `LARGEST_FILE`, as on a full disk."""
-
-    def limit() -> None:
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (LARGEST_FILE[verb],))
-
-    take = Take(stage, verb, out, prepare=limit)
-    take.wait(0.0)
+    """No file of the process may grow beyond its present size and a little, as on a full disk."""
+    take = Take(stage, verb, out)
+    take.wait(_moment(stage))
+    file = take.bag / f"{take.bag.name}.mcap"
+    size = file.stat().st_size + A_LITTLE[verb]
+    resource.prlimit(take.process.pid, resource.RLIMIT_FSIZE, (size, size))
     outcome.code = take.end()
-    return _judged(stage, take, outcome, (take.bag / f"{take.bag.name}.mcap").stat().st_mtime_ns, (2,))
+    return _judged(stage, take, outcome, file.stat().st_mtime_ns, (2,))
 
 
 def _mounted(size: str | None, ends: bool) -> Accident:
