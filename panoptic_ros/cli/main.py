@@ -112,7 +112,7 @@ def program() -> NoReturn:
         os.environ.setdefault(name, "1")
     code = main()
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # nobody reads it any more
+        with suppress(OSError, ValueError):  # its reader has ended
             stream.flush()
     os._exit(code)
 

@@ -113,7 +113,7 @@ class BagRecorder:
 
     @property
     def path(self) -> Path:
-        """The bag, or the folder of its parts."""
+        """Path of the bag, or of the folder of its parts."""
         return self._path
 
     @property

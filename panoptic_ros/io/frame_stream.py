@@ -75,7 +75,7 @@ class FrameStream:
             self._file.close()
 
     def discard(self) -> None:
-        """Close the file as it is."""
+        """Close the file without its end."""
         self._file.close()
 
     def _write(self, text: str) -> None:

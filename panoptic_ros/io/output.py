@@ -1,4 +1,4 @@
-"""Where a process prints, and what it does when nobody reads that any more."""
+"""Output of a process: to a file, and to streams whose reader may end."""
 from __future__ import annotations
 
 import os

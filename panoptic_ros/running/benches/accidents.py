@@ -219,7 +219,7 @@ def _signalled(*numbers: int, codes: Codes = (0,), apart_s: float = 0.0) -> Acci
 
 
 def _terminal_closed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """The terminal goes away; the take goes on until it is asked to end."""
+    """Close the terminal; the take continues until it is asked to end."""
     master, slave = os.openpty()
     take = Take(stage, verb, out, stdout=slave, stderr=slave)
     os.close(slave)
@@ -232,7 +232,7 @@ def _terminal_closed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Ou
 
 
 def _reader_ended(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """`... 2>&1 | tee log`, and Ctrl-C, which ends tee first."""
+    """End the reader of `... 2>&1 | tee log`, then send Ctrl-C."""
     reader, writer = os.pipe()
     take = Take(stage, verb, out, stdout=writer, stderr=writer)
     os.close(writer)
@@ -260,7 +260,7 @@ def _foreign(what: str) -> Accident:
 
 
 def _file_full(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """No file of the process may grow beyond its present size and a little, as on a full disk."""
+    """Limit the size of the files of the process, as on a full disk."""
     take = Take(stage, verb, out)
     take.wait(_moment(stage))
     file = take.bag / f"{take.bag.name}.mcap"
@@ -271,7 +271,11 @@ def _file_full(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
 
 
 def _mounted(size: str | None, ends: bool) -> Accident:
-    """The folder of the take is a disk of its own; ends: a small one that fills up."""
+    """Put the take on a disk of its own.
+
+    Args:
+        size: of the disk, as `mount` takes it; None = 64 MB. ends: whether the disk is filled up meanwhile.
+    """
 
     def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
         place = out.with_name(f"{out.name}-disk")
@@ -299,7 +303,7 @@ def _mounted(size: str | None, ends: bool) -> Accident:
 
 
 def _told_before(prepare: Callable[[Path], None], kept: Callable[[Path], bool]) -> Accident:
-    """The place of the take cannot be used: one line, exit code 2, and what was there stays."""
+    """Give a place that cannot be used: expect one line and exit code 2, and everything there stays."""
 
     def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
         prepare(out)
@@ -315,7 +319,7 @@ def _told_before(prepare: Callable[[Path], None], kept: Callable[[Path], bool]) 
 
 
 def _twice(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """The same command again: the first take stays."""
+    """Give the same command again; the first take stays."""
     take = Take(stage, verb, out)
     take.wait(_moment(stage))
     when = time.time_ns()
@@ -339,7 +343,7 @@ def _with_variables(**variables: str) -> Accident:
 
 
 def _node_killed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """A node of the graph is killed; the take goes on."""
+    """Kill a node of the graph; the take continues."""
     take = Take(stage, verb, out)
     take.wait(2.0)
     for path in Path("/proc").glob("[0-9]*/cmdline"):
@@ -354,7 +358,7 @@ def _node_killed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcom
 
 
 def _says_when(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """The line "recording PATH" comes when the first messages are taken."""
+    """Compare the time of the line "recording PATH" with that of the first message."""
     reader, writer = os.pipe()
     take = Take(stage, verb, out, stdout=writer, stderr=writer)
     os.close(writer)
@@ -489,7 +493,7 @@ def _staged(folder: Path, seed: int) -> Iterator[Stage]:
 
 
 def _rig() -> Rig:
-    """Two small cameras that look at one place."""
+    """Return two small cameras that look at one place."""
     matrix = np.array([[180.0, 0, 80], [0, 180.0, 60], [0, 0, 1]])
     turned = [np.array([[0.0, side, 0], [0, 0, -1], [-side, 0, 0]]) for side in (1.0, -1.0)]
     return Rig(tuple(

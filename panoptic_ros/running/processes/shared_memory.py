@@ -1,7 +1,7 @@
-"""Shared memory of Fast DDS: segments of killed processes are removed, and a full /dev/shm is told.
+"""Shared memory of Fast DDS: remove segments of killed processes, and report a full /dev/shm.
 
 A process holds a lock on `<segment>_el` in /dev/shm as long as it lives. A segment without that lock belongs
-to a process that was killed; `fastdds shm clean` tells them apart in the same way.
+to a process that was killed. `fastdds shm clean` uses the same criterion.
 """
 from __future__ import annotations
 

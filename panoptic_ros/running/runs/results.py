@@ -56,7 +56,7 @@ class TakeBag:
 
     @property
     def fault(self) -> PanopticError | None:
-        """What ended it before its end: a full disk, or an error of the disk."""
+        """The error that ended it early: a full disk, or an error of the disk."""
         return self._recorder.fault
 
     @property
@@ -213,7 +213,7 @@ class Results:
 
     @property
     def fault(self) -> PanopticError | None:
-        """What ended a live take: a full disk, or an error of the disk."""
+        """The error that ended a live take early: a full disk, or an error of the disk."""
         return None if self._take_bag is None else self._take_bag.fault
 
     @property
