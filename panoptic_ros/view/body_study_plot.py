@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+
+from panoptic_ros.view.plotting import Axes, Figure, FigureCanvasAgg
 
 PANELS = {
     "mm": "joints, mm, global", "relative_mm": "joints, mm, from the root",

@@ -5,11 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-
 from panoptic_ros.io.files import atomic_path
+from panoptic_ros.view.plotting import Axes, Figure, FigureCanvasAgg
 
 MARKS = "osD^vP*X<>"
 

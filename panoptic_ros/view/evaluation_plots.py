@@ -5,14 +5,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from panoptic_ros.evaluation.identity_scores import found_ids
 from panoptic_ros.evaluation.joint_scores import matched_distances, pck_curve
 from panoptic_ros.evaluation.pairing import FramePair
 from panoptic_ros.io.files import atomic_path
+from panoptic_ros.view.plotting import Axes, Figure, FigureCanvasAgg
 
 Draw = Callable[[Axes, Sequence[FramePair], Sequence[str]], None]
 LARGEST = 0.15  # m, end of the PCK curve

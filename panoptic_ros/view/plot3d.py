@@ -6,18 +6,21 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
-from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from panoptic_ros.domain import Camera, Rig, SkeletonModel, TrackedPoseSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.files import write_bytes
 from panoptic_ros.view.body_drawing import DrawnBody, ShapedBodies, shades
+from panoptic_ros.view.plotting import (
+    Axes,
+    Axes3D,
+    Figure,
+    FigureCanvasAgg,
+    Line3DCollection,
+    MaxNLocator,
+    Poly3DCollection,
+)
 
 Array = np.ndarray
 CAMERA_GREY = (0.45, 0.45, 0.45)

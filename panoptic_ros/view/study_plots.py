@@ -6,12 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from panoptic_ros.io.files import atomic_path
+from panoptic_ros.view.plotting import Axes, Figure, FigureCanvasAgg, colormaps
 
 END_CM = 6.0  # of the curves
 COLUMNS = 3

@@ -5,12 +5,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from panoptic_ros.clocks.report import CameraClock
 from panoptic_ros.domain import ClockModel
 from panoptic_ros.io.files import atomic_path
+from panoptic_ros.view.plotting import Figure, FigureCanvasAgg
 
 PANELS = 32  # more do not fit into a picture
 LEAST_RANGE_MS = 0.1  # so that rounding of perfect stamps does not look like jitter

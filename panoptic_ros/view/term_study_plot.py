@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+
+from panoptic_ros.view.plotting import Axes, Figure, FigureCanvasAgg
 
 MEASURES = (("mm", "mm"), ("deg", "deg"))
 MOST = 200.0  # percent, of a bar: of what is left out altogether the number tells

@@ -1,4 +1,5 @@
 """Every module imports lower ranks only, and the checker catches every planted violation."""
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -100,3 +101,20 @@ def test_all_but_nodes_import_without_ros():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr[-2000:]
+
+
+def test_one_module_alone_imports_matplotlib():
+    """It loads whatever MPLBACKEND says; `view.plotting` tells why."""
+    found = [
+        name for name, path in MODULES.items()
+        if any(word in path.read_text() for word in ("from matplotlib", "import matplotlib", "mpl_toolkits"))
+    ]  # fmt: skip
+    assert found == ["panoptic_ros.view.plotting"]
+
+
+@pytest.mark.parametrize("backend", ["no_such", "module://matplotlib_inline.backend_inline"])
+def test_plots_load_with_any_backend_of_a_terminal(backend):
+    code = "import os, panoptic_ros.view.plot3d; print(os.environ['MPLBACKEND'])"
+    variables = {**os.environ, "MPLBACKEND": backend}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=variables)
+    assert (done.returncode, done.stdout) == (0, f"{backend}\n"), done.stderr

@@ -410,7 +410,7 @@ ACCIDENTS: dict[str, tuple[str, Accident]] = {
             "file too large": _file_full,
             "on a mount point": _mounted(None, ends=False),
             "disk filled up": _mounted("24m", ends=True),
-            "MPLBACKEND": _with_variables(MPLBACKEND="module://no_such_backend"),
+            "MPLBACKEND": _with_variables(MPLBACKEND="no_such_backend"),
             "node killed": _node_killed,
             "the same command twice": _twice,
             "--out a file": _told_before(_make_file, lambda out: out.read_text() == "mine"),

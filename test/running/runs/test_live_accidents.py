@@ -180,7 +180,7 @@ def test_a_full_disk_ends_the_take_in_a_line_and_keeps_what_was_written(bag, tmp
 
 
 def test_a_wrong_plot_backend_and_a_second_request_do_not_undo_a_take(bag, tmp_path):
-    take = Take(bag, tmp_path, variables={"MPLBACKEND": "module://no_such_backend"})
+    take = Take(bag, tmp_path, variables={"MPLBACKEND": "no_such_backend"})
     take.wait(20)
     take.process.send_signal(signal.SIGINT)
     code, said = take.end()
