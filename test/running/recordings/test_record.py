@@ -33,6 +33,12 @@ pytestmark = pytest.mark.ros
 SECOND = 1_000_000_000
 
 
+@pytest.fixture(autouse=True)
+def state(tmp_path_factory, monkeypatch):
+    """Takes that one test leaves open are not named in the next."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+
+
 def panoptic(*words):
     """A `panoptic` of its own."""
     command = [sys.executable, "-u", "-m", "panoptic_ros.cli.main", *map(str, words)]
