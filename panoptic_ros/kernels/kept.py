@@ -57,9 +57,16 @@ def remove_damaged(folder: Path) -> int:
 
 
 def damaged_files(folder: Path) -> list[Path]:
-    """Files of compiled kernels below a folder that are cut or damaged."""
-    found = (path for path in folder.glob("*/*") if path.suffix in SUFFIXES)
-    return [path for path in found if _content(path) is None and path.exists()]
+    """Return files of compiled kernels below a folder that are cut or damaged.
+
+    Folders in which no file has a checksum are of earlier versions, which had none.
+    """
+    found: list[Path] = []
+    for place in folder.glob("*/"):
+        whole = {path: _content(path) is not None for path in place.iterdir() if path.suffix in SUFFIXES}
+        if any(whole.values()):
+            found += [path for path, good in whole.items() if not good]
+    return found
 
 
 def _content(path: Path) -> bytes | None:
