@@ -19,6 +19,8 @@ from panoptic_ros.nodes.middleware.packets import unpacked
 from panoptic_ros.nodes.middleware.quality import CLOCKS, collecting_quality
 from panoptic_ros.stage import Notice
 
+COUNTS = ("dropped.", "notice.")  # keys of numbers of messages on /diagnostics begin so
+
 
 class CollectorNode(Node):
     """Hands every record of some topics to a function, and keeps the last diagnostics of every node.
@@ -119,7 +121,7 @@ class CollectorNode(Node):
     def _take_status(self, message: Any) -> None:
         for name, status in own_statuses(message, self.get_namespace()):
             values = values_of(status)
-            odd = [k for k, value in values.items() if _is_number(k) and not _has_number(value)]
+            odd = [key for key, value in values.items() if not _is_usable(key, value)]
             if odd:
                 why = f"{status.name}: {odd[0]} = {values[odd[0]][:40]!r} is no number"
                 self._refuse("/diagnostics", why)
@@ -128,14 +130,11 @@ class CollectorNode(Node):
         self._on_record("diagnostics", self.diagnostics)
 
 
-def _is_number(key: str) -> bool:
-    """Whether the value of that key of our nodes is a number."""
-    return key == "taken" or key.startswith(("dropped.", "notice.", "step_"))
-
-
-def _has_number(value: str) -> bool:
+def _is_usable(key: str, value: str) -> bool:
+    """Return whether a value is a number where those of our nodes are: counts whole, durations not."""
+    kind = float if key.startswith("step_") else int if key == "taken" or key.startswith(COUNTS) else str
     try:
-        float(value)  # NaN: not known yet
+        kind(value)
     except ValueError:
         return False
     return True

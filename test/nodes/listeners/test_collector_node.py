@@ -16,7 +16,7 @@ from panoptic_ros.domain import ImuSample, JointState, RefinedPoseSet  # noqa: E
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
 from panoptic_ros.io.messages import to_message  # noqa: E402
 from panoptic_ros.io.skeletons import load_skeleton  # noqa: E402
-from panoptic_ros.nodes.listeners.collector_node import CollectorNode  # noqa: E402
+from panoptic_ros.nodes.listeners.collector_node import CollectorNode, _is_usable  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
 from panoptic_ros.nodes.middleware.quality import END_OF_STREAM, data_quality  # noqa: E402
 from panoptic_ros.running.plans.bag_plan import plan_bags  # noqa: E402
@@ -118,3 +118,10 @@ def test_messages_that_are_not_of_the_run_are_counted_and_dropped(executor, tmp_
     assert int(dropped["dropped.bad_message"]) >= 2
     views.publish(to_message(captures.view(captures.RIG.cameras[0], 0, 5), ros_messages()))
     spin_until(executor, lambda: "detections" in taken)
+
+
+def test_numbers_on_diagnostics_are_of_the_kind_that_reports_read():
+    good = {"taken": "7", "dropped.lost": "0", "notice.sync.late_frame": "3", "step_p50_ms": "nan", "x": "y"}
+    bad = {"taken": "", "dropped.lost": "1.5", "notice.sync.late_frame": "nan", "step_p99_ms": "slow"}
+    assert all(_is_usable(key, value) for key, value in good.items())
+    assert not any(_is_usable(key, value) for key, value in bad.items())
