@@ -1,7 +1,7 @@
 """Open takes: live recordings that are marked open until they are closed, and named after a crash.
 
 A take holds the file `take.open` from its first second until it is closed. The recording process keeps a lock
-on that file, so the file without a lock tells of a process that was killed, or of a power cut. The paths of
+on that file, so a file without a lock shows a killed process or a power cut. The paths of
 open takes are also listed in the user's state folder, where `panoptic doctor` and the next run find them.
 """
 from __future__ import annotations
@@ -58,7 +58,7 @@ class OpenTake:
         about = {"process": os.getpid(), "host": platform.node(), "began": time.strftime("%Y-%m-%d %H:%M:%S")}
         with file_errors(self._mark, "write"):
             self._lock = os.open(self._mark, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-            with suppress(OSError):  # a file system without locks: the mark alone tells
+            with suppress(OSError):  # a file system without locks has the mark alone
                 fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             os.write(self._lock, json.dumps(about).encode())
             os.fsync(self._lock)
@@ -120,7 +120,7 @@ def is_recorded_now(folder: Path) -> bool:
 
 
 def unclosed_take(folder: Path) -> UnclosedTake | None:
-    """Return the take in a folder if nobody closed it and nobody records it; else None."""
+    """Return the take in a folder if it is marked open and no process records it; else None."""
     mark = folder / OPEN
     if not mark.is_file() or is_recorded_now(folder):
         return None
@@ -131,7 +131,7 @@ def unclosed_take(folder: Path) -> UnclosedTake | None:
 
 
 def unclosed_takes() -> list[UnclosedTake]:
-    """Return the takes of this user that nobody closed; forget those that are gone or closed."""
+    """Return the takes of this user that are marked open without a recording process; forget the others."""
     found = []
     with suppress(OSError):
         for entry in sorted((state_folder() / LISTED).iterdir()):

@@ -103,7 +103,7 @@ class CollectorNode(Node):
         return subscription
 
     def _refuse(self, topic: str, why: str) -> None:
-        """Count a message that is dropped; the first one of a topic is told."""
+        """Count a dropped message; log the first one of each topic."""
         self._bad_messages += 1
         self.diagnostics[self.get_name()] = {"dropped.bad_message": str(self._bad_messages)}
         if topic not in self._refused:

@@ -1,7 +1,7 @@
 """Stand-in for camera drivers of other packages, which also sends messages that no graph of ours expects.
 
 `python -m panoptic_ros.nodes.sources.stand_in_drivers RIG TOPIC HZ` publishes grey images of all cameras of
-a rig, stamped with the wall time; TOPIC has {} in place of the camera. A line on the standard input names a
+a rig, stamped with the wall time; {} in TOPIC stands for the camera. A line on the standard input names a
 foreign message to send: detections, skeletons or diagnostics. Any other line destroys their publishers. The
 program ends with its input.
 """
@@ -32,7 +32,7 @@ class StandInDrivers(Node):
     """Publishes images and, on demand, foreign messages.
 
     Args:
-        rig: file of the rig. topic: of the images, with {} in place of the camera.
+        rig: file of the rig. topic: of the images, where {} stands for the camera.
     """
 
     def __init__(self, rig: Path, topic: str):

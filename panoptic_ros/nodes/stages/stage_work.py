@@ -202,7 +202,7 @@ class StageWork:
             self._around.worker.put(key, self._time_of(last), bundle)
 
     def _time_of(self, item: Item) -> int:
-        """The time by which an item waits with others: live, images of wrong stamps have that of arrival."""
+        """Return the time by which an item is put with others, ns; live, that of arrival for wrong stamps."""
         if not self._live or item.topic != "image":
             return item.stamp_ns
         return self._times.time_of(item.owner, item.stamp_ns, item.came_ns)
@@ -254,7 +254,7 @@ class StageWork:
         self._around.tally.gave(giver, self._age_ns(record))
 
     def _now_ns(self) -> int:
-        """The node's time."""
+        """Return the time of the node, ns."""
         return now_of(self._around.node)
 
     def _age_ns(self, record: Any) -> int | None:

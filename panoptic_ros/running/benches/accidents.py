@@ -38,7 +38,7 @@ from panoptic_ros.running.takes import save_take
 from panoptic_ros.stage import Progress, untold
 
 SECOND = 1_000_000_000
-TOPIC = "/drivers/{}/image_raw"  # of the stand-in drivers
+TOPIC = "/drivers/{}/image_raw"  # topic of a stand-in driver; {} = camera
 FOREIGN = ("detections", "skeletons", "diagnostics")
 RATE_HZ = 8.0  # of the images of each stand-in camera: two networks fit on a core
 STARTED_S = 60.0  # for the first message of a take
@@ -52,7 +52,7 @@ IMAGES = tuple(TOPIC.format(name) for name in ("cam0", "cam1"))
 
 @dataclass
 class Outcome:
-    """What an accident came to.
+    """Outcome of an accident.
 
     Args:
         lost_s: from the newest instant that was saved to the accident; None where nothing could be lost.
@@ -83,7 +83,7 @@ class Stage:
     environment: Mapping[str, str] = field(default_factory=dict)
 
     def command(self, verb: str, out: Path, *more: str) -> list[str]:
-        """The command line of a take."""
+        """Return the command line of a take."""
         program = [sys.executable, "-m", "panoptic_ros.cli.main"]
         if verb == "record":
             what = ["--keep-free", "0.001", "--topic", "/drivers/*"]
@@ -108,7 +108,8 @@ class Take:
     def __init__(self, stage: Stage, verb: str, out: Path, *more: str, **how: Any):
         self.out, self.verb = out, verb
         self.log = stage.folder / f"{out.name}.log"
-        how = {"stdout": self.log.open("wb"), "stderr": subprocess.STDOUT, **how}
+        if "stdout" not in how:
+            how |= {"stdout": self.log.open("wb"), "stderr": subprocess.STDOUT}
         variables = {**os.environ, **stage.environment, **how.pop("variables", {})}
 
         self.process = subprocess.Popen(
@@ -118,7 +119,7 @@ class Take:
 
     @property
     def bag(self) -> Path:
-        """The folder of its bag."""
+        """Path of its bag."""
         return self.out / "bag" if self.verb == "run" else self.out
 
     def wait(self, seconds: float) -> None:
@@ -131,7 +132,7 @@ class Take:
         time.sleep(seconds)
 
     def said(self) -> str:
-        """The last line that it printed."""
+        """Return the last line that it printed."""
         lines = self.log.read_text(errors="replace").strip().splitlines() if self.log.is_file() else []
         return lines[-1] if lines else ""
 
@@ -192,9 +193,16 @@ def _judged(stage: Stage, take: Take, outcome: Outcome, when_ns: int, codes: Cod
         outcome.fault = f"{outcome.lost_s:.1f} s were lost"
     elif outcome.code not in codes:
         outcome.fault = f"exit code {outcome.code}"
-    elif "Traceback" in take.log.read_text(errors="replace"):
+    elif take.log.is_file() and "Traceback" in take.log.read_text(errors="replace"):
         outcome.fault = "a traceback was printed"
     return outcome
+
+
+def _asked_to_end(stage: Stage, take: Take, outcome: Outcome, number: int = signal.SIGINT) -> Outcome:
+    """End a take by a signal; it must close, with exit code 0."""
+    when = time.time_ns()
+    outcome.code = take.end(number)
+    return _judged(stage, take, outcome, when, (0,))
 
 
 Accident = Callable[[Stage, Outcome, str, Path], Outcome]
@@ -226,9 +234,7 @@ def _terminal_closed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Ou
     take.wait(1.0)
     os.close(master)
     time.sleep(_moment(stage))
-    when = time.time_ns()
-    outcome.code = take.end(signal.SIGTERM)
-    return _judged(stage, take, outcome, when, (0,))
+    return _asked_to_end(stage, take, outcome, signal.SIGTERM)
 
 
 def _reader_ended(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
@@ -238,9 +244,7 @@ def _reader_ended(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outco
     os.close(writer)
     take.wait(_moment(stage))
     os.close(reader)
-    when = time.time_ns()
-    outcome.code = take.end(signal.SIGINT)
-    return _judged(stage, take, outcome, when, (0,))
+    return _asked_to_end(stage, take, outcome)
 
 
 def _foreign(what: str) -> Accident:
@@ -252,9 +256,10 @@ def _foreign(what: str) -> Accident:
             time.sleep(0.3)
         stage.send("none")
         time.sleep(_moment(stage))
-        when = time.time_ns()
-        outcome.code = take.end(signal.SIGINT)
-        return _judged(stage, take, outcome, when, (0,))
+        outcome = _asked_to_end(stage, take, outcome)
+        if not outcome.fault and "was dropped" not in take.log.read_text(errors="replace"):
+            outcome.fault = "no foreign message was dropped and named"
+        return outcome
 
     return happen
 
@@ -335,9 +340,7 @@ def _with_variables(**variables: str) -> Accident:
     def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
         take = Take(stage, verb, out, variables=variables)
         take.wait(_moment(stage))
-        when = time.time_ns()
-        outcome.code = take.end(signal.SIGINT)
-        return _judged(stage, take, outcome, when, (0,))
+        return _asked_to_end(stage, take, outcome)
 
     return happen
 
@@ -346,15 +349,17 @@ def _node_killed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcom
     """Kill a node of the graph; the take continues."""
     take = Take(stage, verb, out)
     take.wait(2.0)
+    killed = 0
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):
             log = os.readlink(path.with_name("fd") / "1")
             if log == str(out.resolve() / "logs" / "fusion.log"):
                 os.kill(int(path.parent.name), signal.SIGKILL)
+                killed += 1
     time.sleep(8.0 + _moment(stage))
-    when = time.time_ns()
-    outcome.code = take.end(signal.SIGINT)
-    return _judged(stage, take, outcome, when, (0,))
+    outcome = _asked_to_end(stage, take, outcome)
+    outcome.fault = outcome.fault or ("" if killed else "no node was found to kill")
+    return outcome
 
 
 def _says_when(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
