@@ -89,7 +89,7 @@ def judged(clip: Impaired, readings: Iterable[TimecodeReading]) -> Outcome:
 
 
 def _plain(label: object) -> str:
-    """A label without the mark of drop-frame."""
+    """Return a label without the mark of drop-frame."""
     return str(label).replace(";", ":")
 
 

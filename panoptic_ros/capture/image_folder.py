@@ -108,7 +108,7 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
 
 
 def _first_size(file: Path) -> tuple[int, int]:
-    """The size of the first image, which is decoded unless it is large: the rig may be of another size."""
+    """Return the size of the first image in px; a large one is not decoded."""
     size = picture_size(read_bytes(file, LARGEST_IMAGE))
     if size is not None and size[0] * size[1] > UNSEEN:
         return size
@@ -117,7 +117,7 @@ def _first_size(file: Path) -> tuple[int, int]:
 
 
 def _read_image(file: Path, expected: tuple[int, int] | None) -> np.ndarray:
-    """An image (h, w, 3), decoded only if its header says that it can be of the expected size."""
+    """Return an image (h, w, 3) uint8 BGR, decoded only if its header allows the expected size."""
     data = np.frombuffer(read_bytes(file, LARGEST_IMAGE), np.uint8)
     size = picture_size(data.tobytes())
     if expected is not None and size is not None and sorted(size) != sorted(expected):

@@ -124,7 +124,7 @@ class BagStream:
             raise self._named(error) from None
 
     def _own(self, record: Any) -> Any:
-        """The record, if it is of this camera.
+        """Return the record, if it is of this camera.
 
         Raises:
             DataError: if not.

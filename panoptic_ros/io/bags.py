@@ -163,7 +163,7 @@ class BagReader:
         return reader
 
     def _check_metadata(self) -> None:
-        """Whether metadata.yaml is bounded in size and nesting: the library takes minutes for others.
+        """Check size and nesting of metadata.yaml, as the library takes minutes for large ones.
 
         Raises:
             DataError: if not.
@@ -220,7 +220,7 @@ class BagReader:
                 bring = up[connection.topic]
                 try:
                     data = bring(data) if bring else data
-                except Exception as error:  # of bytes that are no such message
+                except Exception as error:  # bytes of another kind raise anything
                     bad = DataError(f"{self.path}, topic {connection.topic}: {_one_line(error)}")
                     if on_bad is None:
                         raise bad from None

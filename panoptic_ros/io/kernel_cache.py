@@ -1,4 +1,4 @@
-"""What is said where the disk is full, or a path cannot be one, wherever that shows."""
+"""One line about a full disk or an impossible path, whichever library meets it."""
 from __future__ import annotations
 
 import errno

@@ -62,7 +62,7 @@ def read_bvh(path: Path, unit: float) -> JointMotion:
 
 
 def _checked(name: str, joint_names: tuple[str, ...], joints: Array, rate: float, path: Path) -> JointMotion:
-    """The motion, if it has a place for every joint."""
+    """Return the motion, if it has a place for every joint."""
     if joints.ndim != 3 or joints.shape[1:] != (len(joint_names), 3):
         shape = " x ".join(map(str, joints.shape))
         raise DataError(f"{path}: clip {shown(name)} is {shape}, expected frames x {len(joint_names)} x 3")

@@ -103,7 +103,7 @@ def _document(name_or_path: str) -> dict[str, Any]:
 
 
 def _checked(document: Any, path: Path) -> dict[str, Any]:
-    """The document with all of its keys, if it can be a skeleton."""
+    """Return the document with all of its keys, if it can be a skeleton."""
     wanted = {"name": str, "root": str, "head": str, "joints": dict, "bones": list}
     for key, kind in wanted.items():
         if not isinstance(document, dict) or not isinstance(document.get(key), kind):
