@@ -14,7 +14,7 @@ from pathlib import Path
 
 from panoptic_ros.errors import UserError
 from panoptic_ros.io.resources import cache_folder
-from panoptic_ros.io.takes import UnclosedTake, unclosed_take, unclosed_takes
+from panoptic_ros.io.takes import OPEN, UnclosedTake, unclosed_take, unclosed_takes
 from panoptic_ros.running.doctor.finding import Check, Finding, fail, ok, warn
 
 SUPPORTED = ((3, 10), (3, 13))  # first and last minor version of Python
@@ -129,7 +129,7 @@ def check_kernels() -> Finding:
 
 
 def check_takes() -> Finding:
-    """Live takes that nobody closed."""
+    """Check for live takes that no process closed."""
     takes = {take.path.resolve(): take for take in (*unclosed_takes(), *_unclosed_here())}
     if not takes:
         return ok("no take that was not closed")
@@ -138,9 +138,9 @@ def check_takes() -> Finding:
 
 
 def _unclosed_here() -> list[UnclosedTake]:
-    """The same below this folder, for takes of other users and other caches."""
-    folders = (path for depth in ("*", "*/*") for path in Path.cwd().glob(depth) if path.is_dir())
-    return [take for folder in folders if (take := unclosed_take(folder)) is not None]
+    """Return the same up to two levels below this folder, for takes of other users and other machines."""
+    marks = (mark for depth in ("*", "*/*") for mark in Path.cwd().glob(f"{depth}/{OPEN}"))
+    return [take for mark in marks if (take := unclosed_take(mark.parent)) is not None]
 
 
 def check_cameras() -> Finding:

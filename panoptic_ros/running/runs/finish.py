@@ -22,6 +22,7 @@ from panoptic_ros.view.overlay_run import OverlayRun
 from panoptic_ros.view.report import Latency, RunReport
 
 LATEST = "latest."
+TOO_SLOW = "take: disk_too_slow"  # messages that were not recorded
 # notices of which report and console tell
 TOLD = (
     "timecode.", "clocks.", "sync.clock_", "kinematics.", "graph.lossy", "graph.incompatible_qos",
@@ -50,7 +51,7 @@ def finish(
     return RunReport(
         summary,
         frames_in=dict(results.frames_in),
-        dropped=_dropped(counted),
+        dropped=_dropped(counted) | ({TOO_SLOW: results.dropped} if results.dropped else {}),
         latency_ms=_latencies(counted),
         notices=[
             *_plan_notices(plan), *_newest_only(results), *_clock_notices(plan, results),

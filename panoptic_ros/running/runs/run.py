@@ -77,7 +77,7 @@ def run(
         UserError: on whatever the user can mend; nothing is left in `out` then.
         KeyboardInterrupt: if a live run was asked to end before there was anything.
     """
-    how = _How(in_process, offline, jpeg_quality, node_per_stage, duration_s, pictures, observer, ahead)
+    how = _Options(in_process, offline, jpeg_quality, node_per_stage, duration_s, pictures, observer, ahead)
     told: tuple[Notice, ...] = ()
     if not (in_process or offline):
         plan, told = without_patch_inputs(plan)
@@ -106,7 +106,7 @@ def run(
 
 
 @dataclass(frozen=True)
-class _How:
+class _Options:
     """The options of `run`."""
 
     in_process: bool
@@ -120,7 +120,7 @@ class _How:
 
 
 class _Watch:
-    """Tells observer and self-check of records, and when a run is to stop."""
+    """Passes records to observer and self-check, and decides when a run stops."""
 
     def __init__(
         self, plan: Plan, observer: RunObserver, asked: Callable[[], bool], duration_s: float | None
@@ -139,11 +139,11 @@ class _Watch:
         return self._asked() or (self._end_s is not None and time.monotonic() > self._end_s)
 
 
-class _Unharmed:
-    """Calls what only looks at a live take; an error there is told once, and ends the looking.
+class _IsolatedObserver:
+    """Keeps errors of an observer away from a live take: the first one ends the observation.
 
     Args:
-        look: called with key and record. troubles: one line is appended for the error.
+        look: the observer, called with key and record. troubles: gets one line about the error.
     """
 
     def __init__(self, look: Callable[[str, Any], None], troubles: list[str]):
@@ -160,7 +160,7 @@ class _Unharmed:
                 self._troubles.append(f"the display ended ({_in_short(error)})")
 
 
-def _run_live(plan: Plan, folder: LiveFolder, how: _How, told: tuple[Notice, ...]) -> RunOutcome:
+def _run_live(plan: Plan, folder: LiveFolder, how: _Options, told: tuple[Notice, ...]) -> RunOutcome:
     """Record until it is asked to end or something ends it; close the take, then report.
 
     Raises:
@@ -174,7 +174,7 @@ def _run_live(plan: Plan, folder: LiveFolder, how: _How, told: tuple[Notice, ...
     with first_request_told() as asked:
         watch = _Watch(plan, how.observer, asked, how.duration_s)
         try:
-            results = Results(folder.path, plan, _Unharmed(watch.saw, troubles).saw, how.pictures)
+            results = Results(folder.path, plan, _IsolatedObserver(watch.saw, troubles).saw, how.pictures)
         except BaseException:
             folder.give_up(MADE)
             raise
@@ -210,7 +210,7 @@ def _close(results: Results, folder: LiveFolder) -> PanopticError | None:
 
 
 def _report_live(
-    plan: Plan, results: Results, counted: Counted, told: tuple[Notice, ...], watch: _Watch, how: _How,
+    plan: Plan, results: Results, counted: Counted, told: tuple[Notice, ...], watch: _Watch, how: _Options,
     started: float,
 ) -> tuple[RunReport | None, list[str]]:
     """Make report and pictures of a closed take; errors and requests to end cost these alone.
@@ -258,7 +258,7 @@ def _in_short(error: BaseException) -> str:
 Counted = Mapping[str, Mapping[str, str]]  # what every stage or node counted
 
 
-def _counted(plan: Plan, results: Results, stop: Callable[[], bool], how: _How) -> Counted:
+def _counted(plan: Plan, results: Results, stop: Callable[[], bool], how: _Options) -> Counted:
     if how.in_process or how.offline:
         return _in_process(plan, results, stop, how.offline)
     return _over_dds(plan, results, stop, how.jpeg_quality, how.node_per_stage, how.ahead)

@@ -12,6 +12,7 @@ from panoptic_ros.cli.main import main
 from panoptic_ros.cli.run import source
 from panoptic_ros.cli.run.watch import Watch
 from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.io import bag_recorder
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.io.takes import OPEN
@@ -97,6 +98,13 @@ def test_an_error_of_the_report_costs_the_report(run_live, tmp_path, monkeypatch
     with BagReader(tmp_path / "out" / "bag") as reader:
         assert reader.counts["/skeletons"] == 6
     assert len(read_skeletons(tmp_path / "out" / "skeletons.json.gz").frames) == 6
+
+
+def test_messages_for_which_the_disk_was_too_slow_are_reported(run_live, tmp_path, monkeypatch):
+    monkeypatch.setattr(bag_recorder, "MOST_WAITING", 0)
+    assert run_live(ask)[0] == 0
+    dropped = json.loads((tmp_path / "out" / "report.json").read_text())["frames"]["dropped"]
+    assert dropped["take: disk_too_slow"] >= 6
 
 
 def test_a_take_without_any_record_for_its_whole_duration_says_so(run_live, tmp_path):
