@@ -10,6 +10,7 @@ import pytest
 
 from panoptic_ros.cli import doctor
 from panoptic_ros.cli.main import main
+from panoptic_ros.io.takes import OpenTake
 from panoptic_ros.running.doctor import machine, network, ros
 from panoptic_ros.running.doctor.finding import Finding, fail, finish, ok, run_checks, start_python, warn
 
@@ -168,3 +169,16 @@ def test_ros_checks_hold_here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
     for check in (ros.check_rclpy, ros.check_messages, network.check_graph):
         finding = check()
         assert finding.level == "OK", finding
+
+
+def test_takes_that_were_not_closed_are_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    assert machine.check_takes().level == "OK"
+    (tmp_path / "out" / "live").mkdir(parents=True)
+    OpenTake(tmp_path / "out" / "live").leave()
+    for elsewhere in ("state", "other"):  # listed by this user, and found below this folder alone
+        monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / elsewhere))
+        finding = machine.check_takes()
+        assert finding.level == "WARN" and "panoptic bag repair" in finding.remedy
+        assert finding.found.count("was not closed") == 1
