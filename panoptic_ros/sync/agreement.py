@@ -10,8 +10,8 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Generic, Protocol, TypeVar
 
-from panoptic_ros.domain import ViewDetections
 from panoptic_ros.stage import Notice
 from panoptic_ros.sync.majority import Group, Majority
 
@@ -30,8 +30,27 @@ YEAR_NS = 365 * 86_400 * SECOND
 PERIODS_BY_STAMPS = 3  # allowance without times of arrival: the order of frames tells time to a period or two
 
 
+class StampedFrame(Protocol):
+    """A frame of a camera: an image, or the 2D people in it."""
+
+    @property
+    def camera(self) -> str:
+        """Name of the camera."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp on the clock of the camera, ns."""
+
+    @property
+    def frame_number(self) -> int:
+        """Number that the camera gave it."""
+
+
+Frame = TypeVar("Frame", bound=StampedFrame)
+
+
 @dataclass
-class PendingLine:
+class PendingLine(Generic[Frame]):
     """The frames of one camera that are off the time line.
 
     Args:
@@ -44,7 +63,7 @@ class PendingLine:
         noticed_at: arrival at which the notice was given last, ns.
     """
 
-    frames: list[ViewDetections] = field(default_factory=list)
+    frames: list[Frame] = field(default_factory=list)
     count: int = 0
     since: int | None = None
     offsets: deque[int] = field(default_factory=lambda: deque(maxlen=OFFSETS))
@@ -52,14 +71,14 @@ class PendingLine:
     text: str = ""
     noticed_at: int = 0
 
-    def add(self, view: ViewDetections, at: int) -> list[ViewDetections]:
+    def add(self, view: Frame, at: int) -> list[Frame]:
         """Append a frame; return those that are no longer kept."""
         self.since = at if self.since is None else self.since
         self.count += 1
         self.frames.append(view)
         return self.keep(SURE if self.out else HELD)
 
-    def keep(self, most: int) -> list[ViewDetections]:
+    def keep(self, most: int) -> list[Frame]:
         """Keep the newest frames; return the others."""
         lost, self.frames = self.frames[:-most], self.frames[-most:]
         return lost
@@ -69,8 +88,8 @@ class PendingLine:
         return self.count >= SURE and self.since is not None and at - self.since >= SURE_NS
 
     def clear(
-        self, following: ViewDetections | None = None
-    ) -> tuple[list[ViewDetections], list[ViewDetections]]:
+        self, following: Frame | None = None
+    ) -> tuple[list[Frame], list[Frame]]:
         """Empty the line; return the frames that lead to its last one or the next one, and all others.
 
         Args:
@@ -81,8 +100,8 @@ class PendingLine:
         steps = [later.stamp_ns - view.stamp_ns for view, later in pairwise(frames)]
         least = min((step for step in steps if step > 0), default=0)
         near = max(NEAR_NS, min(NEAR_STEPS * least, MOST_NEAR_NS))
-        kept: list[ViewDetections] = []
-        strays: list[ViewDetections] = []
+        kept: list[Frame] = []
+        strays: list[Frame] = []
         for view in reversed(frames):
             if following is None or 0 < following.stamp_ns - view.stamp_ns <= near:
                 kept.append(view)
@@ -92,7 +111,7 @@ class PendingLine:
         return kept[::-1], strays[::-1]
 
 
-class Agreement:
+class Agreement(Generic[Frame]):
     """Passes the frames that are on the time line of the majority.
 
     Args:
@@ -103,13 +122,18 @@ class Agreement:
     def __init__(self, cameras: Sequence[str], start_ns: int = START_NS):
         self._by_arrival, self._by_stamps = Majority(cameras), Majority(cameras, PERIODS_BY_STAMPS)
         self._stamps: dict[str, int] = {}  # the newest of each camera, where no times of arrival are told
-        self._lines = {name: PendingLine() for name in cameras}
+        self._lines: dict[str, PendingLine[Frame]] = {name: PendingLine() for name in cameras}
         self._start_ns = min(start_ns, START_NS)
         self._began: int | None = None  # arrival of the first frame
 
+    @property
+    def offset(self) -> int | None:
+        """The clock offset of the time line by arrival, ns; None before it has begun."""
+        return self._by_arrival.offset
+
     def take(
-        self, view: ViewDetections, came_ns: int | None = None, host_ns: int | None = None
-    ) -> tuple[list[ViewDetections], list[Notice]]:
+        self, view: Frame, came_ns: int | None = None, host_ns: int | None = None
+    ) -> tuple[list[Frame], list[Notice]]:
         """Return the frames that may be grouped, in the order of their stamps.
 
         Args:
@@ -133,7 +157,7 @@ class Agreement:
             return self._decide(majority, view.camera, at, host, notices)
         return [], notices
 
-    def end(self, camera: str) -> tuple[list[ViewDetections], list[Notice]]:
+    def end(self, camera: str) -> tuple[list[Frame], list[Notice]]:
         """End a camera; return its frames if the time line has not begun. Later, those off it are lost."""
         line = self._lines[camera]
         begun = self._by_arrival.offset is not None or self._by_stamps.offset is not None
@@ -143,8 +167,8 @@ class Agreement:
     # ------------------------------------------------------------------ start
 
     def _gather(
-        self, majority: Majority, view: ViewDetections, at: int, host: int | None
-    ) -> tuple[list[ViewDetections], list[Notice]]:
+        self, majority: Majority, view: Frame, at: int, host: int | None
+    ) -> tuple[list[Frame], list[Notice]]:
         """Begin the time line once all cameras, or most of those that live, have given frames."""
         line = self._lines[view.camera]
         self._began = at if self._began is None else self._began
@@ -166,7 +190,7 @@ class Agreement:
 
     # ------------------------------------------------------------------ pending lines
 
-    def _admit(self, line: PendingLine, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
+    def _admit(self, line: PendingLine[Frame], view: Frame) -> tuple[list[Frame], list[Notice]]:
         """Pass a frame that is on the time line, with those before it that lead to it."""
         if not line.count and not line.out:
             return [view], []
@@ -181,7 +205,7 @@ class Agreement:
 
     def _decide(
         self, majority: Majority, camera: str, at: int, host: int | None, notices: list[Notice]
-    ) -> tuple[list[ViewDetections], list[Notice]]:
+    ) -> tuple[list[Frame], list[Notice]]:
         """Move the time line to a pending line, or leave the camera of that line out."""
         view = self._lines[camera].frames[-1]
         assert majority.offset is not None
@@ -205,7 +229,7 @@ class Agreement:
         return [], notices
 
     def _leave_out(
-        self, view: ViewDetections, at: int, rulers: Sequence[str], notices: list[Notice]
+        self, view: Frame, at: int, rulers: Sequence[str], notices: list[Notice]
     ) -> None:
         """Leave a camera out; name it now, and in the same words while it is out.
 
@@ -228,9 +252,9 @@ class Agreement:
 
     def _release(
         self, majority: Majority, notices: list[Notice]
-    ) -> tuple[list[ViewDetections], list[Notice]]:
+    ) -> tuple[list[Frame], list[Notice]]:
         """Pass all pending frames of cameras that are on the time line now."""
-        views: list[ViewDetections] = []
+        views: list[Frame] = []
         for name, line in self._lines.items():
             if (line.count or line.out) and majority.agrees(majority.votes[name].offset):
                 released, strays = line.clear()
@@ -252,15 +276,15 @@ def _choose(
     return incumbent or groups[0]
 
 
-def _values(view: ViewDetections) -> dict[str, object]:
+def _values(view: StampedFrame) -> dict[str, object]:
     return {"camera": view.camera, "device": view.camera, "stamp_ns": view.stamp_ns}
 
 
-def _off(view: ViewDetections, text: str) -> Notice:
+def _off(view: StampedFrame, text: str) -> Notice:
     return Notice("sync.clock_off", "warning", text, _values(view))
 
 
-def _off_text(view: ViewDetections, offset: int, whom: str) -> str:
+def _off_text(view: StampedFrame, offset: int, whom: str) -> str:
     """Name a camera that is left out, with its clock offset from the time line, ns."""
     why = "set its clock, or the time source of its driver"
     if view.stamp_ns < YEAR_NS < view.stamp_ns - offset:
@@ -272,7 +296,7 @@ def _off_text(view: ViewDetections, offset: int, whom: str) -> str:
     )
 
 
-def _decided(view: ViewDetections, best: Group, groups: Sequence[Group]) -> Notice:
+def _decided(view: StampedFrame, best: Group, groups: Sequence[Group]) -> Notice:
     """Name the cameras of both sides where the host's time decides for the new one."""
     others = [name for group in groups for name in group.names if name not in best.names]
     text = (
@@ -282,7 +306,7 @@ def _decided(view: ViewDetections, best: Group, groups: Sequence[Group]) -> Noti
     return Notice("sync.clock_tie", "warning", text, _values(view))
 
 
-def _stray(view: ViewDetections) -> Notice:
+def _stray(view: StampedFrame) -> Notice:
     text = (
         f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns was dropped: "
         "its stamp is an outlier among those of its camera before and after"
@@ -290,7 +314,7 @@ def _stray(view: ViewDetections) -> Notice:
     return Notice("sync.stray_stamp", "warning", text, {"camera": view.camera, "stamp_ns": view.stamp_ns})
 
 
-def _out_of_time(view: ViewDetections) -> Notice:
+def _out_of_time(view: StampedFrame) -> Notice:
     text = (
         f"frame {view.frame_number} of camera {view.camera} at {view.stamp_ns} ns was dropped: "
         "its clock disagrees with that of the other cameras"

@@ -57,7 +57,9 @@ class SyncStage(Stateful):
         self._outliers = StampOutliers(self._rig.names)
         self._correction = StampCorrection({c.name: c.clock for c in self._rig.cameras}, self._config)
         live, start_ns = self._deadline_ns > 0, START * self._deadline_ns
-        self._agreement = Agreement(self._rig.names, start_ns) if live else None
+        self._agreement: Agreement[ViewDetections] | None = None
+        if live:
+            self._agreement = Agreement(self._rig.names, start_ns)
         self._overlap = None if live else Overlap(self._rig.names)
         self._guard = SetBackGuard(self._rig.names)
         self._came: tuple[int | None, int | None] = None, None  # arrival of the next record, see `arrived`

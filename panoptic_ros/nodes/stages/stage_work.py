@@ -98,6 +98,9 @@ class StageWork:
         self._inputs: dict[str, Input] = {}  # by full name
         self._companions = Companions((), ())
         self._times = AlignedTimes(context.rig.names)
+        # stamps of a named clock agree once sync has corrected them
+        named = any(camera.clock for camera in context.rig.cameras) or "clocks" in chosen.everywhere
+        self._has_common_clock = not named
         reading, tally = around.reading, around.tally
         reading.open(context.rig, chosen.configs, context, chosen.used, chosen.shifts)
         self.pipeline = Pipeline(
@@ -205,7 +208,10 @@ class StageWork:
         """Return the time by which an item is put with others, ns; live, that of arrival for wrong stamps."""
         if not self._live or item.topic != "image":
             return item.stamp_ns
-        return self._times.time_of(item.owner, item.stamp_ns, item.came_ns)
+        time_ns, notices = self._times.time_of(item.owner, item.stamp_ns, item.came_ns, self._now_ns())
+        for notice in notices if self._has_common_clock else ():
+            self._around.tally.tell(self._around.tally.first, notice)
+        return time_ns
 
     def do(self, batch: Sequence[Any]) -> None:
         """What is enqueued are messages with those that belong to them, or calls."""

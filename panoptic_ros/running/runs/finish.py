@@ -16,6 +16,7 @@ from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.regrouping import regrouped
 from panoptic_ros.running.runs.results import Results
+from panoptic_ros.running.runs.waiting import stage_order
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.body_drawing import BodySurfaces, ShapedBodies
 from panoptic_ros.view.overlay_run import OverlayRun
@@ -127,18 +128,25 @@ def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
 
 
 def warnings_of(counted: Mapping[str, Mapping[str, str]]) -> list[Notice]:
-    """The newest warning of each kind about drivers, sound, clocks and bodies, as nodes count them; of those
-    about devices that of each device.
+    """Return the newest warning of each kind, and of each device where it is about devices.
+
+    Of several nodes that warn of one device, the one that is first in the graph counts.
+
+    Args:
+        counted: by node, as on /diagnostics.
     """
-    found = [
-        key.removeprefix(LATEST).partition(OF)[::2] + (text,)
-        for values in counted.values() for key, text in values.items() if key.startswith(LATEST)
-    ]  # fmt: skip
-    by_device = {code for code, device, _ in found if device}
+    found: dict[tuple[str, str], str] = {}
+    for name in sorted(counted, key=stage_order):
+        for key, text in counted[name].items():
+            if key.startswith(LATEST):
+                code, _, device = key.removeprefix(LATEST).partition(OF)
+                found.setdefault((code, device), text)
+    by_device = {code for code, device in found if device}
     return [
-        Notice(code, "warning", text, {"device": device} if device else {}) for code, device, text in found
+        Notice(code, "warning", text, {"device": device} if device else {})
+        for (code, device), text in found.items()
         if code.startswith(TOLD) and (device or code not in by_device)
-    ]  # fmt: skip
+    ]
 
 
 def dropped_in_all(counted: Mapping[str, Mapping[str, str]]) -> int:

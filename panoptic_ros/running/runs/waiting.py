@@ -36,7 +36,7 @@ def why_waiting(counted: Mapping[str, Mapping[str, str]]) -> str:
     """What the first skeletons wait for, as nodes tell on /diagnostics: the first stage that waits."""
     waits = [name for name, values in counted.items() if values.get("waiting_for")]
     if waits and not any(values.get("compiling") for values in counted.values()):
-        first = min(waits, key=_order)
+        first = min(waits, key=stage_order)
         return (
             f"waiting for the first skeletons: {first} waits for {counted[first]['waiting_for']}; "
             "`panoptic watch` shows more"
@@ -47,7 +47,7 @@ def why_waiting(counted: Mapping[str, Mapping[str, str]]) -> str:
     )
 
 
-def _order(name: str) -> int:
-    """Of a stage in the graph; of its nodes where there are several, detection_0, detection_1, ..."""
+def stage_order(name: str) -> int:
+    """Return the place of a node in the graph by its name, e.g. detection_0; other nodes come last."""
     stage = name if name in NODES else name.rsplit("_", 1)[0]
     return list(NODES).index(stage) if stage in NODES else len(NODES)
