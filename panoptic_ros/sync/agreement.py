@@ -1,7 +1,7 @@
 """Live: cameras whose clock disagrees with that of the majority are left out and named.
 
 Each camera has one accepted clock line, that of the majority (see `majority`), and one pending line of frames
-that are off it. Three frames over 0.7 s decide about a pending line. If most cameras are on it, the time line
+that are off it. Three frames over 0.5 s decide about a pending line. If most cameras are on it, the time line
 moves there. Else the camera is left out until its frames agree again.
 """
 from __future__ import annotations
@@ -17,7 +17,7 @@ from panoptic_ros.sync.majority import Group, Majority
 
 SECOND = 1_000_000_000
 SURE = 3  # frames that decide about a pending line
-SURE_NS = 7 * SECOND // 10  # time that these span: a burst after a stall is shorter, and 1 s is the limit
+SURE_NS = SECOND // 2  # time that these span; a burst after a stall is shorter, and 1 s is the limit
 START_NS = SECOND  # after the first frame, the time line begins without cameras that gave none
 ALONE_NS = 10 * SECOND  # after which a camera that no other one confirms is named
 AGAIN_NS = 5 * SECOND  # between notices of one camera; /diagnostics forget a warning after 10 s
