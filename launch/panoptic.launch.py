@@ -109,7 +109,10 @@ def find_cameras(given):
         folder = Path(given["capture"])
         rig_file = Path(given["rig"]) if given["rig"] else find_rig(folder)
         with open_capture_folder(folder, rig=read_rig(rig_file)) as capture:
-            return rig_file, {source.camera: {"video": str(source.path)} for source in capture.sources}
+            return rig_file, {
+                source.camera: {"video": str(source.path), "start_ns": capture.starts.get(source.camera, 0)}
+                for source in capture.sources
+            }
     if not given["rig"]:
         raise UsageError("devices:= needs rig:=FILE, the calibration of these cameras")
     pairs = [item.partition("=") for item in given["devices"].split()]

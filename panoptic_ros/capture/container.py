@@ -1,4 +1,4 @@
-"""What the outermost structure of videos tells: are they whole, and do they count frames?
+"""The structure of videos: whether they are whole and count frames, and when they begin.
 
 ISO/IEC 14496-12 (boxes of MP4 and QuickTime), Microsoft RIFF (AVI), RFC 8794 (EBML of Matroska). Other
 containers are left to FFmpeg.
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
+from fractions import Fraction
 from pathlib import Path
 from typing import BinaryIO
 
@@ -50,19 +51,47 @@ def hidden_seconds(path: Path) -> float:
     worth of delay. Infinite where frames are not counted one by one, or the edits are many.
     """
     with file_errors(path, "read"), open(path, "rb") as file:
-        size = path.stat().st_size
         head = file.read(12)
         if head[:4] == b"RIFF":
             return 0.0
-        if head[4:8] not in _TOP_BOXES:
-            return math.inf
-        boxes = _boxes(file, size)
-        index = [(start, length) for name, start, length in boxes if name == b"moov"]
-        if not index or index[0][1] > _BIG_BOX or any(name == b"moof" for name, _, _ in boxes):
-            return math.inf
-        file.seek(index[0][0])
-        tracks = file.read(index[0][1]).split(b"trak")[1:]
+        tracks = _tracks(file, path.stat().st_size)
     return max((_edited(track) for track in tracks if b"vide" in track), default=math.inf)
+
+
+def has_edits(path: Path) -> bool:
+    """Return whether an MP4 has an edit list for its video; then no encoder's delay is in its times."""
+    with file_errors(path, "read"), open(path, "rb") as file:
+        return any(b"vide" in track and b"elst" in track for track in _tracks(file, path.stat().st_size))
+
+
+def timecode_rate(path: Path) -> tuple[int, Fraction] | None:
+    """Return labels per second and their true rate (Hz) of the timecode track of an MP4; None = it has none.
+
+    QuickTime File Format, timecode sample description.
+    """
+    with file_errors(path, "read"), open(path, "rb") as file:
+        tracks = _tracks(file, path.stat().st_size)
+    for track in tracks:
+        handler, entry = track.find(b"hdlr") + 12, track.find(b"tmcd", max(0, track.find(b"stsd")))
+        if track[handler : handler + 4] != b"tmcd" or entry < 0 or entry + 29 > len(track):
+            continue
+        scale, duration, labels = struct.unpack_from(">IIB", track, entry + 20)
+        if scale and duration and labels:
+            return labels, Fraction(scale, duration)
+    return None
+
+
+def _tracks(file: BinaryIO, size: int) -> list[bytes]:
+    """Read the tracks in the index of an MP4, of up to 64 MB; none of one in fragments."""
+    file.seek(0)
+    if file.read(8)[4:] not in _TOP_BOXES:
+        return []
+    boxes = _boxes(file, size)
+    index = [(start, length) for name, start, length in boxes if name == b"moov"]
+    if not index or index[0][1] > _BIG_BOX or any(name == b"moof" for name, _, _ in boxes):
+        return []
+    file.seek(index[0][0])
+    return file.read(index[0][1]).split(b"trak")[1:]
 
 
 def _boxes(file: BinaryIO, size: int) -> list[tuple[bytes, int, int]]:

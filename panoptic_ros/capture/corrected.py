@@ -10,6 +10,7 @@ from panoptic_ros.capture.timed import TimedSource
 from panoptic_ros.capture.video import VideoSource
 from panoptic_ros.domain import StampLine, ViewFrame
 from panoptic_ros.errors import DataError
+from panoptic_ros.stage import Notice
 
 
 class CorrectedSource:
@@ -36,6 +37,11 @@ class CorrectedSource:
             stamp = self._line.corrected(frame.stamp_ns)
             if stamp >= 0:
                 yield replace(frame, stamp_ns=stamp)
+
+    @property
+    def after(self) -> tuple[Notice, ...]:
+        """Return notices that are known after the last frame."""
+        return self._source.after
 
     def close(self) -> None:
         """Close the source."""

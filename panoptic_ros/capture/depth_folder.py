@@ -16,6 +16,7 @@ from panoptic_ros.domain import DepthFrame, ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.loading import read_bytes
 from panoptic_ros.io.pictures import decode_picture
+from panoptic_ros.stage import Notice
 
 MOST_PIXELS = 50_000_000  # of a depth map, 300 MB with the metres made of it; sensors have 1 Mpx
 SUFFIX = "_depth"
@@ -72,6 +73,11 @@ class DepthSource:
         found = DepthFrame(frame.camera, frame.stamp_ns, number, read_depth(self._files[number]))
         found.check_image(frame.image_size)
         return found
+
+    @property
+    def after(self) -> tuple[Notice, ...]:
+        """Return notices that are known after the last frame."""
+        return self._source.after
 
     def close(self) -> None:
         """Close the images."""

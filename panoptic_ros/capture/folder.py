@@ -1,7 +1,8 @@
 """Capture folders: a rig and one video or folder of images per camera, checked against each other."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -10,23 +11,24 @@ from panoptic_ros.capture.at_once import opened_at_once
 from panoptic_ros.capture.corrected import CorrectedSource
 from panoptic_ros.capture.depth_folder import DepthSource, depth_files
 from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors
-from panoptic_ros.capture.image_folder import ImageFolderSource, image_files
+from panoptic_ros.capture.image_folder import ImageFolderSource
 from panoptic_ros.capture.image_size import SizePolicy, fit_camera
+from panoptic_ros.capture.layout import check_cameras, find_media, named_as
 from panoptic_ros.capture.sound import SOUND_NAMES, folder_sounds, sound_files, track_sound
 from panoptic_ros.capture.source import FrameSource, exact_rate, grid_stamp
+from panoptic_ros.capture.starts import find_starts
 from panoptic_ros.capture.synctables import table_files, table_times, tabled_notices
 from panoptic_ros.capture.timed import TimedSource
-from panoptic_ros.capture.timestamps import read_timestamps
 from panoptic_ros.capture.video import VideoSource
 from panoptic_ros.domain import Rig
-from panoptic_ros.errors import CalibrationError, DataError
+from panoptic_ros.errors import DataError
 from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.io.rigs import find_rig, read_rig
+from panoptic_ros.io.stamps import StampTable, read_stamps, stamp_file, stamps_of_frames
 
 NO_TIMES: Mapping[str, Mapping[int, int]] = {}
 NO_CORRECTIONS: Mapping[str, Mapping[str, Any]] = {}
-VIDEO_SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm", ".mpg")
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,7 @@ class CaptureFolder:
         depth_sensors: one per depth sensor of the rig that has maps, in the order of the rig.
         sounds: descriptions of what devices heard beside the cameras, for `capture.sound.open_sound`.
         stamps: ns by camera, where the folder has stamps of its own.
+        starts: see `open_files`.
     """
 
     path: Path
@@ -50,6 +53,7 @@ class CaptureFolder:
     depth_sensors: tuple[DepthSensorSource, ...] = ()
     sounds: tuple[Mapping[str, Any], ...] = ()
     stamps: Mapping[str, Sequence[int]] = field(default_factory=dict)
+    starts: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def depth_cameras(self) -> tuple[str, ...]:
@@ -83,8 +87,10 @@ def open_capture_folder(
     start_ns: int = 0,
     frame_rate: float | None = None,
     corrections: Mapping[str, Mapping[str, Any]] = NO_CORRECTIONS,
+    starts: Mapping[str, int] | None = None,
     hardware: str = "",
     depth: bool = True,
+    skip_damaged: bool = False,
 ) -> CaptureFolder:
     """Open a capture folder.
 
@@ -100,7 +106,8 @@ def open_capture_folder(
         start_ns, frame_rate: see `VideoSource`; image folders without timestamps need a rate, 30 Hz
             unless given.
         corrections: of stamps by camera, see `CorrectedSource`; sound keeps its own.
-        hardware: that decodes videos, see `Movie`. depth: use maps that are registered to cameras.
+        starts: see `open_files`.
+        hardware, skip_damaged: see `Movie`. depth: use maps that are registered to cameras.
 
     Raises:
         DataError: no folder, no rig, cameras without images, two files for one camera.
@@ -114,51 +121,33 @@ def open_capture_folder(
         rig = read_rig(find_rig(path))
         if (path / OCCLUDERS).is_file():
             rig = replace(rig, occluders=read_occluders(path / OCCLUDERS))
-    if cameras is not None:
-        rig = rig.subset(cameras)
-    videos, folders = _videos(path), _image_folders(path)
-    unknown = sorted(set(videos) - set(rig.names))
-    if unknown and cameras is None:
-        lacking = [name for name in rig.names if name not in videos and name not in folders]
-        raise CalibrationError(
-            f"{path}: the rig has no camera for the videos {', '.join(unknown)}; it has "
-            f"{', '.join(rig.names)}" + (f", of which {', '.join(lacking)} lack a video" if lacking else "")
-            + "; names must be equal"
-        )  # fmt: skip
-    files = {}
-    for name in rig.names:
-        if name in videos and name in folders:
-            raise DataError(f"camera {name} has both {videos[name]} and {folders[name]}; remove one")
-        if name not in videos and name not in folders:
-            raise DataError(
-                f"{path} has no video {name}.mp4 and no images {name}/ for camera {name} of the rig; "
-                "add them or choose cameras that are there"
-            )
-        files[name] = videos.get(name) or folders[name]
-    table = path / "timestamps.csv"
-    heard = {file.stem for file in sound_files(path)} - set(rig.names)
-    stamps = read_timestamps(table, heard) if table.exists() else {}
-    begins = {name: stamps[name][0] if name in stamps else start_ns for name in rig.names}
-    times = {} if stamps or not table_files(path) else table_times(path, rig)
+    media = find_media(path, rig)
+    rig = media.rig if cameras is None else rig.subset(cameras)
+    check_cameras(path, media, rig.names, cameras is None)
+    files = {name: media.files[name] for name in rig.names}
+    stamps, times = folder_stamps(path, files, (*rig.names, *(sensor.name for sensor in rig.depth_sensors)))
+    by_studio = not stamps and not times and bool(table_files(path))
+    times = table_times(path, rig) if by_studio else times
     opened = open_files(
         rig, files, size_policy=size_policy, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps,
-        times=times, corrections=corrections, hardware=hardware, depth=depth,
+        times=times, corrections=corrections, starts=starts, hardware=hardware, depth=depth,
+        skip_damaged=skip_damaged,
     )  # fmt: skip
-    told = tabled_notices(rig) if times else ()
+    told = tabled_notices(rig) if by_studio else ()
     stamps = stamps or {name: tuple(own.values()) for name, own in times.items()}
+    begins = {name: stamps[name][0] if name in stamps else start_ns + opened.starts.get(name, 0)
+              for name in rig.names}  # fmt: skip
     tracks = {Path(sound["path"]).name: sound for sound in opened.sounds}
+    videos = {**media.others, **{name: file for name, file in media.files.items() if file.is_file()}}
     others = _others(videos, rig, start_ns) if (path / SOUND_NAMES).exists() else {}
     try:
         sounds = folder_sounds(path, begins, others | tracks)
     except BaseException:
         opened.close()
         raise
-    return replace(opened, sounds=sounds, stamps=stamps, notices=(*opened.notices, *told))
-
-
-def has_images(path: Path) -> bool:
-    """Whether a folder has a video or a folder of images."""
-    return bool(path.is_dir() and (_videos(path) or _image_folders(path)))
+    return replace(
+        opened, sounds=sounds, stamps=stamps, notices=(*media.notices, *opened.notices, *told)
+    )
 
 
 def open_files(
@@ -171,8 +160,10 @@ def open_files(
     stamps: Mapping[str, Sequence[int]] | None = None,
     times: Mapping[str, Mapping[int, int]] = NO_TIMES,
     corrections: Mapping[str, Mapping[str, Any]] = NO_CORRECTIONS,
+    starts: Mapping[str, int] | None = None,
     hardware: str = "",
     depth: bool = True,
+    skip_damaged: bool = False,
 ) -> CaptureFolder:
     """Open one video or image folder per camera, with the depth maps beside it, and check it against the rig.
 
@@ -181,36 +172,47 @@ def open_files(
         stamps: ns by camera, in place of the files' own times; where there are any, all cameras need them.
         times: the same by number of the frame; frames that have none are left out.
         corrections: of stamps by camera, see `CorrectedSource`.
-        hardware: that decodes videos, see `Movie`.
+        starts: of cameras whose recording began later than `start_ns`, by how many ns; None: as `find_starts`
+            finds, where there are no stamps.
+        hardware, skip_damaged: see `Movie`.
 
     Raises:
         CalibrationError, DataError: as `open_capture_folder`.
     """
     chosen = rig.subset(files)
     notices = [f"camera {name} of the rig has no images" for name in rig.names if name not in files]
-    if stamps:
-        for name in chosen.names:
-            if name not in stamps:
-                there = ", ".join(sorted(stamps))
-                raise DataError(f"timestamps.csv has stamps for {there} but none for camera {name}")
+    tabled = stamps or times
+    for name in chosen.names:
+        if tabled and name not in tabled:
+            there = ", ".join(sorted(tabled))
+            raise DataError(f"timestamps.csv has stamps for {there} but none for camera {name}")
     sources: list[FrameSource] = []
     sounds: list[Mapping[str, Any]] = []
+    said: dict[str, list[str]] = {}  # cameras by notice
     own_stamps = {name: stamps[name] if stamps else None for name in chosen.names}
 
     def open_one(name: str) -> VideoSource | ImageFolderSource:
-        return _open(name, Path(files[name]), start_ns, frame_rate, own_stamps[name], hardware)
+        return _open(
+            name, Path(files[name]), start_ns, frame_rate, own_stamps[name], hardware, skip_damaged,
+            bool(times),
+        )  # fmt: skip
 
     sources += (first := opened_at_once(open_one, chosen.names))
     try:
+        told: tuple[str, ...] = ()
+        if starts is None:
+            starts, told = ({}, ()) if tabled else find_starts(first)
         for k, (name, images) in enumerate(zip(chosen.names, first)):
-            if isinstance(images, VideoSource):
-                notices += images.notices
-                own = own_stamps[name]
-                sounds += [_sound(images, start_ns, frame_rate, own)] if images.has_sound else []
+            images.start_ns += starts.get(name, 0)
+            for text in images.notices:
+                said.setdefault(text, []).append(name)
+            if isinstance(images, VideoSource) and images.has_sound:
+                sounds.append(_sound(images, frame_rate, own_stamps[name]))
             own_time = TimedSource(images, times[name]) if name in times else images
             timed = CorrectedSource(own_time, corrections[name]) if name in corrections else own_time
             depths = depth_files(Path(files[name]).parent, name) if depth else ()
             sources[k] = DepthSource(timed, depths, images.frame_count) if depths else timed
+        notices += [_told(text, names) for text, names in said.items()]
         fitted, changes = fit_rig(rig, sources, size_policy)
         parent = Path(files[chosen.names[0]]).parent
         sensors = open_depth_sensors(
@@ -225,8 +227,9 @@ def open_files(
         if sensor.name not in mapped:
             notices.append(f"depth sensor {sensor.name} of the rig has no maps")
     return CaptureFolder(
-        parent, fitted, tuple(sources), (*notices, *changes), sensors, tuple(sounds), stamps or {}
-    )
+        parent, fitted, tuple(sources), (*notices, *told, *changes), sensors, tuple(sounds), stamps or {},
+        starts,
+    )  # fmt: skip
 
 
 def fit_rig(
@@ -251,25 +254,14 @@ def fit_rig(
     return replace(rig, cameras=tuple(fitted)), tuple(changes)
 
 
-def _videos(path: Path) -> dict[str, Path]:
-    found: dict[str, Path] = {}
-    for file in sorted(path.iterdir()):
-        if file.is_file() and file.suffix.lower() in VIDEO_SUFFIXES and not file.name.startswith("."):
-            if file.stem in found:
-                first = found[file.stem]
-                raise DataError(f"two videos of camera {file.stem}: {first} and {file}; remove one")
-            found[file.stem] = file
-    return found
-
-
 def _sound(
-    video: VideoSource, start_ns: int, frame_rate: float | None, stamps: Sequence[int] | None
+    video: VideoSource, frame_rate: float | None, stamps: Sequence[int] | None
 ) -> dict[str, Any]:
     """The description of a video's sound, on the time line of its frames."""
     if stamps is None and frame_rate is not None:
         rate = exact_rate(frame_rate, f"video {video.path}")
-        stamps = [grid_stamp(start_ns, k, rate) for k in range(video.frame_count or 0)]
-    return track_sound(video.path, video.camera, start_ns, stamps or ())
+        stamps = [grid_stamp(video.start_ns, k, rate) for k in range(video.frame_count or 0)]
+    return track_sound(video.path, video.camera, video.start_ns, stamps or (), track=video.sound_track)
 
 
 def _others(videos: Mapping[str, Path], rig: Rig, start_ns: int) -> dict[str, dict[str, Any]]:
@@ -278,18 +270,63 @@ def _others(videos: Mapping[str, Path], rig: Rig, start_ns: int) -> dict[str, di
     return {file: track_sound(videos[name], name, start_ns) for file, name in others.items()}
 
 
-def _image_folders(path: Path) -> dict[str, Path]:
-    return {p.name: p for p in sorted(path.iterdir()) if p.is_dir() and image_files(p)}
-
-
 def _open(
     camera: str, path: Path, start_ns: int, frame_rate: float | None, stamps: Sequence[int] | None,
-    hardware: str,
+    hardware: str, skip_damaged: bool, tabled: bool = False,
 ) -> VideoSource | ImageFolderSource:  # fmt: skip
     if path.is_dir():
         rate = 30.0 if frame_rate is None else frame_rate
-        return ImageFolderSource(camera, path, start_ns=start_ns, frame_rate=rate, stamps=stamps)
+        return ImageFolderSource(
+            camera, path, start_ns=start_ns, frame_rate=rate, stamps=stamps, tabled=tabled,
+            skip_damaged=skip_damaged,
+        )  # fmt: skip
     return VideoSource(
-        camera, path, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps, hardware=hardware
-    )
+        camera, path, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps, hardware=hardware,
+        skip_damaged=skip_damaged,
+    )  # fmt: skip
 
+
+def _told(text: str, cameras: Sequence[str]) -> str:
+    """Return one line about cameras that share a notice."""
+    return f"camera{'s' if len(cameras) > 1 else ''} {', '.join(cameras)}: {text}"
+
+
+def folder_stamps(
+    path: Path, files: Mapping[str, Path], names: Collection[str]
+) -> tuple[dict[str, tuple[int, ...]], dict[str, dict[int, int]]]:
+    """Read the table of a capture folder: stamps of all frames by camera, or, where it has gaps, by frame.
+
+    Args:
+        files: of images; the table may lie beside them.
+        names: of cameras and sensors. Other rows keep their names. Rows of `<device>.wav` are left out.
+
+    Raises:
+        DataError: as `read_stamps`.
+    """
+    places = dict.fromkeys([path, *(file.parent for file in files.values())])
+    table = next((found for place in places if (found := stamp_file(place)) is not None), None)
+    if table is None:
+        return {}, {}
+    heard = {file.stem for file in sound_files(path)} - set(names)
+    rows = {name: own for name, own in read_stamps(table).items() if name not in heard}
+    meant = named_as(names, list(rows))
+    rows = {meant.get(name, name): own for name, own in rows.items()}
+    if any(_has_gaps(own) for own in rows.values()):
+        return {}, {name: dict(zip(own.frames or (), own.stamps_ns)) for name, own in rows.items()}
+    return stamps_of_frames(table, rows), {}
+
+
+def starts_of_files(files: Mapping[str, Path]) -> dict[str, int]:
+    """Find the starts of recordings, see `find_starts`; files that cannot be read do not count."""
+    sources = []
+    for name, path in files.items():
+        with suppress(DataError):
+            sources.append(_open(name, path, 0, None, None, "", False))
+    for source in sources:
+        source.close()
+    return find_starts(sources)[0]
+
+
+def _has_gaps(table: StampTable) -> bool:
+    """Return whether a device counted frames, and not all of them have a stamp."""
+    return table.numbers is not None and table.numbers != list(range(len(table.numbers)))

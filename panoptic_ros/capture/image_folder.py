@@ -2,7 +2,10 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -10,28 +13,41 @@ import numpy as np
 
 from panoptic_ros.capture.opencv import quiet_opencv
 from panoptic_ros.capture.source import check_stamps, exact_rate, grid_stamp
+from panoptic_ros.capture.starts import Label
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.loading import read_bytes
 from panoptic_ros.io.pictures import decode_picture, picture_size
+from panoptic_ros.stage import Notice
 
 UNSEEN = 16_000_000  # pixels of a first image that is decoded before its size is compared with the rig's
 LARGEST_IMAGE = 1 << 30  # bytes of a file
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+MOST_SHOWN = 3  # gaps in a line
+DIGITS = 18  # of an image's number, an integer of 64 bits
 
 
 class ImageFolderSource:
     """The images of a folder in natural order of their names: 2.png before 10.png.
 
     Iterating starts at the first image every time; images are read one by one. Frame numbers
-    count the files from 0, whatever numbers their names have.
+    count the files from 0, whatever numbers their names have. Without stamps, numbers that are missing in
+    the names are frames that are missing; `notices` tell of it.
 
     Args:
         camera: name.
-        path: folder with PNG or JPEG files; others in it are ignored.
-        start_ns: stamp of the first image, ns.
-        frame_rate: Hz, image i is at start_ns + i / frame_rate.
+        path: folder with images (`IMAGE_SUFFIXES`); other files in it are ignored.
+        start_ns: stamp of the first image, ns; an attribute, for what is found out later.
+        frame_rate: Hz, image i is at start_ns + i / frame_rate, where i counts missing numbers too.
         stamps: ns, one per image, in place of the frame rate.
+        tabled: others stamp the images, so their numbers do not count.
+        skip_damaged: leave out images that cannot be decoded, and count them, in place of complaining.
+
+    Attributes:
+        first, step: number of the first image, and between those of images that follow each other; None, 1:
+            names are no such numbers.
+        late, label: as of videos; nothing.
+        notices: without the camera. after: what is known after the last image.
 
     Raises:
         DataError: no folder, no images; while iterating: an image that cannot be read or has another
@@ -46,40 +62,105 @@ class ImageFolderSource:
         start_ns: int = 0,
         frame_rate: float = 30.0,
         stamps: Sequence[int] | None = None,
+        tabled: bool = False,
+        skip_damaged: bool = False,
     ):
         self.camera = camera
         self.path = Path(path)
         self._what = f"image folder {self.path} of camera {camera}"
         self.files = image_files(self.path)
         if not self.files:
-            raise DataError(f"{self._what} has no PNG or JPEG images")
-        self._start_ns = int(start_ns)
+            raise DataError(f"{self._what} has no images ({', '.join(s[1:] for s in IMAGE_SUFFIXES)})")
+        self.start_ns = int(start_ns)
         self._rate = exact_rate(frame_rate, self._what)
         self.frame_rate = float(self._rate)
         self._stamps = None if stamps is None else check_stamps(stamps, self._what)
         if self._stamps is not None and len(self._stamps) != len(self.files):
             raise DataError(f"{self._what} has {len(self.files)} images but {len(self._stamps)} stamps")
+        self._skip = skip_damaged
+        self.late = Fraction(0)
+        self.label: Label | None = None
+        self.first: int | None = None
+        self.step = 1
+        self.notices: tuple[str, ...] = ()
+        self.after: tuple[Notice, ...] = ()
+        self._places = list(range(len(self.files)))  # frames since the first image
+        if self._stamps is None and not tabled:
+            self._number()
         self.frame_count: int | None = len(self.files)
-        self.image_size = _first_size(self.files[0])
+        self.image_size = self._first_size()
         self._closed = False
 
     def __iter__(self) -> Iterator[ViewFrame]:
-        self._closed = False
+        self._closed, self.after = False, ()
+        damaged = 0
         for number, file in enumerate(self.files):
             if self._closed:
                 return
-            image = _read_image(file, self.image_size)
+            image = self._read(file, self.image_size)
+            if image is None:
+                damaged += 1
+                continue
             if (image.shape[1], image.shape[0]) != self.image_size:
                 raise DataError(
                     f"image {file} is {image.shape[1]}x{image.shape[0]}, "
                     f"the first of its folder {self.image_size[0]}x{self.image_size[1]}"
                 )
             yield ViewFrame(self.camera, self._stamp(number), number, image)
+        if damaged:
+            text = f"{self.path}: {damaged} of {len(self.files)} images are damaged and left out"
+            self.after = (Notice("source.damaged", "warning", text, {"device": self.camera}),)
+
+    def _number(self) -> None:
+        """Take places in time from the numbers in names, if these are numbers of frames."""
+        numbers = image_numbers([file.stem for file in self.files])
+        if not numbers:
+            return
+        steps = [after - before for before, after in pairwise(numbers)]
+        step, often = Counter(steps).most_common(1)[0] if steps else (1, 1)
+        if step <= 0 or any(size % step for size in steps) or 2 * often < len(steps):
+            self.notices = (
+                "numbers of images are uneven: images are taken one after another; give timestamps.csv",
+            )
+            return
+        self.first, self.step = numbers[0], step
+        self._places = [(number - numbers[0]) // step for number in numbers]
+        gaps = [(before, after) for before, after in pairwise(numbers) if after - before != step]
+        if gaps:
+            said = ", ".join(
+                f"{before + step} to {after - step}" if after - before > 2 * step else f"{before + step}"
+                for before, after in gaps[:MOST_SHOWN]
+            ) + (", ..." if len(gaps) > MOST_SHOWN else "")
+            lost = self._places[-1] + 1 - len(numbers)
+            self.notices = (
+                f"{lost} missing in the numbers of images ({said}): others lie where their numbers say",
+            )
 
     def _stamp(self, number: int) -> int:
         if self._stamps is not None:
             return self._stamps[number]
-        return grid_stamp(self._start_ns, number, self._rate)
+        return grid_stamp(self.start_ns, self._places[number], self._rate)
+
+    def _first_size(self) -> tuple[int, int]:
+        """Return the size of the first image that can be decoded, px; a large one is not decoded."""
+        for file in self.files:
+            size = picture_size(read_bytes(file, LARGEST_IMAGE))
+            if size is not None and size[0] * size[1] > UNSEEN:
+                return size
+            image = self._read(file, None)
+            if image is not None:
+                return image.shape[1], image.shape[0]
+        raise DataError(f"{self._what}: no image can be decoded; make them again")
+
+    def _read(self, file: Path, expected: tuple[int, int] | None) -> np.ndarray | None:
+        """Read an image (h, w, 3) uint8 BGR; None: it is damaged, which is allowed."""
+        image = _read_image(file, expected)
+        if image is None and not self._skip:
+            raise DataError(
+                f"{file} is no image that can be decoded; make it again or remove it, or --skip-damaged "
+                "leaves it out"
+            )
+        return image
 
     def close(self) -> None:
         """End iterations that are under way."""
@@ -100,6 +181,17 @@ def image_files(path: Path) -> tuple[Path, ...]:
     return tuple(sorted(found, key=lambda p: natural_key(p.name)))
 
 
+def image_numbers(stems: Sequence[str]) -> list[int]:
+    """Return the number of each name, if names differ in one number only; else nothing."""
+    parts = [re.findall(r"\d+|\D+", stem) for stem in stems]
+    if len({len(own) for own in parts}) != 1:
+        return []
+    varying = [column for column in zip(*parts) if len(set(column)) > 1]
+    if len(varying) != 1 or not all(word.isdecimal() and len(word) <= DIGITS for word in varying[0]):
+        return []
+    return [int(word) for word in varying[0]]
+
+
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     """A key that sorts names as people do: digits as numbers, and the rest by its letters."""
     parts = re.findall(r"\d+|\D+", name)
@@ -107,17 +199,11 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     return (*((0, int(p), "") if p.isdecimal() else (1, 0, p.casefold()) for p in parts), (2, 0, name))
 
 
-def _first_size(file: Path) -> tuple[int, int]:
-    """Return the size of the first image in px; a large one is not decoded."""
-    size = picture_size(read_bytes(file, LARGEST_IMAGE))
-    if size is not None and size[0] * size[1] > UNSEEN:
-        return size
-    image = _read_image(file, None)
-    return image.shape[1], image.shape[0]
+def _read_image(file: Path, expected: tuple[int, int] | None) -> np.ndarray | None:
+    """Return an image (h, w, 3) uint8 BGR, decoded only if its header allows the expected size.
 
-
-def _read_image(file: Path, expected: tuple[int, int] | None) -> np.ndarray:
-    """Return an image (h, w, 3) uint8 BGR, decoded only if its header allows the expected size."""
+    None: it cannot be decoded.
+    """
     data = np.frombuffer(read_bytes(file, LARGEST_IMAGE), np.uint8)
     size = picture_size(data.tobytes())
     if expected is not None and size is not None and sorted(size) != sorted(expected):
@@ -125,7 +211,4 @@ def _read_image(file: Path, expected: tuple[int, int] | None) -> np.ndarray:
             f"image {file} is {size[0]}x{size[1]}, the first of its folder {expected[0]}x{expected[1]}"
         )
     with quiet_opencv():
-        image = decode_picture(data, cv2.IMREAD_COLOR, f"image {file}")
-    if image is None:
-        raise DataError(f"{file} is no image that can be decoded; make it again or remove it")
-    return image
+        return decode_picture(data, cv2.IMREAD_COLOR, f"image {file}")

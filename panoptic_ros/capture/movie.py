@@ -1,21 +1,19 @@
-"""Decoding of video files through PyAV (FFmpeg): upright images, and where they lie in time.
-
-Images are the bytes that OpenCV gives for the same file: FFmpeg's bicubic conversion to BGR.
-"""
+"""Decoding of video files through PyAV (FFmpeg): frames, and where they lie in time."""
 from __future__ import annotations
 
+import heapq
 import re
 from collections.abc import Iterator
 from fractions import Fraction
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import av
-import cv2
-import numpy as np
 from av.codec.hwaccel import HWAccel, hwdevices_available
 from av.container import InputContainer
+from av.packet import Packet
 from av.video.frame import VideoFrame
-from av.video.reformatter import Interpolation, VideoReformatter
 from av.video.stream import VideoStream
 
 from panoptic_ros.capture.packets import decoded, reason
@@ -24,7 +22,9 @@ from panoptic_ros.io.loading import check_file
 
 MILLISECOND = Fraction(1, 1000)  # Matroska keeps whole ones, also where such a file is copied to another kind
 _NO_TIMES = 0x0080  # AVFMT_NOTIMESTAMPS of libavformat
-_TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
+_NO_ZERO = 0x0200  # AVFMT_TS_DISCONT: times begin anywhere, as in MPEG-TS
+_IN_ORDER_OF_DECODING = {"avi"}  # formats that number frames as they are stored, not as they are shown
+_REORDERED = 64  # packets in which the reordering of frames shows; codecs allow 16 frames
 
 
 class Movie:
@@ -34,19 +34,27 @@ class Movie:
         what: how messages call it.
         threads: decode several frames at once; not worth it for the first frame alone.
         hardware: what decodes, as FFmpeg calls it (cuda, qsv, ...); "" = the processor.
+        skip_damaged: leave out what is damaged: frames that decoders patch up, and those that build on them.
 
     Raises:
         DataError: if it cannot be opened, has no video track, or one of an unknown codec.
         EnvironmentProblem: if the hardware is not there or does not decode this.
     """
 
-    def __init__(self, path: Path, what: str, *, threads: bool = True, hardware: str = ""):
+    def __init__(
+        self, path: Path, what: str, *, threads: bool = True, hardware: str = "", skip_damaged: bool = False
+    ):
         self._what = what
         self._container = open_media(path, what, hardware)
+        self._by_storage = self._container.format.name in _IN_ORDER_OF_DECODING
+        self.lost = 0  # frames that could not be decoded, after the first that could be
+        self.patched = 0  # frames of which parts could not be decoded
+        self._damage = Damage() if skip_damaged else None
         try:
             self._stream = self._choose()
             if threads and not hardware:
-                self._stream.thread_type = "AUTO"
+                # slices: errors come with their packet
+                self._stream.thread_type = "SLICE" if skip_damaged else "AUTO"
             else:
                 self._stream.thread_count = 1
         except BaseException:
@@ -68,6 +76,11 @@ class Movie:
         return not self._container.format.flags & _NO_TIMES
 
     @property
+    def has_zero(self) -> bool:
+        """Return whether times of this kind of file count from the beginning of the recording."""
+        return self.has_times and not self._container.format.flags & _NO_ZERO
+
+    @property
     def frame_rate(self) -> float:
         """Hz, as the file says; 0 = it does not."""
         return float(self._stream.guessed_rate or 0)
@@ -77,23 +90,42 @@ class Movie:
         """What the file rounds times to, s."""
         return self._stream.time_base or Fraction(0)
 
-    @property
-    def frame_count(self) -> int | None:
-        """As the file says: counted, or its duration times its rate; None = it says neither."""
+    def frame_count(self, begin: Fraction) -> int | None:
+        """Return the number of frames that the file states, or its duration times its rate; None = neither.
+
+        Args:
+            begin: when the first frame is shown, s.
+        """
         if self._stream.frames > 0:
             return int(self._stream.frames)
-        return int(self._duration * Fraction(self.frame_rate) + Fraction(1, 2)) or None
+        return int(self._duration(begin) * Fraction(self.frame_rate) + Fraction(1, 2)) or None
 
-    @property
-    def _duration(self) -> Fraction:
-        """How long the images are shown, s, as the file says; 0 = it does not. Sound may last longer."""
+    def _duration(self, begin: Fraction) -> Fraction:
+        """Return the duration of the images that the file states, s; 0 = it states none."""
         told = re.fullmatch(r"(\d+):(\d\d):(\d\d(?:\.\d+)?)", self._stream.metadata.get("DURATION", ""))
         if told:  # Matroska, of whose tracks FFmpeg knows no better than how long the file is
             hours, minutes, seconds = (Fraction(part) for part in told.groups())
-            return 3600 * hours + 60 * minutes + seconds
-        if self._stream.duration:
+            end = 3600 * hours + 60 * minutes + seconds
+        elif self._stream.duration:
             return Fraction(self._stream.duration * self.tick)
-        return Fraction(self._container.duration or 0, av.time_base)
+        else:
+            end = Fraction(self._container.duration or 0, av.time_base)
+        return max(Fraction(0), end - begin) if self.has_zero else end  # else it is what FFmpeg found
+
+    @property
+    def tells_end(self) -> bool:
+        """Return whether the file states the end of its last image, or their number."""
+        return self._stream.frames > 0 or "DURATION" in self._stream.metadata
+
+    @property
+    def timecode(self) -> str:
+        """HH:MM:SS:FF of the first frame, as a timecode track or a mark of the file says; "" = none does."""
+        tracks = [self._stream.metadata, *(track.metadata for track in self._container.streams.data)]
+        for metadata in (*tracks, self._container.metadata):
+            for key, value in metadata.items():
+                if key.casefold() == "timecode":
+                    return str(value).strip()
+        return ""
 
     @property
     def sound_end(self) -> Fraction:
@@ -105,22 +137,40 @@ class Movie:
         return end
 
     def frames(self) -> Iterator[VideoFrame]:
-        """Frames as they are decoded; what cannot be is left out.
+        """Frames in the order in which they are shown, with times; what cannot be decoded is left out.
 
         Raises:
             DataError: if the file cannot be read on, after all frames before.
         """
-        for images in decoded(self._container, self._stream, self._what):
+        times: list[int] = []  # packets whose frames are not shown yet
+        begun = False
+        for packet, images in decoded(self._container, self._stream, self._what):
+            if images is None:
+                self.lost += begun and packet.size > 0
+                if self._damage is not None:
+                    self._damage.lost(self._time_of(packet))
+            elif self._by_storage and packet.size and packet.dts is not None:
+                heapq.heappush(times, packet.dts)
+            begun = begun or bool(images)
             while images:  # nothing is kept, so that their memory serves later ones
                 frame = images.pop(0)
                 if isinstance(frame, VideoFrame):
-                    yield frame
+                    if self._by_storage:
+                        frame.pts = heapq.heappop(times) if times else None
+                    self.patched += frame.is_corrupt
+                    if self._damage is None or self._damage.spares(frame):
+                        yield frame
                 del frame
 
     @property
-    def has_sound(self) -> bool:
-        """Whether there is a sound track."""
-        return bool(self._container.streams.audio)
+    def sound_tracks(self) -> list[bool]:
+        """Return for each sound track whether it can be decoded."""
+        return [track.codec_context is not None for track in self._container.streams.audio]
+
+    @property
+    def left_out(self) -> int:
+        """Return the number of frames that were decoded but are damaged, or build on such."""
+        return 0 if self._damage is None else self._damage.left_out
 
     def frame_times(self) -> list[Fraction]:
         """When all frames are shown, s, by the index of the file or what stands before each; none is decoded.
@@ -128,50 +178,57 @@ class Movie:
         Raises:
             DataError: if the file cannot be read on.
         """
+        return [ticks * self.tick for ticks in sorted(self._shown())]
+
+    def reordering(self) -> int:
+        """Return by how many frames one is stored after its turn at most; read the first packets."""
+        stored = list(islice(self._shown(), _REORDERED))
+        place = {ticks: k for k, ticks in enumerate(sorted(stored))}
+        return max((k - place[ticks] for k, ticks in enumerate(stored)), default=0)
+
+    def _shown(self) -> Iterator[int]:
+        """Yield the times of the packets in the order in which they are stored, in ticks."""
         try:
-            shown = [
-                packet.dts if packet.pts is None else packet.pts
-                for packet in self._container.demux(self._stream) if packet.size and not packet.is_discard
-            ]  # fmt: skip
+            for packet in self._container.demux(self._stream):
+                time = self._time_of(packet)
+                if packet.size and not packet.is_discard and time is not None:
+                    yield time
         except (av.FFmpegError, OSError) as error:
             raise DataError(f"{self._what} cannot be read on: {reason(error)}") from None
-        return [ticks * self.tick for ticks in sorted(ticks for ticks in shown if ticks is not None)]
+
+    def _time_of(self, packet: Packet[Any]) -> int | None:
+        """Return the time at which the frame of a packet is shown, or else decoded, in ticks."""
+        return packet.dts if packet.pts is None or self._by_storage else packet.pts
 
     def close(self) -> None:
         """Close the file; may be called twice."""
         self._container.close()
 
 
-class Converter:
-    """Decoded frames as upright images."""
+class Damage:
+    """Damaged stretches: from a lost or patched frame to the next key frame."""
 
     def __init__(self) -> None:
-        self._reformatter = VideoReformatter()
+        self.left_out = 0
+        self._begin: int | None = None  # first tick of a damaged stretch
+        self._last = 0  # last tick in it that is known to be damaged
 
-    def image(self, frame: VideoFrame) -> np.ndarray:
-        """(H, W, 3) uint8 BGR, turned as the file's rotation mark says.
+    def lost(self, time: int | None) -> None:
+        """Remember a frame that could not be decoded."""
+        if time is not None:
+            self._last = time if self._begin is None else max(self._last, time)
+            self._begin = time if self._begin is None else min(self._begin, time)
 
-        Raises:
-            DataError: if the frame is in a format that FFmpeg cannot convert, as in a damaged file.
-        """
-        try:
-            bgr = self._reformatter.reformat(
-                frame, format="bgr24", interpolation=Interpolation.BICUBIC, threads=1
-            )  # one thread: every camera has its own
-            pixels = bgr.to_ndarray()
-        except (av.FFmpegError, OSError, ValueError) as error:
-            kind = getattr(frame.format, "name", "unknown")
-            raise DataError(
-                f"a video frame of {frame.width}x{frame.height}, format {kind}, cannot be converted to an "
-                f"image ({reason(error)}); the file is damaged"
-            ) from None
-        turn = turned(frame)
-        return cv2.rotate(pixels, _TURNS[turn]) if turn in _TURNS else np.ascontiguousarray(pixels)
-
-
-def turned(frame: VideoFrame) -> int:
-    """By how many degrees the file says that its images are to be turned clockwise, in 0..359."""
-    return -int(frame.rotation) % 360
+    def spares(self, frame: VideoFrame) -> bool:
+        """Return whether a frame is good; frames come in the order in which they are shown."""
+        time = frame.dts if frame.pts is None else frame.pts
+        if frame.is_corrupt:
+            self.lost(time)
+        if self._begin is not None and time is not None and time > self._last and frame.key_frame:
+            self._begin = None
+        good = not frame.is_corrupt and (self._begin is None or (time is not None and time < self._begin))
+        self.left_out += not good
+        return good
 
 
 def shown_at(frame: VideoFrame) -> Fraction | None:
@@ -218,3 +275,4 @@ def open_media(path: Path, what: str, hardware: str = "") -> InputContainer:
         raise EnvironmentProblem(
             f"{what}: {hardware} does not decode it on this machine ({reason(error)}); leave --hardware out"
         ) from None
+

@@ -9,8 +9,8 @@ import av
 from panoptic_ros.errors import DataError, one_line
 
 
-def decoded(container: Any, stream: Any, what: str) -> Iterator[list[Any]]:
-    """What each packet of a stream holds; what cannot be decoded is left out, as later ones are good again.
+def decoded(container: Any, stream: Any, what: str) -> Iterator[tuple[Any, list[Any] | None]]:
+    """Yield each packet of a stream and its frames; None: it cannot be decoded, later ones may be good.
 
     Args:
         container, stream: of PyAV. what: the file, for the message.
@@ -29,9 +29,9 @@ def decoded(container: Any, stream: Any, what: str) -> Iterator[list[Any]]:
         try:
             frames = packet.decode()
         except av.FFmpegError:
-            continue
-        yield frames
-        del frames
+            frames = None
+        yield packet, frames
+        del frames, packet
 
 
 def reason(error: Exception) -> str:

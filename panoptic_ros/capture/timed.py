@@ -9,6 +9,7 @@ from panoptic_ros.capture.source import check_stamps
 from panoptic_ros.capture.video import VideoSource
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import DataError
+from panoptic_ros.stage import Notice
 
 
 class TimedSource:
@@ -38,6 +39,11 @@ class TimedSource:
             stamp = self.stamps.get(frame.frame_number)
             if stamp is not None:
                 yield replace(frame, stamp_ns=stamp)
+
+    @property
+    def after(self) -> tuple[Notice, ...]:
+        """Return notices that are known after the last frame."""
+        return self._source.after
 
     def close(self) -> None:
         """Close the images."""

@@ -1,62 +1,143 @@
-"""Tables of frame stamps in CSV: this project's timestamps.csv, and that of caliscope recordings."""
+"""Tables of frame stamps in CSV: this project's timestamps.csv, and those of caliscope recordings.
+
+caliscope writes `cam_id,frame_time` (older versions `port,frame_time`) in seconds, and sometimes
+`frame_index`. Its cameras are numbers there.
+"""
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation, Overflow
 from pathlib import Path
 
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, shown
 from panoptic_ros.io.documents import csv_rows, decoded
 from panoptic_ros.io.loading import read_unpacked
 
+NAMES = ("timestamps.csv", "frame_timestamps.csv", "frame_time_history.csv")
 OWN = ("camera", "frame", "stamp_ns")
-CALISCOPE = ({"cam_id", "frame_time"}, {"port", "frame_time"})  # s; frame_index where there is one
+FOREIGN = ("cam_id", "port")  # columns that name the camera, beside frame_time
+TIME, INDEX = "frame_time", "frame_index"
+SECOND_NS = 1_000_000_000
+LARGEST = 2**63  # of stamps and indices, which are integers of 64 bits
+
+Rows = Iterator[tuple[int, dict[str, str]]]
 
 
 @dataclass
 class StampTable:
-    """Stamps of one camera in the order of its frames, and their numbers where the device counts them."""
+    """Stamps of one camera in the order of its frames.
+
+    Args:
+        stamps_ns: ns.
+        numbers: of the frames, where the device counts them; gaps are lost frames.
+        frames: of the file, or samples of a device that recorded sound; None: 0, 1, 2, ...
+    """
 
     stamps_ns: list[int]
     numbers: list[int] | None = None
+    frames: list[int] | None = None
+
+
+def stamp_file(folder: Path) -> Path | None:
+    """Return the table of stamps of a capture folder, if there is one; of several the first in `NAMES`."""
+    return next((folder / name for name in NAMES if (folder / name).is_file()), None)
 
 
 def read_stamps(path: Path) -> dict[str, StampTable]:
-    """Stamps by camera.
+    """Read stamps by camera, as the table calls it. The rows may come in any order.
 
     Raises:
-        DataError: naming the file, and the line that is wrong.
+        DataError: naming the file and the line that has other columns, no numbers, or a frame twice.
     """
     lines = csv_rows(decoded(read_unpacked(path), path), path)
-    header = next((row for _, row in lines if row), [])
+    at, header = next(((line, row) for line, row in lines if row), (1, []))
     columns = [name.strip() for name in header]
-    rows = [(line, dict(zip(columns, map(str.strip, row)))) for line, row in lines if row]
-    if set(OWN) <= set(columns):
-        return _tables(path, rows, "camera", "stamp_ns", "frame", own=True)
-    for known in CALISCOPE:
-        if known <= set(columns):
-            camera = next(iter(known - {"frame_time"}))
-            return _tables(path, rows, camera, "frame_time", "frame_index", own=False)
-    found = ", ".join(sorted(columns))[:80] or "none"
-    raise DataError(f"{path} has the columns {found}; expected {', '.join(OWN)}, or cam_id and frame_time")
+    rows = ((line, dict(zip(columns, map(str.strip, row)))) for line, row in lines if row)
+    foreign = next((name for name in FOREIGN if {name, TIME} <= set(columns)), "")
+    if not foreign and not set(OWN) <= set(columns):
+        raise DataError(
+            f"{path} line {at}: columns {', '.join(OWN)} expected, or cam_id and frame_time; found "
+            f"{shown(header)}"
+        )
+    return _read_foreign(path, rows, foreign) if foreign else _read_own(path, rows)
 
 
-def _tables(
-    path: Path, rows: list[tuple[int, dict[str, str]]], camera: str, time: str, number: str, own: bool
-) -> dict[str, StampTable]:
-    found: dict[str, list[tuple[int, int]]] = {}
+def stamps_of_frames(path: Path, tables: dict[str, StampTable]) -> dict[str, tuple[int, ...]]:
+    """Return the stamps of frames 0, 1, 2, ... by camera.
+
+    Raises:
+        DataError: naming the camera and the frame that has none.
+    """
+    for camera, table in tables.items():
+        for frame, found in enumerate(table.frames or ()):
+            if found != frame:
+                raise DataError(
+                    f"{path}: camera {camera[:60]}: frame {frame} has no stamp, though there are "
+                    f"{len(table.stamps_ns)} rows"
+                )
+    return {camera: tuple(table.stamps_ns) for camera, table in tables.items()}
+
+
+def _read_own(path: Path, rows: Rows) -> dict[str, StampTable]:
+    found: dict[str, dict[int, int]] = {}
     for line, row in rows:
+        where = f"{path} line {line}"
         try:
-            stamp = int(row[time]) if own else round(float(row[time]) * 1e9)
-            own_number = int(float(row[number])) if row.get(number) else -1
-        except (ValueError, OverflowError, KeyError):
-            raise DataError(f"{path} line {line}: {time} and {number} are expected to be numbers") from None
-        if not -(2**63) <= stamp < 2**63 or camera not in row:
-            raise DataError(f"{path} line {line}: {time} is out of range, or {camera} is missing")
-        found.setdefault(row[camera], []).append((own_number, stamp))
+            camera, frame, stamp = row["camera"], int(row["frame"]), int(row["stamp_ns"])
+        except (KeyError, ValueError):
+            wanted = "camera,frame,stamp_ns with whole numbers"
+            raise DataError(f"{where}: expected {wanted}, found {shown(list(row.values()))}") from None
+        if not 0 <= stamp < LARGEST:
+            raise DataError(f"{where}: stamp_ns {shown(stamp)} is out of range")
+        twice = f"{where}: frame {shown(frame)} of camera {camera[:60]}"
+        _add(found.setdefault(camera, {}), frame, stamp, twice)
+    return {
+        camera: StampTable([stamp for _, stamp in entries], None, [frame for frame, _ in entries])
+        for camera, entries in ((name, sorted(own.items())) for name, own in found.items())
+    }
+
+
+def _read_foreign(path: Path, rows: Rows, camera: str) -> dict[str, StampTable]:
+    found: dict[str, dict[int, int]] = {}
+    times: dict[str, list[int]] = {}
+    for line, row in rows:
+        where = f"{path} line {line}"
+        if not row.get(camera):
+            raise DataError(f"{where}: {camera} is missing")
+        if not row.get(TIME):  # a frame that did not come
+            continue
+        stamp = _number(row[TIME], SECOND_NS, f"{where}: {TIME}")
+        times.setdefault(row[camera], []).append(stamp)
+        if row.get(INDEX):
+            frame = _number(row[INDEX], 1, f"{where}: {INDEX}")
+            twice = f"{where}: {INDEX} {frame} of {camera} {row[camera][:60]}"
+            _add(found.setdefault(row[camera], {}), frame, stamp, twice)
     tables = {}
-    for name, entries in sorted(found.items()):
-        numbered = all(n >= 0 for n, _ in entries)
-        entries.sort(key=lambda entry: entry[0] if numbered else entry[1])
-        numbers = [n for n, _ in entries] if numbered and not own else None
-        tables[name] = StampTable([stamp for _, stamp in entries], numbers)
+    for name, own in sorted(times.items()):
+        entries = sorted(found.get(name, {}).items())
+        if len(entries) < len(own):  # not all rows have an index
+            tables[name] = StampTable(sorted(own))
+        else:
+            numbers = [number for number, _ in entries]
+            tables[name] = StampTable([stamp for _, stamp in entries], numbers, numbers)
     return tables
+
+
+def _add(frames: dict[int, int], frame: int, stamp: int, what: str) -> None:
+    if frame in frames:
+        raise DataError(f"{what} a second time")
+    frames[frame] = stamp
+
+
+def _number(text: str, unit: int, what: str) -> int:
+    """Return the nearest whole number of a text times `unit`; a float would lose digits."""
+    try:
+        value = Decimal(text) * unit
+        if 0 <= value < LARGEST:
+            return int(value.to_integral_value())
+    except InvalidOperation:
+        raise DataError(f"{what} is {shown(text)}, expected a number") from None
+    except Overflow:
+        pass
+    raise DataError(f"{what} is {shown(text)}, which is out of range")

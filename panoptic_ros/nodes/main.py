@@ -128,20 +128,22 @@ def rig() -> None:
 
 
 def camera() -> None:
-    """One camera: parameters `camera`, `rig`, and `video` (a file or folder) or `device`."""
+    """One camera: parameters `camera`, `rig`, and `device`, or `video` (a path) from `start_ns` on."""
 
     def make() -> Sequence[Any]:
         arguments = _Arguments("camera_parameters")
         name, path = arguments.text("camera"), arguments.text("rig")
         video, device = arguments.text("video"), arguments.text("device")
         quality = int(arguments.declare_parameter("jpeg_quality", 90).value)
+        start_ns = int(arguments.declare_parameter("start_ns", 0).value)
         flow = arguments.text("flow", "live")
         arguments.destroy_node()
         from panoptic_ros.nodes.sources.making import make_camera_node
 
         if not name or not path or bool(video) == bool(device):
             raise UsageError("node camera needs the parameters `camera`, `rig`, and `video` or `device`")
-        source = {"kind": "file", "path": video} if video else {"kind": "device", "device": device}
+        recorded = {"kind": "file", "path": video, "start_ns": start_ns}
+        source = recorded if video else {"kind": "device", "device": device}
         return [make_camera_node(name, read_rig(Path(path)), source, {"flow": flow}, quality)]
 
     leave(run_nodes(make))

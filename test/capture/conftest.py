@@ -9,6 +9,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from numbered_images import numbered as grey
 
 
 def _numbered(number: int, size: tuple[int, int]) -> np.ndarray:
@@ -38,22 +39,35 @@ def make_video():
 
 @pytest.fixture
 def film():
-    """film(path, times, ...) writes a video of textured images that are shown at times in 1/90000 s."""
+    """film(path, times, ...) writes a video of images that are shown at times in 1/90000 s.
+
+    They are textured, or numbered (see `number_of`); `reordered` frames between two of which they are made
+    are stored later than they are shown.
+    """
 
     def write(
-        path: Path, times: Sequence[int], *, clockwise: int = 0, codec: str = "libx264",
-        layout: str = "yuv420p", size: tuple[int, int] = (64, 48),
+        path: Path, times: Sequence[int], *, clockwise: int = 0, mirrored: bool = False,
+        codec: str = "libx264", layout: str = "yuv420p", size: tuple[int, int] = (64, 48), reordered: int = 0,
+        timecode: str = "", numbered: bool = False, gop: int = 12, rate: int = 30,
     ) -> Path:  # fmt: skip
         noise = np.random.default_rng(0)
-        options = {"bf": "0", "log-level": "none", "x265-params": "log-level=none"}
-        with av.open(str(path), "w", container_options={"video_track_timescale": "90000"}) as file:
-            stream = file.add_stream(codec, rate=30, options=options)
+        options = {"bf": str(reordered), "log-level": "none", "x265-params": "log-level=none", "g": str(gop)}
+        options |= {"crf": "1", "sc_threshold": "0"} if codec == "libx264" and numbered else {}
+        own = {"video_track_timescale": "90000"} if path.suffix in (".mp4", ".mov") else {}
+        with av.open(str(path), "w", container_options=own) as file:
+            if timecode:
+                file.metadata["timecode"] = timecode
+            stream = file.add_stream(codec, rate=rate, options=options)
             stream.width, stream.height, stream.pix_fmt = *size, layout
-            stream.codec_context.time_base = Fraction(1, 90000)
-            if clockwise:
-                stream.set_display_rotation(-clockwise)
-            for time in times:
+            if numbered:  # numbers must survive
+                stream.bit_rate = 20_000_000
+            even = codec in ("mpeg2video", "mpeg4") or path.suffix == ".avi"  # they keep no finer times
+            stream.codec_context.time_base = Fraction(1, rate if even else 90000)
+            if clockwise or mirrored:
+                stream.set_display_rotation(-clockwise, hflip=mirrored)
+            for number, time in enumerate(times):
                 image = cv2.resize(noise.integers(0, 256, (6, 8, 3), dtype=np.uint8), size)
+                image = grey(number, size) if numbered else image
                 frame = av.VideoFrame.from_ndarray(image, format="bgr24").reformat(format=layout)
                 frame.pts, frame.time_base = time, Fraction(1, 90000)
                 file.mux(stream.encode(frame))

@@ -138,7 +138,7 @@ def test_a_turned_video_is_upright_and_told_of(film, tmp_path, clockwise):
     assert np.array_equal(image, np.rot90(plain, -clockwise // 90))
     assert source.image_size == image.shape[1::-1]
     assert source.notices == (
-        f"camera cam: images are turned clockwise by {clockwise} degrees, as marked in a.mp4",
+        f"images are turned clockwise by {clockwise} degrees, as marked in the file",
     )
     assert VideoSource("cam", tmp_path / "b.mp4").notices == ()
 

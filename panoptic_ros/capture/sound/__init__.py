@@ -6,7 +6,7 @@ timecode its channels carry. A new kind is a class of that form, and a row in `d
 from panoptic_ros.capture.sound.described import described_sound, open_sound
 from panoptic_ros.capture.sound.folder import SOUND_NAMES, folder_sounds, sound_files, track_sound
 from panoptic_ros.capture.sound.source import SoundSource
-from panoptic_ros.capture.sound.track import count_tracks, read_sound
+from panoptic_ros.capture.sound.track import known_tracks, read_sound
 from panoptic_ros.capture.sound.video import VideoSound
 from panoptic_ros.capture.sound.wav import WavSource
 
@@ -15,9 +15,9 @@ __all__ = [
     "SoundSource",
     "VideoSound",
     "WavSource",
-    "count_tracks",
     "described_sound",
     "folder_sounds",
+    "known_tracks",
     "open_sound",
     "read_sound",
     "sound_files",

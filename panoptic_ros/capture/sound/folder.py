@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture.sound.described import described_sound
-from panoptic_ros.capture.timestamps import read_sound_stamps
 from panoptic_ros.errors import DataError, shown
 from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.stamps import read_stamps, stamp_file
 
 SOUND_NAMES = "sound.yaml"
 SUFFIX = ".wav"
@@ -41,13 +41,17 @@ def folder_sounds(
             there = ", ".join([*files, *tracks]) or "no WAV file and no video with sound"
             raise DataError(f"{path / SOUND_NAMES} names {name}; {path} has {there}")
     others = [file.stem for file in files.values() if file.stem not in cameras]
-    stamps = read_sound_stamps(path / "timestamps.csv", others)
+    table = stamp_file(path) if others else None
+    tables = {} if table is None else read_stamps(table)
+    stamps = {
+        name: list(zip(own.frames or (), own.stamps_ns)) for name, own in tables.items() if name in others
+    }
     found: dict[str, dict[str, Any]] = {}
     for name in dict.fromkeys([*named, *files, *(() if says else tracks)]):
         said = named.get(name, {})
         sound = (
             _described(files[name], said, stamps, cameras) if name in files
-            else {**tracks[name], "clocks": said.get("clocks", []), "track": said.get("track", 0)}
+            else {"track": 0, **tracks[name], "clocks": [], **said}
         )  # fmt: skip
         device = sound["device"]
         if name in files and "track" in said:
@@ -61,10 +65,12 @@ def folder_sounds(
 
 
 def track_sound(
-    path: Path, device: str, start_ns: int, stamps: Sequence[int] = (), clocks: Sequence[str] = ()
-) -> dict[str, Any]:
-    """The description of the sound track of a video; for the rest see `VideoSound`."""
-    own = {"stamps": list(stamps)} if len(stamps) else {"start_ns": start_ns}
+    path: Path, device: str, start_ns: int, stamps: Sequence[int] = (), clocks: Sequence[str] = (),
+    track: int = 0,
+) -> dict[str, Any]:  # fmt: skip
+    """Describe a sound track of a video; for the rest see `VideoSound`."""
+    own: dict[str, Any] = {"stamps": list(stamps)} if len(stamps) else {"start_ns": start_ns}
+    own |= {"track": track} if track else {}
     return described_sound("video", device, clocks, path=str(path), **own)
 
 

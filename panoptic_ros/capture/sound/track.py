@@ -86,8 +86,8 @@ class SoundTrack:
                 yield Piece(*placed, frame.sample_rate, samples)
 
     def _frames(self) -> Iterator[AudioFrame]:
-        for frames in decoded(self._container, self._stream, self._what):
-            yield from (frame for frame in frames if isinstance(frame, AudioFrame) and frame.samples)
+        for _, frames in decoded(self._container, self._stream, self._what):
+            yield from (frame for frame in frames or () if isinstance(frame, AudioFrame) and frame.samples)
 
     def close(self) -> None:
         """Close the file; may be called twice."""
@@ -145,14 +145,14 @@ def _samples(frame: AudioFrame) -> Array:
     return np.ascontiguousarray(stored, np.float32)
 
 
-def count_tracks(path: Path) -> int:
-    """How many sound tracks a file has.
+def known_tracks(path: Path) -> list[int]:
+    """Return the numbers of the sound tracks of a file that can be decoded, counted from 0.
 
     Raises:
         DataError: if it cannot be opened.
     """
     with closing(open_media(path, str(path))) as container:
-        return len(container.streams.audio)
+        return [k for k, track in enumerate(container.streams.audio) if track.codec_context is not None]
 
 
 def read_sound(path: Path, channel: int = 0) -> tuple[int, Array]:
@@ -165,13 +165,15 @@ def read_sound(path: Path, channel: int = 0) -> tuple[int, Array]:
 
 
 def read_track(path: Path, channel: int = 0) -> tuple[int, Array]:
-    """Sample rate, Hz, and the samples (N,) float32 of one channel; silence where some are missing.
+    """Sample rate, Hz, and the samples (N,) float32 of one channel of the first track that can be decoded.
+
+    There is silence where some are missing.
 
     Raises:
         DataError: as `SoundTrack`; if there are no samples.
         UsageError: if there is no such channel.
     """
-    with SoundTrack(path, str(path)) as track:
+    with SoundTrack(path, str(path), next(iter(known_tracks(path)), 0)) as track:
         if not 0 <= channel < track.channels:
             raise UsageError(f"{path} has {track.channels} channels, counted from 0; there is no {channel}")
         pieces = list(track.pieces())

@@ -61,6 +61,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="images of another size than calibrated: refuse, or fit it so")  # fmt: skip
     parser.add_argument("--hardware", default="", metavar="KIND",
                         help="what decodes videos in place of the processor: cuda, qsv, ...")  # fmt: skip
+    parser.add_argument(
+        "--skip-damaged", action="store_true",
+        help="leave out frames that are damaged, and count them, in place of an error",
+    )  # fmt: skip
     parser.add_argument("--model", help="pose model: name, card or ONNX file (as --set detection.model=)")
     parser.add_argument(
         "--skeleton", default="",

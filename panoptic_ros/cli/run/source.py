@@ -43,7 +43,10 @@ def make_plan(args: argparse.Namespace) -> Plan:
             args.rig, devices, options, frame_rate=rate, latency_ms=args.latency_ms,
             microphones=pairs(args.microphone, "--microphone"),
         )  # fmt: skip
-    fit = {"frame_rate": rate, "size_policy": args.size_policy, "hardware": args.hardware}
+    fit = {
+        "frame_rate": rate, "size_policy": args.size_policy, "hardware": args.hardware,
+        "skip_damaged": args.skip_damaged,
+    }  # fmt: skip
     if args.video:
         files = {name: Path(path) for name, path in pairs(args.video, "--video").items()}
         return plan_videos(args.rig, files, options, **fit)

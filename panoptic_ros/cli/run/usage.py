@@ -24,6 +24,7 @@ _MEANS_SOMETHING_FOR = {
     "apart": (*_FILES, "bag"),
     "redetect": ("bag",),
     "size_policy": _FILES,
+    "skip_damaged": _FILES,
     "topic": ("bag",),
 }
 _SHOWN = {

@@ -9,13 +9,13 @@ from panoptic_ros.io.rigs.document import load_document
 from panoptic_ros.io.rigs.registry import is_rig
 
 SUFFIXES = (".json", ".json.gz", ".toml", ".qca.txt", ".xml", ".cal")
-FOLDERS = ("calibration", "calib")
+FOLDERS = ("calib",)  # beginnings of their names, without case
 
 
 def find_rig(folder: Path) -> Path:
     """rig.json if there is one, else the only file (or camera_info folder) that is a rig.
 
-    Looks in the folder itself and in `calibration/`.
+    Looks in the folder itself and in folders like `calibration/`.
 
     Raises:
         DataError: if there is none.
@@ -25,7 +25,8 @@ def find_rig(folder: Path) -> Path:
         raise DataError(f"{folder} is no folder")
     if (folder / "rig.json").is_file():
         return folder / "rig.json"
-    places = [folder, *(folder / name for name in FOLDERS if (folder / name).is_dir())]
+    inside = sorted(path for path in folder.iterdir() if path.is_dir())
+    places = [folder, *(path for path in inside if path.name.casefold().startswith(FOLDERS))]
     found = [path for place in places for path in [place, *_files(place)] if _is_rig(path)]
     if not found:
         raise DataError(f"{folder} has no rig; put rig.json or another calibration file there, or name it")

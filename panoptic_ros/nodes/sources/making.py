@@ -1,12 +1,12 @@
 """Making source nodes from a plain description, as it stands in a launcher's file or in parameters."""
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from heapq import merge
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.capture import DepthSource, open_source
+from panoptic_ros.capture import DepthSource, FrameSource, open_source
 from panoptic_ros.capture.imus import imu_samples
 from panoptic_ros.capture.sound import open_sound
 from panoptic_ros.domain import Rig
@@ -38,8 +38,15 @@ def make_camera_node(
     detections = TOPICS["detections"].of(camera)
     topics = camera_topics(camera, bool(jpeg_quality), isinstance(frames, DepthSource))
     node = SourceNode(f"camera_{ros_name(camera)}", topics, overrides, {"image": detections})
-    node.start(camera_messages(frames, calibrated, jpeg_quality))
+    node.start(_noted(camera_messages(frames, calibrated, jpeg_quality), frames, node))
     return node
+
+
+def _noted(outgoing: Iterator[Outgoing], source: FrameSource, node: SourceNode) -> Iterator[Outgoing]:
+    """Yield the messages of a source; after the last one the node counts its notices."""
+    yield from outgoing
+    for notice in getattr(source, "after", ()):  # live sources have no last frame
+        node.note(notice)
 
 
 def make_sound_node(

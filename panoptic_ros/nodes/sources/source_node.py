@@ -141,10 +141,14 @@ class SourceNode(Node):
         if self._thread is not None:
             self._thread.join(timeout=5.0)
 
+    def note(self, notice: Notice) -> None:
+        """Count something that is known of what is sent."""
+        self._statistics.take(notice)
+
     def refuse(self, error: DataError) -> None:
         """Count something that cannot be sent."""
         self._statistics.dropped["bad_message"] += 1
-        self._statistics.take(Notice("source.bad_message", "warning", str(error)))
+        self.note(Notice("source.bad_message", "warning", str(error)))
         self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
 
     def _send(self, outgoing: Iterator[Outgoing]) -> None:
@@ -230,11 +234,14 @@ def camera_topics(camera: str, compressed: bool, depth: bool) -> dict[str, tuple
 
 
 def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) -> Iterator[Outgoing]:
-    """Image (JPEG if a quality is given, else raw), CameraInfo and depth map, if any, of every frame."""
+    """Image (JPEG if a quality is given, else raw), CameraInfo and depth map, if any, of every frame.
+
+    Numbers that are missing are frames of a live source that were overtaken.
+    """
     family, beside = ros_messages(), frames if isinstance(frames, DepthSource) else None
-    last = None
+    last, live = None, getattr(frames, "frame_count", None) is None
     for frame in frames:
-        overtaken = 0 if last is None else frame.frame_number - last - 1
+        overtaken = 0 if last is None or not live else frame.frame_number - last - 1
         last = frame.frame_number
         image = (
             compressed_image_message(frame, family, jpeg_quality)

@@ -7,6 +7,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from panoptic_ros.capture import Note
 from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.errors import PanopticError
 from panoptic_ros.graph.build import make_stage, rows_in_use
@@ -33,14 +34,15 @@ class OwnReading:
     Args:
         put: takes (topic and camera, record) when the stages want it (replay), on the node's worker.
         end: told of the topics and cameras of which no more comes.
+        note: takes what is known after the last frame of a recording.
     """
 
     def __init__(
         self, node: Node, flow: Flow, own: OwnCameras | None, put: Callable[[OwnInput, Any], None],
-        end: Callable[[Key], None],
+        end: Callable[[Key], None], note: Note,
     ):  # fmt: skip
         self._node, self._flow, self._own = node, flow, own or NONE
-        self._put, self._end = put, end
+        self._put, self._end, self._note = put, end, note
         self._inputs: dict[Key, OwnInput] = {}
         self._recordings: RecordingsRead | None = None
         self._live: LiveCameras | None = None
@@ -80,7 +82,9 @@ class OwnReading:
         if all(spec.apart for spec in wiring.specs):
             out = TOPICS["skeletons"]
             credit = Credit(self._node, self._flow, out.name, out.message, self._flow.window)
-        self._recordings = RecordingsRead(self._own, rig, self._sent(rig), ahead, credit, shifts)
+        self._recordings = RecordingsRead(
+            self._own, rig, self._sent(rig), ahead, credit, shifts, self._note
+        )  # fmt: skip
 
     def owners(self, owners: Mapping[str, list[str]]) -> dict[str, list[str]]:
         """Who gives each topic to the stages: of cameras that are read here, what their recordings hold."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any
 
-from panoptic_ros.capture import open_recording
+from panoptic_ros.capture import Note, open_recording
 from panoptic_ros.domain import Rig, ViewDetections
 from panoptic_ros.graph.host import Host
 from panoptic_ros.graph.lane_groups import Key
@@ -29,6 +29,7 @@ class RecordingsRead:
         credit: of what comes out of the graph, where stages of another process follow. Cameras then go on
             side by side, as a stage further down may wait for any of them; without, in the order of the host.
         shifts: by camera, ns: from its stamps to those of what comes out.
+        note: see `open_recording`.
 
     Raises:
         UserError: as the opening of sources.
@@ -37,6 +38,7 @@ class RecordingsRead:
     def __init__(
         self, own: OwnCameras, rig: Rig, sent: Callable[[Any], None],
         stage: Stage[Any, ViewDetections] | None, credit: Credit | None, shifts: Mapping[str, int],
+        note: Note,
     ):  # fmt: skip
         self._stack, self._stopping = ExitStack(), threading.Event()
         self._credit, self._shifts = credit, shifts
@@ -44,7 +46,7 @@ class RecordingsRead:
         self._taken: Counter[Key] = Counter()
         self.looks: SideBySide | None = None
         try:
-            records = open_recording(rig, own.sources, self._stack)
+            records = open_recording(rig, own.sources, self._stack, note)
             self._records = {key: _told(items, sent) for key, items in records.items()}
             if stage is not None:
                 self.looks = self._stack.enter_context(

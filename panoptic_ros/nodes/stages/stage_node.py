@@ -110,6 +110,7 @@ class StageNode(GatheringNode):
         self._reading = OwnReading(
             self, self._flow, own, lambda entry, record: self._at_work.put_own(entry, record),
             lambda key: self._at_work.end(key),
+            lambda notice: self._tally.tell(self._tally.first, notice),
         )  # fmt: skip
         ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._at_work.topic_over(topic)))
         self._kept = KeptStates(self, names, self._hand_over, self._tally.has_taken) if live else None

@@ -11,7 +11,7 @@ from panoptic_ros.capture import (
     CaptureFolder,
     FrameSource,
     demo_capture,
-    has_images,
+    has_media,
     open_capture_folder,
     open_files,
 )
@@ -48,6 +48,7 @@ def plan_capture(
     hardware: str = "",
     title: str = "",
     depth: bool = True,
+    skip_damaged: bool = False,
 ) -> Plan:
     """The plan of a run on a capture folder.
 
@@ -59,23 +60,24 @@ def plan_capture(
         hardware: that decodes videos, as FFmpeg calls it; "" = the processor.
         title: how the report calls the capture; its folder unless given.
         depth: use depth maps that are registered to cameras.
+        skip_damaged: leave out frames that are damaged, and count them.
 
     Raises:
         UserError: on whatever the user can mend, before anything has started.
     """
     own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
-    own |= {} if depth else {"depth": False}
+    own |= ({} if depth else {"depth": False}) | ({"skip_damaged": True} if skip_damaged else {})
     options = replace(
         options, subjects=subject_files(folder, options.subjects), imus=imu_file(folder)
     )  # fmt: skip
-    if folder.is_dir() and not has_images(folder):
+    if folder.is_dir() and not has_media(folder):
         if hint := hint_without_images(folder):
             raise DataError(f"{folder} has no videos and no images{hint}")
         if options.imus is not None and options.subjects:
             return plan_imu_file(title or str(folder), options)
     given = None if rig is None else read_rig(rig)
     with closing(open_capture_folder(folder, rig=given, cameras=cameras, **own)) as capture:
-        source = {"kind": "folder", "path": str(folder), **own}
+        source = {"kind": "folder", "path": str(folder), **own, **_starts(capture)}
         sources = dict.fromkeys(capture.rig.names, source)
         return _recorded(title or str(folder), capture, sources, options)
 
@@ -93,6 +95,7 @@ def plan_videos(
     frame_rate: float | None = None,
     size_policy: str = "strict",
     hardware: str = "",
+    skip_damaged: bool = False,
 ) -> Plan:
     """The plan of a run on videos or folders of images.
 
@@ -100,13 +103,15 @@ def plan_videos(
         rig: calibration file.
         files: of each camera.
         frame_rate: Hz, in place of the files' own.
-        size_policy, hardware: as for `plan_capture`.
+        size_policy, hardware, skip_damaged: as for `plan_capture`.
 
     Raises:
         UserError: on whatever the user can mend, before anything has started.
     """
     own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
+    own |= {"skip_damaged": True} if skip_damaged else {}
     with closing(open_files(read_rig(rig), files, **own)) as capture:
+        own |= _starts(capture)
         sources = {name: {"kind": "file", "path": str(path), **own} for name, path in files.items()}
         return _recorded("videos", capture, sources, options)
 
@@ -206,7 +211,8 @@ def _with_sound(plan: Plan, capture: CaptureFolder) -> Plan:
     tracks = find_tracks(plan.rig, given, capture.stamps, plan.configs)
     recorders = recorders_of(tracks.sounds)
     stamps = {
-        source.camera: capture.stamps.get(source.camera) or _counted(source) for source in capture.sources
+        source.camera: capture.stamps.get(source.camera)
+        or _counted(source, capture.starts.get(source.camera, 0)) for source in capture.sources
     }
     clocks = plan_clocks(tracks.rig, plan.configs, recorders, stamps)
     check_overlap(clocks.shifts, stamps, clocks.recorders)
@@ -225,7 +231,12 @@ def _sum(plan: Plan, shifts: Mapping[str, int]) -> dict[str, int]:
     return {name: plan.shifts.get(name, 0) + shifts.get(name, 0) for name in (*plan.shifts, *shifts)}
 
 
-def _counted(source: FrameSource) -> list[int]:
+def _starts(capture: CaptureFolder) -> dict[str, Any]:
+    """Return the starts of all cameras for their descriptions, where they did not begin together."""
+    return {"starts": dict(capture.starts)} if capture.starts else {}
+
+
+def _counted(source: FrameSource, start_ns: int) -> list[int]:
     """Stamps of the first frames and of the last one, by the frame rate."""
     frames = range(source.frame_count or 3)
-    return [round(k * 1e9 / source.frame_rate) for k in dict.fromkeys([*frames[:3], *frames[-1:]])]
+    return [start_ns + round(k * 1e9 / source.frame_rate) for k in dict.fromkeys([*frames[:3], *frames[-1:]])]

@@ -85,6 +85,10 @@ class _Counted:
         number = self._places.setdefault(place, len(self._places))
         self._note(self.first, Notice(f"source.bad_message.{number}", "warning", str(error)))
 
+    def note(self, notice: Notice) -> None:
+        """Something is known of what comes from outside."""
+        self._note(self.first, notice)
+
     def drop(self, count: int) -> None:
         """Live frames were overtaken."""
         self.statistics[self.first].dropped["overtaken"] += count
@@ -110,9 +114,10 @@ def run_in_process(
         return counted.statistics
     with ExitStack() as stack:
         refused: list[DataError] = []
+        known: list[Notice] = []  # after the last frames
         records: Records = (
             _recorded(plan, stack, refused.append) if plan.streams
-            else open_recording(plan.rig, {name: plan.sources[name] for name in plan.rig.names}, stack)
+            else open_recording(plan.rig, {n: plan.sources[n] for n in plan.rig.names}, stack, known.append)
         )  # fmt: skip
         looks = _side_by_side(plan, stack, records)
         counted = _Counted(plan, results, looks)
@@ -126,6 +131,8 @@ def run_in_process(
         _replay(plan, counted.pipeline, records, results, stop)
         for error in refused:
             counted.refuse(error)
+        for notice in known:
+            counted.note(notice)
     return counted.statistics
 
 

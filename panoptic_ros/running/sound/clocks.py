@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.capture.folder import VIDEO_SUFFIXES
-from panoptic_ros.capture.sound import folder_sounds, open_sound, sound_files, track_sound
-from panoptic_ros.capture.timestamps import read_timestamps
+from panoptic_ros.capture import find_media, folder_stamps, starts_of_files, videos_in
+from panoptic_ros.capture.sound import folder_sounds, known_tracks, open_sound, track_sound
 from panoptic_ros.domain import AudioBlock, Rig, StampLine
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.bags import BagReader
@@ -110,14 +109,17 @@ def recorded_sound(path: Path) -> tuple[list[Recorder], Rig | None]:
         found = [recorder_of(stream) for stream in streams]
         rig = None
     elif path.is_dir():
-        stamps = _frame_stamps(path)
-        tracks = {
-            file.name: sound for file in sorted(path.iterdir()) if file.suffix.lower() in VIDEO_SUFFIXES
-            for sound in [_track(file, stamps.get(file.stem, ()))] if sound is not None
-        }  # fmt: skip
-        begins = {name: own[0] for name, own in stamps.items() if own}
-        found = recorders_of(folder_sounds(path, begins, tracks))
         rig = _rig_of(path)
+        media = None if rig is None else find_media(path, rig)
+        files = videos_in(path) if media is None else {**media.others, **media.files}
+        stamps, _ = folder_stamps(path, files, rig.names if rig is not None else list(files))
+        starts = {} if stamps else starts_of_files(files)
+        tracks = {
+            file.name: sound for name, file in files.items() if file.is_file()
+            for sound in [_track(file, name, starts.get(name, 0), stamps.get(name, ()))] if sound is not None
+        }  # fmt: skip
+        begins = starts | {name: own[0] for name, own in stamps.items() if own}
+        found = recorders_of(folder_sounds(path, begins, tracks))
     else:
         raise UsageError(f"{path} is no capture folder and no bag; sound is taken from these")
     if not found:
@@ -125,22 +127,13 @@ def recorded_sound(path: Path) -> tuple[list[Recorder], Rig | None]:
     return found, rig
 
 
-def _frame_stamps(path: Path) -> dict[str, tuple[int, ...]]:
-    table = path / "timestamps.csv"
-    rig = _rig_of(path)
-    if not table.exists():
-        return {}
-    others = {file.stem for file in sound_files(path)} - set(rig.names if rig else ())
-    return read_timestamps(table, others)
-
-
-def _track(path: Path, stamps: Sequence[int]) -> dict[str, Any] | None:
+def _track(path: Path, device: str, start_ns: int, stamps: Sequence[int]) -> dict[str, Any] | None:
     """The sound track of a video, if it has one."""
-    sound = track_sound(path, path.stem, 0, stamps)
     try:
+        sound = track_sound(path, device, start_ns, stamps, track=known_tracks(path)[0])
         with open_sound(sound):
             return sound
-    except DataError:
+    except (DataError, IndexError):
         return None
 
 

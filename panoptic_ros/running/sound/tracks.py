@@ -11,7 +11,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.capture.sound import count_tracks, open_sound
+from panoptic_ros.capture.sound import known_tracks, open_sound
 from panoptic_ros.domain import AudioBlock, Rig, TimecodeReading
 from panoptic_ros.errors import DataError
 from panoptic_ros.params import Config, config_of
@@ -60,7 +60,7 @@ def find_tracks(
     unnamed = [name for name, sound in tracks.items() if not sound["clocks"]]
     asked = [name for name in unnamed if name not in stamped or clocks.get(name) == name]
     for name in unnamed:
-        each = range(count_tracks(Path(tracks[name]["path"]))) if name in asked else ()
+        each = known_tracks(Path(tracks[name]["path"])) if name in asked else ()
         heard = ({**tracks[name], "track": k} for k in each)
         named = ({**one, "clocks": _timecode_of(one, configs, clocks.get(name) or name)} for one in heard)
         found[name] = next((one for one in named if one["clocks"]), tracks[name])

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 
-from panoptic_ros.capture import VIDEO_SUFFIXES
-from panoptic_ros.capture.sound import count_tracks, read_sound
+from panoptic_ros.capture import VIDEO_SUFFIXES, places_in
+from panoptic_ros.capture.sound import known_tracks, read_sound
 from panoptic_ros.domain import TimecodeReading
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import from_message
-from panoptic_ros.io.stamps import StampTable, read_stamps
+from panoptic_ros.io.stamps import StampTable, read_stamps, stamp_file
 from panoptic_ros.io.synctables import read_synctables
 from panoptic_ros.stage import Notice, StepResult
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recording
@@ -61,26 +61,29 @@ def collect(path: Path) -> Sources:
     if (path / "metadata.yaml").exists() or path.suffix == ".mcap":
         _read_bag(path, sources)
     else:
-        files = sorted(path.iterdir()) if path.is_dir() else [path]
-        for file in files:
-            _read_file(file, sources, strict=not path.is_dir())
+        for place in places_in(path):
+            for file in sorted(place.iterdir()):
+                _read_file(file, sources, strict=False)
+        if path.is_file():
+            _read_file(path, sources, strict=True)
     if not sources.cameras and not sources.readings:
         raise DataError(
             f"{path} has no stamps of frames and no timecode; a report needs timestamps.csv (camera, frame, "
-            "stamp_ns), sync tables, WAV file or video with timecode, or bag with images, detections or audio"
+            "stamp_ns, or cam_id, frame_time), sync tables, WAV file or video with timecode, or bag with "
+            "images, detections or audio"
         )
     return sources
 
 
 def _read_file(path: Path, sources: Sources, strict: bool) -> None:
-    if path.suffix == ".csv" and (strict or "timestamps" in path.name or "frame_time" in path.name):
+    if path.suffix == ".csv" and (strict or path == stamp_file(path.parent)):
         sources.cameras |= read_stamps(path)
     elif path.suffix == ".json" and (strict or "synctables" in path.name):
         for name, stream in read_synctables(path).items():
             stamps, _ = stream.stamps()
             if stamps:
                 sources.cameras[name] = StampTable(stamps)
-    elif path.suffix.lower() == ".wav" or (path.suffix.lower() in VIDEO_SUFFIXES and count_tracks(path)):
+    elif path.suffix.lower() == ".wav" or (path.suffix.lower() in VIDEO_SUFFIXES and known_tracks(path)):
         _read_sound(path, sources)
     elif strict:
         raise DataError(f"{path} is no CSV of stamps, sync table, WAV file, video with sound or bag")

@@ -160,7 +160,7 @@ def test_bad_sources_are_told_in_one_line(tmp_path, capsys):
     (tmp_path / "y.csv").write_text("camera,frame,stamp_ns\nc,0,soon\n")
     (tmp_path / "z.txt").write_text("")
     for name, words in (
-        ("nowhere", "does not exist"), ("empty", "no stamps"), ("x.csv", "columns a, b"),
+        ("nowhere", "does not exist"), ("empty", "no stamps"), ("x.csv", "line 1: columns camera"),
         ("y.csv", "line 2"), ("z.txt", "no CSV"),
     ):  # fmt: skip
         assert main(["sync", "report", str(tmp_path / name)]) == 2

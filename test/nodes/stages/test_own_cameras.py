@@ -67,7 +67,7 @@ def test_recordings_give_what_the_stage_gives_and_nobody_is_sent_images(executor
     spin_until(executor, lambda: all(len(found["detections", name]) == COUNT for name in folders))
     alone = DetectionStage(DetectionConfig(**SIZES), watcher())
     with ExitStack() as stack:
-        records = open_recording(watching_rig(), folders, stack)
+        records = open_recording(watching_rig(), folders, stack, [].append)
         for name in folders:
             views = [from_message(message, "ViewDetections") for message in found["detections", name]]
             expected = []

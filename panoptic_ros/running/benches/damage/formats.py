@@ -25,7 +25,7 @@ from panoptic_ros.io.plain_formats import read_detections, read_skeletons
 from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import load_skeleton, map_joints
-from panoptic_ros.io.stamps import read_stamps
+from panoptic_ros.io.stamps import read_stamps, stamps_of_frames
 from panoptic_ros.io.synctables import read_synctables
 from panoptic_ros.io.wav import WavFile, read_wav
 from panoptic_ros.running.benches.damage import samples
@@ -90,10 +90,7 @@ def _skeleton_file(path: Path) -> None:
 
 
 def _timestamps(path: Path) -> None:
-    from panoptic_ros.capture.timestamps import read_timestamps  # needs decoders
-
-    for read in (read_timestamps, read_stamps):
-        read(path)
+    stamps_of_frames(path, read_stamps(path))
 
 
 def _sync_tables(path: Path) -> None:

@@ -1,0 +1,232 @@
+"""Where the images of each camera lie in a capture folder, and which camera of the rig a file belongs to."""
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from panoptic_ros.capture.depth_folder import SUFFIX as DEPTH_SUFFIX
+from panoptic_ros.capture.image_folder import image_files
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import CalibrationError, DataError
+
+# containers, and raw streams, which need a frame rate
+VIDEO_SUFFIXES = (
+    ".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".m2t", ".mxf",
+    ".wmv", ".asf", ".flv", ".3gp", ".3g2", ".ogv", ".vob", ".dv", ".h264", ".264", ".h265", ".265", ".hevc",
+    ".mjpeg", ".mjpg",
+)  # fmt: skip
+# folders of videos or images in other programs' layouts, the best first
+PLACES = ("videos", "video", "hdvideos", "vgavideos", "kinectvideos", "synchronized_videos", "images", "imgs",
+          "hdimgs", "vgaimgs", "kinectimgs")  # fmt: skip
+# types of CMU's cameras, with which the names of its folders begin
+KINDS = ("hd", "vga", "kinect")
+MOST_OFFERED = 6  # names in a message
+
+
+@dataclass(frozen=True)
+class Media:
+    """Files and folders of images.
+
+    Args:
+        files: by camera of the rig.
+        others: videos without a camera, by name.
+        rig: without types that have no folder.
+        notices: lines.
+    """
+
+    files: Mapping[str, Path]
+    others: Mapping[str, Path]
+    rig: Rig
+    notices: tuple[str, ...] = ()
+
+
+def find_media(path: Path, rig: Rig) -> Media:
+    """Find the video or folder of images of each camera, in a folder or in folders inside it.
+
+    Raises:
+        DataError: if a camera has two.
+    """
+    here = _Place.of(path, rig)
+    folders = [] if here.files else [folder for folder in sorted(path.iterdir()) if _may_hold(folder)]
+    inside = [_Place.of(folder, rig) for folder in folders]
+    inside = sorted((place for place in inside if place.files), key=lambda place: _rank(place.path))
+    if here.files or not inside:
+        return Media(here.files, here.others, rig, here.notices)
+    files: dict[str, Path] = {}
+    others: dict[str, Path] = {}
+    used = []
+    for place in inside:
+        twice = sorted(set(files) & set(place.files))
+        if twice and _rank(files[twice[0]].parent) == len(PLACES):
+            raise DataError(
+                f"camera {twice[0]} has both {files[twice[0]]} and {place.files[twice[0]]}; give the folder "
+                "that is meant, with --rig"
+            )
+        if not twice:
+            files |= place.files
+            others |= place.others
+            used.append(place)
+    told = [f"images are taken from {', '.join(str(place.path) for place in used)}"] if used else []
+    fitting, left_out = _of_kinds(rig, [place.path.name for place in used], files)
+    named = [line for place in used for line in place.notices]
+    return Media(files, others, fitting, (*told, *left_out, *named))
+
+
+def has_media(path: Path) -> bool:
+    """Return whether a folder or one of its `places_in` has a video or a folder of images."""
+    return any(videos_in(place) or _image_folders(place) for place in places_in(path))
+
+
+def places_in(path: Path) -> list[Path]:
+    """Return a folder, and those inside it that are named as in `PLACES`; nothing without a folder."""
+    if not path.is_dir():
+        return []
+    known = (folder for folder in sorted(path.iterdir()) if _rank(folder) < len(PLACES))
+    return [path, *filter(_may_hold, known)]
+
+
+def videos_in(path: Path) -> dict[str, Path]:
+    """Return the videos directly in a folder, by their names without suffix.
+
+    Raises:
+        DataError: if two differ in their ending only.
+    """
+    found: dict[str, Path] = {}
+    for file in sorted(path.iterdir()):
+        if file.is_file() and file.suffix.lower() in VIDEO_SUFFIXES and not file.name.startswith("."):
+            if file.stem in found:
+                first = found[file.stem]
+                raise DataError(f"two videos of camera {file.stem}: {first} and {file}; remove one")
+            found[file.stem] = file
+    return found
+
+
+def check_cameras(path: Path, media: Media, names: Sequence[str], every: bool) -> None:
+    """Check that all videos have a camera, and all cameras have images.
+
+    Args:
+        path: the capture folder. names: of cameras that are used. every: these are all of the rig.
+
+    Raises:
+        CalibrationError: for videos without a camera. DataError: for cameras without images.
+    """
+    if media.others and every:
+        lacking = [name for name in names if name not in media.files]
+        raise CalibrationError(
+            f"{path}: the rig has no camera for the videos {', '.join(media.others)}; it has "
+            f"{', '.join(names)}" + (f", of which {', '.join(lacking)} lack a video" if lacking else "")
+            + f"; {_offer(media.others, lacking)}"
+        )  # fmt: skip
+    for name in names:
+        if name not in media.files:
+            there = ",".join(other for other in names if other in media.files)
+            raise DataError(
+                f"{path} has no video {name}.mp4 and no images {name}/ for camera {name} of the rig; "
+                "add them or choose cameras that are there" + (f" (--cameras {there})" if there else "")
+            )
+
+
+def named_as(rig: Collection[str], names: Collection[str]) -> dict[str, str]:
+    """Return the camera of a rig that each name means: the equal one, or the only one that fits.
+
+    Two names fit where the words and numbers of one are a part of the other (cam01, int_cam01_img).
+    They also fit where numbers alone pair all names (port_0, port_1 and cam_0, cam_1).
+    """
+    found = {name: name for name in names if name in rig}
+    free = [camera for camera in rig if camera not in found]
+    left = [name for name in names if name not in found]
+    fits = {name: [camera for camera in free if _fits(name, camera)] for name in left}
+    for name, cameras in fits.items():
+        if len(cameras) == 1 and sum(cameras[0] in others for others in fits.values()) == 1:
+            found[name] = cameras[0]
+    by_numbers = {_numbers(camera): camera for camera in free if _numbers(camera)}
+    same = {name: by_numbers[_numbers(name)] for name in left if _numbers(name) in by_numbers}
+    if not set(left) & set(found) and sorted(same.values()) == sorted(free):
+        found |= same
+    return found
+
+
+@dataclass(frozen=True)
+class _Place:
+    """The files of a folder that belong to cameras of a rig."""
+
+    path: Path
+    files: Mapping[str, Path]
+    others: Mapping[str, Path]
+    notices: tuple[str, ...] = ()
+
+    @staticmethod
+    def of(path: Path, rig: Rig) -> _Place:
+        videos, folders = videos_in(path), _image_folders(path)
+        meant = named_as(rig.names, list(videos))
+        files = {camera: videos[name] for name, camera in meant.items()}
+        for name, folder in folders.items():
+            if name in files and name in rig.names:
+                raise DataError(f"camera {name} has both {files[name]} and {folder}; remove one")
+        lacking = [name for name in rig.names if name not in files]
+        shorter = [n for n in folders if n in lacking or any(_is_part(_words(n), _words(c)) for c in lacking)]
+        inside = named_as(lacking, shorter)
+        files |= {camera: folders[name] for name, camera in inside.items()}
+        other = {name: camera for name, camera in (meant | inside).items() if name != camera}
+        taken = [f"{files[camera].name} as {camera}" for camera in other.values()]
+        told = [f"files are taken as the only camera that fits: {', '.join(taken)}"] if taken else []
+        others = {name: file for name, file in videos.items() if name not in meant}
+        return _Place(path, files, others, tuple(told))
+
+
+def _may_hold(folder: Path) -> bool:
+    hidden = folder.name.startswith(".") or folder.name.endswith(DEPTH_SUFFIX)
+    return folder.is_dir() and not hidden
+
+
+def _rank(folder: Path) -> int:
+    name = folder.name.casefold()
+    return PLACES.index(name) if name in PLACES else len(PLACES)
+
+
+def _image_folders(path: Path) -> dict[str, Path]:
+    return {p.name: p for p in sorted(path.iterdir()) if _may_hold(p) and image_files(p)}
+
+
+def _of_kinds(rig: Rig, places: Sequence[str], files: Collection[str]) -> tuple[Rig, list[str]]:
+    """Return the rig without types that have no folder, where folders are named by types; and a line."""
+    kinds = {kind for kind in KINDS for place in places if place.casefold().startswith(kind)}
+    types = {c.name: next((kind for kind in KINDS if c.type.startswith(kind)), "") for c in rig.cameras}
+    out = [name for name in rig.names if types[name] not in kinds and name not in files]
+    if not kinds or not out or any(not types[name] for name in out):
+        return rig, []
+    told = ", ".join(sorted({types[name] for name in out}))
+    left = [name for name in rig.names if name not in out]
+    return rig.subset(left), [f"{len(out)} cameras of type {told} have no folder of their kind: left out"]
+
+
+def _offer(others: Mapping[str, Path], lacking: Sequence[str]) -> str:
+    """Return the cameras that names may mean, for a message."""
+    pairs = [f"{file.name} may be {camera}" for name, file in others.items() for camera in lacking
+             if _fits(name, camera) or (_numbers(name) and _numbers(name) == _numbers(camera))]  # fmt: skip
+    if not pairs:
+        return "names must be equal"
+    return f"{', '.join(pairs[:MOST_OFFERED])}: rename files, or say --video CAMERA=FILE with --rig"
+
+
+def _fits(one: str, other: str) -> bool:
+    shorter, longer = sorted((_words(one), _words(other)), key=len)
+    return _is_part(shorter, longer)
+
+
+def _is_part(shorter: Sequence[str | int], longer: Sequence[str | int]) -> bool:
+    """Return whether words, a number among them, follow each other in others."""
+    size = len(shorter)
+    told = any(isinstance(word, int) for word in shorter)
+    return told and any(longer[k : k + size] == shorter for k in range(len(longer) - size + 1))
+
+
+def _words(name: str) -> list[str | int]:
+    """Return the words, without case, and numbers of a name."""
+    return [int(w) if w.isdecimal() else w for w in re.findall(r"\d+|[^\W\d_]+", name.casefold())]
+
+
+def _numbers(name: str) -> tuple[int, ...]:
+    return tuple(word for word in _words(name) if isinstance(word, int))
