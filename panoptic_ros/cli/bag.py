@@ -24,14 +24,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Repair or upgrade."""
+    from panoptic_ros.io.storages import packed_name  # only now: --help must be quick
+
     source: Path = args.bag
-    name = source.with_suffix("").name if source.is_file() else source.resolve().name
+    name = Path(packed_name(source)).stem if source.is_file() else source.resolve().name
     target = args.out or source.resolve().with_name(name + ENDINGS[args.action])
     return _repair(source, target) if args.action == "repair" else _upgrade(source, target)
 
 
 def _repair(source: Path, target: Path) -> int:
-    from panoptic_ros.running.takes import save_take  # only now: --help must be quick
+    from panoptic_ros.running.takes import save_take  # as above
 
     saved = save_take(source, target)
     for name, made in saved.bags.items():

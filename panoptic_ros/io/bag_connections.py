@@ -5,11 +5,19 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2.metadata import parse_qos
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 IDL = "=" * 80 + "\nIDL: "  # how a definition in that language begins
 UNKNOWN_DIGEST = "RIHS01_" + 64 * "0"
+CDR = "cdr"  # the one serialization of messages that is read and written
+VIDEO = "CompressedVideo"  # how Foxglove's type for packets of a video ends, in every serialization
+DEFINED = ("ros2msg", "ros2idl", "omgidl", "", "unknown")  # languages of definitions; recorders use the last
+SERIALIZATIONS = {
+    "ros1": "ROS 1", "json": "JSON", "protobuf": "protobuf", "flatbuffer": "FlatBuffers", "cbor": "CBOR",
+    "": "messages of an unstated serialization",
+}  # fmt: skip
 
 
 class Connection(NamedTuple):
@@ -57,6 +65,44 @@ class Connection(NamedTuple):
         return self._replace(qualities=(quality,))
 
 
+def serialization_but_cdr(message: str, definition: str, kind: str) -> str:
+    """Name what messages are that cannot be read; empty: they are CDR of a known type.
+
+    Args:
+        message: the serialization that the bag states. definition: the language of its definition.
+        kind: "package/msg/Name", or what else the bag calls the type.
+    """
+    if message != CDR:
+        what = SERIALIZATIONS.get(message, message[:40])
+        return f"{what} video" if kind.endswith(VIDEO) else what
+    if definition not in DEFINED:
+        return f"CDR of {SERIALIZATIONS.get(definition, definition[:40])} types"
+    return "" if kind.count("/") == 2 else "CDR of no stated type"
+
+
+def full_kind(kind: str) -> str:
+    """Return "package/msg/Name" of the "package/Name" that the first versions of ROS 2 wrote."""
+    return kind.replace("/", "/msg/") if kind.count("/") == 1 else kind
+
+
+def qualities_in(words: Any) -> tuple[Any, ...]:
+    """QoS profiles as a bag states them, in a text or a list.
+
+    Raises:
+        ValueError: if they are none.
+    """
+    try:
+        return tuple(parse_qos(words))
+    except Exception as error:  # rosbags trusts what it reads: damage shows as anything
+        raise ValueError("no QoS") from error
+
+
+@lru_cache(maxsize=1024)
+def qualities_of(text: str) -> tuple[Any, ...]:
+    """Return `qualities_in` of a text; most topics of a bag state the same."""
+    return qualities_in(text)
+
+
 @lru_cache(maxsize=256)
 def types_of(kind: str, definition: str) -> Typestore | None:
     """The types of a definition, None if there is none or it cannot be read."""
@@ -71,10 +117,13 @@ def types_of(kind: str, definition: str) -> Typestore | None:
 
 def digest_of(connection: Connection) -> str:
     """RIHS01 of the definition, as the bag says or as it comes to."""
-    if connection.digest:
-        return connection.digest
-    store = types_of(connection.kind, connection.definition)
+    return connection.digest or _digest_of(connection.kind, connection.definition)
+
+
+@lru_cache(maxsize=256)
+def _digest_of(kind: str, definition: str) -> str:
+    store = types_of(kind, definition)
     try:
-        return UNKNOWN_DIGEST if store is None else store.hash_rihs01(connection.kind)
+        return UNKNOWN_DIGEST if store is None else store.hash_rihs01(kind)
     except (TypesysError, KeyError):  # a part of the definition is missing
         return UNKNOWN_DIGEST

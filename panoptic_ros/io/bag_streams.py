@@ -216,13 +216,12 @@ def opened_streams(
 
 
 def _bags(streams: Sequence[BagStream], stack: ExitStack) -> Iterator[tuple[BagStream, BagReader]]:
-    """Every stream with a reader of its bag; one reader for all, where it can read topics side by side."""
+    """Yield every stream with the reader of its bag."""
     opened: dict[Path, BagReader] = {}
     for stream in streams:
-        bag = opened.get(stream.bag)
-        if bag is None or not bag.interleaves:
-            bag = opened[stream.bag] = stack.enter_context(BagReader(stream.bag))
-        yield stream, bag
+        if stream.bag not in opened:
+            opened[stream.bag] = stack.enter_context(BagReader(stream.bag))
+        yield stream, opened[stream.bag]
 
 
 def _records(stream: BagStream, bag: BagReader, on_bad: Callable[[DataError], None]) -> Iterator[Any]:

@@ -4,26 +4,28 @@ from __future__ import annotations
 import os
 import shutil
 import threading
+import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from rosbags.rosbag2 import Reader, StoragePlugin, Writer, WriterError
+from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
 
-from panoptic_ros.errors import DataError
-from panoptic_ros.io.bag_connections import Connection, digest_of
-from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.errors import DataError, EnvironmentProblem, one_line
+from panoptic_ros.io.bag_connections import UNKNOWN_DIGEST, Connection, digest_of, qualities_in
+from panoptic_ros.io.bag_metadata import NAME, BagMetadata, chosen_files, count_difference, read_metadata
 from panoptic_ros.io.files import file_errors
-from panoptic_ros.io.loading import MIB
 from panoptic_ros.io.messages.earlier import bringing_up
 from panoptic_ros.io.messages.family import PACKAGE, bag_typestore, decode_cdr
+from panoptic_ros.io.storages import Foreign, Storage, is_storage, merged, opened
+from panoptic_ros.io.storages.opening import ROS_1_SUFFIX, OfRos1Error, of_ros_1, unpacked_message
+from panoptic_ros.io.storages.storage import NEVER_NS, Part, Row
 from panoptic_ros.io.takes import sync_files
-
-# of metadata.yaml, bytes and values; 480 cameras with eight topics each have 2 MB and 100 000
-LARGEST_METADATA, MOST_VALUES = 16 * MIB, 1_000_000
 
 
 class BagWriter:
@@ -54,7 +56,7 @@ class BagWriter:
             place = self.path if in_place else self._part / self.path.name
             self._writer = Writer(place, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.open()
-        self._connections: dict[str | Connection, Any] = {}
+        self._connections: dict[str | tuple[str, str, tuple[Any, ...]], Any] = {}
         self._open = True
 
     def write_raw(self, topic: str, message_type: str, stamp_ns: int, data: bytes) -> None:
@@ -68,13 +70,14 @@ class BagWriter:
 
     def write_described(self, connection: Connection, stamp_ns: int, data: bytes) -> None:
         """Append a message as CDR bytes with the definition that another bag has of it."""
+        key = connection.topic, connection.kind, connection.qualities  # one definition of each type is kept
         with file_errors(self.path, "write"):
-            if connection not in self._connections:
-                self._connections[connection] = self._writer.add_connection(
+            if key not in self._connections:
+                self._connections[key] = self._writer.add_connection(
                     connection.topic, connection.kind, msgdef=connection.definition,
                     rihs01=digest_of(connection), offered_qos_profiles=connection.qualities,
                 )  # fmt: skip
-            self._writer.write(self._connections[connection], stamp_ns, data)
+            self._writer.write(self._connections[key], stamp_ns, data)
 
     @property
     def folder(self) -> Path:
@@ -128,10 +131,21 @@ class BagWriter:
             self.discard()
 
 
+class PartBagWarning(UserWarning):
+    """A bag holds less than it states, or messages that cannot be read."""
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether a path is that of a bag: a folder with metadata, or one of its files."""
+    return (path / NAME).is_file() or (path.is_file() and (is_storage(path) or path.suffix == ROS_1_SUFFIX))
+
+
 class BagReader:
     """Reads a bag: the topics it has, and their messages in the order of recording.
 
-    Iterations that `interleaves` allows side by side may be in threads of their own.
+    All messages of its files are read, whatever its metadata state. A `PartBagWarning` names counts that
+    differ, topics that are not of ROS 2, and missing files. Several iterations may run side by side, also in
+    threads of their own.
 
     Raises:
         DataError: if it is no bag, was never finished, or is damaged.
@@ -142,47 +156,79 @@ class BagReader:
         if not self.path.exists():
             raise DataError(f"there is no bag {self.path}")
         self._reading = threading.Lock()
-        self._reader = self._opened()
-        self.topics: dict[str, str] = {c.topic: c.msgtype for c in self._reader.connections}
-        self.counts: dict[str, int] = {
-            name: info.msgcount for name, info in self._reader.topics.items()
-        }
-        self.length_s = self._reader.duration * 1e-9
-        self.begin_ns, self.end_ns = self._reader.start_time, self._reader.end_time
-
-    def _opened(self) -> Reader:
-        self._check_metadata()
+        self._stack = ExitStack()
         try:
-            reader = Reader(self.path)
-            reader.open()
-        except Exception as error:  # rosbags trusts a file's lengths and offsets: damage shows as anything
-            raise DataError(
-                f"{self.path} cannot be read as a rosbag2 ({_one_line(error)}); where a recording was "
-                f"cut off, `panoptic bag repair {self.path}` saves what is whole"
-            ) from None
-        return reader
+            self._storages, self._metadata, problems = self._opened()
+        except (DataError, EnvironmentProblem):
+            self._stack.close()
+            raise
+        self._connections: dict[str, Connection] = {}
+        self.counts: dict[str, int] = {}
+        foreign: Counter[Foreign] = Counter()
+        for held in (storage.contents for storage in self._storages):
+            for number, known in held.topics.items():
+                known = known._replace(digest=known.digest or self._metadata.digests.get(known.topic, ""))
+                before = self._connections.setdefault(known.topic, known)
+                if not before.definition and known.definition:
+                    self._connections[known.topic] = known
+                self.counts[known.topic] = self.counts.get(known.topic, 0) + held.counts.get(number, 0)
+            for number, other in held.foreign.items():
+                foreign[other] += held.counts.get(number, 0)
+            problems += held.problems
+        self.topics: dict[str, str] = {topic: known.kind for topic, known in self._connections.items()}
+        self.begin_ns = min(storage.contents.begin_ns for storage in self._storages)
+        last_ns = max(storage.contents.end_ns for storage in self._storages)
+        self.end_ns = last_ns + 1 if self.begin_ns < NEVER_NS else 0
+        self.length_s = max(0, self.end_ns - self.begin_ns) * 1e-9
+        self._tell(foreign, problems)
 
-    def _check_metadata(self) -> None:
-        """Check size and nesting of metadata.yaml, as the library takes minutes for large ones.
+    def _opened(self) -> tuple[list[Storage], BagMetadata, list[str]]:
+        """Return the files, their metadata, and lines about what is missing.
 
         Raises:
-            DataError: if not.
+            DataError: if one of them cannot be read.
         """
-        path = self.path / "metadata.yaml"
-        if path.is_file():
-            try:
-                read_yaml(path, LARGEST_METADATA, MOST_VALUES)
-            except DataError as error:
-                raise DataError(
-                    f"{self.path} cannot be read as a rosbag2 ({_one_line(error)}); "
-                    f"`panoptic bag repair {self.path}` makes it anew from the messages"
-                ) from None
+        try:
+            if self.path.is_file():
+                return [opened(self.path, self._stack)], BagMetadata(), []
+            if not (self.path / NAME).is_file() and (old := next(self.path.glob(f"*{ROS_1_SUFFIX}"), None)):
+                raise of_ros_1(old)
+            metadata = read_metadata(self.path)
+            files = chosen_files(self.path, metadata)
+            return [opened(path, self._stack) for path in files.paths], metadata, list(files.problems)
+        except (EnvironmentProblem, OfRos1Error):
+            raise
+        except Exception as error:  # damage shows as anything
+            raise DataError(
+                f"{self.path} cannot be read as a rosbag2 ({one_line(error)}); where a recording was "
+                f"cut off, `panoptic bag repair {self.path}` saves what is whole"
+            ) from None
 
-    @property
-    def interleaves(self) -> bool:
-        """Whether several iterations over messages may go on side by side: not in an MCAP without index."""
-        storage: Any = self._reader.storage
-        return all(getattr(part, "chunks", True) for part in getattr(storage, "storages", [storage]))
+    def _tell(self, foreign: Counter[Foreign], problems: list[str]) -> None:
+        """Warn of everything in the bag that is not read.
+
+        Raises:
+            DataError: if nothing in it can be read.
+        """
+        kinds: dict[str, list[str]] = {}
+        for (topic, what), count in foreign.items():
+            if count or not self.topics:
+                kinds.setdefault(what, []).append(topic)
+        told = "; ".join(f"{', '.join(topics[:3])}{', ...' * (len(topics) > 3)} ({what})"
+                         for what, topics in kinds.items())  # fmt: skip
+        if foreign and not self.topics:
+            self.close()
+            remedy = "convert the bag with rosbags-convert" if "ROS 1" in kinds else "record with ROS 2"
+            raise DataError(f"{self.path} holds no messages of ROS 2, which are in CDR, but {told}; {remedy}")
+        there = Counter(self.counts)
+        for other, count in foreign.items():
+            there[other.topic] += count
+        if told:
+            problems.append(f"only messages of ROS 2 are read; left out: {told}")
+        if difference := count_difference(self._metadata.counts, there):
+            problems.append(difference)
+        for problem in problems:
+            warnings.warn(f"{self.path}: {problem}", PartBagWarning, stacklevel=1)
 
     def messages(self, *topics: str) -> Iterator[tuple[str, int, Any]]:
         """(topic, recording stamp ns, message), of some topics or of all.
@@ -211,28 +257,38 @@ class BagReader:
         Raises:
             DataError: if the bag is damaged, or its messages of this project are of another version.
         """
-        chosen = [c for c in self._reader.connections if not topics or c.topic in topics]
-        if not chosen:
-            return
-        up = {c.topic: self._brought_up(c) for c in chosen}
+        begin, end = -NEVER_NS if begin_ns is None else begin_ns, NEVER_NS if end_ns is None else end_ns
+        ways: list[dict[int, tuple[str, str, Callable[[bytes], bytes] | None]]] = []
+        parts = []
+        for storage in self._storages:
+            held = storage.contents
+            chosen = {n: c for n, c in held.topics.items() if not topics or c.topic in topics}
+            if not chosen:
+                continue
+            ways.append({n: (c.topic, c.kind, self._brought_up(c)) for n, c in chosen.items()})
+            parts.append(Part(held.begin_ns, partial(storage.messages, list(chosen), begin, end)))
         try:
-            for connection, stamp, data in self._one_by_one(self._reader.messages(chosen, begin_ns, end_ns)):
-                bring = up[connection.topic]
+            for number, (stamp, topic_number, packed) in self._one_by_one(merged(parts)):
+                topic, kind, bring = ways[number][topic_number]
+                data = unpacked_message(packed)
                 try:
                     data = bring(data) if bring else data
                 except Exception as error:  # bytes of another kind raise anything
-                    bad = DataError(f"{self.path}, topic {connection.topic}: {_one_line(error)}")
+                    bad = DataError(f"{self.path}, topic {topic}: {one_line(error)}")
                     if on_bad is None:
                         raise bad from None
                     on_bad(bad)
                     continue
-                yield connection.topic, stamp, data, connection.msgtype
+                yield topic, stamp, data, kind
         except DataError:
             raise
         except Exception as error:  # as above
-            raise DataError(f"{self.path} is damaged: {_one_line(error)}") from None
+            raise DataError(
+                f"{self.path} is damaged: {one_line(error)}; `panoptic bag repair {self.path}` saves what is "
+                "whole"
+            ) from None
 
-    def _one_by_one(self, rows: Iterator[Any]) -> Iterator[Any]:
+    def _one_by_one(self, rows: Iterator[tuple[int, Row]]) -> Iterator[tuple[int, Row]]:
         """The rows; where several threads read, one seeks and reads in the file at a time."""
         while True:
             with self._reading:
@@ -242,12 +298,11 @@ class BagReader:
             yield row
 
     def is_outdated(self, topic: str) -> bool:
-        """Whether its messages are of this project, but of another version, as the hash in the bag tells."""
-        store = bag_typestore()
-        for c in self._reader.connections:
-            if c.topic == topic and c.msgtype.startswith(f"{PACKAGE}/") and c.msgtype in store.types:
-                return bool(c.digest) and c.digest != store.hash_rihs01(c.msgtype)
-        return False
+        """Return whether its messages are of this project, but of another version, by their hash or their
+        definition.
+        """
+        known = self._connections.get(topic)
+        return known is not None and _is_outdated(known)
 
     def can_be_brought_up(self, topic: str) -> bool:
         """Whether messages of another version can be read as those of now."""
@@ -256,16 +311,19 @@ class BagReader:
 
     def connection(self, topic: str) -> Connection:
         """A topic with the definition that the bag keeps."""
-        c = next(c for c in self._reader.connections if c.topic == topic)
-        qualities = tuple(getattr(c.ext, "offered_qos_profiles", ()))
-        return Connection(topic, c.msgtype, c.msgdef.data, c.digest, qualities)
+        known, words = self._connections[topic], self._metadata.qualities.get(topic)
+        if not known.qualities and words:
+            with suppress(ValueError):
+                return known._replace(qualities=qualities_in(words))
+        return known
 
-    def _brought_up(self, connection: Any) -> Callable[[bytes], bytes] | None:
+    def _brought_up(self, connection: Connection) -> Callable[[bytes], bytes] | None:
         """What brings messages of other versions up to now."""
-        topic, kind = connection.topic, connection.msgtype
-        if not self.is_outdated(topic):
+        topic, kind = connection.topic, connection.kind
+        digest = connection.digest or self._connections[topic].digest
+        if not _is_outdated(connection._replace(digest=digest)):
             return None
-        bring = bringing_up(kind, connection.msgdef.data)
+        bring = bringing_up(kind, connection.definition or self._connections[topic].definition)
         if bring is None:
             raise DataError(
                 f"{self.path} was recorded by another version of this program, whose {kind.split('/')[-1]} "
@@ -282,7 +340,7 @@ class BagReader:
 
     def close(self) -> None:
         """Close the files."""
-        self._reader.close()
+        self._stack.close()
 
     def __enter__(self) -> BagReader:
         return self
@@ -293,5 +351,9 @@ class BagReader:
         self.close()
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__
+def _is_outdated(connection: Connection) -> bool:
+    store, kind = bag_typestore(), connection.kind
+    if not kind.startswith(f"{PACKAGE}/") or kind not in store.types:
+        return False
+    digest = digest_of(connection)
+    return digest != UNKNOWN_DIGEST and digest != store.hash_rihs01(kind)

@@ -11,7 +11,8 @@ from panoptic_ros.io.files import write_json
 from panoptic_ros.io.folders import whole_folder
 from panoptic_ros.io.frame_stream import CutFileWarning, read_frames
 from panoptic_ros.io.salvage import repair
-from panoptic_ros.io.salvage.repair import READERS, Repair
+from panoptic_ros.io.salvage.repair import Repair
+from panoptic_ros.io.storages import is_storage
 from panoptic_ros.io.takes import OPEN, is_recorded_now, mark_saved, unclosed_takes
 
 MOST_NAMED = 3  # takes; `panoptic doctor` names all
@@ -109,4 +110,4 @@ def _folders(source: Path) -> list[Path]:
 
 
 def _has_bag(folder: Path) -> bool:
-    return folder.is_dir() and any(path.suffix in READERS for path in folder.iterdir())
+    return folder.is_dir() and any(is_storage(path) for path in folder.iterdir())

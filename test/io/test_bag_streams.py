@@ -101,13 +101,3 @@ def test_first_record_skips_a_few_bad_ones(tmp_path, bag):
     useless = rewritten(tmp_path / "c", bag, lambda topic, number, data: data[:6])
     with BagReader(useless) as reader, pytest.raises(DataError, match="/cam0/detections"):
         streams(useless)[0].first_record(reader)
-
-
-@pytest.mark.parametrize("index", [True, False])
-def test_one_reader_or_several_give_the_same(bag, monkeypatch, index):
-    """A bag whose topics cannot be read side by side is opened once for each."""
-    expected = [item.data for item in messages(streams(bag), refuse)]
-    opened = []
-    monkeypatch.setattr(BagReader, "interleaves", property(lambda self: opened.append(self) or index))
-    assert [item.data for item in messages(streams(bag), refuse)] == expected
-    assert len(opened) == 1

@@ -28,7 +28,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "solving": {"numpy"},
     "identity": {"numpy", "scipy"},
     "graph": {"numpy"},
-    "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "tomli"},
+    "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "tomli", "backports", "compression"},
     "capture": {"numpy", "cv2", "av"},
     "export": {"numpy", "websockets"},  # the last for the live stream of bodies
     "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits", "websockets"},  # the last in page/

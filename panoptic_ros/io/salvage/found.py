@@ -1,26 +1,36 @@
 """What salvaging finds in a file."""
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections import Counter
 from typing import NamedTuple
 
 from panoptic_ros.io.bag_connections import Connection
 
 
 class Message(NamedTuple):
-    """A whole message: when it was recorded (ns), and its CDR bytes."""
+    """A whole message: when it was recorded (ns), and its bytes."""
 
     connection: Connection
     stamp_ns: int
     data: bytes
 
 
-@dataclass
 class Losses:
-    """What could not be read of a file, one line each; none: it is whole."""
+    """Losses of a bag, one line each; a whole bag has none."""
 
-    lines: list[str] = field(default_factory=list)
+    def __init__(self) -> None:
+        self._lines: list[str] = []
+        self._counts: Counter[tuple[str, str]] = Counter()  # by file and what is lost of it
+
+    @property
+    def lines(self) -> list[str]:
+        """Return all lines, those with counts at the end."""
+        return self._lines + [f"{name}: {count} {what}" for (name, what), count in self._counts.items()]
 
     def add(self, line: str) -> None:
-        """One more."""
-        self.lines.append(line)
+        """Add a line."""
+        self._lines.append(line)
+
+    def count(self, name: str, what: str) -> None:
+        """Count one more loss of a file."""
+        self._counts[name, what] += 1

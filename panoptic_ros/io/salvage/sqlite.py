@@ -7,10 +7,9 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from rosbags.rosbag2.metadata import parse_qos
-
-from panoptic_ros.io.bag_connections import Connection
 from panoptic_ros.io.salvage.found import Losses, Message
+from panoptic_ros.io.salvage.mcap import left_out, odd_quality
+from panoptic_ros.io.storages.sqlite import JOURNALS, topics_of
 
 LONGEST_STEP = 2**40  # row numbers that are passed over behind a damaged one, at most
 
@@ -26,7 +25,7 @@ def sqlite_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Messa
     """
     with tempfile.TemporaryDirectory(prefix="panoptic-repair-", dir=scratch) as folder:
         copy = Path(folder, path.name)
-        for suffix in ("", "-wal", "-journal"):
+        for suffix in ("", *JOURNALS):
             if (part := path.with_name(path.name + suffix)).exists():
                 shutil.copyfile(part, copy.with_name(copy.name + suffix))
         _cut_to_pages(copy)
@@ -50,7 +49,9 @@ def _cut_to_pages(path: Path) -> None:
 
 
 def _messages(base: sqlite3.Connection, name: str, losses: Losses) -> Iterator[Message]:
-    connections = _connections(base)
+    topics = topics_of(base)
+    for topic, _ in topics.odd:
+        losses.add(odd_quality(name, topic))
     last, step, damaged = 0, 1, 0
     while step <= LONGEST_STEP:
         try:
@@ -60,7 +61,11 @@ def _messages(base: sqlite3.Connection, name: str, losses: Losses) -> Iterator[M
             for number, topic, stamp, data in rows:
                 if number <= last:  # pages that lead back to others
                     raise sqlite3.DatabaseError("rows are not in order")
-                message = Message(connections[topic], int(stamp), bytes(data))
+                if (other := topics.foreign.get(topic)) is not None:
+                    losses.count(name, left_out(other))
+                    last, step = number, 1
+                    continue
+                message = Message(topics.known[topic], int(stamp), bytes(data))
                 last, step = number, 1
                 yield message
             break
@@ -79,20 +84,3 @@ def _is_damaged(base: sqlite3.Connection) -> bool:
     except sqlite3.DatabaseError:
         return True
 
-
-def _connections(base: sqlite3.Connection) -> dict[int, Connection]:
-    """By number of the topic."""
-    columns = {row[1] for row in base.execute("PRAGMA table_info(topics)")}
-    definitions: dict[str, str] = {}
-    if base.execute("PRAGMA table_info(message_definitions)").fetchall():
-        definitions = dict(
-            base.execute("SELECT topic_type, encoded_message_definition FROM message_definitions").fetchall()
-        )
-    wanted = ("offered_qos_profiles", "type_description_hash")
-    more = ", ".join(name if name in columns else f"'' AS {name}" for name in wanted)
-    return {
-        number: Connection(
-            topic, kind, definitions.get(kind, ""), digest or "", tuple(parse_qos(qos)) if qos else ()
-        )
-        for number, topic, kind, qos, digest in base.execute(f"SELECT id, name, type, {more} FROM topics")
-    }

@@ -131,11 +131,13 @@ class _Player:
         self._node, self._executor, self._bags = node, executor, bags
         self._options, self._stop = options, stop
         self._latched = {c.topic for c in connections if is_latched(c)}
-        begin_ns = min(
+        stamps = [
             stamp for bag in bags
             for _, stamp, _, _ in bag.first(*(t for t in node.topics if t not in self._latched))
-        )  # fmt: skip
-        self._first_ns = begin_ns + round(options.start_s * SECOND)
+        ]  # fmt: skip
+        if not stamps:
+            raise DataError("only latched topics can be published here; install the messages of the others")
+        self._first_ns = min(stamps) + round(options.start_s * SECOND)
         self._stamped = {connection.topic for connection in connections if connection.has_header}
         length = options.duration_s or max(bag.length_s for bag in bags) - options.start_s
         most = max(bag.counts[topic] for bag in bags for topic in bag.topics)

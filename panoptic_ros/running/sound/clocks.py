@@ -12,7 +12,7 @@ from panoptic_ros.capture import find_media, folder_stamps, starts_of_files, vid
 from panoptic_ros.capture.sound import folder_sounds, known_tracks, open_sound, track_sound
 from panoptic_ros.domain import AudioBlock, Rig, StampLine
 from panoptic_ros.errors import DataError, UsageError
-from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.bags import BagReader, is_bag
 from panoptic_ros.io.rigs import find_rig, read_rig
 from panoptic_ros.offsets.sound import HeardClocks, SoundClocks, SoundClocksConfig
 from panoptic_ros.offsets.sound.passes import APART
@@ -103,7 +103,7 @@ def recorded_sound(path: Path) -> tuple[list[Recorder], Rig | None]:
     """
     if not path.exists():
         raise DataError(f"{path} does not exist")
-    if (path / "metadata.yaml").exists() or path.suffix == ".mcap":
+    if is_bag(path):
         with ExitStack() as stack:
             streams = sound_streams([stack.enter_context(BagReader(path))])
         found = [recorder_of(stream) for stream in streams]

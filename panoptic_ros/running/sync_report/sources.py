@@ -11,7 +11,7 @@ from panoptic_ros.capture import VIDEO_SUFFIXES, places_in
 from panoptic_ros.capture.sound import known_tracks, read_sound
 from panoptic_ros.domain import TimecodeReading
 from panoptic_ros.errors import DataError, UsageError
-from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.bags import BagReader, is_bag
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.stamps import StampTable, read_stamps, stamp_file
 from panoptic_ros.io.synctables import read_synctables
@@ -50,7 +50,7 @@ class Sources:
 
 
 def collect(path: Path) -> Sources:
-    """Read a bag (a folder with metadata.yaml, or an MCAP file), a capture folder, or a file.
+    """Read a bag (its folder, or one of its files), a capture folder, or a file.
 
     Raises:
         DataError: if nothing in it tells of time.
@@ -58,7 +58,7 @@ def collect(path: Path) -> Sources:
     if not path.exists():
         raise DataError(f"{path} does not exist")
     sources = Sources()
-    if (path / "metadata.yaml").exists() or path.suffix == ".mcap":
+    if is_bag(path):
         _read_bag(path, sources)
     else:
         for place in places_in(path):

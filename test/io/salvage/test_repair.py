@@ -1,12 +1,16 @@
 """Bags that were cut anywhere come back with all that is whole, and open everywhere."""
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 
 import captures
 import numpy as np
 import pytest
+import yaml
+from backports import zstd
+from mcap_files import Channel, Layout, text, write_mcap
 from recordings import write_bag
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 
@@ -208,3 +212,98 @@ def test_damaged_words_of_qos_are_told_once_and_cost_no_message(tmp_path):
     found, lines = found_in(path, tmp_path)
     assert found == [("/a", k, data) for k in range(5)]
     assert len([line for line in lines if "the QoS of /a" in line]) == 1
+
+
+ROWS = [(k % 2, 100 + k, text(f"message {k} " + "x" * 200)) for k in range(30)]
+TOPICS = [Channel("/a"), Channel("/b")]
+
+
+@pytest.mark.parametrize("compression", ["zstd", ""])
+def test_a_damaged_chunk_costs_itself_alone(tmp_path, compression):
+    path = write_mcap(tmp_path / "x.mcap", TOPICS, ROWS, Layout(compression=compression, chunk=10))
+    whole, mark = bytearray(path.read_bytes()), zstd.compress(b"")[:4] if compression else b"message 10"
+    at = whole.find(mark, whole.find(mark) + 4) if compression else whole.find(mark) - 60
+    whole[at + 8 : at + 40] = bytes(32)
+    path.write_bytes(whole)
+    made = repair(path, tmp_path / "new")
+    assert [row[1] for row in content(tmp_path / "new")] == [*range(100, 110), *range(120, 130)]
+    assert len(made.lost) == 1 and "which are damaged" in made.lost[0] and "\n" not in made.lost[0]
+
+
+def test_messages_that_are_no_cdr_are_left_out_and_counted(tmp_path):
+    topics = [
+        *TOPICS, Channel("/json", "json", "Thing", "jsonschema", "{}"), Channel("/bare", kind=""),
+        Channel("/proto", "protobuf", "foxglove.Thing", "protobuf"),
+        Channel("/one", "ros1", "a/B", "ros1msg"), Channel("/false"),
+    ]  # fmt: skip
+    rows = [*ROWS, *((2 + k % 5, 300 + k, b'{"a": 1}') for k in range(20))]
+    made = repair(write_mcap(tmp_path / "x.mcap", topics, rows), tmp_path / "new")
+    assert made.counts == {"/a": 15, "/b": 15} and len(content(tmp_path / "new")) == 30
+    told = ("/json, which are JSON", "/bare, which are CDR of no stated type", "/proto, which are protobuf",
+            "/one, which are ROS 1", "/false, which are no CDR")  # fmt: skip
+    assert sorted(made.lost) == sorted(f"x.mcap: 4 messages on {words}" for words in told)
+
+
+def test_a_serialization_that_sqlite_states_and_words_that_are_no_qos(tmp_path):
+    text_bag(tmp_path / "bag", StoragePlugin.SQLITE3)
+    base = sqlite3.connect(only_file(tmp_path / "bag"))
+    base.execute("UPDATE topics SET serialization_format = 'json' WHERE name = '/b'")
+    base.execute("UPDATE topics SET offered_qos_profiles = 'no: [qos'")
+    base.commit()
+    base.close()
+    made = repair(tmp_path / "bag", tmp_path / "new")
+    assert made.counts == {"/a": 40} and {row[0] for row in content(tmp_path / "new")} == {"/a"}
+    assert "the QoS of /a" in made.lost[0] and "20 messages on /b, which are JSON" in made.lost[1]
+
+
+@pytest.mark.parametrize("damage", ["cut", "spoilt"])
+def test_a_packed_file_gives_its_front(tmp_path, damage):
+    expected = text_bag(tmp_path / "bag", size=9000)
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    path = only_file(tmp_path / "bag")
+    packed = bytearray(zstd.compress(path.read_bytes()))
+    path.unlink()
+    at = 3 * len(packed) // 4
+    packed[at:] = b"" if damage == "cut" else b"\xff" * (len(packed) - at)
+    (tmp_path / "bag" / f"{path.name}.zstd").write_bytes(packed)
+    made = repair(tmp_path / "bag", tmp_path / "new")
+    back = content(tmp_path / "new")
+    assert back == expected[: len(back)] and len(back) > COUNT // 4
+    assert ("it was cut" if damage == "cut" else "it is damaged") in made.lost[0]
+
+
+def test_a_packed_message_that_is_damaged_costs_itself_alone(tmp_path):
+    rows = [(0, k, zstd.compress(text(f"message {k}"))) for k in range(5)]
+    rows[2] = (0, 2, rows[2][2][:4] + b"\xff" * 9)
+    made = repair(write_mcap(tmp_path / "x.mcap", TOPICS[:1], rows), tmp_path / "new")
+    assert [row[1] for row in content(tmp_path / "new")] == [0, 1, 3, 4]
+    assert made.lost == ("x.mcap: 1 messages on /a, which are no CDR",)
+
+
+def test_what_the_metadata_tell_of_and_is_not_there_is_told(tmp_path):
+    text_bag(tmp_path / "bag")
+    path = tmp_path / "bag" / "metadata.yaml"
+    document = yaml.safe_load(path.read_text())
+    about = document["rosbag2_bagfile_information"]
+    about["topics_with_message_count"][0]["message_count"] += 7
+    path.write_text(yaml.safe_dump(document))
+    made = repair(tmp_path / "bag", tmp_path / "new")
+    assert made.lost == ("metadata.yaml counts 67 messages, there are 60: /a 40 of 47",)
+    about["relative_file_paths"].append("bag_1.mcap")
+    path.write_text(yaml.safe_dump(document))
+    made = repair(tmp_path / "bag", tmp_path / "new2")
+    assert made.lost == ("bag_1.mcap: all of it, as it is not there, and metadata.yaml names it",)
+
+
+def test_channels_of_one_topic_that_differ_go_into_one(tmp_path):
+    digests = (("topic_type_hash", "RIHS01_" + 64 * digit) for digit in "12")
+    topics = [Channel("/a", about=(digest,)) for digest in digests]
+    made = repair(write_mcap(tmp_path / "x.mcap", topics, ROWS), tmp_path / "new")
+    assert made.counts == {"/a": 30} and made.lost == () and len(content(tmp_path / "new")) == 30
+
+
+def test_a_bag_of_ros_1_names_the_remedy(tmp_path):
+    (tmp_path / "take.bag").write_bytes(b"#ROSBAG V2.0\n")
+    for source in (tmp_path, tmp_path / "take.bag"):
+        with pytest.raises(DataError, match="take.bag is a bag of ROS 1; .*rosbags-convert"):
+            repair(source, tmp_path / "new")

@@ -5,6 +5,7 @@ import time
 
 import captures
 import pytest
+from mcap_files import Channel, text, write_mcap
 from recordings import write_bag
 
 rclpy = pytest.importorskip("rclpy")
@@ -118,6 +119,15 @@ def test_what_is_not_there_is_told(people):
         replay([people], ReplayOptions(begin="skeleton"), lambda line: None)
     with pytest.raises(DataError, match="more than one"):
         replay([people, people], ReplayOptions(), lambda line: None)
+
+
+def test_data_that_cannot_be_published_end_in_one_line(tmp_path):
+    topics = [Channel("/tf_static"), Channel("/fruit", kind="fruit_msgs/msg/Basket")]
+    path = write_mcap(tmp_path / "x.mcap", topics, [(0, 1, text("a")), (1, 2, text("b"))])
+    told = []
+    with pytest.raises(DataError, match="only latched topics can be published here"):
+        replay([path], ReplayOptions(), told.append)
+    assert told == ["/fruit is left out: its messages, fruit_msgs/msg/Basket, are not installed here"]
 
 
 def test_a_graph_that_begins_later_needs_less():

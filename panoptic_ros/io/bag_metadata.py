@@ -1,0 +1,111 @@
+"""metadata.yaml of a bag: its files, and what it states about their topics."""
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path, PurePath
+from typing import Any, NamedTuple
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.loading import MIB, parsing
+from panoptic_ros.io.storages import is_storage, packed_name
+
+NAME = "metadata.yaml"
+# bytes and values; 480 cameras with eight topics each have 2 MB and 100 000
+LARGEST_METADATA, MOST_VALUES = 16 * MIB, 1_000_000
+
+
+class BagMetadata(NamedTuple):
+    """Contents of the file.
+
+    Args:
+        files: names, in the order of recording. counts: messages by topic. digests: RIHS01 by topic.
+        qualities: by topic, see `bag_connections.qualities_in`.
+    """
+
+    files: tuple[str, ...] = ()
+    counts: Mapping[str, int] = {}
+    digests: Mapping[str, str] = {}
+    qualities: Mapping[str, Any] = {}
+
+
+class BagFiles(NamedTuple):
+    """The files of a bag that are there, and a line for each that is missing or not named."""
+
+    paths: tuple[Path, ...]
+    problems: tuple[str, ...]
+
+
+def read_metadata(folder: Path) -> BagMetadata:
+    """Read the file of a folder.
+
+    Raises:
+        DataError: in one line, if it is not there or cannot be read.
+    """
+    path = folder / NAME
+    if not path.is_file():
+        raise DataError(f"it has no {NAME}")
+    document = read_yaml(path, LARGEST_METADATA, MOST_VALUES)
+    with parsing(path):
+        told = document["rosbag2_bagfile_information"]
+        counts: Counter[str] = Counter()
+        digests: dict[str, str] = {}
+        qualities: dict[str, Any] = {}
+        for row in told["topics_with_message_count"]:
+            about: Any = row["topic_metadata"]
+            topic = str(about["name"])
+            counts[topic] += int(row["message_count"])
+            digests[topic] = str(about.get("type_description_hash") or "")
+            qualities[topic] = about.get("offered_qos_profiles")
+        names = tuple(PurePath(str(name)).name for name in told["relative_file_paths"])
+    return BagMetadata(names, counts, digests, qualities)
+
+
+def files_in(folder: Path) -> list[Path]:
+    """Return the files of bags in a folder; a packed one only where the same is not there unpacked."""
+    found = sorted(path for path in folder.iterdir() if is_storage(path) and path.is_file())
+    names = {path.name for path in found}
+    return [path for path in found if packed_name(path) == path.name or packed_name(path) not in names]
+
+
+def chosen_files(folder: Path, metadata: BagMetadata) -> BagFiles:
+    """Return the files that a bag's metadata name, packed or not; all there are if none of these is there.
+
+    Raises:
+        DataError: if there are none.
+    """
+    there = {packed_name(path): path for path in files_in(folder)}
+    wanted = [packed_name(Path(name)) for name in metadata.files]
+    named = [there[name] for name in wanted if name in there]
+    missing = [name for name in wanted if name not in there]
+    others = [path.name for name, path in there.items() if name not in wanted]
+    if not there:
+        raise DataError(f"the files that {NAME} names are not there: {_list(missing) or 'it names none'}")
+    if not named:
+        told = f"{NAME} names {_list(missing) or 'no file'}, which is not there; {_list(others)} is read"
+        return BagFiles(tuple(there.values()), (told,))
+    problems = [f"{_list(missing)} is missing, which {NAME} names"] if missing else []
+    if others:
+        told = f"{_list(others)} is not read, as {NAME} does not name it"
+        problems.append(f"{told}; `panoptic bag repair` reads it")
+    return BagFiles(tuple(named), tuple(problems))
+
+
+def count_difference(stated: Mapping[str, int], there: Mapping[str, int]) -> str:
+    """Return a line about messages that metadata count and that are not there, or the reverse; "" if none.
+
+    Args:
+        stated, there: messages by topic.
+    """
+    odd = [topic for topic in stated if stated[topic] != there.get(topic, 0)]
+    if not odd:
+        return ""
+    told = [f"{topic} {there.get(topic, 0)} of {stated[topic]}" for topic in odd]
+    return f"{NAME} counts {sum(stated.values())} messages, there are {sum(there.values())}: {_list(told)}"
+
+
+def _list(words: list[str], most: int = 3) -> str:
+    """Return the first ones, separated by commas."""
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + more
