@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, fields, replace
 from itertools import islice
 from pathlib import Path
@@ -16,6 +16,7 @@ from panoptic_ros.io.cdr_heads import stamp_in, with_stamp
 from panoptic_ros.io.foreign_people import ForeignPeople
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message, stamp_of
 from panoptic_ros.io.messages.bodies import read_imu
+from panoptic_ros.io.messages.encodings import Shown, shown_by
 from panoptic_ros.io.messages.family import decode_cdr
 
 SECOND = 1_000_000_000
@@ -25,6 +26,7 @@ DEPTH_KEYS = ("compressed_depth", "depth")  # of a camera that has both, the las
 SENSOR_KEYS = ("compressed_sensor_depth", "sensor_depth")  # the same of a depth sensor
 TRACKS_KEY = "patch_tracks"
 SOUND_KEY = "audio"
+IMAGE_KEY = "image"
 IMU_KEY = "imu"
 LOOKED_AT = 20  # messages that tell the rate
 
@@ -41,6 +43,7 @@ class BagStream:
         from_sample: of sound: blocks that end before it are left out.
         line: corrects the stamps; what would lie before 0 is left out.
         people: the messages are 2D people of another stack.
+        encoding: of images, in place of what they say.
     """
 
     bag: Path
@@ -52,6 +55,7 @@ class BagStream:
     from_sample: int = 0
     line: StampLine | None = None
     people: ForeignPeople | None = None
+    encoding: str = ""
 
     @classmethod
     def from_words(cls, words: Mapping[str, Any]) -> BagStream:
@@ -119,7 +123,7 @@ class BagStream:
                 return self._own(from_message(message, "PatchTracks"))
             if self.key in (*DEPTH_KEYS, *SENSOR_KEYS):
                 return depth_frame_from_message(message, self.camera, number)
-            return frame_from_message(message, self.camera, number)
+            return frame_from_message(message, self.camera, number, self.encoding)
         except DataError as error:
             raise self._named(error) from None
 
@@ -148,6 +152,16 @@ class BagStream:
             except DataError as error:
                 problem = error
         raise problem
+
+    def shown_encoding(self, bag: BagReader) -> Shown:
+        """Return what the first raw images show of their encoding, unless it is given."""
+        if self.key != IMAGE_KEY or self.encoding:
+            return Shown("", "")
+        for item in islice(self.messages(bag), TRIES):
+            with suppress(DataError):
+                if isinstance(item, BagMessage) and (shown := shown_by(item.message, self.topic)):
+                    return shown
+        return Shown("", "")
 
     def first_stamps(self, bag: BagReader) -> list[int]:
         """Stamps of the first messages, ns."""

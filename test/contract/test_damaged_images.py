@@ -17,7 +17,7 @@ from panoptic_ros.io.messages import (
     frame_from_message,
     image_message,
 )
-from panoptic_ros.io.messages.images import ENCODINGS
+from panoptic_ros.io.messages.encodings import ENCODINGS
 
 EACH = 400  # messages
 CAMERA = captures.RIG.cameras[0]

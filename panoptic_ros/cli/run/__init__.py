@@ -28,6 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="with --bag: a camera's topic, where it does not tell by its name")  # fmt: skip
     parser.add_argument("--depth-topic", action="append", default=[], metavar="CAMERA=TOPIC",
                         help="with --bag: the same for the depth maps of a camera")  # fmt: skip
+    parser.add_argument("--encoding", action="append", default=[], metavar="[CAMERA=]ENCODING",
+                        help="with --bag: of images, in place of what they say, e.g. yuyv")  # fmt: skip
     parser.add_argument("--arrival-stamps", action="store_true",
                         help="with --bag: times of recording in place of the stamps in headers")  # fmt: skip
     parser.add_argument("--redetect", action="store_true",

@@ -5,6 +5,7 @@ import argparse
 from pathlib import Path
 
 from panoptic_ros.cli.options import names, pairs
+from panoptic_ros.errors import UsageError
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.running.plans.bag_plan import plan_bags
 from panoptic_ros.running.plans.bag_topics import BagChoice
@@ -57,5 +58,14 @@ def make_plan(args: argparse.Namespace) -> Plan:
 def _choice(args: argparse.Namespace) -> BagChoice:
     return BagChoice(
         names(args.cameras), pairs(args.topic, "--topic"), pairs(args.depth_topic, "--depth-topic"),
-        args.arrival_stamps, args.redetect,
+        args.arrival_stamps, args.redetect, _encodings(args.encoding),
     )  # fmt: skip
+
+
+def _encodings(texts: list[str]) -> dict[str, str]:
+    """Encodings by camera; one alone is that of all others."""
+    for_all = [text for text in texts if "=" not in text]
+    if len(for_all) > 1:
+        raise UsageError(f"--encoding says {' and '.join(for_all)}; write CAMERA=ENCODING")
+    named = pairs([text for text in texts if "=" in text], "--encoding")
+    return named | ({"": for_all[0]} if for_all else {})

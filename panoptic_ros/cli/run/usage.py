@@ -12,6 +12,7 @@ _FILES = ("capture", "demo", "video")
 _MEANS_SOMETHING_FOR = {
     "arrival_stamps": ("bag",),
     "depth_topic": ("bag",),
+    "encoding": ("bag",),
     "cameras": ("capture", "demo", "bag"),
     "fixed_frame": ("topics",),
     "frame_rate": (*_FILES, "device"),

@@ -56,12 +56,18 @@ def byte_array(message: Any) -> Array:
 def pixel_rows(message: Any, pixel_bytes: int, what: str) -> Array:
     """The bytes (height, width * pixel_bytes) of an Image without the padding at the ends of its rows.
 
+    Padding may be missing behind the last row, and `step` may be 0 where there is none.
+
     Raises:
         DataError: if its data have another length.
     """
     data = byte_array(message)
-    width, height, step = int(message.width), int(message.height), int(message.step)
-    if not width or not height or step < width * pixel_bytes or data.size != step * height:
+    width, height = int(message.width), int(message.height)
+    step = int(message.step) or width * pixel_bytes
+    padding = step - width * pixel_bytes
+    if padding and data.size == step * height - padding:
+        data = np.pad(data, (0, padding))
+    if not width or not height or padding < 0 or data.size != step * height:
         raise DataError(
             f"{what}: {width} x {height} {message.encoding} with step {step} cannot have {data.size} bytes"
         )

@@ -13,6 +13,7 @@ from panoptic_ros.io.pictures import decode_picture
 
 Array = np.ndarray
 _KINDS = {"16UC1": np.uint16, "32FC1": np.float32}
+_NAMES = {"16UC1": "16UC1", "MONO16": "16UC1", "32FC1": "32FC1"}  # as drivers write them
 _KNOWN = "16UC1 (mm), 32FC1 (m)"
 _SIZE = struct.Struct("<II")  # of RVL
 MOST_PIXELS = 2**26
@@ -35,9 +36,10 @@ def depth_from_message(message: Any, camera: str) -> Array:
 
 
 def _unpacked(message: Any, what: str) -> Array:
-    encoding = str(message.encoding)
-    if encoding not in _KINDS:
-        raise DataError(f"{what} has encoding {encoding!r}; supported: {_KNOWN}")
+    stated = str(message.encoding)
+    encoding = _NAMES.get("".join(stated.split()).upper(), "")
+    if not encoding:
+        raise DataError(f"{what} has encoding {stated[:40]!r}; supported: {_KNOWN}")
     kind = np.dtype(_KINDS[encoding]).newbyteorder(">" if message.is_bigendian else "<")
     rows = pixel_rows(message, kind.itemsize, what)
     return _metres(np.ascontiguousarray(rows).view(kind), encoding)

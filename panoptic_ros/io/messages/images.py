@@ -10,22 +10,16 @@ from panoptic_ros.domain import Camera, DepthFrame, Preview, ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.distortion_models import DISTORTION_MODELS
-from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
+from panoptic_ros.io.messages.arrays import byte_array
 from panoptic_ros.io.messages.depths import depth_from_message
+from panoptic_ros.io.messages.encodings import bgr_of, encoding_of, is_mosaic, picture_of, stretched
 from panoptic_ros.io.messages.family import Messages, stamp_of
+from panoptic_ros.io.messages.videos import REMEDY
 from panoptic_ros.io.pictures import decode_picture
 
 Array = np.ndarray
-_CHANNELS = {"bgr8": 3, "8UC3": 3, "rgb8": 3, "bgra8": 4, "rgba8": 4, "mono8": 1, "8UC1": 1,
-             "bayer_rggb8": 1, "bayer_bggr8": 1, "bayer_gbrg8": 1, "bayer_grbg8": 1,
-             "yuv422_yuy2": 2, "yuv422": 2}  # fmt: skip
-_TO_BGR = {"rgb8": "COLOR_RGB2BGR", "bgra8": "COLOR_BGRA2BGR", "rgba8": "COLOR_RGBA2BGR",
-           "mono8": "COLOR_GRAY2BGR", "8UC1": "COLOR_GRAY2BGR",
-           "bayer_rggb8": "COLOR_BayerRGGB2BGR", "bayer_bggr8": "COLOR_BayerBGGR2BGR",
-           "bayer_gbrg8": "COLOR_BayerGBRG2BGR", "bayer_grbg8": "COLOR_BayerGRBG2BGR",
-           "yuv422_yuy2": "COLOR_YUV2BGR_YUY2", "yuv422": "COLOR_YUV2BGR_UYVY"}  # fmt: skip
 OPTICAL = "_optical_frame"
-ENCODINGS = tuple(_CHANNELS)  # of raw images
+VIDEO_FORMATS = ("h264", "h265", "hevc", "av1", "vp8", "vp9", "mpeg4")  # packets of videos in CompressedImage
 
 
 def optical_frame(camera: str) -> str:
@@ -133,12 +127,16 @@ def frame_from_message(message: Any, camera: str, frame_number: int, encoding: s
     """A frame from Image or CompressedImage; the message has no number, so the caller counts.
 
     Args:
-        encoding: of raw images, in place of what the message says.
+        encoding: overrides what the message states; of compressed images only that of a mosaic counts.
 
     Raises:
         DataError: on encodings that are not supported, wrong lengths or broken JPEG.
     """
-    image = _decode(message, camera) if hasattr(message, "format") else _unpack(message, camera, encoding)
+    what = f"image of camera {camera}"
+    if hasattr(message, "format"):
+        image = _decode(message, camera, encoding)
+    else:
+        image = picture_of(message, what, encoding)
     return ViewFrame(camera, stamp_of(message.header), frame_number, image)
 
 
@@ -151,29 +149,24 @@ def depth_frame_from_message(message: Any, camera: str, frame_number: int) -> De
     return DepthFrame(camera, stamp_of(message.header), frame_number, depth_from_message(message, camera))
 
 
-def _decode(message: Any, camera: str) -> Array:
+def _decode(message: Any, camera: str, encoding: str) -> Array:
     import cv2  # see above
 
-    image = decode_picture(byte_array(message), cv2.IMREAD_COLOR, f"compressed image of camera {camera}")
+    what, stated = f"compressed image of camera {camera}", str(message.format)
+    raw, _, packed = stated.lower().partition(";")
+    # image_transport leaves mosaics as they are in a picture of one channel, where it names no other one
+    mosaic = encoding or (raw if packed.strip().endswith(("compressed", raw.strip())) else "")
+    flags = (cv2.IMREAD_GRAYSCALE if is_mosaic(mosaic) else cv2.IMREAD_COLOR) | cv2.IMREAD_ANYDEPTH
+    image = decode_picture(byte_array(message), flags, what)
     if image is None:
-        raise DataError(f"compressed image of camera {camera} ({message.format!r}) cannot be decoded")
-    return image
-
-
-def _unpack(message: Any, camera: str, encoding: str) -> Array:
-    width, height = int(message.width), int(message.height)
-    encoding = encoding or str(message.encoding)
-    if encoding not in _CHANNELS:
-        raise DataError(
-            f"image of camera {camera} has encoding {encoding!r}; supported: {', '.join(_CHANNELS)}"
-        )
-    rows = pixel_rows(message, _CHANNELS[encoding], f"image of camera {camera}")
-    pixels = rows.reshape(height, width, -1)
-    if encoding in _TO_BGR:
-        import cv2  # see above
-
-        return cv2.cvtColor(np.ascontiguousarray(pixels), getattr(cv2, _TO_BGR[encoding]))
-    return pixels
+        hint = f", as it is video; {REMEDY}" if raw.strip() in VIDEO_FORMATS else ""
+        raise DataError(f"{what} ({stated!r}) cannot be decoded{hint}")
+    if image.dtype != np.uint8 and image.dtype != np.uint16:
+        raise DataError(f"{what} ({stated!r}) has {image.dtype} values, expected 8 or 16 bits")
+    if is_mosaic(mosaic):
+        form = encoding_of(mosaic, what)
+        return bgr_of(image[..., None], form._replace(size=image.dtype.itemsize, bits=0), what)
+    return image if image.dtype == np.uint8 else stretched(image)
 
 
 def camera_info_message(camera: Camera, stamp_ns: int, family: Messages) -> Any:

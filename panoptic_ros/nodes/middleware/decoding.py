@@ -3,32 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
+from panoptic_ros.domain import ViewFrame
+from panoptic_ros.errors import DataError
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message
 from panoptic_ros.io.messages.bodies import imu_of_numbers, read_imu
+from panoptic_ros.io.messages.encodings import shown_by
 from panoptic_ros.nodes.middleware.audio_common import AudioDataReader
 from panoptic_ros.nodes.middleware.packets import numbers_of, stamp_in
 
 Decoder = Callable[[Any, int], Any]  # (message, how many came before it): the record
 PackedDecoder = Callable[[bytes], Any]  # bytes of a message: the record; None: take the message itself
 IMU_NUMBERS = 37  # of a sensor_msgs/Imu
+LOOKS = 30  # images, of which one at least has details; cameras begin with dark ones
 
 
 def decoder_of(
-    topic: str, owner: str, audio_rate: int, audio_channels: int, encoding: str = ""
-) -> Decoder:
+    topic: str, owner: str, audio_rate: int, audio_channels: int, encoding: str = "",
+    tell: Callable[[str], None] | None = None,
+) -> Decoder:  # fmt: skip
     """What makes records of the messages of a topic of a camera or device.
 
     Args:
         topic: key of `TOPICS`.
         audio_rate, audio_channels: of messages that do not tell, Hz.
         encoding: of raw images, in place of what their messages say.
+        tell: called once with a line, where the first raw images show another encoding than they state, or
+            one is assumed; all are taken so. None: images are taken as they state.
     """
     record = TOPICS[topic].record
     if record == "ViewFrame":
-        return lambda message, number: frame_from_message(message, owner, number, encoding)
+        return _Images(owner, encoding, tell)
     if record == "DepthFrame":
         return lambda message, number: depth_frame_from_message(message, owner, number)
     if record == "ImuSample":
@@ -37,6 +45,29 @@ def decoder_of(
         reader = AudioDataReader(owner, audio_rate, audio_channels)
         return lambda message, number: reader.block(message)
     return lambda message, number: from_message(message, record)
+
+
+class _Images:
+    """Frames of a camera; see `decoder_of`."""
+
+    def __init__(self, owner: str, encoding: str, tell: Callable[[str], None] | None):
+        self._owner, self._encoding, self._tell = owner, encoding, tell
+        self._looks = 0 if encoding or tell is None else LOOKS
+
+    def __call__(self, message: Any, number: int) -> ViewFrame:
+        if self._looks and hasattr(message, "encoding"):
+            self._look(message)
+        return frame_from_message(message, self._owner, number, self._encoding)
+
+    def _look(self, message: Any) -> None:
+        """Look at the encoding that an image shows."""
+        self._looks -= 1
+        with suppress(DataError):  # which the frame raises again
+            shown = shown_by(message, f"image of camera {self._owner}")
+            if shown is not None:
+                self._looks, self._encoding = 0, shown.encoding
+                if shown.told and self._tell is not None:
+                    self._tell(shown.told)
 
 
 def packed_decoder_of(topic: str, owner: str) -> PackedDecoder | None:

@@ -165,9 +165,9 @@ class InputChoice:
         """What the topic is called."""
         return self._renamed.get(f"{carrier} {owner}".strip(), TOPICS[carrier].of(owner))
 
-    def decoder(self, carrier: str, owner: str) -> Decoder:
-        """See `nodes.decoding`."""
-        return decoder_of(carrier, owner, *self._sound, self._encodings.get(owner, ""))
+    def decoder(self, carrier: str, owner: str, tell: Callable[[str], None] | None) -> Decoder:
+        """See `middleware.decoding`."""
+        return decoder_of(carrier, owner, *self._sound, self._encodings.get(owner, ""), tell)
 
 
 def subscribe(
@@ -227,6 +227,9 @@ def _subscribe(
     def resume() -> None:
         arrivals.paused = ""
 
+    def tell_encoding(text: str) -> None:
+        takers.tell(found, Notice("graph.encoding", "warning", text, {"device": owner}))
+
     subscription = Negotiated(
         node, message_class(row.message), choice.name(carrier, owner), take, quality,
         gives_way=live and not row.latched, tell=lambda notice: takers.tell(found, notice),
@@ -234,7 +237,7 @@ def _subscribe(
     )  # fmt: skip
     name = subscription.topic_name
     arrivals = Arrivals(topic, owner, name, _is_regular(topic, carrier), time.monotonic_ns())
-    decoder = choice.decoder(carrier, owner)
+    decoder = choice.decoder(carrier, owner, tell_encoding if live else None)
     in_order = live and row.scope == "graph" and not row.latched
     found = Input(
         topic, carrier, owner, name, message_class(row.message), decoder, arrivals,

@@ -23,12 +23,14 @@ from panoptic_ros.patches.config import PatchesConfig
 from panoptic_ros.running.plans.bag_checks import check_contents, check_stamps
 from panoptic_ros.running.plans.bag_topics import (
     BagChoice,
+    absent_told,
     depth_streams,
     image_streams,
     imu_streams,
     names_of,
     patch_streams,
     usable_streams,
+    with_encodings,
 )
 from panoptic_ros.running.plans.imu_plan import imus_in_bags, plan_imu_bags
 from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
@@ -66,10 +68,11 @@ def plan_bags(
         streams, useless = usable_streams(
             image_streams(choice, bags, asked, options.chosen_skeleton), bags, choice
         )
+        streams, encoded = with_encodings(streams, bags)
         depths, unreadable = depth_streams(choice, bags, asked, streams)
         bag_of = {s: next(bag for bag in bags if bag.path == s.bag) for s in streams}
         counts = {s.camera: bag.counts[s.topic] for s, bag in bag_of.items()}
-        absent = [name for name in asked.names if name not in counts]
+        missing = {name: absent_told(name, bags) for name in asked.names if name not in counts}
         found = asked.subset(counts)
         require_cameras(found, bool(options.subjects))
         stage = "sync" if streams[0].key == "detections" else "detection"
@@ -101,11 +104,12 @@ def plan_bags(
     return options.complete(Plan(
         f"bag {names_of(bags)}", found, skeleton, clocks.configs,
         streams=tuple(replace(s, shift_ns=clocks.shifts.get(_shifted(s), 0)) for s in every),
+        encodings={s.camera: s.encoding for s in streams if s.encoding},
         shifts=clocks.shifts, stage=stage, depth_cameras=tuple(s.camera for s in depths), extras=extras,
         frame_count=sum(counts.values()), instants=max(counts.values()), frame_rate=rate,
         notices=(
-            *(f"camera {name} of the rig is not in the bag" for name in absent if name not in useless),
-            *useless.values(), *unreadable, *clocks.notices,
+            *(line for name, line in missing.items() if name not in useless),
+            *useless.values(), *encoded, *unreadable, *clocks.notices,
         ),
     ))  # fmt: skip
 

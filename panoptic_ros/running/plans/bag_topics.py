@@ -5,12 +5,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.graph.topics import TOPICS, ros_name
 from panoptic_ros.io.bag_streams import DEPTH_KEYS, IMU_KEY, SENSOR_KEYS, TRACKS_KEY, BagStream
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.foreign_people import ForeignPeople
+from panoptic_ros.io.messages.encodings import BAYER, encoding_of, is_mosaic
 from panoptic_ros.io.messages.rpt import KIND as POSES
+from panoptic_ros.io.messages.videos import is_video, video_told
 
 KEYS = ("detections", "image", "compressed_image")  # what a run can begin with, the best first
 
@@ -25,6 +27,7 @@ class BagChoice:
         depth_topics: the same for depth maps.
         arrival_stamps: times of recording in place of the stamps in headers.
         redetect: use images, not detections.
+        encodings: of images by camera, overrides what they state; "" stands for all other cameras.
     """
 
     cameras: Sequence[str] | None = None
@@ -32,6 +35,11 @@ class BagChoice:
     depth_topics: Mapping[str, str] = field(default_factory=dict)
     arrival_stamps: bool = False
     redetect: bool = False
+    encodings: Mapping[str, str] = field(default_factory=dict)
+
+    def encoding(self, camera: str) -> str:
+        """Return the encoding of a camera; "" = the one that its images state."""
+        return self.encodings.get(camera, self.encodings.get("", ""))
 
 
 def image_streams(
@@ -46,14 +54,20 @@ def image_streams(
         DataError: if there are none, or a camera may be several topics.
     """
     given = choice.topics
-    for camera in given:
+    for camera in (*given, *filter(None, choice.encodings)):
         rig.camera(camera)  # a wrong name is told
+    for camera, encoding in choice.encodings.items():
+        encoding_of(encoding, f"--encoding {camera}".strip())
     for key in KEYS[1:] if choice.redetect else KEYS:
         found = _of_kind(choice, bags, key, rig.names, given)
         if not found and key == "detections":
             found = _foreign_people(choice, bags, rig, skeleton)
         if found:
+            _check_encodings(choice, found)
             return found
+    if videos := [video_told(topic, kind) for topic, kind in _videos(bags).items()]:
+        more = f" (so are {len(videos) - 1} more topics)" if len(videos) > 1 else ""
+        raise DataError(f"{names_of(bags)}: {videos[0]}{more}")
     missing = [topic for topic in given.values() if not any(topic in bag.topics for bag in bags)]
     lacking = f"no topic {missing[0]}" if missing else "no images and no detections"
     raise DataError(
@@ -83,6 +97,42 @@ def usable_streams(
     if not usable:
         raise next(iter(errors.values()))
     return tuple(usable), {name: f"camera {name} is left out: {error}" for name, error in errors.items()}
+
+
+def _check_encodings(choice: BagChoice, streams: Sequence[BagStream]) -> None:
+    """Check that encodings are asked for of images that state one.
+
+    Raises:
+        UsageError: if not.
+    """
+    if choice.encodings and streams[0].key == "detections":
+        raise UsageError("--encoding has no meaning for recorded detections; --redetect uses the images")
+    for stream in streams:
+        if stream.key == "compressed_image" and not is_mosaic(stream.encoding or BAYER):
+            told = f"--encoding {stream.encoding} has no meaning for {stream.topic}"
+            raise UsageError(f"{told}, whose pictures are compressed")
+
+
+def with_encodings(
+    streams: Sequence[BagStream], bags: Sequence[BagReader]
+) -> tuple[tuple[BagStream, ...], list[str]]:
+    """Return the streams with the encodings that their first images show, and lines about those."""
+    shown = [(s, s.shown_encoding(next(bag for bag in bags if bag.path == s.bag))) for s in streams]
+    lines = [found.told for _, found in shown if found.told]
+    return tuple(replace(s, encoding=s.encoding or found.encoding) for s, found in shown), lines
+
+
+def absent_told(camera: str, bags: Sequence[BagReader]) -> str:
+    """Return the line about a camera of the rig that has nothing in the bags that is read."""
+    for topic, kind in _videos(bags).items():
+        if ros_name(camera) in topic.split("/"):
+            return f"camera {camera} is left out: {video_told(topic, kind)}"
+    return f"camera {camera} of the rig is not in the bag"
+
+
+def _videos(bags: Sequence[BagReader]) -> dict[str, str]:
+    """Return the topics that hold packets of videos, with their types."""
+    return {t: kind for bag in bags for t, kind in bag.topics.items() if is_video(kind) and bag.counts[t]}
 
 
 def depth_streams(
@@ -142,7 +192,10 @@ def _of_kind(
     """The streams of one kind that there are."""
     places = {camera: _find(bags, key, camera, given.get(camera)) for camera in cameras}
     return tuple(
-        BagStream(bag.path, topic, camera, key, choice.arrival_stamps)
+        BagStream(
+            bag.path, topic, camera, key, choice.arrival_stamps,
+            encoding=choice.encoding(camera) if key in KEYS[1:] else "",
+        )
         for camera, (bag, topic) in places.items() if topic
     )  # fmt: skip
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from panoptic_ros.errors import CalibrationError, DataError, UsageError
 from panoptic_ros.io.driver_topics import DriverFile, DriverTopics, read_driver_topics
-from panoptic_ros.io.messages.images import ENCODINGS
+from panoptic_ros.io.messages.encodings import encoding_of, is_mosaic
+from panoptic_ros.io.messages.videos import is_video, video_told
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.nodes.sources.drivers import Drivers, find_drivers
 from panoptic_ros.running.plans.driver_rig import rig_by_calibration, rig_by_transforms, with_info
@@ -71,6 +72,11 @@ def plan_drivers(
     })  # fmt: skip
     notices: list[str] = []
     carriers = _carriers(file, drivers)
+    notices += [
+        f"encoding {own} of camera {name} has no meaning, as its images are compressed"
+        for name in carriers.get("compressed_image", ())
+        if (own := file.cameras[name].encoding) and not is_mosaic(own)
+    ]
     found = (
         rig_by_transforms(file, drivers, fixed_frame or file.fixed_frame, notices)
         if calibrated is None
@@ -87,10 +93,8 @@ def plan_drivers(
 
 def _check_encodings(path: Path, file: DriverFile) -> None:
     for name, topics in file.cameras.items():
-        if topics.encoding and topics.encoding not in ENCODINGS:
-            raise DataError(
-                f"{path}: camera {name} has encoding {topics.encoding!r}; known: {', '.join(ENCODINGS)}"
-            )
+        if topics.encoding:
+            encoding_of(topics.encoding, f"{path}: camera {name}")
 
 
 def _carriers(file: DriverFile, drivers: Drivers) -> dict[str, dict[str, str]]:
@@ -99,6 +103,8 @@ def _carriers(file: DriverFile, drivers: Drivers) -> dict[str, dict[str, str]]:
     for owners, known in ((file.cameras, CARRIERS), (file.sensors, SENSOR_CARRIERS)):
         for name, key, topic in _named(owners):
             kind = drivers.types[topic]
+            if is_video(kind):
+                raise DataError(f"{key} of camera {name}: {video_told(topic, kind)}")
             if (key, kind) not in known:
                 expected = " or ".join(message for word, message in known if word == key)
                 raise DataError(f"{topic} ({key} of camera {name}) carries {kind}; expected {expected}")

@@ -27,7 +27,8 @@ TOO_SLOW = "take: disk_too_slow"  # messages that were not recorded
 # notices of which report and console tell
 TOLD = (
     "timecode.", "clocks.", "sync.clock_", "kinematics.", "graph.lossy", "graph.incompatible_qos",
-    "graph.unusable", "source.bad_message", "source.damaged", "source.patched", "source.repaired",
+    "graph.unusable", "graph.encoding", "source.bad_message", "source.damaged", "source.patched",
+    "source.repaired",
 )  # fmt: skip
 
 

@@ -76,3 +76,33 @@ def test_bad_numbers_are_refused_either_way(read):
     bad.orientation.w += 3.0
     with pytest.raises(DataError, match=r"ImuSample.orientation of d holds .*, expected 1|holds|length"):
         read(serialize_message(bad))
+
+
+def textured(encoding, luma):
+    """Return an Image of 4:2:2 whose brightness has details and stands in that byte of each pixel."""
+    values = np.full((40, 60, 2), 128, np.uint8)
+    values[..., luma] = np.random.default_rng(0).integers(20, 230, (40, 60))
+    found = message_class("sensor_msgs/msg/Image")(width=60, height=40, step=120, encoding=encoding)
+    found.data = values.tobytes()
+    return found, values[..., luma]
+
+
+def test_live_images_are_taken_as_the_first_with_details_shows_and_told_once():
+    told = []
+    decode = decoder_of("image", "c", 0, 0, tell=told.append)
+    dark, _ = textured("yuv422", 1)
+    dark.data = bytes([128, 16] * 2400)
+    exchanged, grey = textured("yuv422", 0)
+    assert not decode(dark, 0).image.any() and not told
+    for number in (1, 2):
+        shown = decode(exchanged, number).image.astype(int)
+        assert np.abs(shown - np.clip((grey[..., None].astype(int) - 16) * 1.164, 0, 255)).max() < 2
+    assert len(told) == 1 and "image of camera c calls itself yuv422" in told[0]
+
+
+@pytest.mark.parametrize("encoding", ["", "uyvy"])
+def test_images_are_taken_as_asked_for_and_recorded_ones_as_stated(encoding):
+    exchanged, grey = textured("uyvy", 0)
+    tell = pytest.fail if encoding else None
+    shown = decoder_of("image", "c", 0, 0, encoding, tell)(exchanged, 0).image.astype(int)
+    assert np.abs(shown.mean(axis=2) - grey).mean() > 20

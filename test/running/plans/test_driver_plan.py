@@ -63,6 +63,12 @@ def test_every_message_goes_to_the_detector_by_its_kind(plan, tmp_path):
     assert given["inputs.depth"] == ["cam1", "cam2"] and given["inputs.compressed_depth"] == ["cam1"]
 
 
+def test_an_encoding_that_compressed_images_do_not_heed_is_told(plan):
+    text = "cam0: {image: /a, encoding: rgb8}\ncam1: {image: /b, encoding: ' BAYER_rggb8'}\n"
+    (line,) = plan(text, {"/a": PACKED, "/b": PACKED}).notices
+    assert "encoding rgb8 of camera cam0 has no meaning" in line
+
+
 def test_rectified_images_take_their_lens_from_camera_info(plan):
     info = info_of("cam0")
     info.p = np.array([[800.0, 0, 640, 0], [0, 800, 360, 0], [0, 0, 1, 0]]).reshape(12)
@@ -95,8 +101,11 @@ def test_what_cannot_be_is_refused(plan):
     text = "cam0: {image: /a/image_raw}\ncam1: {image: /b/image_raw}\n"
     with pytest.raises(DataError, match=r"/a/image_raw \(image of camera cam0\) carries std_msgs/msg/String"):
         plan(text, types)
-    with pytest.raises(DataError, match="encoding 'nv21'; known: bgr8"):
-        plan("cam0: {image: /a, encoding: nv21}\ncam1: {image: /b}\n", {})
+    with pytest.raises(DataError, match="camera cam0 has encoding 'nv22', perhaps nv2"):
+        plan("cam0: {image: /a, encoding: nv22}\ncam1: {image: /b}\n", {})
+    types["/a/image_raw"] = "foxglove_msgs/msg/CompressedVideo"
+    with pytest.raises(DataError, match="image of camera cam0: /a/image_raw is compressed video .*republish"):
+        plan(text, types)
     with pytest.raises(CalibrationError, match="nobody"):
         plan("cam0: {image: /a}\nnobody: {image: /b}\n", {})
     with pytest.raises(CalibrationError, match="1 camera"):

@@ -1,0 +1,232 @@
+"""Raw images as drivers encode them, to BGR of eight bits.
+
+All of sensor_msgs/image_encodings (ROS 2 Jazzy and later) that carry a picture: neither signed nor floating
+numbers. Upper case and blanks mean nothing. YUV is BT.601 with luma from 16 to 235, as OpenCV takes it.
+"""
+from __future__ import annotations
+
+import difflib
+import re
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from panoptic_ros.errors import DataError
+from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
+
+Array = np.ndarray
+_CONVERSIONS = {
+    "rgb": "COLOR_RGB2BGR", "bgra": "COLOR_BGRA2BGR", "rgba": "COLOR_RGBA2BGR", "mono": "COLOR_GRAY2BGR",
+    "bayer_rggb": "COLOR_BayerRGGB2BGR", "bayer_bggr": "COLOR_BayerBGGR2BGR",
+    "bayer_gbrg": "COLOR_BayerGBRG2BGR", "bayer_grbg": "COLOR_BayerGRBG2BGR",
+    "yuyv": "COLOR_YUV2BGR_YUY2", "uyvy": "COLOR_YUV2BGR_UYVY",
+    "nv12": "COLOR_YUV2BGR_NV12", "nv21": "COLOR_YUV2BGR_NV21",
+}  # fmt: skip
+_CHANNELS = {"bgr": 3, "rgb": 3, "bgra": 4, "rgba": 4, "yuyv": 2, "uyvy": 2}  # others have 1
+BAYER = "bayer_"  # how encodings of mosaics begin
+_MOSAICS = tuple(BAYER + pattern for pattern in ("rggb", "bggr", "gbrg", "grbg"))
+_COLOURS = ("mono", "bgr", "rgb", "bgra", "rgba", *_MOSAICS)
+_YUV = {
+    "yuyv": "yuyv", "yuv422_yuy2": "yuyv", "yuy2": "yuyv", "uyvy": "uyvy", "yuv422": "uyvy",
+    "nv12": "nv12", "nv21": "nv21", "nv24": "nv24",
+}  # fmt: skip
+_PLANES = {"nv12": 3, "nv21": 3, "nv24": 6}  # halves of a byte for each pixel
+_OF_CHANNELS = ("mono", "yuyv", "bgr", "bgra")  # OpenCV's meaning of 8UC1 to 8UC4
+_DEPTHS = (8, 10, 12, 14, 16)  # bits of values that stand in 16 bits
+_FROM_YUV = np.array([  # ITU-R BT.601 with offsets, as OpenCV has it: rows B, G, R of Y, U, V
+    [1.164, 2.018, 0.0, -16 * 1.164 - 128 * 2.018],
+    [1.164, -0.391, -0.813, -16 * 1.164 + 128 * (0.391 + 0.813)],
+    [1.164, 0.0, 1.596, -16 * 1.164 - 128 * 1.596],
+])  # fmt: skip
+# Mean steps between bytes of a picture, levels of 255. The brightness of two neighbours differs no more than
+# that of pixels two apart. Bytes of colour alternate between U and V, which differ more, or hardly differ.
+_LEAST_STEP = 0.5  # below, a picture has no details that could tell
+_LIKE_BRIGHTNESS, _LIKE_COLOUR = 1.25, 1.5  # step to the neighbour by that to the next but one
+_FLAT = 0.25  # share of the other bytes' steps
+_ROWS = 64  # rows of a picture that are looked at
+
+ENCODINGS = (
+    *(f"{name}{bits}" for name in _COLOURS for bits in (8, 16)),
+    *(f"{bits}UC{count}" for bits in (8, 16) for count in (1, 2, 3, 4)), *_YUV,
+)  # fmt: skip
+
+
+class Encoding(NamedTuple):
+    """Meaning of the bytes of an image.
+
+    Args:
+        layout: of its values. size: bytes of a value. bits: that are in use; 0 = as the image shows.
+        is_assumed: its name says nothing of colours.
+    """
+
+    layout: str
+    size: int = 1
+    bits: int = 8
+    is_assumed: bool = False
+
+
+class Shown(NamedTuple):
+    """The encoding that an image shows, "" = the stated one; a line for the user, "" = nothing."""
+
+    encoding: str
+    told: str
+
+
+class _Steps(NamedTuple):
+    """Mean differences, levels of 255, of a byte from that of the next pixel, and from the next but one."""
+
+    near: float
+    far: float
+
+
+def encoding_of(name: str, what: str) -> Encoding:
+    """Return the encoding of a name: those of `ENCODINGS`, and such as mono12 for 12 bits in 16.
+
+    Args:
+        what: for messages.
+
+    Raises:
+        DataError: if it is none of a picture.
+    """
+    plain = "".join(name.split()).lower()
+    if plain in _YUV:
+        return Encoding(_YUV[plain])
+    named = re.fullmatch(rf"({'|'.join(_COLOURS)})({'|'.join(map(str, _DEPTHS))})", plain)
+    if named is not None:
+        bits = int(named[2])
+        return Encoding(named[1], 1 + (bits > 8), 0 if bits == 16 else bits)
+    numbers = re.fullmatch(r"(8|16)uc([1-4]?)", plain)
+    if numbers is not None:
+        count, size = int(numbers[2] or 1), int(numbers[1]) // 8
+        return Encoding(_OF_CHANNELS[count - 1], size, 8 * (size == 1), count > 1)
+    near = difflib.get_close_matches(plain, [known.lower() for known in ENCODINGS], 1)
+    hint = f", perhaps {near[0]}" if near else ""
+    raise DataError(f"{what} has encoding {name[:40]!r}{hint}; supported: {', '.join(ENCODINGS)}")
+
+
+def is_mosaic(name: str) -> bool:
+    """Return whether a name is that of a mosaic of colours, as sensors have it."""
+    return "".join(name.split()).lower().startswith(BAYER)
+
+
+def picture_of(message: Any, what: str, encoding: str = "") -> Array:
+    """Return the picture (height, width, 3) uint8 BGR of an Image.
+
+    Args:
+        what: for messages. encoding: overrides what the message states.
+
+    Raises:
+        DataError: on encodings that are not supported, and wrong lengths.
+    """
+    form = encoding_of(encoding or str(message.encoding), what)
+    if form.layout in _PLANES:
+        return _of_planes(message, form.layout, what)
+    return bgr_of(_values(message, form, what), form, what)
+
+
+def bgr_of(values: Array, form: Encoding, what: str) -> Array:
+    """Return BGR (h, w, 3) uint8 of values (h, w, channels) uint8 or uint16.
+
+    Raises:
+        DataError: if a picture of this size cannot be encoded so.
+    """
+    return _converted(values if form.size == 1 else stretched(values[..., :3], form.bits), form.layout, what)
+
+
+def stretched(values: Array, bits: int = 0) -> Array:
+    """Return uint16 values of cameras with 10, 12 or 14 bits as eight bits.
+
+    Args:
+        bits: that are in use; 0 = the fewest of 8, 10, 12, 14 or 16 in which the largest value fits.
+    """
+    used = bits or _bits_of(values)
+    found: Array = np.minimum(values >> (used - 8), 255).astype(np.uint8)
+    return found
+
+
+def shown_by(message: Any, what: str) -> Shown | None:
+    """Return what an image shows of its encoding; None: this one has no details that could tell.
+
+    Drivers call YUYV yuv422, which is UYVY: brightness and colour are exchanged then.
+
+    Raises:
+        DataError: as `picture_of`.
+    """
+    stated = str(message.encoding)
+    form = encoding_of(stated, what)
+    if form.layout in ("yuyv", "uyvy") and form.size == 1:
+        values = _values(message, form, what)
+        luma, chroma = (_steps_of(values[..., k]) for k in ((0, 1) if form.layout == "yuyv" else (1, 0)))
+        if max(luma.far, chroma.far) < _LEAST_STEP:
+            return None
+        is_colour = luma.near > _LIKE_COLOUR * luma.far or luma.far < _FLAT * chroma.far
+        if is_colour and chroma.near < _LIKE_BRIGHTNESS * chroma.far:
+            other = "uyvy" if form.layout == "yuyv" else "yuyv"
+            return Shown(other, f"{what} calls itself {stated}, but shows brightness where that has colour: "
+                                f"taken as {other}")  # fmt: skip
+    if form.is_assumed:
+        return Shown("", f"{what} calls itself {stated}, which names no colours: taken as {form.layout}")
+    if form.size == 2 and not form.bits:
+        used = _bits_of(_values(message, form, what)[..., :3])
+        told = f"{what} has {used} bits in 16: stretched to all that there are" if used < 16 else ""
+        return Shown("", told)
+    return Shown("", "")
+
+
+def _values(message: Any, form: Encoding, what: str) -> Array:
+    """Return the values (height, width, channels) without the padding of rows."""
+    channels = _CHANNELS.get(form.layout, 1)
+    rows = pixel_rows(message, channels * form.size, what)
+    if form.size == 2:
+        rows = np.ascontiguousarray(rows).view(">u2" if message.is_bigendian else "<u2")
+    values: Array = rows.reshape(int(message.height), int(message.width), channels)
+    return values
+
+
+def _converted(values: Array, layout: str, what: str) -> Array:
+    """Return BGR of uint8 values in a layout; alpha may be left out already."""
+    if layout in ("bgra", "rgba") and values.shape[2] == 3:
+        layout = layout[:3]
+    if layout not in _CONVERSIONS:
+        return values
+    import cv2  # 17 MB, which processes without images do without
+
+    try:
+        return cv2.cvtColor(np.ascontiguousarray(values), getattr(cv2, _CONVERSIONS[layout]))
+    except cv2.error:
+        height, width = values.shape[:2]
+        raise DataError(f"{what}: {width} x {height} pixels cannot be encoded as {layout}") from None
+
+
+def _of_planes(message: Any, layout: str, what: str) -> Array:
+    """Return the picture of a plane of brightness, and one of pairs of colour behind it.
+
+    Rows can be padded. `height` is that of the picture, or of both planes together.
+    """
+    data, halves = byte_array(message), _PLANES[layout]
+    width, height, step = int(message.width), int(message.height), int(message.step)
+    sizes = [(step, height), (width, height), (step, 2 * height // halves)]
+    fit = [(s, h) for s, h in sizes if s >= width > 0 and h > 0 and 2 * data.size == halves * s * h]
+    if not fit or (layout != "nv24" and (width % 2 or fit[0][1] % 2)):
+        raise DataError(f"{what}: {width} x {height} {layout} with step {step} cannot have {data.size} bytes")
+    stride, height = fit[0]
+    if layout != "nv24":
+        return _converted(data.reshape(3 * height // 2, stride)[:, :width], layout, what)
+    import cv2  # see above
+
+    luma = data[: stride * height].reshape(height, stride, 1)[:, :width]
+    pairs = data[stride * height :].reshape(height, stride, 2)[:, :width]
+    picture: Array = cv2.transform(np.concatenate([luma, pairs], axis=2), _FROM_YUV)
+    return picture
+
+
+def _bits_of(values: Array) -> int:
+    used = int(values.max(initial=0)).bit_length()
+    return next(bits for bits in _DEPTHS if bits >= used)
+
+
+def _steps_of(values: Array) -> _Steps:
+    """Return the steps in a plane (h, w) of bytes."""
+    some = values[:: max(1, len(values) // _ROWS)].astype(np.int16)
+    near, far = (np.abs(some[:, k:] - some[:, :-k]) for k in (1, 2))
+    return _Steps(float(near.mean()), float(far.mean())) if far.size else _Steps(0.0, 0.0)
