@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.domain import ProposalSet, Rig, ScoreMaps, SkeletonModel
-from panoptic_ros.solving.example import BESIDE, cloud_of_joints, easy_associations
+from panoptic_ros.solving.example import beside, cloud_of_joints, easy_associations
 
 DELAY_NS = 1000  # between views, so that they have stamps of their own
 
@@ -28,7 +28,7 @@ def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
     cells = np.zeros((len(joints), 2))
     maps = ScoreMaps((1, 1), np.eye(2, 3), joints, 0 * joints - 1, cells, cells + 1, np.full(len(joints), 9))
     cloud = cloud_of_joints(rig, skeleton)
-    nodes, ones = np.concatenate([cloud, cloud + BESIDE]), np.ones(2 * len(joints))
+    nodes, ones = np.concatenate([cloud, cloud + beside(rig)]), np.ones(2 * len(joints))
     parts = np.array(skeleton.bones).reshape(-1, 2)
     first, second = easy_associations(rig, skeleton, DELAY_NS)
     yield ProposalSet.of_nothing(first)

@@ -21,11 +21,24 @@ from panoptic_ros.solving.scene import gather
 Array = np.ndarray
 VIEWS = 4  # at most
 STEP_NS = 33_000_000
-BESIDE = 0.7  # m, along each axis
+SPREAD = 0.4  # m, of the joints of a person's size to both sides of their middle, along each axis
+INSIDE = 0.25  # share of half an image that smaller clouds take, so that small rigs see them too
 
 
 def cloud_of_joints(rig: Rig, skeleton: SkeletonModel) -> Array:
-    """Joints (J, 3) m of a person's size where the first cameras look."""
+    """Joints (J, 3) m where the first cameras look, of a person's size or as large as the cameras can see."""
+    middle, spread = _place(rig)
+    cloud: Array = middle + np.random.default_rng(0).uniform(-spread, spread, (len(skeleton), 3))
+    return cloud
+
+
+def beside(rig: Rig) -> float:
+    """How far, m along each axis, something lies beside the cloud."""
+    return 1.75 * _place(rig)[1]
+
+
+def _place(rig: Rig) -> tuple[Array, float]:
+    """The middle (3,) m of the cloud, and how far, m, it spreads to both sides of it."""
     cameras = rig.cameras[:VIEWS]
     axes = np.stack([camera.cam_from_world.rotation[2] for camera in cameras])
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
@@ -33,12 +46,15 @@ def cloud_of_joints(rig: Rig, skeleton: SkeletonModel) -> Array:
     ahead = across.sum(axis=0) + 0.01 * np.eye(3)
     pull = 0.01 * (centres + 4.0 * axes).mean(axis=0)  # for cameras that look the same way
     middle = np.linalg.solve(ahead, np.einsum("cij,cj->i", across, centres) + pull)
-    cloud: Array = middle + np.random.default_rng(0).uniform(-0.4, 0.4, (len(skeleton), 3))
-    return cloud
+    depths = ((middle - centres) * axes).sum(axis=1)
+    halves = [0.5 * min(c.image_size) / c.intrinsics.matrix[:2, :2].diagonal().max() for c in cameras]
+    return middle, float(np.clip((INSIDE * depths * halves).min(), 0.01, SPREAD))
 
 
 def easy_instants(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Iterator[DetectionSet]:
     """What the first cameras see of the cloud and of a joint beside it, and the same a moment later.
+
+    Only what lies in their images counts, so an instant is one that the cameras of any rig could give.
 
     The joint alone is no person, so its 2D joints stay unexplained.
 
@@ -47,11 +63,12 @@ def easy_instants(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Itera
     """
     people = np.full((2, len(skeleton), 3), np.nan)
     people[0] = cloud_of_joints(rig, skeleton)
-    people[1, -1] = people[0, -1] + BESIDE
+    people[1, -1] = people[0, -1] + beside(rig)
     for index in range(2):
         views = []
         for number, camera in enumerate(rig.cameras[:VIEWS]):
             pixels, seen = camera.project(people.reshape(-1, 3))
+            seen &= camera.contains(pixels)  # far outside, lenses bend pixels to anywhere
             scores = np.where(seen, 0.9, 0.0).reshape(2, -1)
             pixels = np.where(seen[:, None], pixels, np.nan).reshape(2, -1, 2)
             views.append(
