@@ -1,16 +1,17 @@
 """One calibrated camera."""
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from panoptic_ros.errors import CalibrationError
-from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.geometry import Intrinsics, Rigid, brown
 
 Array = np.ndarray
 POSE_AND_MATRIX = 10  # rotation, translation, fx, fy, cx, cy: rows of a covariance before the distortion
 FARTHEST = 1e6  # m of t; earth-centred coordinates are larger, and no float of 32 bits holds them to a mm
+BROWN_SHAPES = tuple((POSE_AND_MATRIX + count, POSE_AND_MATRIX + count) for count in brown.KEPT)
 SYMMETRY = 1e-6  # relative to the standard deviations: files may round
 
 
@@ -25,8 +26,9 @@ class Camera:
         line_delay_us: rolling shutter, from one row to the next: the stamp is the exposure of the first row.
             0 = global shutter: the stamp is mid-exposure.
         covariance: (N, N) of the calibration: rotation vector of R (rad, perturbs R from the left), t (m),
-            fx, fy, cx, cy (px), the terms of the distortion: N is 15 with a Brown lens, 14 with a fisheye.
-            None = unknown. A read-only copy is kept.
+            fx, fy, cx, cy (px), the terms of the distortion: N is 15 with a Brown lens of five terms, 14 with
+            a fisheye. Rows of terms that are 0 and cut from the lens are cut too. None = unknown. A read-only
+            copy is kept.
 
     Raises:
         CalibrationError: on an empty name, a size that is not positive, an impossible place, delay or
@@ -67,6 +69,8 @@ class Camera:
         """A read-only copy, if it can be the covariance of this camera."""
         covariance = np.array(self.covariance, np.float64)
         size = POSE_AND_MATRIX + len(self.intrinsics.distortion)
+        if self.intrinsics.lens == "brown" and covariance.shape in BROWN_SHAPES:
+            covariance = covariance[:size, :size]
         if covariance.shape != (size, size):
             raise CalibrationError(
                 f"camera {self.name}: covariance has shape {covariance.shape}, expected {size} x {size}: "
@@ -87,6 +91,30 @@ class Camera:
         """Optical centre (3,) m in the world."""
         centre: Array = -self.cam_from_world.rotation.T @ self.cam_from_world.translation
         return centre
+
+    def resized(
+        self, image_size: tuple[int, int], scale: tuple[float, float], shift: tuple[float, float] = (0.0, 0.0)
+    ) -> Camera:
+        """Return the camera of images that were scaled, then moved.
+
+        Scaling keeps the upper left border of the image, which lies half a pixel outside of the first pixel's
+        centre. The sensor reads its rows as before, so the delay from row to row of the image changes.
+
+        Args:
+            image_size: (width, height) px afterwards. scale: along x and y. shift: px, along x and y.
+        """
+        half = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
+        move = np.array([[scale[0], 0.0, shift[0]], [0.0, scale[1], shift[1]], [0.0, 0.0, 1.0]])
+        matrix = np.linalg.inv(half) @ move @ half @ self.intrinsics.matrix
+        covariance = self.covariance
+        if covariance is not None:
+            factors = np.ones(len(covariance))
+            factors[6:POSE_AND_MATRIX] = scale * 2
+            covariance = covariance * np.outer(factors, factors)
+        return replace(
+            self, image_size=image_size, intrinsics=replace(self.intrinsics, matrix=matrix),
+            covariance=covariance, line_delay_us=self.line_delay_us / scale[1],
+        )  # fmt: skip
 
     def project(self, points_world: Array) -> tuple[Array, Array]:
         """Pixels (..., 2) of world points (..., 3) m and whether they can be seen (...).

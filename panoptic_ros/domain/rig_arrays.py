@@ -8,12 +8,14 @@ import numpy as np
 
 from panoptic_ros.domain.camera import Camera
 from panoptic_ros.domain.rig import Rig
+from panoptic_ros.geometry import Intrinsics, brown
 
 Array = np.ndarray
 FARTHEST = 1e3  # undistorted radius beyond which no point is believed
 _NUMBERS = (
-    "r00 r01 r02 r10 r11 r12 r20 r21 r22 tx ty tz ox oy oz fx skew cx fy cy k1 k2 p1 p2 k3 k4 fisheye fold "
-    "limit width height columns rows a0 a1 a2 b0 b1 b2"
+    "r00 r01 r02 r10 r11 r12 r20 r21 r22 tx ty tz ox oy oz fx skew cx fy cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 "
+    "s4 h00 h01 h02 h10 h11 h12 h20 h21 h22 fisheye many fold limit width height columns rows a0 a1 a2 b0 b1 "
+    "b2"
 ).split()
 CAMERA = np.dtype([(name, np.float64) for name in _NUMBERS])  # see `camera_records`
 
@@ -55,20 +57,31 @@ def camera_records(cameras: tuple[Camera, ...]) -> Array:
     """Cameras (C,) as kernels take them, not to be changed.
 
     Records `CAMERA`: rotation r00 to r22 and translation tx ty tz of cam_from_world; centre ox oy oz; matrix
-    fx skew cx fy cy; terms of the lens k1 k2 p1 p2 k3, of a fisheye k1 k2 k3 k4; fisheye, 1 or 0; the
-    undistorted radius at which the distortion folds back, squared (fold), and up to which points are
+    fx skew cx fy cy; terms of the lens k1 to s4 as in `geometry.brown`, of a fisheye k1 k2 k3 k4; homography
+    h00 to h22 of a tilted sensor; fisheye, 1 or 0; many, 1 if a Brown lens has more than five terms, else 0;
+    the undistorted radius at which the distortion folds back, squared (fold), and up to which points are
     undistorted (limit); width and height, px. The others are of score maps, see `VoteScene`, and 0.
     """
     records = np.zeros(len(cameras), CAMERA)
     for record, camera in zip(records, cameras):
         lens, pose = camera.intrinsics, camera.cam_from_world
-        terms = (*lens.distortion, 0.0, 0.0)
-        if lens.lens == "fisheye":
-            terms = (*lens.distortion[:2], 0.0, 0.0, *lens.distortion[2:], 1.0)
+        fisheye = lens.lens == "fisheye"
         numbers = (
             *pose.rotation.ravel(), *pose.translation, *camera.centre, *lens.matrix.ravel()[[0, 1, 2, 4, 5]],
-            *terms, lens.radius_limit**2, min(lens.radius_limit, FARTHEST), *camera.image_size,
+            *_terms(lens), float(fisheye), float(not fisheye and len(lens.distortion) > 5),
+            lens.radius_limit**2, min(lens.radius_limit, FARTHEST), *camera.image_size,
         )  # fmt: skip
         for name, number in zip(_NUMBERS, numbers):
             record[name] = number
     return records
+
+
+def _terms(lens: Intrinsics) -> tuple[float, ...]:
+    """Return the 12 terms of a lens and the 9 numbers of its homography, as in the records."""
+    if lens.lens == "fisheye":
+        k1, k2, k3, k4 = lens.distortion
+        return (k1, k2, 0.0, 0.0, k3, k4, *(6 * (0.0,)), *np.eye(3).ravel())
+    terms = np.zeros(12)
+    count = min(len(lens.distortion), 12)
+    terms[:count] = lens.distortion[:count]
+    return (*terms, *brown.tilt(lens.distortion).ravel())

@@ -1,4 +1,4 @@
-"""Maths on arrays: rigid transforms, cameras with Brown and fisheye lenses, rays, triangulation.
+"""Maths on arrays: rigid transforms, cameras with the lenses of OpenCV, rays, triangulation.
 
 Nothing here knows about people or camera names. Arrays are float64; metres, pixels, radians.
 Pixel (0, 0) is the centre of the top-left pixel, camera axes are x right, y down, z forward.

@@ -1,54 +1,124 @@
-"""The lens model of Brown and Conrady, k1 k2 p1 p2 k3, as in OpenCV.
+"""The lens models of OpenCV that extend Brown and Conrady's, with 5, 8, 12 or 14 terms.
 
-Points are on the plane at distance 1 of the camera; `terms` are the five numbers.
+The order is OpenCV's. k1 k2 k3 are radial, p1 p2 tangential. k4 k5 k6 divide the radial polynomial (rational
+model), s1 to s4 are of a thin prism, tau_x tau_y rad tilt the sensor. Points are on the plane at distance 1
+of the camera.
 """
 from __future__ import annotations
 
 import numpy as np
 
 Array = np.ndarray
-TERMS = ("k1", "k2", "p1", "p2", "k3")
+TERMS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
+KEPT = (5, 8, 12, 14)  # terms of a lens, trailing zeros left out
+COUNTS = (0, 1, 2, 4, *KEPT)  # terms that a calibration may give; three are k1 k2 k3, which lack p1 p2
 
 
 def distort(terms: Array, plane: Array) -> Array:
     """Distorted points (..., 2) of undistorted ones (..., 2)."""
-    k1, k2, p1, p2, k3 = terms
+    bent = _bend(terms, plane)
+    return bent if len(terms) < 14 else _through(tilt(terms), bent)
+
+
+def _bend(terms: Array, plane: Array) -> Array:
+    """Distort points as on a sensor without tilt."""
+    _, _, p1, p2, _ = terms[:5]
     x, y = plane[..., 0], plane[..., 1]
     r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    return np.stack(
+    above, below, _, _ = _radial(terms, r2)
+    radial = above / below
+    bent = np.stack(
         [
             x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
             y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
         ],
         axis=-1,
     )
+    if len(terms) > 8:
+        s1, s2, s3, s4 = terms[8:12]
+        bent += np.stack([r2 * (s1 + r2 * s2), r2 * (s3 + r2 * s4)], axis=-1)
+    return bent
+
+
+def _radial(terms: Array, r2: Array) -> tuple[Array | float, Array | float, Array | float, Array | float]:
+    """Return numerator and denominator of the radial factor, and their derivatives by r2."""
+    k1, k2, _, _, k3 = terms[:5]
+    above, rise = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3)), k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3)
+    if len(terms) == 5:
+        return above, 1.0, rise, 0.0
+    k4, k5, k6 = terms[5:8]
+    return above, 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)), rise, k4 + r2 * (2.0 * k5 + 3.0 * r2 * k6)
 
 
 def jacobian(terms: Array, plane: Array) -> Array:
     """Derivative (..., 2, 2) of `distort` at undistorted points (..., 2)."""
-    k1, k2, p1, p2, k3 = terms
+    derivative = _bend_jacobian(terms, plane)
+    if len(terms) < 14:
+        return derivative
+    matrix = tilt(terms)
+    h = _bend(terms, plane) @ matrix[:, :2].T + matrix[:, 2]
+    tilted: Array = (
+        matrix[:2, :2] / h[..., 2, None, None]
+        - h[..., :2, None] * matrix[2, :2] / h[..., 2, None, None] ** 2
+    )
+    full: Array = tilted @ derivative
+    return full
+
+
+def _bend_jacobian(terms: Array, plane: Array) -> Array:
+    _, _, p1, p2, _ = terms[:5]
     x, y = plane[..., 0], plane[..., 1]
     r2 = x * x + y * y
-    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))  # d radial / d r2, times 2
+    above, below, rise, fall = _radial(terms, r2)
+    radial = above / below
+    slope = 2.0 * (rise - radial * fall) / below  # d radial / d r2, times 2
     cross = x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y
     dx = radial + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x
     dy = radial + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x
-    return np.stack([np.stack([dx, cross], -1), np.stack([cross, dy], -1)], axis=-2)
+    derivative = np.stack([np.stack([dx, cross], -1), np.stack([cross, dy], -1)], axis=-2)
+    if len(terms) > 8:
+        s1, s2, s3, s4 = terms[8:12]
+        prism = np.stack([s1 + 2.0 * r2 * s2, s3 + 2.0 * r2 * s4], axis=-1)
+        derivative += 2.0 * prism[..., :, None] * plane[..., None, :]
+    return derivative
+
+
+def tilt(terms: Array) -> Array:
+    """Return the homography (3, 3) from a sensor without tilt to one tilted about x, then y, as in OpenCV.
+
+    It is the identity with fewer than 14 terms.
+    """
+    if len(terms) < 14:
+        return np.eye(3)
+    (cx, cy), (sx, sy) = np.cos(terms[12:]), np.sin(terms[12:])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, sx], [0.0, -sx, cx]])
+    about_y = np.array([[cy, 0.0, -sy], [0.0, 1.0, 0.0], [sy, 0.0, cy]])
+    turn = about_y @ about_x
+    onto = np.array([[turn[2, 2], 0.0, -turn[0, 2]], [0.0, turn[2, 2], -turn[1, 2]], [0.0, 0.0, 1.0]])
+    matrix: Array = onto @ turn
+    return matrix
+
+
+def _through(matrix: Array, points: Array) -> Array:
+    """Map points (..., 2) by a homography."""
+    h = points @ matrix[:, :2].T + matrix[:, 2]
+    mapped: Array = h[..., :2] / h[..., 2:]
+    return mapped
 
 
 def undistort(terms: Array, goal: Array, radius_limit: float) -> Array:
     """Undistorted points (..., 2) of distorted ones (..., 2), by Newton's method; NaN if there is none."""
     if not terms.any():
         return goal
+    if len(terms) == 14:
+        goal, terms = _through(np.linalg.inv(tilt(terms)), goal), terms[:12]
     plane = goal.copy()
     limit = min(radius_limit, 1e3)
     for _ in range(20):
-        miss = distort(terms, plane) - goal
+        miss = _bend(terms, plane) - goal
         if not np.nanmax(np.abs(miss), initial=0.0) > 1e-14:
             break
-        j = jacobian(terms, plane)
+        j = _bend_jacobian(terms, plane)
         det = j[..., 0, 0] * j[..., 1, 1] - j[..., 0, 1] * j[..., 1, 0]
         det = np.where(np.abs(det) > 1e-6, det, 1e-6)
         step_x = (j[..., 1, 1] * miss[..., 0] - j[..., 0, 1] * miss[..., 1]) / det
@@ -56,13 +126,21 @@ def undistort(terms: Array, goal: Array, radius_limit: float) -> Array:
         plane = plane - np.stack([step_x, step_y], axis=-1)
         radius = np.linalg.norm(plane, axis=-1, keepdims=True)
         plane = np.where(radius > limit, plane * (limit / np.maximum(radius, 1e-12)), plane)
-    good = np.abs(distort(terms, plane) - goal).max(axis=-1) < 1e-8
+    good = np.abs(_bend(terms, plane) - goal).max(axis=-1) < 1e-8
     return np.where(good[..., None], plane, np.nan)
 
 
 def radius_limit(terms: Array) -> float:
-    """Largest undistorted radius up to which the radial polynomial increases; inf if always."""
-    k1, k2, _, _, k3 = np.where(np.abs(terms) < 1e-15, 0.0, terms)  # roots() divides by them
-    roots = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])  # of d(r * radial)/dr, in r^2
+    """Largest undistorted radius up to which the radial factor times the radius increases; inf if always."""
+    clean = np.where(np.abs(terms) < 1e-15, 0.0, terms)  # roots() divides by them
+    above = np.array([clean[4], clean[1], clean[0], 1.0])  # coefficients in r^2, the highest power first
+    folds = np.array([7.0, 5.0, 3.0, 1.0]) * above  # d(r * radial)/dr
+    roots = np.roots(folds)
+    if len(clean) > 5 and clean[5:8].any():
+        below = np.array([clean[7], clean[6], clean[5], 1.0])
+        falls = np.array([6.0, 4.0, 2.0, 0.0]) * below  # 2 r^2 d below / d r^2
+        roots = np.concatenate(
+            [np.roots(np.polysub(np.polymul(folds, below), np.polymul(above, falls))), np.roots(below)]
+        )
     real = roots[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)].real
     return float(np.sqrt(real.min())) if real.size else float("inf")

@@ -11,6 +11,8 @@ import numpy as np
 
 Array = np.ndarray
 TERMS = ("k1", "k2", "k3", "k4")
+KEPT = (4,)  # terms of a lens
+COUNTS = (0, 1, 2, 3, 4)  # terms that a calibration may give
 WIDEST = 1e3  # undistorted radius: rays at 89.94 degrees, the last ones that count
 TINY = 1e-12  # radius below which a point is on the axis
 

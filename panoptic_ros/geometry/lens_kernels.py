@@ -2,6 +2,7 @@
 
 Where the terms are 0 but the radial ones, a Brown lens bends a point (x, y) to (x, y) * f(r^2), and so does a
 fisheye: `fisheye_factor` is this f, and `fisheye_slope` is 2 df / d r^2, so that Jacobians have one form.
+Lenses with more than five terms have functions of their own, so that the others cost no more.
 """
 from __future__ import annotations
 
@@ -73,6 +74,28 @@ def bent(terms, fisheye, x, y):
 
 
 @_jit
+def bent_by_many(lens, x, y):
+    """Bend a point of the plane at 1 m as a lens of up to 14 terms; also return its distance squared."""
+    r2 = x * x + y * y
+    dx, dy = _before_tilt(lens, x, y)
+    h = lens.h20 * dx + lens.h21 * dy + lens.h22
+    u = (lens.h00 * dx + lens.h01 * dy + lens.h02) / h
+    w = (lens.h10 * dx + lens.h11 * dy + lens.h12) / h
+    return u, w, r2
+
+
+@inlined
+def _before_tilt(lens, x, y):
+    """Bend a point as on a sensor without tilt."""
+    r2 = x * x + y * y
+    above = 1.0 + r2 * (lens.k1 + r2 * (lens.k2 + r2 * lens.k3))
+    radial = above / (1.0 + r2 * (lens.k4 + r2 * (lens.k5 + r2 * lens.k6)))
+    dx = x * radial + 2.0 * lens.p1 * x * y + lens.p2 * (r2 + 2.0 * x * x) + r2 * (lens.s1 + r2 * lens.s2)
+    dy = y * radial + lens.p1 * (r2 + 2.0 * y * y) + 2.0 * lens.p2 * x * y + r2 * (lens.s3 + r2 * lens.s4)
+    return dx, dy
+
+
+@_jit
 def undistort_points(pixels, usable, cameras, lenses):
     """Undistorted normalised points by Newton's method.
 
@@ -82,8 +105,8 @@ def undistort_points(pixels, usable, cameras, lenses):
 
     Returns:
         plane (D, J, 2), 0 where unusable; magnification (D, J): how large a small thing of the plane is in
-        the image, relative to one at the axis (1 with Brown lenses, where it hardly differs); good (D, J):
-        usable and converged.
+        the image, relative to one at the axis (1 with up to five terms, where it hardly differs); good
+        (D, J): usable and converged.
     """
     rows, joints = usable.shape
     plane = np.zeros((rows, joints, 2))
@@ -98,6 +121,9 @@ def undistort_points(pixels, usable, cameras, lenses):
             goal_x = (pixels[d, j, 0] - lens.cx - lens.skew * goal_y) / lens.fx
             if lens.fisheye > 0.0:
                 x, y, zoom, found = _straighten(lens, goal_x, goal_y)
+                magnification[d, j] = zoom if found else 1.0
+            elif lens.many > 0.0:
+                x, y, zoom, found = _undistort_many(lens, goal_x, goal_y)
                 magnification[d, j] = zoom if found else 1.0
             else:
                 x, y, found = _undistort(lens, goal_x, goal_y)
@@ -150,3 +176,53 @@ def _undistort(lens, goal_x, goal_y):
             x *= limit / radius
             y *= limit / radius
     return x, y, miss < 1e-8
+
+
+@_jit
+def _undistort_many(lens, seen_x, seen_y):
+    """Undistort a point of a lens of up to 14 terms; return the magnification there, and whether it is found.
+
+    The inverse of the homography is its adjugate, but for a factor that does not matter.
+    """
+    h0, h1, h2 = lens.h00, lens.h01, lens.h02
+    h3, h4, h5 = lens.h10, lens.h11, lens.h12
+    h6, h7, h8 = lens.h20, lens.h21, lens.h22
+    depth = (h3 * h7 - h4 * h6) * seen_x + (h1 * h6 - h0 * h7) * seen_y + (h0 * h4 - h1 * h3)
+    goal_x = ((h4 * h8 - h5 * h7) * seen_x + (h2 * h7 - h1 * h8) * seen_y + (h1 * h5 - h2 * h4)) / depth
+    goal_y = ((h5 * h6 - h3 * h8) * seen_x + (h0 * h8 - h2 * h6) * seen_y + (h2 * h3 - h0 * h5)) / depth
+    x, y = goal_x, goal_y
+    miss = 0.0
+    for _ in range(20):
+        at_x, at_y = _before_tilt(lens, x, y)
+        miss_x, miss_y = at_x - goal_x, at_y - goal_y
+        miss = max(abs(miss_x), abs(miss_y))
+        if miss < 1e-13:
+            break
+        xx, xy, yx, yy = _slopes_before_tilt(lens, x, y)
+        det = xx * yy - xy * yx
+        if abs(det) < 1e-6:
+            det = 1e-6
+        x -= (yy * miss_x - xy * miss_y) / det
+        y -= (xx * miss_y - yx * miss_x) / det
+        radius = np.sqrt(x * x + y * y)
+        if radius > lens.limit:
+            x *= lens.limit / radius
+            y *= lens.limit / radius
+    xx, xy, yx, yy = _slopes_before_tilt(lens, x, y)
+    return x, y, np.sqrt(max(xx * yy - xy * yx, 1e-6)), miss < 1e-8
+
+
+@inlined
+def _slopes_before_tilt(lens, x, y):
+    """Return the derivatives of `_before_tilt`: of its x by x and y, of its y by x and y."""
+    r2 = x * x + y * y
+    below = 1.0 + r2 * (lens.k4 + r2 * (lens.k5 + r2 * lens.k6))
+    radial = (1.0 + r2 * (lens.k1 + r2 * (lens.k2 + r2 * lens.k3))) / below
+    rise = lens.k1 + r2 * (2.0 * lens.k2 + 3.0 * r2 * lens.k3)
+    fall = lens.k4 + r2 * (2.0 * lens.k5 + 3.0 * r2 * lens.k6)
+    slope = 2.0 * (rise - radial * fall) / below
+    across, down = 2.0 * (lens.s1 + 2.0 * r2 * lens.s2), 2.0 * (lens.s3 + 2.0 * r2 * lens.s4)
+    both = x * y * slope + 2.0 * lens.p1 * x + 2.0 * lens.p2 * y
+    xx = radial + x * x * slope + 2.0 * lens.p1 * y + 6.0 * lens.p2 * x + across * x
+    yy = radial + y * y * slope + 6.0 * lens.p1 * y + 2.0 * lens.p2 * x + down * y
+    return xx, both + across * y, both + down * x, yy

@@ -22,10 +22,10 @@ class Intrinsics:
 
     Args:
         matrix: (3, 3) px, [[fx, skew, cx], [0, fy, cy], [0, 0, 1]].
-        distortion: (5,) k1, k2, p1, p2, k3 of a Brown lens, (4,) k1, k2, k3, k4 of a fisheye; shorter ones
-            are filled with zeros.
-        lens: "brown" (Brown-Conrady) or "fisheye" (`cv2.fisheye`). Either way what is 90 degrees and more
-            off the axis is not seen.
+        distortion: (5,), (8,), (12,) or (14,) of a Brown lens, see `brown.TERMS`, (4,) k1, k2, k3, k4 of a
+            fisheye. Missing terms are filled with zeros, trailing zeros are cut.
+        lens: "brown" (Brown-Conrady, rational, with thin prism and tilt) or "fisheye" (`cv2.fisheye`). Either
+            way what is 90 degrees and more off the axis is not seen.
 
     Raises:
         CalibrationError: on wrong shapes or impossible values.
@@ -41,21 +41,15 @@ class Intrinsics:
         given = np.array(self.distortion, np.float64).reshape(-1)
         if self.lens not in LENSES:
             raise CalibrationError(f"unknown lens {shown(self.lens)}; lenses are {', '.join(LENSES)}")
-        terms = LENSES[self.lens].TERMS
         if matrix.shape != (3, 3):
             raise CalibrationError(f"an intrinsic matrix must be 3x3, found {matrix.shape}")
-        if given.size > len(terms):
-            raise CalibrationError(
-                f"{given.size} distortion coefficients; a {self.lens} lens has only {' '.join(terms)}"
-            )
         if not (np.isfinite(matrix).all() and np.isfinite(given).all()):
             raise CalibrationError("intrinsics have numbers that are not finite")
         if np.abs(given).max(initial=0.0) > 1e6 or np.abs(matrix).max() > 1e9:
             raise CalibrationError("intrinsics have absurdly large numbers")
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
             raise CalibrationError(f"focal lengths must be positive, found {matrix[0, 0]}, {matrix[1, 1]}")
-        distortion = np.zeros(len(terms))
-        distortion[: given.size] = given
+        distortion = _kept_terms(given, self.lens)
         matrix.flags.writeable = distortion.flags.writeable = False
         object.__setattr__(self, "matrix", matrix)
         object.__setattr__(self, "distortion", distortion)
@@ -106,3 +100,23 @@ class Intrinsics:
         goal = self.plane_from_pixels(np.asarray(pixels, np.float64))
         plane: Array = LENSES[self.lens].undistort(self.distortion, goal, self.radius_limit)
         return plane
+
+
+def _kept_terms(given: Array, lens: str) -> Array:
+    """Return the terms of a lens: as many as its models have, without trailing zeros.
+
+    Raises:
+        CalibrationError: if there are more than the lens has, or if no model has their number.
+    """
+    model = LENSES[lens]
+    used = int(np.max(np.nonzero(given)[0], initial=-1)) + 1
+    if used > len(model.TERMS):
+        raise CalibrationError(
+            f"{given.size} distortion coefficients; a {lens} lens has only {' '.join(model.TERMS)}"
+        )
+    if not any(used <= count <= given.size for count in model.COUNTS):
+        counts = ", ".join(str(count) for count in model.COUNTS if count > 2)
+        raise CalibrationError(f"{given.size} distortion coefficients; a {lens} lens has {counts} of them")
+    distortion = np.zeros(next(count for count in model.KEPT if count >= used))
+    distortion[:used] = given[:used]
+    return distortion

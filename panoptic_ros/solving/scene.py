@@ -21,7 +21,7 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError
-from panoptic_ros.geometry.lens_kernels import bent, undistort_points
+from panoptic_ros.geometry.lens_kernels import bent, bent_by_many, undistort_points
 from panoptic_ros.kernels import inlined, njit
 
 Array = np.ndarray
@@ -249,8 +249,11 @@ def within(camera, limits, v, u, w, depth):
 def look(sight, v, x, y, depth):
     """Whether a point at x, y of the plane at 1 m, and a depth in m, is OUTSIDE of view v, HIDDEN or SEEN."""
     camera = sight.cameras[v]
-    terms = (camera.k1, camera.k2, camera.p1, camera.p2, camera.k3, camera.k4)
-    dx, dy, r2 = bent(terms, camera.fisheye > 0.0, x, y)
+    if camera.many > 0.0:
+        dx, dy, r2 = bent_by_many(camera, x, y)
+    else:
+        terms = (camera.k1, camera.k2, camera.p1, camera.p2, camera.k3, camera.k4)
+        dx, dy, r2 = bent(terms, camera.fisheye > 0.0, x, y)
     u, w = camera.fx * dx + camera.skew * dy + camera.cx, camera.fy * dy + camera.cy
     if not (r2 < camera.fold and -0.5 <= u <= camera.width - 0.5 and -0.5 <= w <= camera.height - 0.5):
         return OUTSIDE

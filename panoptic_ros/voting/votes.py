@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.geometry.lens_kernels import bent
+from panoptic_ros.geometry.lens_kernels import bent, bent_by_many
 from panoptic_ros.geometry.pinhole import MIN_DEPTH
 from panoptic_ros.kernels import inlined, njit
 from panoptic_ros.solving.scene import within
@@ -21,6 +21,7 @@ GAUSSIAN_END = 6.0  # half of the squared distance in standard deviations beyond
 LANES = 8
 X, Y, Z, DEPTH, U, W, A, B, COVERED, CELL, RIGHT, BELOW = range(0, 96, LANES)
 SIZE = 96  # of an array of lanes
+BROWN, FISHEYE, MANY = range(3)  # kinds of lenses: up to five terms, fisheyes, up to 14 terms
 
 
 class Moving(NamedTuple):
@@ -54,17 +55,25 @@ def see(cameras, limits, v, lanes):
     `cameras` and `limits` as in `VoteScene`.
     """
     if cameras[v].fisheye > 0.0:
-        _project(cameras[v], True, lanes)
+        _project(cameras[v], FISHEYE, lanes)
+    elif cameras[v].many > 0.0:
+        _project_many(cameras[v], lanes)
     else:
-        _project(cameras[v], False, lanes)
+        _project(cameras[v], BROWN, lanes)
     for c in range(LANES if limits[3 * v] > 0.0 else 0):
         if lanes[COVERED + c] > 0.0:
             near = within(cameras[v], limits, v, lanes[U + c], lanes[W + c], lanes[DEPTH + c])
             lanes[COVERED + c] = 1.0 if near else 0.0
 
 
+@njit(cache=True, error_model="numpy", nogil=True, _nrt=False)
+def _project_many(camera, lanes):
+    """Project through a lens of many terms; a call, as its code inlined would make all searches larger."""
+    _project(camera, MANY, lanes)
+
+
 @inlined
-def _project(camera, fisheye, lanes):
+def _project(camera, lens, lanes):
     """The kind of the lens is an argument so that each has a loop without branches."""
     r00, r01, r02, tx = camera.r00, camera.r01, camera.r02, camera.tx
     r10, r11, r12, ty = camera.r10, camera.r11, camera.r12, camera.ty
@@ -77,7 +86,7 @@ def _project(camera, fisheye, lanes):
         x, y, z = lanes[X + c], lanes[Y + c], lanes[Z + c]
         depth = r20 * x + r21 * y + r22 * z + tz
         px, py = (r00 * x + r01 * y + r02 * z + tx) / depth, (r10 * x + r11 * y + r12 * z + ty) / depth
-        dx, dy, r2 = bent(terms, fisheye, px, py)
+        dx, dy, r2 = bent_by_many(camera, px, py) if lens == MANY else bent(terms, lens == FISHEYE, px, py)
         u, w = fx * dx + skew * dy + cx, fy * dy + cy
         a, b = a0 * u + a1 * w + a2, b0 * u + b1 * w + b2
         seen = (depth > MIN_DEPTH) & (r2 < fold) & (-0.5 <= u) & (u <= last_u) & (-0.5 <= w) & (w <= last_w)

@@ -61,6 +61,96 @@ def test_jacobian_is_the_derivative(lens, seed):
     assert np.allclose(camera.distort_jacobian(plane), derivative(camera, plane), rtol=1e-6, atol=1e-8)
 
 
+# OpenCV's models with more terms, in its order: rational (Azure Kinect, OAK), thin prism, tilted sensor.
+RATIONAL = st.tuples(
+    st.floats(-0.3, 0.6), st.floats(-0.4, 0.1), st.floats(-3e-3, 3e-3), st.floats(-3e-3, 3e-3),
+    st.floats(-0.05, 0.2), st.floats(-0.2, 0.5), st.floats(-0.3, 0.1), st.floats(0.0, 0.2),
+)  # fmt: skip
+PRISM = st.tuples(*(st.floats(-5e-3, 5e-3) for _ in range(4)))
+TILT = st.tuples(*(st.floats(-0.05, 0.05) for _ in range(2)))
+MANY = st.one_of(
+    RATIONAL, st.builds(lambda a, b: a + b, RATIONAL, PRISM),
+    st.builds(lambda a, b, c: a + b + c, RATIONAL, PRISM, TILT),
+)  # fmt: skip
+KINECT = (0.66, -2.7, 6e-4, -2e-4, 1.55, 0.54, -2.5, 1.48)  # as an Azure Kinect's colour camera
+OAK = (2.1, -11.5, -1e-3, 4e-4, 33.6, 2.0, -11.3, 33.1, 1e-3, -2e-4, 5e-4, 1e-4, 0.012, -0.02)  # of 14 terms
+
+
+@settings(max_examples=120, deadline=None)
+@given(lens=MANY, seed=st.integers(0, 10**6))
+def test_projection_with_more_terms_equals_opencv(lens, seed):
+    camera = Intrinsics(MATRIX, lens)
+    cloud = points(seed)
+    pixels, seen = camera.project(cloud)
+    expected = cv2.projectPoints(cloud, np.zeros(3), np.zeros(3), MATRIX, np.array(lens))[0][:, 0]
+    assert np.abs(pixels[seen] - expected[seen]).max(initial=0.0) < 1e-9
+    assert np.isnan(pixels[~seen]).all()
+
+
+@settings(max_examples=80, deadline=None)
+@given(lens=MANY, seed=st.integers(0, 10**6))
+def test_undistort_with_more_terms_inverts_distort_inside_of_the_fold(lens, seed):
+    camera = Intrinsics(MATRIX, lens)
+    plane = np.random.default_rng(seed).uniform(-0.5, 0.5, (40, 2))
+    inside = np.linalg.norm(plane, axis=1) < 0.9 * camera.radius_limit
+    assume(inside.any())
+    inside &= np.linalg.det(camera.distort_jacobian(plane)) > 0.05
+    back = camera.undistort(camera.pixels_from_plane(camera.distort(plane)))
+    assert np.nanmax(np.abs(back - plane)[inside], initial=0.0) < 1e-9
+    assert np.isfinite(back[inside]).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(lens=MANY, seed=st.integers(0, 10**6))
+def test_jacobian_with_more_terms_is_the_derivative(lens, seed):
+    camera = Intrinsics(MATRIX, lens)
+    plane = np.random.default_rng(seed).uniform(-0.6, 0.6, (10, 2))
+    assert np.allclose(camera.distort_jacobian(plane), derivative(camera, plane), rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("lens", [KINECT, OAK])
+def test_lenses_of_real_cameras_are_undone_in_the_whole_image(lens):
+    camera = Intrinsics(MATRIX, lens)
+    rows, columns = np.mgrid[0:720:40, 0:1280:40]
+    pixels = np.stack([columns, rows], axis=-1).reshape(-1, 2).astype(float)
+    plane = camera.undistort(pixels)
+    assert np.isfinite(plane).all()
+    again, seen = camera.project(np.concatenate([plane, np.ones((len(plane), 1))], axis=1))
+    assert seen.all() and np.abs(again - pixels).max() < 1e-5
+
+
+@settings(max_examples=80, deadline=None)
+@given(lens=RATIONAL)
+def test_the_radius_increases_up_to_the_fold_and_not_beyond(lens):
+    camera = Intrinsics(MATRIX, (*lens[:2], 0.0, 0.0, *lens[4:]))
+    limit = min(camera.radius_limit, 3.0)
+    radius = np.linspace(0.0, limit, 300)[:-1]
+    bent = camera.distort(np.stack([radius, 0.0 * radius], axis=-1))[:, 0]
+    assert (np.diff(bent) > -1e-12).all()
+    if camera.radius_limit < 3.0:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = camera.distort_jacobian(np.array([[camera.radius_limit, 0.0]]))[0, 0, 0]
+        assert abs(slope) < 1e-3 or not np.isfinite(slope) or abs(slope) > 1e3  # a fold, or a pole
+
+
+def test_zeros_at_the_end_mean_nothing():
+    five, eight = Intrinsics(MATRIX, KINECT[:5]), Intrinsics(MATRIX, KINECT)
+    for count in (8, 12, 14):
+        padded = np.zeros(count)
+        padded[:5] = KINECT[:5]
+        assert np.array_equal(Intrinsics(MATRIX, padded).distortion, five.distortion)
+    assert np.array_equal(Intrinsics(MATRIX, (*KINECT, 0, 0, 0, 0)).distortion, eight.distortion)
+    assert Intrinsics(MATRIX, np.zeros(14)).distortion.shape == (5,)
+    fisheye = Intrinsics(MATRIX, (0.1, 0.2, 0.0, 0.0, 0.0, 0.0), "fisheye")
+    assert fisheye.distortion.tolist() == [0.1, 0.2, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("count", [3, 6, 7, 9, 13])
+def test_counts_that_no_model_has_are_refused(count):
+    with pytest.raises(CalibrationError, match=f"{count} distortion coefficients; a brown lens has 4, 5, 8"):
+        Intrinsics(MATRIX, np.full(count, 0.01))
+
+
 def test_points_behind_the_camera_have_no_pixel():
     pixels, seen = Intrinsics(MATRIX, np.zeros(5)).project(np.array([[0, 0, -1.0], [0, 0, 0.0], [0, 0, 1.0]]))
     assert seen.tolist() == [False, False, True]
@@ -85,7 +175,7 @@ def test_skew_is_used_both_ways():
     ("matrix", "lens", "told"),
     [
         (np.eye(2), np.zeros(5), "3x3"),
-        (MATRIX, np.zeros(8), "k1 k2 p1 p2 k3"),
+        (MATRIX, np.ones(15), "k1 k2 p1 p2 k3 k4 k5 k6"),
         (MATRIX * np.nan, np.zeros(5), "finite"),
         (-MATRIX, np.zeros(5), "positive"),
     ],
@@ -160,5 +250,5 @@ def test_the_lens_is_named_and_its_terms_counted():
     with pytest.raises(CalibrationError, match="unknown lens 'omni'; lenses are brown, fisheye"):
         Intrinsics(MATRIX, np.zeros(4), "omni")
     with pytest.raises(CalibrationError, match="5 distortion .* a fisheye lens has only k1 k2 k3 k4"):
-        Intrinsics(MATRIX, np.zeros(5), "fisheye")
+        Intrinsics(MATRIX, np.ones(5), "fisheye")
     assert Intrinsics(MATRIX, [0.1], "fisheye").distortion.tolist() == [0.1, 0.0, 0.0, 0.0]

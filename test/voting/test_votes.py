@@ -14,6 +14,7 @@ from panoptic_ros.voting.votes import at_rest, vote_points
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 FISHEYE = Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye")
+MANY = (*LENS, 0.02, -0.01, 0.003, 1e-3, -2e-3, 5e-4, 1e-3, 0.02, -0.03)  # rational, thin prism, tilted
 
 
 def setting(scenes, maps, distortion, limits=False):
@@ -37,7 +38,7 @@ def points_about(people, rng):
 
 
 @pytest.mark.parametrize("limits", [False, True])
-@pytest.mark.parametrize("distortion", [(), LENS, FISHEYE])
+@pytest.mark.parametrize("distortion", [(), LENS, FISHEYE, MANY])
 @pytest.mark.parametrize("maps", ["none", "merged", "person", "mixed"])
 def test_votes_are_those_of_numpy(scenes, maps, distortion, limits):
     rig, people, scene, fields = setting(scenes, maps, distortion, limits)

@@ -48,6 +48,8 @@ def cameras_of_all_kinds():
         Intrinsics(matrix, []), Intrinsics(matrix, [-0.4, 0.2, 0.003, -0.002, -0.05]),
         Intrinsics(matrix, [-0.9, 0.0]), Intrinsics(matrix, [0.1, -0.03, 0.01, -0.002], "fisheye"),
         Intrinsics(matrix, [-0.6, 0.0, 0.0, 0.0], "fisheye"),
+        Intrinsics(matrix, [0.3, -0.2, 1e-3, 2e-3, 0.1, 0.2, -0.1, 0.15]),
+        Intrinsics(matrix, [-0.2, 0.1, 1e-3, 2e-3, 0, 0, 0, 0.01, 2e-3, -1e-3, 1e-3, 2e-3, 0.03, -0.04]),
     ]  # fmt: skip
     for i, lens in enumerate(lenses):
         rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))

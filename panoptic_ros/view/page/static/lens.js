@@ -26,10 +26,19 @@ export function project(camera, x, y, z) {
   return [K[0] * p + K[1] * q + K[2], K[3] * p + K[4] * q + K[5]];
 }
 
-function brown([k1, k2, p1, p2, k3], x, y) {
+// Terms that a lens lacks are 0; the last two tilt the sensor.
+function brown([k1, k2, p1, p2, k3, k4 = 0, k5 = 0, k6 = 0, s1 = 0, s2 = 0, s3 = 0, s4 = 0, tauX = 0, tauY = 0], x, y) {
   const r2 = x * x + y * y;
-  const radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
-  return [x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y];
+  const radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
+  const p = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x) + r2 * (s1 + r2 * s2);
+  const q = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y + r2 * (s3 + r2 * s4);
+  return tauX || tauY ? tilted(tauX, tauY, p, q) : [p, q];
+}
+
+function tilted(tauX, tauY, p, q) {
+  const cx = Math.cos(tauX), sx = Math.sin(tauX), cy = Math.cos(tauY), sy = Math.sin(tauY);
+  const a = cy * p + sy * sx * q - sy * cx, b = cx * q + sx, c = sy * p - cy * sx * q + cy * cx;
+  return [cy * cx * (a / c) + sy * cx, cy * cx * (b / c) - sx];
 }
 
 function fisheye([k1, k2, k3, k4], x, y) {
