@@ -12,7 +12,7 @@ from panoptic_ros.capture.corrected import CorrectedSource
 from panoptic_ros.capture.depth_folder import DepthSource, depth_files
 from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors
 from panoptic_ros.capture.image_folder import ImageFolderSource
-from panoptic_ros.capture.image_size import SizePolicy, fit_camera
+from panoptic_ros.capture.image_size import SizePolicy, fit_camera, size_change
 from panoptic_ros.capture.layout import check_cameras, find_media, named_as
 from panoptic_ros.capture.sound import SOUND_NAMES, folder_sounds, sound_files, track_sound
 from panoptic_ros.capture.source import FrameSource, exact_rate, grid_stamp
@@ -21,6 +21,7 @@ from panoptic_ros.capture.synctables import table_files, table_times, tabled_not
 from panoptic_ros.capture.timed import TimedSource
 from panoptic_ros.capture.video import VideoSource
 from panoptic_ros.domain import Rig
+from panoptic_ros.domain.rig import lines_of
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.occluders import read_occluders
@@ -118,7 +119,7 @@ def open_capture_folder(
     if not path.is_dir():
         raise DataError(f"capture folder {path} " + ("is a file" if path.exists() else "is not there"))
     if rig is None:
-        rig = read_rig(find_rig(path))
+        rig = read_rig(find_rig(path), cameras=cameras)
         if (path / OCCLUDERS).is_file():
             rig = replace(rig, occluders=read_occluders(path / OCCLUDERS))
     media = find_media(path, rig)
@@ -246,12 +247,8 @@ def fit_rig(
     for camera in rig.subset(by_name).cameras:
         size = by_name[camera.name].image_size
         fitted.append(fit_camera(camera, size, size_policy))
-        if size != camera.image_size:
-            changes.append(
-                f"camera {camera.name}: calibrated at {camera.image_size[0]}x{camera.image_size[1]}, "
-                f"images are {size[0]}x{size[1]}: {size_policy}"
-            )
-    return replace(rig, cameras=tuple(fitted)), tuple(changes)
+        changes.append((camera.name, size_change(camera, size, size_policy)))
+    return replace(rig, cameras=tuple(fitted)), lines_of(changes)
 
 
 def _sound(

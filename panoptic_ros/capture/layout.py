@@ -104,7 +104,7 @@ def videos_in(path: Path) -> dict[str, Path]:
 
 
 def check_cameras(path: Path, media: Media, names: Sequence[str], every: bool) -> None:
-    """Check that all videos have a camera, and all cameras have images.
+    """Check that all videos have a camera, if only one that the rig leaves out, and all cameras have images.
 
     Args:
         path: the capture folder. names: of cameras that are used. every: these are all of the rig.
@@ -112,12 +112,13 @@ def check_cameras(path: Path, media: Media, names: Sequence[str], every: bool) -
     Raises:
         CalibrationError: for videos without a camera. DataError: for cameras without images.
     """
-    if media.others and every:
+    others = {name: file for name, file in media.others.items() if name not in media.rig.left_out}
+    if others and every:
         lacking = [name for name in names if name not in media.files]
         raise CalibrationError(
-            f"{path}: the rig has no camera for the videos {', '.join(media.others)}; it has "
+            f"{path}: the rig has no camera for the videos {', '.join(others)}; it has "
             f"{', '.join(names)}" + (f", of which {', '.join(lacking)} lack a video" if lacking else "")
-            + f"; {_offer(media.others, lacking)}"
+            + f"; {_offer(others, lacking)}"
         )  # fmt: skip
     for name in names:
         if name not in media.files:
@@ -160,11 +161,12 @@ class _Place:
     @staticmethod
     def of(path: Path, rig: Rig) -> _Place:
         videos, folders = videos_in(path), _image_folders(path)
-        meant = named_as(rig.names, list(videos))
+        meant = named_as(rig.names, [name for name in videos if name not in rig.left_out])
         files = {camera: videos[name] for name, camera in meant.items()}
         for name, folder in folders.items():
             if name in files and name in rig.names:
                 raise DataError(f"camera {name} has both {files[name]} and {folder}; remove one")
+        folders = {name: folder for name, folder in folders.items() if name not in rig.left_out}
         lacking = [name for name in rig.names if name not in files]
         shorter = [n for n in folders if n in lacking or any(_is_part(_words(n), _words(c)) for c in lacking)]
         inside = named_as(lacking, shorter)

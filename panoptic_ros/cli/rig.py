@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 from panoptic_ros.domain import Rig
@@ -33,14 +34,17 @@ def run(args: argparse.Namespace) -> int:
     return _check(args) if args.action == "check" else _convert(args)
 
 
-def _read(args: argparse.Namespace, path: Path) -> Rig:
+def _read(args: argparse.Namespace, path: Path, cameras: list[str] | None = None) -> Rig:
     try:
         panels = [int(word) for word in _words(args.panels)]
     except ValueError:
         raise UsageError(f"--panels {args.panels!r} is no list of whole numbers") from None
     from panoptic_ros.running.plans.rig_files import read_rig_at  # only now: --help must be quick
 
-    return read_rig_at(path, unit=args.unit, types=_words(args.types), panels=panels)
+    rig = read_rig_at(path, unit=args.unit, types=_words(args.types), panels=panels, cameras=cameras)
+    for line in rig.notices:
+        print(f"warning: {line}", file=sys.stderr)
+    return rig
 
 
 def _words(text: str) -> list[str]:
@@ -48,9 +52,7 @@ def _words(text: str) -> list[str]:
 
 
 def _convert(args: argparse.Namespace) -> int:
-    rig = _read(args, args.source)
-    if args.cameras:
-        rig = rig.subset(_words(args.cameras))
+    rig = _read(args, args.source, _words(args.cameras) if args.cameras else None)
     lost = write_rig(args.target, rig, args.format)
     print(f"{args.target}: {len(rig)} cameras" + (f"; left out: {', '.join(lost)}" if lost else ""))
     return 0

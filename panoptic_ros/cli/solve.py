@@ -50,6 +50,8 @@ def run(args: argparse.Namespace) -> int:
         skeleton=args.skeleton or preset.skeleton or AUTO, cameras=names(args.cameras),
         occluders=args.occluders,
     )  # fmt: skip
+    for line in task.context.rig.notices:
+        print(f"warning: {line}", file=sys.stderr)
     solution = solve(_corrected(task, args))
     write_skeletons(args.out, task.joint_names, solution.poses)
     if not args.quiet:

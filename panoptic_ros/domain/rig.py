@@ -2,8 +2,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,6 +22,8 @@ class Rig:
         occluders: fixed things between which the cameras look, None = none are known.
         depth_sensors: sensors with maps of their own, in a fixed order. A camera whose depth is registered
             to its images needs none.
+        left_out: why each camera of the file is not in the rig, by its name; "" = it was not chosen.
+        notices: one line each about what the file lacks and what was assumed.
 
     Whoever reads a rig wants cameras; one without any is for bodies that IMUs alone tell of (`NO_CAMERAS`).
 
@@ -34,6 +36,8 @@ class Rig:
     frame_id: str = "world"
     occluders: Occluders | None = None
     depth_sensors: tuple[DepthSensor, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    notices: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
@@ -76,6 +80,8 @@ class Rig:
         for i, camera in enumerate(self.cameras):
             if camera.name == name:
                 return i
+        if reason := self.left_out.get(name):
+            raise CalibrationError(f"camera {name} of the rig cannot be used: {reason}")
         raise CalibrationError(f"the rig has no camera {name!r}; it has {', '.join(self.names)}")
 
     def camera(self, name: str) -> Camera:
@@ -126,6 +132,21 @@ class Rig:
             np.stack([c.cam_from_world.translation for c in self.cameras]),
             np.array([0.5 * np.trace(c.intrinsics.matrix[:2, :2]) for c in self.cameras]),
         )
+
+
+def lines_of(told: Iterable[tuple[str, str]]) -> tuple[str, ...]:
+    """Return lines about cameras, one for all cameras with the same text.
+
+    Args:
+        told: names of cameras and texts; empty texts are left out.
+    """
+    names: dict[str, list[str]] = {}
+    for name, text in told:
+        names.setdefault(text, []).append(name)
+    return tuple(
+        f"{'camera' if len(own) == 1 else 'cameras'} {', '.join(own)}: {text}"
+        for text, own in names.items() if text
+    )  # fmt: skip
 
 
 NO_CAMERAS = Rig(())

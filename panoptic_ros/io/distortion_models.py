@@ -1,6 +1,75 @@
-"""ROS's names of lens models, as in sensor_msgs/distortion_models.hpp."""
+"""One reader of lens distortion: names that drivers and calibrators use, and how many numbers there are."""
 from __future__ import annotations
 
-from panoptic_ros.geometry import Lens
+import re
 
-DISTORTION_MODELS: dict[Lens, str] = {"brown": "plumb_bob", "fisheye": "equidistant"}
+import numpy as np
+
+from panoptic_ros.errors import CalibrationError, shown
+from panoptic_ros.geometry import Intrinsics, Lens
+
+Array = np.ndarray
+OPENCV = "opencv"  # model of files that name none
+# Names in lower case, letters and digits only. All of OpenCV's models but the fisheye are one with 14 terms.
+_BROWN = frozenset(
+    """brown brownconrady fullopencv opencv opencv4 opencv5 opencv8 opencv12 opencv14 perspective pinhole
+    pinholebrown pinholeradtan plumbbob plumbbob8 radial radialtangential radtan radtan8 rational
+    rationalmodel rationalpolynomial rationalthinprism simpleradial thinprism thinprismmodel tilted
+    tiltedmodel""".split()
+)
+_FISHEYE = frozenset(
+    """equi equidistant equidistantfisheye fisheye kannalabrandt kannalabrandt4 kannalabrandt8 kb kb4
+    opencvfisheye pinholeequi pinholefisheye radialfisheye simpleradialfisheye""".split()
+)
+_NONE = frozenset(("", "ideal", "none", "nodistortion", "rectified", "undistorted"))
+_MOST = {"plumbbob": 5, "radtan": 4, "radialtangential": 4}  # numbers for which the name stands
+KNOWN = "plumb_bob, rational_polynomial, equidistant, and what OpenCV and Kalibr call the same"
+
+
+def ros_name(intrinsics: Intrinsics) -> str:
+    """Return the name that sensor_msgs/distortion_models.hpp has for a lens."""
+    if intrinsics.lens == "fisheye":
+        return "equidistant"
+    return "plumb_bob" if len(intrinsics.distortion) == 5 else "rational_polynomial"
+
+
+def read_lens(model: object, numbers: Array) -> tuple[Lens, Array, str]:
+    """Read the distortion of a lens in one of OpenCV's models, by any name.
+
+    Args:
+        model: its name in a file or message; "" = it is not named.
+        numbers: (N,) in OpenCV's order; trailing zeros mean nothing.
+
+    Returns:
+        the lens; its terms as `Intrinsics` takes them; a line about what was assumed, or "".
+
+    Raises:
+        CalibrationError: if the model is another one, or is not named although it has numbers.
+    """
+    given = np.asarray(numbers, np.float64).reshape(-1)
+    if not isinstance(model, str):
+        raise CalibrationError(f"the distortion model is {shown(model)}, expected its name")
+    name = re.sub("[^a-z0-9]", "", model.lower())
+    if name in _FISHEYE:
+        return "fisheye", given, ""
+    if name in _BROWN:
+        return _brown(model, given, _MOST.get(name, given.size))
+    if given.any():
+        named = f"is {shown(model)}" if name else "is not named, but has coefficients"
+        raise CalibrationError(
+            f"the distortion model {named}; models that are read: {KNOWN}. Calibrate the camera with one of "
+            "them, or undistort its images"
+        )
+    unknown = f"distortion model {shown(model)} is not known; as it has no coefficients, none is taken"
+    return "brown", np.zeros(0), "" if name in _NONE else unknown
+
+
+def _brown(model: str, given: Array, most: int) -> tuple[Lens, Array, str]:
+    if given.size == 3 and given[2]:
+        terms = np.array([given[0], given[1], 0.0, 0.0, given[2]])
+        return "brown", terms, "the 3 distortion coefficients are taken as k1 k2 k3"
+    if given.size <= most:
+        return "brown", given, ""
+    rest = "are taken as those of OpenCV's model" if given[most:].any() else "are 0 and mean nothing"
+    told = f"distortion model {model} has {most} coefficients, not {given.size}; the others {rest}"
+    return "brown", given, told

@@ -158,7 +158,9 @@ def parse_toml(text: str, path: Path | str, kind: type[UserError] = DataError) -
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        raise kind(f"{path} is not valid TOML: {one_line(error)}") from None
+        last = f"at the end, line {len(text.rstrip().splitlines())}"
+        told = one_line(error).replace("at end of document", last)
+        raise kind(f"{path} is not valid TOML: {told}") from None
 
 
 def parse_xml(text: str, path: Path | str, kind: type[UserError] = DataError) -> Any:

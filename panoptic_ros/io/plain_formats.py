@@ -31,6 +31,12 @@ DETECTIONS = "panoptic-detections-1"
 SKELETONS = "panoptic-skeletons-1"
 HIGHEST_SCORE = 1.25  # OpenPose and SimCC nets give a little more than 1, which counts as 1
 _UPPER = np.triu_indices(3)
+FOREIGN = {  # keys of the document, or of the first entry of a list, of formats that are not read
+    "a frame of OpenPose": {"version", "people"},
+    "a result of AlphaPose or of COCO": {"image_id", "keypoints"},
+    "a result of MMPose": {"meta_info", "instance_info"},
+}
+REMEDY = f"write it as {DETECTIONS}, with stamps and the names of cameras: docs/formats.md describes it"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,13 +70,13 @@ class PlainDetections:
         """Detection sets in the working skeleton, for the cameras of the rig.
 
         Args:
-            known: names of cameras that may occur although they are not in `rig` (left out on purpose).
+            known: names of cameras that may occur although they are not in `rig`, besides `rig.left_out`.
 
         Raises:
             CalibrationError: if a view's camera is neither in the rig nor known.
             DataError: if stamps go back.
         """
-        allowed = {*rig.names, *known}
+        allowed = {*rig.names, *rig.left_out, *known}
         last = -1
         for frame in self.frames:
             if frame.stamp_ns < last:
@@ -229,8 +235,12 @@ def _person_scores(scores: Array) -> Array:
 def _document(
     path: Path, wanted: str, read: Callable[[Path], Any] = read_json
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
+    if title := _foreign(Path(path)):
+        raise DataError(f"{path} is {title}, which is not read; {REMEDY}")
     document = read(Path(path))
     found = document.get("format") if isinstance(document, dict) else None
+    if found != wanted and (title := _foreign_document(document)):
+        raise DataError(f"{path} is {title}, which is not read; {REMEDY}")
     if found != wanted:
         raise DataError(f"{path} has format {shown(found)}, expected {shown(wanted)}")
     names = document.get("joint_names")
@@ -241,6 +251,20 @@ def _document(
     if not isinstance(document.get("frames"), list):
         raise DataError(f"{path} has no list of frames")
     return document, tuple(names)
+
+
+def _foreign(path: Path) -> str:
+    """Return the name of a folder of another program's 2D people; "" if it is none."""
+    if path.is_dir() and next(path.rglob("*_keypoints.json"), None) is not None:
+        return "a folder of OpenPose"
+    return ""
+
+
+def _foreign_document(document: Any) -> str:
+    """Return the name of a document of another program's 2D people; "" if it is none."""
+    first = document[0] if isinstance(document, list) and document else document
+    keys = set(first) if isinstance(first, dict) else set()
+    return next((title for title, wanted in FOREIGN.items() if wanted <= keys), "")
 
 
 def _index(frame: dict[str, Any], number: int, where: str) -> int:

@@ -26,22 +26,19 @@ class RecordedPeople:
     joint_names: tuple[str, ...]
 
 
-def read_people(
-    detections: Path, rig: Rig, skeleton: str = AUTO, left_out: Sequence[str] = ()
-) -> RecordedPeople:
+def read_people(detections: Path, rig: Rig, skeleton: str = AUTO) -> RecordedPeople:
     """The 2D people of a plain file.
 
     Args:
-        rig: the cameras that are used.
+        rig: the cameras that are used; those that it leaves out may occur in the file.
         skeleton: name or YAML file, or `AUTO`.
-        left_out: cameras that may occur in the file although they are not in `rig`.
 
     Raises:
         UserError: on whatever the user can mend.
     """
     people = read_detections(detections)
     model, joint_map = map_joints(_choose(people) if skeleton == AUTO else skeleton, people.joint_names)
-    sets = list(people.sets(rig, joint_map, model.hash, known=left_out))
+    sets = list(people.sets(rig, joint_map, model.hash))
     names = _own_names(people, model.joint_names) if skeleton == AUTO else model.joint_names
     return RecordedPeople(model, sets, names)
 

@@ -70,6 +70,7 @@ def read_body_task(
     names: tuple[str, ...] = ()
     if rig is not None and detections is not None:
         used, found = read_rig(rig), read_detections(detections)
+        notices += used.notices
         views, names = view_series(used, found), found.joint_names
     for subject in people:
         odd = sorted(subject.body.own - {*subject.body.model.keypoints, *names})
@@ -141,6 +142,8 @@ def view_series(rig: Rig, people: PlainDetections) -> dict[int, ViewSeries]:
     rows: dict[int, dict[int, ViewPeople]] = {}
     for frame in people.frames:
         for name, view in frame.views.items():
+            if name in rig.left_out:
+                continue
             if name not in index:
                 raise CalibrationError(
                     f"the detections have a camera {name!r} that the rig lacks; it has {', '.join(rig.names)}"

@@ -74,11 +74,10 @@ def read_task(
     Raises:
         UserError: on whatever the user can mend.
     """
-    everything = with_occluders(read_rig(rig), occluders)
-    used = everything if cameras is None else everything.subset(cameras)
+    used = with_occluders(read_rig(rig, cameras=cameras), occluders)
     if len(used) < 2:
         raise UsageError(f"{len(used)} camera is not enough for 3D; give two or more")
-    people = read_people(detections, used, skeleton, everything.names)
+    people = read_people(detections, used, skeleton)
     configs = configure(parameters)
     table = config_of(configs, AssemblyConfig).bias_table
     context = StageContext(used, people.skeleton, bias_extras(table, people.skeleton))

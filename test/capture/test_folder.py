@@ -13,8 +13,8 @@ from panoptic_ros.geometry import Intrinsics, Rigid
 SIZE = (64, 48)
 
 
-def _camera(name="cam1", size=SIZE):
-    matrix = [[50.0, 0.0, 30.0], [0.0, 55.0, 25.0], [0.0, 0.0, 1.0]]
+def _camera(name="cam1", size=SIZE, centre=(30.0, 25.0)):
+    matrix = [[50.0, 0.0, centre[0]], [0.0, 55.0, centre[1]], [0.0, 0.0, 1.0]]
     return Camera(name, size, Intrinsics(matrix, [0.1]), Rigid.identity())
 
 
@@ -115,9 +115,26 @@ def test_no_folder_and_no_rig(make_rig_file, tmp_path):
 )
 def test_an_image_size_that_differs_from_the_rigs_names_both(make_video, tmp_path, rig_size, advice):
     make_video(tmp_path / "cam1.mp4")
+    camera = _camera(size=rig_size, centre=(0.5 * rig_size[0], 0.5 * rig_size[1]))
     with pytest.raises(CalibrationError, match=advice) as caught:
-        open_capture_folder(tmp_path, rig=Rig((_camera(size=rig_size),)))
+        open_capture_folder(tmp_path, rig=Rig((camera,)))
     assert "64x48" in str(caught.value) and f"{rig_size[0]}x{rig_size[1]}" in str(caught.value)
+
+
+def test_width_and_height_that_only_the_rig_exchanges_are_told(make_video, tmp_path):
+    make_video(tmp_path / "cam1.mp4")
+    with open_capture_folder(tmp_path, rig=Rig((_camera(size=SIZE[::-1]),))) as capture:
+        assert capture.rig.camera("cam1").image_size == SIZE
+        (line,) = capture.notices
+    assert "the rig says 48x64" in line and "taken as exchanged" in line
+
+
+def test_videos_of_cameras_that_the_rig_leaves_out_are_left_alone(make_video, tmp_path):
+    for name in ("cam1", "cam2"):
+        make_video(tmp_path / f"{name}.mp4")
+    rig = Rig((_camera(),), left_out={"cam2": "it has no pose"})
+    with open_capture_folder(tmp_path, rig=rig) as capture:
+        assert capture.rig.names == ("cam1",)
 
 
 def test_scaling_moves_projections_as_resizing_moves_pixels(make_video, tmp_path):

@@ -1,10 +1,14 @@
 """What the calibration of a camera becomes for images of another size."""
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
-from panoptic_ros.capture.image_size import fit_camera
+import numpy as np
+import pytest
+
+from panoptic_ros.capture.image_size import fit_camera, size_change
 from panoptic_ros.domain import Camera
+from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Intrinsics, Rigid
 
 
@@ -35,3 +39,16 @@ def test_smaller_images_have_slower_rows_and_smaller_errors_in_pixels() -> None:
 def test_cut_images_keep_rows_and_errors() -> None:
     cut = fit_camera(fisheye(), (640, 470), "crop")
     assert cut.line_delay_us == 20.0 and np.array_equal(cut.covariance, fisheye().covariance)
+
+
+def test_a_rig_whose_width_and_height_are_exchanged_is_taken_as_its_principal_point_says() -> None:
+    lens = Intrinsics([[430.0, 0, 239.4], [0, 431.0, 309.8], [0, 0, 1]], np.zeros(5))
+    camera = Camera("a", (640, 480), lens, Rigid.identity())
+    taken = fit_camera(camera, (480, 640))
+    assert taken.image_size == (480, 640) and taken.intrinsics is lens
+    assert "the rig says 640x480, but its principal point is in the middle of 480x640" in size_change(
+        camera, (480, 640), "strict"
+    )
+    landscape = replace(camera, intrinsics=Intrinsics([[430.0, 0, 322], [0, 431, 236], [0, 0, 1]], []))
+    with pytest.raises(CalibrationError, match="width and height are exchanged: turn the video"):
+        fit_camera(landscape, (480, 640))

@@ -133,7 +133,7 @@ class TestUsage:
         [
             (["folder", "--redetect"], "only with --bag"),
             (["folder", "--latency-ms", "40"], "only with --device"),
-            (["--bag", "b", "--size-policy", "crop"], "--size-policy"),
+            (["--topics", "d.yaml", "--size-policy", "crop"], "--size-policy"),
             (["--bag", "b", "--frame-rate", "25"], "--frame-rate"),
             (["--rig", "r", "--video", "a=b", "--cameras", "a"], "--cameras"),
             (["folder", "--jpeg", "90", "--in-process"], "--jpeg"),

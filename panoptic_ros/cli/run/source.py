@@ -30,7 +30,9 @@ def make_plan(args: argparse.Namespace) -> Plan:
         args.apart, tuple(args.subject),
     )  # fmt: skip
     if args.bag:
-        return plan_bags(args.bag, options, rig=args.rig, choice=_choice(args))
+        return plan_bags(
+            args.bag, options, rig=args.rig, choice=_choice(args), size_policy=args.size_policy
+        )
     if args.topics:
         from panoptic_ros.running.plans.driver_plan import plan_drivers  # needs ROS
 

@@ -24,7 +24,7 @@ _MEANS_SOMETHING_FOR = {
     "offsets_from_sound": (*_FILES, "bag"),
     "apart": (*_FILES, "bag"),
     "redetect": ("bag",),
-    "size_policy": _FILES,
+    "size_policy": (*_FILES, "bag"),
     "skip_damaged": _FILES,
     "topic": ("bag",),
 }

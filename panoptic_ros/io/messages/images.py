@@ -1,15 +1,12 @@
-"""Images and CameraInfo as sensor_msgs, and back."""
+"""Images as sensor_msgs, and back."""
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, DepthFrame, Preview, ViewFrame
+from panoptic_ros.domain import DepthFrame, Preview, ViewFrame
 from panoptic_ros.errors import DataError
-from panoptic_ros.geometry import Intrinsics, Rigid
-from panoptic_ros.io.distortion_models import DISTORTION_MODELS
 from panoptic_ros.io.messages.arrays import byte_array
 from panoptic_ros.io.messages.depths import depth_from_message
 from panoptic_ros.io.messages.encodings import bgr_of, encoding_of, is_mosaic, picture_of, stretched
@@ -86,43 +83,6 @@ def depth_message(frame: DepthFrame, family: Messages) -> Any:
     )
 
 
-def camera_from_info(message: Any, name: str, cam_from_world: Rigid) -> Camera:
-    """The camera of raw images that a sensor_msgs/CameraInfo describes.
-
-    Raises:
-        DataError: if it is not calibrated, or has a lens model that is not supported.
-    """
-    model = str(message.distortion_model)
-    lens = next((lens for lens, known in DISTORTION_MODELS.items() if known == model), None)
-    coefficients = np.array(message.d, float)
-    if lens is None and coefficients.any():
-        known = " and ".join(DISTORTION_MODELS.values())
-        raise DataError(f"camera_info of {name} has distortion model {model!r}; supported: {known}")
-    matrix = np.array(message.k, float).reshape(3, 3)
-    if not matrix.any():
-        raise DataError(f"camera_info of {name} is all 0: its driver is not calibrated")
-    given = np.zeros(0) if lens is None else coefficients
-    size = int(message.width), int(message.height)
-    return Camera(name, size, Intrinsics(matrix, given, lens or "brown"), cam_from_world)
-
-
-def rectified(camera: Camera, message: Any) -> Camera:
-    """The camera of the rectified images of the same lens: no distortion, K and axes by CameraInfo.
-
-    Raises:
-        DataError: if the message has no projection matrix.
-    """
-    matrix = np.array(message.p, float).reshape(3, 4)[:, :3]
-    if not matrix.any():
-        raise DataError(f"camera_info of {camera.name} has no projection: its images cannot be rectified")
-    rotation = np.array(message.r, float).reshape(3, 3)
-    turned = Rigid(rotation if rotation.any() else np.eye(3), np.zeros(3))
-    pose = turned.compose(camera.cam_from_world)
-    return replace(
-        camera, intrinsics=Intrinsics(matrix, np.zeros(0)), cam_from_world=pose, covariance=None
-    )
-
-
 def frame_from_message(message: Any, camera: str, frame_number: int, encoding: str = "") -> ViewFrame:
     """A frame from Image or CompressedImage; the message has no number, so the caller counts.
 
@@ -167,25 +127,3 @@ def _decode(message: Any, camera: str, encoding: str) -> Array:
         form = encoding_of(mosaic, what)
         return bgr_of(image[..., None], form._replace(size=image.dtype.itemsize, bits=0), what)
     return image if image.dtype == np.uint8 else stretched(image)
-
-
-def camera_info_message(camera: Camera, stamp_ns: int, family: Messages) -> Any:
-    """sensor_msgs/CameraInfo of one image; the model is plumb_bob, of a fisheye equidistant."""
-    k = np.array(camera.intrinsics.matrix)
-    roi = family.make(
-        "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
-    )
-    return family.make(
-        "sensor_msgs/msg/CameraInfo",
-        header=family.header(stamp_ns, optical_frame(camera.name)),
-        height=camera.image_size[1],
-        width=camera.image_size[0],
-        distortion_model=DISTORTION_MODELS[camera.intrinsics.lens],
-        d=family.sequence(np.array(camera.intrinsics.distortion)),
-        k=k.reshape(9),
-        r=np.eye(3).reshape(9),
-        p=np.hstack([k, np.zeros((3, 1))]).reshape(12),
-        binning_x=0,
-        binning_y=0,
-        roi=roi,
-    )

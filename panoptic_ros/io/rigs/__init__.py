@@ -8,8 +8,8 @@ In: rig.json ("panoptic-rig-1"), CMU Panoptic Studio JSON, calibration.json of d
 Qualisys .qca.txt, aniposelib and caliscope TOML, a folder of ROS camera_info YAML with poses.yaml,
 calibration.cal of Total Capture. Out: all of these but the last and the data packs'.
 
-Lenses: Brown's with k1 k2 p1 p2 k3, and OpenCV's fisheye with four terms where a format has it (rig.json,
-TOML, camera_info). A rational or thin-prism model is refused.
+Lenses: OpenCV's models with up to 14 terms, and its fisheye, by any name; one reader for all formats and for
+live CameraInfo, `io.distortion_models`. Cameras that a file does not pose are left out, see `Rig.left_out`.
 TOML files do not state their unit of length and world axes: see `read_rig`.
 """
 from panoptic_ros.io.rigs.registry import WRITABLE, read_rig, write_rig

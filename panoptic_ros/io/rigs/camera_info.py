@@ -1,8 +1,8 @@
 """A folder of ROS calibration files, <camera>.yaml, and poses.yaml.
 
 <camera>.yaml is what camera_calibration and camera_info_manager write: image_width, image_height,
-camera_matrix, distortion_model (plumb_bob, or equidistant for a fisheye), distortion_coefficients. ROS
-has no file for the poses, so this package defines one, poses.yaml:
+camera_matrix, distortion_model (see `io.distortion_models`), distortion_coefficients. ROS has no file for
+the poses, so this package defines one, poses.yaml:
 
     frame_id: world
     poses:
@@ -13,6 +13,7 @@ and a quaternion: what `tf2_echo world cam01_optical_frame` prints.
 """
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,21 @@ import numpy as np
 import yaml
 
 from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.errors import CalibrationError, UsageError, shown
+from panoptic_ros.errors import CalibrationError, DataError, UsageError, shown
 from panoptic_ros.geometry import Rigid
-from panoptic_ros.io.distortion_models import DISTORTION_MODELS
+from panoptic_ros.io.distortion_models import ros_name
 from panoptic_ros.io.documents import read_yaml
-from panoptic_ros.io.rigs.fields import camera, entry, name_of, numbers, whole_number
+from panoptic_ros.io.rigs.fields import (
+    LeftOut,
+    camera,
+    entry,
+    name_of,
+    numbers,
+    pose_numbers,
+    text_of,
+    whole_number,
+)
+from panoptic_ros.io.rigs.options import ReadOptions, Taken
 
 POSES = "poses.yaml"
 
@@ -34,8 +45,8 @@ def recognises(folder: Path) -> bool:
     return (folder / POSES).is_file()
 
 
-def parse(folder: Path) -> Rig:
-    """A rig from the folder, cameras in the order of poses.yaml.
+def parse(folder: Path, options: ReadOptions) -> Rig:
+    """Read a rig from the folder, cameras in the order of poses.yaml; those without a pose are left out.
 
     Raises:
         DataError: if a file cannot be read or is no YAML.
@@ -46,33 +57,47 @@ def parse(folder: Path) -> Rig:
     poses = entry(document, "poses", POSES)
     if not isinstance(poses, dict) or not poses:
         raise CalibrationError(f"{POSES}: 'poses' is no table of cameras, or an empty one")
-    files = {path.stem for path in folder.glob("*.yaml") if path.name != POSES}
-    names = [str(name) for name in poses]
-    for name in sorted(files ^ set(names)):
-        lacks = f"no pose in {POSES}" if name in files else f"no {name}.yaml"
-        raise CalibrationError(f"camera {name} has {lacks}")
-    return Rig(tuple(_camera(folder, str(name), pose) for name, pose in poses.items()), frame_id)
+    taken = Taken(options)
+    for name, pose in poses.items():
+        taken.take(str(name), partial(_camera, folder, str(name), pose, taken))
+    for path in sorted(folder.glob("*.yaml")):
+        if path.stem not in map(str, poses) and _is_camera(path):
+            taken.take(path.stem, _unposed)
+    return taken.rig(frame_id)
 
 
-def _camera(folder: Path, name: str, pose: Any) -> Camera:
+def _unposed() -> Camera:
+    raise LeftOut(f"no pose in {POSES}")
+
+
+def _is_camera(path: Path) -> bool:
+    """Return whether a file calibrates a camera; one that is broken does not."""
+    try:
+        document = read_yaml(path)
+    except DataError:
+        return False
+    return isinstance(document, dict) and "camera_matrix" in document
+
+
+def _camera(folder: Path, name: str, pose: Any, taken: Taken) -> Camera:
     where = f"{name}.yaml"
+    if not (folder / where).is_file():
+        raise CalibrationError(f"camera {name} has no {where}, although {POSES} has its pose")
     from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
 
+    pose_at = f"{POSES}: {name}"
+    translation = pose_numbers(pose, "translation", pose_at, (3,))
+    quaternion = pose_numbers(pose, "rotation", pose_at, (4,))
     document = read_yaml(folder / where)
-    model = entry(document, "distortion_model", where)
-    lens = next((lens for lens, name in DISTORTION_MODELS.items() if name == model), None)
-    if lens is None:
-        known = " and ".join(map(repr, DISTORTION_MODELS.values()))
-        raise CalibrationError(f"{where}: distortion_model is {shown(model)}; only {known} are supported")
     size = (
         whole_number(entry(document, "image_width", where), f"{where}: image_width"),
         whole_number(entry(document, "image_height", where), f"{where}: image_height"),
     )
     matrix = numbers(entry(document, "camera_matrix", where), "data", f"{where}: camera_matrix", (9,))
-    coefficients = entry(document, "distortion_coefficients", where)
-    distortion = numbers(coefficients, "data", f"{where}: distortion_coefficients", (-1,))
-    translation = numbers(pose, "translation", f"{POSES}: {name}", (3,))
-    quaternion = numbers(pose, "rotation", f"{POSES}: {name}", (4,))
+    model, distortion = text_of(document, "distortion_model", where), np.zeros(0)
+    if model or document.get("distortion_coefficients") is not None:
+        coefficients = entry(document, "distortion_coefficients", where)
+        distortion = numbers(coefficients, "data", f"{where}: distortion_coefficients", (-1,))
     length = float(np.linalg.norm(quaternion))
     if abs(length - 1.0) > 1e-3:
         raise CalibrationError(f"{POSES}: {name}: 'rotation' has length {length:.4g}, no unit quaternion")
@@ -80,7 +105,7 @@ def _camera(folder: Path, name: str, pose: Any) -> Camera:
     cam_from_world = world_from_cam.inverse()
     return camera(
         name, size, matrix.reshape(3, 3), distortion, cam_from_world.rotation, cam_from_world.translation,
-        lens,
+        model, taken.tell,
     )  # fmt: skip
 
 
@@ -115,7 +140,7 @@ def _info(item: Camera) -> dict[str, Any]:
         "image_height": height,
         "camera_name": item.name,
         "camera_matrix": _matrix(matrix),
-        "distortion_model": DISTORTION_MODELS[item.intrinsics.lens],
+        "distortion_model": ros_name(item.intrinsics),
         "distortion_coefficients": _matrix(item.intrinsics.distortion[None]),
         "rectification_matrix": _matrix(np.eye(3)),
         "projection_matrix": _matrix(projection),

@@ -1,6 +1,7 @@
-"""From a file to its parsed content, whatever the name: JSON, XML, TOML, lines of numbers, or a folder."""
+"""From a file to its content, whatever its name: JSON, XML, TOML, lines of numbers, other text, a folder."""
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -10,19 +11,20 @@ from panoptic_ros.io.documents import LARGEST_TABLES, decoded, parse_json, parse
 from panoptic_ros.io.loading import read_unpacked
 
 FILE = "the file"  # in messages; the caller names it
+TABLE = re.compile(r"^\s*\[[\w. \"'-]+\]\s*(#.*)?$", re.MULTILINE)  # as the tables of TOML begin
 
 
 @dataclass(frozen=True)
 class Document:
-    """Parsed content: a dict (json, toml), an XML root element, the numbers of each line, or the path of a
-    folder."""
+    """Parsed content: a dict (json, toml), an XML root element, the numbers of each line, other text, or the
+    path of a folder."""
 
-    syntax: Literal["json", "xml", "toml", "numbers", "folder"]
+    syntax: Literal["json", "xml", "toml", "numbers", "text", "folder"]
     content: Any
 
 
 def load_document(path: Path) -> Document | None:
-    """The content of a file, or None if it is in none of the syntaxes.
+    """Read the content of a file; None if it is no text, or empty.
 
     Raises:
         DataError: if it cannot be read.
@@ -43,9 +45,11 @@ def load_document(path: Path) -> Document | None:
     if start != "[" and (rows := _rows(text)) is not None:
         return Document("numbers", rows)
     try:
-        return Document("toml", parse_toml(text, FILE)) if start else None
-    except DataError:
-        return None
+        return Document("toml", parse_toml(text, "it", CalibrationError)) if start else None
+    except CalibrationError as error:
+        if path.suffix == ".toml" or TABLE.search(text):
+            raise CalibrationError(f"the file is broken: {error}") from None
+        return Document("text", text)
 
 
 def _rows(text: str) -> list[list[float]] | None:

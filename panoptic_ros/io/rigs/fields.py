@@ -2,22 +2,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from panoptic_ros.domain import Camera
 from panoptic_ros.errors import CalibrationError, shown
-from panoptic_ros.geometry import Intrinsics, Lens, Rigid
+from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.io.distortion_models import OPENCV, read_lens
 
 Array = np.ndarray
 METRES = {"m": 1.0, "cm": 100.0, "mm": 1000.0}  # how many of the unit are one metre
 
 LONGEST_SIDE = 100_000  # px of an image; the sensors of line cameras have 16 000
+NOTHING = ("", "nan", "none", "null")  # values of a pose that is not known, in files of some programs
 
 # The world of CMU Panoptic: y down, floor at y = 0. Ours: z up. x_theirs = Z_UP_TO_Y_DOWN @ x_ours.
 Z_UP_TO_Y_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+class LeftOut(CalibrationError):
+    """A camera that a reader leaves out and names, as its file does not calibrate it."""
 
 
 def entry(mapping: Any, key: str, where: str) -> Any:
@@ -51,6 +57,25 @@ def numbers(mapping: Any, key: str, where: str, *shapes: tuple[int, ...]) -> Arr
     if not np.isfinite(array).all():
         raise CalibrationError(f"{where}: {shown(key)} has numbers that are not finite")
     return array
+
+
+def pose_numbers(mapping: Any, key: str, where: str, *shapes: tuple[int, ...]) -> Array:
+    """Read an array as `numbers` does, of the pose of a camera.
+
+    Raises:
+        LeftOut: if it is not there, or written as unknown.
+        CalibrationError: as `numbers`.
+    """
+    value = mapping.get(key) if isinstance(mapping, Mapping) else mapping
+    if all(item is None or str(item).strip().lower() in NOTHING for item in _flat(value)):
+        state = "is not known" if mapping and key in mapping else "is missing"
+        raise LeftOut(f"no pose ({key!r} {state})")
+    return numbers(mapping, key, where, *shapes)
+
+
+def _flat(value: Any) -> list[Any]:
+    """Return the values of nested lists, however deep."""
+    return [item for part in value for item in _flat(part)] if isinstance(value, list) else [value]
 
 
 def per_metre(unit: Any, where: str) -> float:
@@ -151,12 +176,13 @@ def listing(mapping: Any, key: str, where: str) -> list[Any]:
 
 def camera(
     name: str, size: tuple[int, int], matrix: Array, distortion: Array, rotation: Array, translation: Array,
-    lens: Lens = "brown", **stated: Any,
+    model: object = OPENCV, tell: Callable[[str, str], None] | None = None, **stated: Any,
 ) -> Camera:  # fmt: skip
     """A camera from its numbers, K (3, 3) px, cam_from_world in m.
 
     Args:
-        stated: what `Camera` can hold besides.
+        model: name of the distortion's, see `read_lens`. tell: called with the name and a line about what was
+            assumed. stated: what `Camera` can hold besides.
 
     Raises:
         CalibrationError: naming the camera.
@@ -164,11 +190,14 @@ def camera(
     try:
         if abs(matrix[1, 0]) > 0.0 or matrix[2].tolist() != [0.0, 0.0, 1.0]:
             raise CalibrationError("K is no [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; is it transposed?")
-        intrinsics = Intrinsics(matrix, distortion, lens)
-        return Camera(name, size, intrinsics, Rigid(rotation, translation), **stated)
+        lens, terms, assumed = read_lens(model, distortion)
+        made = Camera(name, size, Intrinsics(matrix, terms, lens), Rigid(rotation, translation), **stated)
     except CalibrationError as error:
         told = str(error).removeprefix(f"camera {name}: ")
         raise CalibrationError(f"camera {name}: {told}") from None
+    if assumed and tell is not None:
+        tell(name, assumed)
+    return made
 
 
 def parameters(camera: Camera) -> tuple[list[list[float]], list[float], list[list[float]], list[float]]:

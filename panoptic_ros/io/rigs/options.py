@@ -1,15 +1,16 @@
-"""What a reader may be told besides the file."""
+"""Options of the readers of rigs, and the cameras of a file that they take."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain import Rig
+from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.domain.rig import lines_of
 from panoptic_ros.errors import CalibrationError, UsageError, shown
-from panoptic_ros.io.rigs.fields import METRES
+from panoptic_ros.io.rigs.fields import METRES, LeftOut
 
 FAR_APART = 200.0  # m between cameras of one rig; beyond, the unit is surely another
 
@@ -25,13 +26,14 @@ class ReadOptions:
     unit: str | None = None
     types: tuple[str, ...] = ()
     panels: tuple[int, ...] = ()
+    cameras: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.unit is not None and self.unit not in METRES:
             raise UsageError(f"unknown unit of length {shown(self.unit)}; units are {', '.join(METRES)}")
 
     def given(self) -> set[str]:
-        """The options that differ from their defaults."""
+        """Return the options that are given and that not every format has."""
         return {name for name in ("unit", "types", "panels") if getattr(self, name)}
 
     def wants(self, item: Any) -> bool:
@@ -40,6 +42,54 @@ class ReadOptions:
             return True
         right_type = not self.types or item.get("type") in self.types
         return right_type and (not self.panels or str(item.get("panel")) in map(str, self.panels))
+
+
+class Taken:
+    """The cameras of a file, as they are read: only those that are chosen and can be used."""
+
+    def __init__(self, options: ReadOptions):
+        self._chosen = options.cameras
+        self._cameras: list[Camera] = []
+        self._left_out: dict[str, str] = {}
+        self._told: list[tuple[str, str]] = []
+
+    def take(self, name: str, make: Callable[[], Camera]) -> None:
+        """Take a camera, unless another is chosen or it raises `LeftOut`."""
+        if self._chosen is not None and name not in self._chosen:
+            self._left_out[name] = ""
+            return
+        try:
+            self._cameras.append(make())
+        except LeftOut as error:
+            self._left_out[name] = str(error)
+
+    def tell(self, name: str, text: str) -> None:
+        """Tell something about a camera."""
+        self._told.append((name, text))
+
+    def rig(self, frame_id: str = "world") -> Rig:
+        """Return the rig.
+
+        Raises:
+            CalibrationError: if no camera is left, or one that was chosen cannot be used or is not there.
+        """
+        self._check_chosen()
+        if not self._cameras:
+            raise CalibrationError("; ".join(["no camera can be used", *lines_of(self._left_out.items())]))
+        left_out = [(name, f"left out: {why}") for name, why in self._left_out.items() if why]
+        return Rig(
+            tuple(self._cameras), frame_id, left_out=self._left_out,
+            notices=lines_of([*left_out, *self._told]),
+        )  # fmt: skip
+
+    def _check_chosen(self) -> None:
+        names = [camera.name for camera in self._cameras]
+        for name in self._chosen or ():
+            if self._left_out.get(name):
+                raise CalibrationError(f"camera {name} cannot be used: {self._left_out[name]}")
+            if name not in names:
+                there = ", ".join([*names, *self._left_out])
+                raise CalibrationError(f"the rig has no camera {name!r}; it has {there}")
 
 
 def check_selection(items: list[Any], kept: list[Any], options: ReadOptions) -> None:

@@ -6,11 +6,13 @@ optionally distortion; sizes as width and height, resolution or image_size. A do
 """
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.io.distortion_models import OPENCV
 from panoptic_ros.io.rigs.fields import (
     Z_UP_TO_Y_DOWN,
     camera,
@@ -20,10 +22,11 @@ from panoptic_ros.io.rigs.fields import (
     name_of,
     numbers,
     per_metre,
+    pose_numbers,
     text_of,
     whole_number,
 )
-from panoptic_ros.io.rigs.options import ReadOptions, check_selection
+from panoptic_ros.io.rigs.options import ReadOptions, Taken, check_selection
 
 
 def recognises(document: Any) -> bool:
@@ -47,21 +50,28 @@ def parse(document: Any, options: ReadOptions) -> Rig:
     items = listing(document, "cameras", "the file")
     chosen = [item for item in items if options.wants(item)]
     check_selection(items, chosen, options)
-    return Rig(tuple(_camera(i, item, scale, ours) for i, item in enumerate(chosen)))
+    taken = Taken(options)
+    for k, item in enumerate(chosen):
+        named = isinstance(item, dict) and "name" in item
+        name = name_of(item, "name" if named else "id", f"camera number {k}")
+        taken.take(name, partial(_camera, name, item, scale, ours, taken))
+    return taken.rig()
 
 
-def _camera(index: int, item: Any, scale: float, theirs_from_ours: np.ndarray) -> Camera:
-    named = isinstance(item, dict) and "name" in item
-    name = name_of(item, "name" if named else "id", f"camera number {index}")
+def _camera(name: str, item: Any, scale: float, theirs_from_ours: np.ndarray, taken: Taken) -> Camera:
     where = f"camera {name}"
+    rotation = pose_numbers(item, "R", where, (3, 3)) @ theirs_from_ours
+    translation = pose_numbers(item, "t", where, (3,), (3, 1)).reshape(3) / scale
     lens = next((key for key in ("distortion", "distCoef") if key in item), None)
     return camera(
         name,
         _size(item, where),
         numbers(item, "K", where, (3, 3)),
         numbers(item, lens, where, (-1,)) if lens else np.zeros(5),
-        numbers(item, "R", where, (3, 3)) @ theirs_from_ours,
-        numbers(item, "t", where, (3,), (3, 1)).reshape(3) / scale,
+        rotation,
+        translation,
+        text_of(item, "distortion_model", where) or OPENCV,
+        taken.tell,
         type=text_of(item, "type", where),
         panel=text_of(item, "panel", where),
     )

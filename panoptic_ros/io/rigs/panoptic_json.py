@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
 from typing import Any
 
-from panoptic_ros.domain import Rig
+from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.io.rigs.fields import (
     METRES,
     Z_UP_TO_Y_DOWN,
@@ -19,9 +20,10 @@ from panoptic_ros.io.rigs.fields import (
     name_of,
     numbers,
     parameters,
+    pose_numbers,
     text_of,
 )
-from panoptic_ros.io.rigs.options import ReadOptions, check_selection
+from panoptic_ros.io.rigs.options import ReadOptions, Taken, check_selection
 
 CENTIMETRES = METRES["cm"]
 
@@ -45,23 +47,28 @@ def parse(document: Any, options: ReadOptions) -> Rig:
     items = listing(document, "cameras", "the file")
     chosen = [item for item in items if options.wants(item)]
     check_selection(items, chosen, options)
-    cameras = []
-    for i, item in enumerate(chosen):
-        name = name_of(item, "name", f"camera number {i}")
-        where = f"camera {name}"
-        cameras.append(
-            camera(
-                name,
-                image_size(item, "resolution", where),
-                numbers(item, "K", where, (3, 3)),
-                numbers(item, "distCoef", where, (-1,)),
-                numbers(item, "R", where, (3, 3)) @ Z_UP_TO_Y_DOWN,
-                numbers(item, "t", where, (3, 1))[:, 0] / CENTIMETRES,
-                type=text_of(item, "type", where),
-                panel=text_of(item, "panel", where),
-            )
-        )
-    return Rig(tuple(cameras))
+    taken = Taken(options)
+    for k, item in enumerate(chosen):
+        name = name_of(item, "name", f"camera number {k}")
+        taken.take(name, partial(_camera, name, item, taken))
+    return taken.rig()
+
+
+def _camera(name: str, item: Any, taken: Taken) -> Camera:
+    where = f"camera {name}"
+    rotation = pose_numbers(item, "R", where, (3, 3)) @ Z_UP_TO_Y_DOWN
+    translation = pose_numbers(item, "t", where, (3, 1))[:, 0] / CENTIMETRES
+    return camera(
+        name,
+        image_size(item, "resolution", where),
+        numbers(item, "K", where, (3, 3)),
+        numbers(item, "distCoef", where, (-1,)),
+        rotation,
+        translation,
+        tell=taken.tell,
+        type=text_of(item, "type", where),
+        panel=text_of(item, "panel", where),
+    )
 
 
 def dump(rig: Rig) -> str:

@@ -3,19 +3,22 @@
 Lengths are millimetres, z up. The rotation maps the world to camera axes x right, y up, z backward;
 x, y, z is the camera's position. Focal lengths and principal point are in 1/64 px, the latter on
 the whole sensor, of which `fov_video` is the part that was filmed. The distortion coefficients
-are those of the normalised image, as in OpenCV.
+are those of the normalised image, as in OpenCV. QTM shows images turned clockwise by `viewrotation` degrees;
+its videos and calibrations are those of the camera as it stands, and z is up.
 """
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree  # only parses files that the user names
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError, shown
-from panoptic_ros.io.rigs.fields import camera, name_of, whole_number
+from panoptic_ros.io.rigs.fields import LeftOut, camera, name_of, whole_number
+from panoptic_ros.io.rigs.options import ReadOptions, Taken
 
 SUBPIXELS = 64.0
 MILLIMETRES = 1000.0
@@ -23,6 +26,12 @@ FLIP = np.diag([1.0, -1.0, -1.0])  # from x right, y up, z backward to x right, 
 ROTATION = [f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3)]
 LENS = ["radialDistortion1", "radialDistortion2", "tangentalDistortion1", "tangentalDistortion2",
         "radialDistortion3"]  # fmt: skip
+USUAL_LINES = 1080  # default of a whole sensor: Miqus Video and Oqus 2c
+FORMATS = (480, 540, 720, 1080, 1440, 2160)  # lines of video formats; a sensor has up to 15 rows more
+BLOCK = 16  # rows: sensors of 1080 lines have 1088 rows
+MARKER_MODELS = r"miqus m\d|arqus"  # which give no video
+OTHER_MODELS = r"oqus"  # which give no video where files have an empty video_resolution
+SENSOR = ("fov_marker_max", "fov_video_max")  # windows that are as large as the sensor
 
 
 def recognises(root: Any) -> bool:
@@ -30,22 +39,26 @@ def recognises(root: Any) -> bool:
     return root.tag == "calibration" and root.find("cameras/camera/transform") is not None
 
 
-def parse(root: Any) -> Rig:
-    """A rig from the XML root; cameras that are not active or not calibrated are left out.
+def parse(root: Any, options: ReadOptions) -> Rig:
+    """Read a rig from the XML root, without cameras that are not active, not calibrated or without video.
 
     Raises:
         CalibrationError: naming the camera and the attribute.
     """
-    cameras = [_camera(i, item) for i, item in enumerate(root.findall("cameras/camera"))
-               if item.get("active", "1") != "0" and item.get("calibrated", "true") != "false"]  # fmt: skip
-    if not cameras:
-        raise CalibrationError("no camera of the file is active and calibrated")
-    return Rig(tuple(cameras))
+    taken = Taken(options)
+    for k, item in enumerate(root.findall("cameras/camera")):
+        name = name_of(item.attrib, "serial", f"camera number {k}")
+        taken.take(name, partial(_camera, name, item, taken))
+    return taken.rig()
 
 
-def _camera(index: int, item: Any) -> Camera:
-    name = name_of(item.attrib, "serial", f"camera number {index}")
+def _camera(name: str, item: Any, taken: Taken) -> Camera:
     where = f"camera {name}"
+    if item.get("active", "1").strip().lower() in ("0", "false"):
+        raise LeftOut("not active")
+    if item.get("calibrated", "true").strip().lower() in ("0", "false"):
+        raise LeftOut("not calibrated")
+    lines = _video_lines(item, where)
     left, top, right, bottom = _filmed(item, where)
     pose = np.array(_values(item, "transform", [*ROTATION, "x", "y", "z"], where))
     fu, fv, cu, cv = _values(
@@ -53,7 +66,7 @@ def _camera(index: int, item: Any) -> Camera:
     )
     (skew,) = _values(item, "intrinsic", ["skew"], where)
     lens = _values(item, "intrinsic", LENS, where)
-    scale = _video_scale(item, where)
+    scale = lines / _sensor_lines(item, lines, where) if lines else 1.0
     matrix = np.array([
         [fu / SUBPIXELS, skew / SUBPIXELS, cu / SUBPIXELS - left],
         [0.0, fv / SUBPIXELS, cv / SUBPIXELS - top],
@@ -62,10 +75,12 @@ def _camera(index: int, item: Any) -> Camera:
     matrix[:2] *= scale
     rotation = FLIP @ pose[:9].reshape(3, 3)
     size = (
-        whole_number((right - left + 1) * scale, f"{where}: width of fov_video"),
-        whole_number((bottom - top + 1) * scale, f"{where}: height of fov_video"),
+        whole_number(round((right - left + 1) * scale, 6), f"{where}: width of fov_video"),
+        whole_number(round((bottom - top + 1) * scale, 6), f"{where}: height of fov_video"),
     )
-    return camera(name, size, matrix, np.array(lens), rotation, -rotation @ (pose[9:] / MILLIMETRES))
+    return camera(
+        name, size, matrix, np.array(lens), rotation, -rotation @ (pose[9:] / MILLIMETRES), tell=taken.tell
+    )
 
 
 def _filmed(item: Any, where: str) -> list[float]:
@@ -76,14 +91,50 @@ def _filmed(item: Any, where: str) -> list[float]:
     return [0.0, 0.0, columns // SUBPIXELS, rows // SUBPIXELS]
 
 
-def _video_scale(item: Any, where: str) -> float:
-    """How much smaller the video is than the sensor, from e.g. video_resolution="720p"."""
-    text = item.get("video_resolution", "")
+def _video_lines(item: Any, where: str) -> int:
+    """Return the lines of the video format, from e.g. video_resolution="720p"; 0 = it is not stated.
+
+    Raises:
+        LeftOut: of a marker camera, which has no video.
+        CalibrationError: if it is something else.
+    """
+    text, model = item.get("video_resolution"), item.get("model", "").strip()
+    marker = MARKER_MODELS if text is None else f"{MARKER_MODELS}|{OTHER_MODELS}"
+    text = (text or "").strip()
+    if text.lower() in ("n/a", "na", "none"):
+        raise LeftOut(f"marker camera (video_resolution is {shown(text)})")
+    if not text and re.match(marker, model, re.IGNORECASE):
+        raise LeftOut(f"marker camera ({shown(model)} without video)")
     if not text:
-        return 1.0
-    if not re.fullmatch("[0-9]{1,5}p?", text):
+        return 0
+    if not re.fullmatch("[1-9][0-9]{0,4}[pP]?", text):
         raise CalibrationError(f"{where}: video_resolution is {shown(text)}, expected one like '720p'")
-    return int(text.rstrip("p")) / 1080.0
+    return int(text.rstrip("pP"))
+
+
+def _sensor_lines(item: Any, lines: int, where: str) -> int:
+    """Return the lines of a video of the whole sensor, which is wider than high.
+
+    It is `USUAL_LINES` where the file has neither the sensor's size nor a window as high as the video.
+
+    Args:
+        lines: of the video.
+    """
+    windows = [tag for tag in SENSOR if item.find(tag) is not None]
+    shorter = [min(_values(item, tag, ["right", "bottom"], where)) + 1.0 for tag in windows]
+    if item.find("intrinsic").get("sensorMaxV") is not None:
+        ends = _values(item, "intrinsic", ["sensorMaxU", "sensorMaxV"], where)
+        shorter.append((min(ends) + 1.0) / SUBPIXELS)
+    whole = _format_of(round(max(shorter, default=0.0)))
+    if whole >= lines:
+        return whole
+    filmed = _format_of(round(_filmed(item, where)[3] + 1.0))
+    return filmed if filmed == lines else max(filmed, lines, USUAL_LINES)
+
+
+def _format_of(rows: int) -> int:
+    """Return the lines of the video format for a number of rows."""
+    return next((lines for lines in FORMATS if lines <= rows < lines + BLOCK), rows)
 
 
 def _values(item: Any, tag: str, keys: list[str], where: str) -> list[float]:
@@ -114,9 +165,8 @@ def dump(rig: Rig) -> str:
         centre = np.linalg.solve(pose.rotation, -pose.translation) * MILLIMETRES
         turned = (FLIP @ pose.rotation).reshape(-1)
         k1, k2, p1, p2, k3 = item.intrinsics.distortion
-        node = ElementTree.SubElement(
-            cameras, "camera", {"active": "1", "model": "none", "serial": item.name, "viewrotation": "0"}
-        )
+        stated = {"active": "1", "model": "none", "serial": item.name, "viewrotation": "0"}
+        node = ElementTree.SubElement(cameras, "camera", stated)
         fov = {"left": "0", "top": "0", "right": str(width - 1), "bottom": str(height - 1)}
         for tag in ("fov_marker", "fov_video"):
             ElementTree.SubElement(node, tag, fov)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.domain import Rig
+from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError, UsageError
 from panoptic_ros.io.files import check_output_folder, file_errors, write_bytes
 from panoptic_ros.io.loading import parsing
@@ -22,6 +22,7 @@ from panoptic_ros.io.rigs import (
     total_capture,
 )
 from panoptic_ros.io.rigs.document import Document, load_document
+from panoptic_ros.io.rigs.foreign import REMEDY, foreign_format
 from panoptic_ros.io.rigs.options import ReadOptions
 
 
@@ -50,9 +51,14 @@ class _Format:
     holds: frozenset[str] = frozenset()
 
 
+def _has_many(camera: Camera) -> bool:
+    return camera.intrinsics.lens == "brown" and len(camera.intrinsics.distortion) > 5
+
+
 # What not every format holds, and whether a rig has it.
 _EXTRAS: dict[str, Callable[[Rig], bool]] = {
-    "fisheye": lambda rig: any(camera.intrinsics.lens == "fisheye" for camera in rig.cameras),
+    "fisheyes": lambda rig: any(camera.intrinsics.lens == "fisheye" for camera in rig.cameras),
+    "cameras with more than five terms of distortion": lambda rig: any(map(_has_many, rig.cameras)),
     "type": lambda rig: any(camera.type for camera in rig.cameras),
     "panel": lambda rig: any(camera.panel for camera in rig.cameras),
     "clock": lambda rig: any(camera.clock for camera in rig.cameras),
@@ -60,7 +66,7 @@ _EXTRAS: dict[str, Callable[[Rig], bool]] = {
     "covariance": lambda rig: any(camera.covariance is not None for camera in rig.cameras),
     "depth_sensors": lambda rig: bool(rig.depth_sensors),
 }
-_FISHEYE = frozenset({"fisheye"})
+_LENSES = frozenset(list(_EXTRAS)[:2])  # without which a rig would be another one
 _SELECTION = frozenset({"types", "panels"})
 _FORMATS = (
     _Format(
@@ -79,26 +85,26 @@ _FORMATS = (
     ),
     _Format(
         "qca", "Qualisys .qca.txt", "xml",
-        qualisys.recognises, lambda root, _: qualisys.parse(root), qualisys.dump,
+        qualisys.recognises, qualisys.parse, qualisys.dump,
     ),
     _Format(
         "caliscope", "caliscope TOML", "toml",
         toml_rigs.is_caliscope, toml_rigs.parse_caliscope, toml_rigs.dump_caliscope, frozenset({"unit"}),
-        _FISHEYE,
+        _LENSES,
     ),
     _Format(
         "aniposelib", "aniposelib TOML", "toml",
         toml_rigs.is_aniposelib, toml_rigs.parse_aniposelib, toml_rigs.dump_aniposelib, frozenset({"unit"}),
-        _FISHEYE,
+        _LENSES,
     ),
     _Format(
         "total-capture", "calibration.cal of Total Capture", "numbers",
-        total_capture.recognises, lambda rows, _: total_capture.parse(rows), None,
+        total_capture.recognises, total_capture.parse, None,
     ),
     _Format(
         "camera_info", f"a folder of ROS camera_info YAML with {camera_info.POSES}", "folder",
-        camera_info.recognises, lambda folder, _: camera_info.parse(folder), camera_info.dump,
-        holds=_FISHEYE,
+        camera_info.recognises, camera_info.parse, camera_info.dump,
+        holds=_LENSES,
     ),
 )  # fmt: skip
 WRITABLE = tuple(item.name for item in _FORMATS if item.dump)
@@ -110,6 +116,7 @@ def read_rig(
     unit: str | None = None,
     types: Sequence[str] = (),
     panels: Sequence[int] = (),
+    cameras: Sequence[str] | None = None,
 ) -> Rig:
     """A rig from a file or folder in any of the formats of this package, recognised by content.
 
@@ -118,6 +125,8 @@ def read_rig(
             unless the cameras would be absurdly far apart.
         types, panels: only these cameras, for formats that know them (rig.json; CMU Panoptic JSON: vga,
             hd, kinect-color; panels 0 to 20).
+        cameras: only these; the others are not even looked at. None: all that can be used, and
+            `Rig.left_out` names the others.
 
     Raises:
         DataError: if it cannot be read.
@@ -125,7 +134,7 @@ def read_rig(
         UsageError: for options that mean nothing to the format, or leave no camera.
     """
     path = Path(path)
-    options = ReadOptions(unit, tuple(types), tuple(panels))
+    options = ReadOptions(unit, tuple(types), tuple(panels), None if cameras is None else tuple(cameras))
     try:
         with parsing("the file", CalibrationError):
             document = load_document(path)
@@ -133,10 +142,7 @@ def read_rig(
             useless = options.given() - chosen.uses
             if useless:
                 raise UsageError(f"{path}: {chosen.title} has no use for {', '.join(sorted(useless))}")
-            rig = chosen.parse(document.content if document else None, options)
-            if not rig.cameras:
-                raise CalibrationError("a rig without cameras")
-            return rig
+            return chosen.parse(document.content if document else None, options)
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from None
 
@@ -154,6 +160,8 @@ def _format_of(document: Document | None) -> _Format:
     for item in _FORMATS:
         if _recognised(item, document):
             return item
+    if (title := foreign_format(document)) is not None:
+        raise CalibrationError(f"this is {title}, which is not read; {REMEDY}")
     titles = ", ".join(item.title for item in _FORMATS)
     raise CalibrationError(f"no rig in a format that is known here; these are read: {titles}")
 
@@ -169,7 +177,7 @@ def write_rig(path: Path | str, rig: Rig, format: str | None = None) -> tuple[st
         what the rig states and the format cannot hold, e.g. "clock", "depth_sensors".
 
     Raises:
-        UsageError: for an unknown format, or one that cannot hold a fisheye of the rig.
+        UsageError: for an unknown format, or one that cannot hold a lens of the rig.
         EnvironmentProblem: if it cannot be written, or the folder is there already and not empty.
     """
     path = Path(path)
@@ -178,10 +186,10 @@ def write_rig(path: Path | str, rig: Rig, format: str | None = None) -> tuple[st
     if chosen is None or chosen.dump is None:
         raise UsageError(f"cannot write a rig as {name!r}; formats are {', '.join(WRITABLE)}")
     lost = tuple(key for key, stated in _EXTRAS.items() if key not in chosen.holds and stated(rig))
-    if "fisheye" in lost:
-        name = next(camera.name for camera in rig.cameras if camera.intrinsics.lens == "fisheye")
-        able = ", ".join(item.name for item in _FORMATS if "fisheye" in item.holds)
-        raise UsageError(f"{chosen.title} has no fisheyes, and camera {name} is one; write it as {able}")
+    for kind in sorted(_LENSES & set(lost)):
+        name = next(camera.name for camera in rig.cameras if _EXTRAS[kind](Rig((camera,))))
+        able = ", ".join(item.name for item in _FORMATS if kind in item.holds and item.dump)
+        raise UsageError(f"{chosen.title} has no {kind}, and camera {name} is one; write it as {able}")
     content = chosen.dump(rig)
     if isinstance(content, str):
         write_bytes(path, content.encode())

@@ -3,6 +3,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,9 +20,10 @@ from panoptic_ros.io.rigs.fields import (
     number_of,
     numbers,
     parameters,
+    pose_numbers,
     text_of,
 )
-from panoptic_ros.io.rigs.options import ReadOptions, check_selection
+from panoptic_ros.io.rigs.options import ReadOptions, Taken, check_selection
 
 FORMAT = "panoptic-rig-1"
 UNIT_M = 0.001  # of depth sensors that do not state theirs
@@ -37,29 +40,37 @@ def parse(document: Any, options: ReadOptions) -> Rig:
     if units != "m":
         raise CalibrationError(f"units are {shown(units)}; a {FORMAT} file is in metres, 'm'")
     items = listing(document, "cameras", "the file")
-    cameras = tuple(_camera(item, f"camera number {i}", "camera") for i, item in enumerate(items))
-    frame_id = name_of(document, "frame_id", "the file") if "frame_id" in document else "world"
-    rig = Rig(cameras, frame_id, depth_sensors=_depth_sensors(document))
-    wanted = [options.wants(item) for item in items]
-    check_selection(items, [item for item, good in zip(items, wanted) if good], options)
-    return rig if all(wanted) else rig.subset(name for name, good in zip(rig.names, wanted) if good)
+    chosen = [(k, item) for k, item in enumerate(items) if options.wants(item)]
+    check_selection(items, chosen, options)
+    taken = Taken(options)
+    for k, item in chosen:
+        name = name_of(item, "name", f"camera number {k}")
+        taken.take(name, partial(_camera, name, item, "camera", taken))
+    sensors = _depth_sensors(document, taken)
+    names = [item.get("name") for item in items if isinstance(item, Mapping)]
+    rig = taken.rig(name_of(document, "frame_id", "the file") if "frame_id" in document else "world")
+    return replace(rig, depth_sensors=tuple(_beside(sensor, rig, names) for sensor in sensors))
 
 
-def _camera(item: Any, which: str, kind: str) -> Camera:
-    name = name_of(item, "name", which)
-    where = f"{kind} {name}"
-    lens = text_of(item, "lens", where) or "brown"
-    if lens not in ("brown", "fisheye"):
-        raise CalibrationError(f"{where}: 'lens' is {shown(lens)}, expected 'brown' or 'fisheye'")
-    plain = kind == "depth sensor" and "distortion" not in item
+def _beside(sensor: DepthSensor, rig: Rig, names: list[Any]) -> DepthSensor:
+    """Return the sensor without its colour camera, if that is in the file but not in the rig."""
+    gone = sensor.colour_camera in names and sensor.colour_camera not in rig.names
+    return replace(sensor, colour_camera="") if gone else sensor
+
+
+def _camera(name: str, item: Any, kind: str, taken: Taken) -> Camera:
+    where, is_sensor = f"{kind} {name}", kind == "depth sensor"
+    pose = numbers if is_sensor else pose_numbers
+    rotation, translation = pose(item, "R", where, (3, 3)), pose(item, "t", where, (3,))
     return camera(
         name,
         image_size(item, "image_size", where),
         numbers(item, "K", where, (3, 3)),
-        np.zeros(0) if plain else numbers(item, "distortion", where, (-1,)),
-        numbers(item, "R", where, (3, 3)),
-        numbers(item, "t", where, (3,)),
-        "fisheye" if lens == "fisheye" else "brown",
+        np.zeros(0) if is_sensor and "distortion" not in item else numbers(item, "distortion", where, (-1,)),
+        rotation,
+        translation,
+        text_of(item, "lens", where) or "brown",
+        taken.tell,
         type=text_of(item, "type", where),
         panel=text_of(item, "panel", where),
         clock=text_of(item, "clock", where),
@@ -72,17 +83,18 @@ def _covariance(item: Mapping[str, Any], where: str) -> np.ndarray | None:
     return None if item.get("covariance") is None else numbers(item, "covariance", where, (-1, -1))
 
 
-def _depth_sensors(document: Mapping[str, Any]) -> tuple[DepthSensor, ...]:
+def _depth_sensors(document: Mapping[str, Any], taken: Taken) -> tuple[DepthSensor, ...]:
     items = document.get("depth_sensors")
     if items is None:
         return ()
     if not isinstance(items, list):
         raise CalibrationError(f"the file: 'depth_sensors' is {shown(items)}, expected a list")
-    return tuple(_depth_sensor(i, item) for i, item in enumerate(items))
+    return tuple(_depth_sensor(i, item, taken) for i, item in enumerate(items))
 
 
-def _depth_sensor(index: int, item: Any) -> DepthSensor:
-    own = _camera(item, f"depth sensor number {index}", "depth sensor")
+def _depth_sensor(index: int, item: Any, taken: Taken) -> DepthSensor:
+    name = name_of(item, "name", f"depth sensor number {index}")
+    own = _camera(name, item, "depth sensor", taken)
     where = f"depth sensor {own.name}"
     unit_m = number_of(item, "unit_m", where, UNIT_M)
     return DepthSensor(own, text_of(item, "colour_camera", where), unit_m)

@@ -2,28 +2,39 @@
 
 Both hold per camera size, matrix, distortions, and cam_from_world as a Rodrigues vector and a
 translation; neither states its unit of length nor which way is up. Lenses are OpenCV's, fisheyes those with
-`fisheye = true`. aniposelib has one table per
-camera, caliscope a table `cameras` of numbered ones, whose videos are called cam_<number>.mp4
-(port_<number>.mp4 in older versions).
+`fisheye = true`. aniposelib has one table per camera, caliscope a table `cameras` of numbered ones, whose
+videos are called cam_<number>.mp4 (port_<number>.mp4 in older versions).
 """
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import Any
 
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError, shown
-from panoptic_ros.io.rigs.fields import camera, image_size, name_of, numbers, per_metre
-from panoptic_ros.io.rigs.options import ReadOptions, check_unit
+from panoptic_ros.io.distortion_models import OPENCV
+from panoptic_ros.io.rigs.fields import (
+    LeftOut,
+    camera,
+    image_size,
+    name_of,
+    numbers,
+    per_metre,
+    pose_numbers,
+    text_of,
+)
+from panoptic_ros.io.rigs.options import ReadOptions, Taken, check_unit
 
-POSE = {"matrix", "rotation", "translation"}
+KEYS = {"size", "matrix", "distortions", "rotation", "translation"}
+ENOUGH = 3  # of the keys, for a table to be a camera
 
 
 def is_aniposelib(document: Mapping[str, Any]) -> bool:
     """Whether top-level tables look like cameras."""
-    return any(isinstance(item, dict) and POSE <= set(item) for item in document.values())
+    return any(isinstance(item, dict) and len(KEYS & set(item)) >= ENOUGH for item in document.values())
 
 
 def is_caliscope(document: Mapping[str, Any]) -> bool:
@@ -41,12 +52,12 @@ def parse_aniposelib(document: Mapping[str, Any], options: ReadOptions) -> Rig:
     metadata = document.get("metadata", {})
     stated = metadata.get("unit", "m") if isinstance(metadata, dict) else "m"
     scale = per_metre(options.unit or stated, "[metadata]")
-    cameras = []
+    taken = Taken(options)
     for table, item in document.items():
         if table != "metadata":
             name = name_of(item, "name", f"table [{table}]")
-            cameras.append(_camera(name, item, scale))
-    return check_unit(Rig(tuple(cameras)), options)
+            taken.take(name, partial(_camera, name, item, scale, taken))
+    return check_unit(taken.rig(), options)
 
 
 def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
@@ -56,22 +67,25 @@ def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
         CalibrationError: as above.
     """
     scale = per_metre(options.unit or "m", "the file")
-    cameras = []
+    taken = Taken(options)
     for number, item in document["cameras"].items():
         if not isinstance(item, dict):
             raise CalibrationError(f"[cameras.{number}] is no table")
         usual = f"port_{number}" if "port" in item else f"cam_{number}"
-        if not item.get("ignore", False):
-            cameras.append(_camera(str(item.get("name", usual)), item, scale))
-    return check_unit(Rig(tuple(cameras)), options)
+        name = str(item.get("name", usual))
+        taken.take(name, partial(_camera, name, item, scale, taken))
+    return check_unit(taken.rig(), options)
 
 
-def _camera(name: str, item: Mapping[str, Any], scale: float) -> Camera:
+def _camera(name: str, item: Mapping[str, Any], scale: float, taken: Taken) -> Camera:
     where = f"camera {name}"
+    if item.get("ignore", False):
+        raise LeftOut("marked 'ignore'")
+    rotation = pose_numbers(item, "rotation", where, (3,), (3, 3))
+    translation = pose_numbers(item, "translation", where, (3,)) / scale
     fisheye = item.get("fisheye", False)
     if not isinstance(fisheye, bool):
         raise CalibrationError(f"{where}: 'fisheye' is {shown(fisheye)}, expected true or false")
-    rotation = numbers(item, "rotation", where, (3,), (3, 3))
     if rotation.ndim == 1:
         from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
 
@@ -80,10 +94,11 @@ def _camera(name: str, item: Mapping[str, Any], scale: float) -> Camera:
         name,
         image_size(item, "size", where),
         numbers(item, "matrix", where, (3, 3)),
-        numbers(item, "distortions", where, (-1,)),
+        numbers(item, "distortions", where, (-1,), (1, -1), (-1, 1)).reshape(-1),
         rotation,
-        numbers(item, "translation", where, (3,)) / scale,
-        "fisheye" if fisheye else "brown",
+        translation,
+        "fisheye" if fisheye else text_of(item, "distortion_model", where) or OPENCV,
+        taken.tell,
     )
 
 

@@ -9,11 +9,14 @@ the data.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.io.rigs.fields import camera
+from panoptic_ros.io.rigs.options import ReadOptions, Taken
 
 Array = np.ndarray
 Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # ours from theirs, y up
@@ -28,7 +31,7 @@ def recognises(rows: list[list[float]]) -> bool:
     return counts == [2, 4, 4] and all(value.is_integer() for value in (*rows[0], *rows[1]))
 
 
-def parse(rows: list[list[float]]) -> Rig:
+def parse(rows: list[list[float]], options: ReadOptions) -> Rig:
     """A rig from the numbers of every line.
 
     Raises:
@@ -37,7 +40,7 @@ def parse(rows: list[list[float]]) -> Rig:
     number, terms = (int(value) for value in rows[0])
     if not 0 < number or not 0 <= terms <= MOST_TERMS:
         raise CalibrationError(f"line 1: {number} cameras, {terms} terms of the lens (at most {MOST_TERMS})")
-    cameras, line = [], 1
+    taken, line = Taken(options), 1
     for k in range(number):
         parts = []
         for count, what in LINES:
@@ -49,10 +52,10 @@ def parse(rows: list[list[float]]) -> Rig:
                 )
             parts.append(found)
             line += 1
-        cameras.append(_camera(f"cam{k + 1}", parts))
+        taken.take(f"cam{k + 1}", partial(_camera, f"cam{k + 1}", parts))
     if any(rows[line:]):
         raise CalibrationError(f"line {line + 1}: numbers behind the last of {number} cameras")
-    return Rig(tuple(cameras))
+    return taken.rig()
 
 
 def _camera(name: str, parts: list[list[float]]) -> Camera:

@@ -14,17 +14,11 @@ def check_contents(bag_of: Mapping[BagStream, BagReader], rig: Rig, skeleton: Sk
     """Whether what comes first on every topic can be used with this rig and this skeleton.
 
     Raises:
-        DataError: if it has another image size, camera or skeleton.
+        DataError: if it has another camera or skeleton.
     """
     for stream, bag in bag_of.items():
         record, camera = stream.first_record(bag), rig.camera(stream.camera)
         place = f"{stream.bag}, topic {stream.topic}"
-        if record.image_size != camera.image_size:
-            width, height = record.image_size
-            raise DataError(
-                f"{place}: images of {width} x {height}, but camera {camera.name} is calibrated for "
-                f"{camera.image_size[0]} x {camera.image_size[1]}"
-            )
         if record.camera != camera.name:
             raise DataError(f"{place}: detections of camera {record.camera}, not of {camera.name}")
         if isinstance(record, ViewDetections) and record.skeleton_hash != skeleton.hash:

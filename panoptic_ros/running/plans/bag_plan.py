@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.capture.image_size import SizePolicy
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.errors import DataError, UsageError
@@ -32,6 +33,7 @@ from panoptic_ros.running.plans.bag_topics import (
     usable_streams,
     with_encodings,
 )
+from panoptic_ros.running.plans.fitting import fit_to_bags
 from panoptic_ros.running.plans.imu_plan import imus_in_bags, plan_imu_bags
 from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.plans.plan import Plan, require_cameras
@@ -48,11 +50,13 @@ def plan_bags(
     *,
     rig: Path | None = None,
     choice: BagChoice = ANY,
+    size_policy: SizePolicy = "strict",
 ) -> Plan:
     """The plan of a run on bags: their detections if they have them, else their images.
 
     Args:
         rig: calibration file, in place of the one in the bags.
+        size_policy: for images of another size than calibrated, see `fit_camera`; CameraInfo goes before.
 
     Raises:
         UserError: if the bags lack something, or what is in them cannot be used.
@@ -61,7 +65,7 @@ def plan_bags(
         bags = [stack.enter_context(BagReader(path)) for path in paths]
         if options.subjects and (alone := imus_in_bags(bags, choice)):
             return plan_imu_bags(f"bag {names_of(bags)}", alone, options)
-        whole = read_rig(rig) if rig else _latched(bags, "rig")
+        whole = read_rig(rig, cameras=choice.cameras) if rig else _latched(bags, "rig")
         if whole is None:
             raise DataError(f"{names_of(bags)} has no message on /rig; give the calibration with --rig")
         asked = whole if choice.cameras is None else whole.subset(choice.cameras)
@@ -81,6 +85,7 @@ def plan_bags(
             skeleton = _recorded_skeleton(options, bags, bag_of)
         else:
             skeleton, extras = options.detector()
+        found, fits = fit_to_bags(found, bag_of, bags, size_policy)
         check_contents(bag_of, found, skeleton)
         worn = imu_streams(bags, choice.arrival_stamps) if options.subjects else ()
         heard = sound_streams(bags, choice.arrival_stamps)
@@ -109,7 +114,7 @@ def plan_bags(
         frame_count=sum(counts.values()), instants=max(counts.values()), frame_rate=rate,
         notices=(
             *(line for name, line in missing.items() if name not in useless),
-            *useless.values(), *encoded, *unreadable, *clocks.notices,
+            *useless.values(), *encoded, *unreadable, *fits, *clocks.notices,
         ),
     ))  # fmt: skip
 

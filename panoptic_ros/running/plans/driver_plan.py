@@ -47,7 +47,7 @@ def plan_drivers(
         UserError: on whatever the user can mend, before anything has started.
     """
     file = read_driver_topics(path)
-    calibrated = None if rig is None else read_rig(rig)
+    calibrated = None if rig is None else read_rig(rig, cameras=tuple(file.cameras))
     if calibrated is not None:
         if file.fixed_frame or fixed_frame:
             raise UsageError("a fixed frame is one of TF, which is not asked where --rig is given")

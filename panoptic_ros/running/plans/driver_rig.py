@@ -10,19 +10,25 @@ from panoptic_ros.domain import Camera, DepthSensor, Rig
 from panoptic_ros.errors import CalibrationError, DataError
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.io.driver_topics import DriverFile, DriverTopics
-from panoptic_ros.io.messages.images import camera_from_info, rectified
+from panoptic_ros.io.messages.camera_infos import (
+    as_published,
+    info_topic,
+    plain_topic,
+    rectified,
+    whole_camera,
+)
 from panoptic_ros.nodes.sources.drivers import Drivers
 from panoptic_ros.nodes.sources.transforms import find_transforms
+from panoptic_ros.running.plans.fitting import check_size, fit_to_info
 
 RECTIFIED = "_rect"  # in the last words of a topic's name, as image_proc and drivers call them
 SAME_FOCAL = 0.01  # relative: what CameraInfo and the rig may differ by
-PACKED = ("/compressedDepth", "/compressed")
 
 
 def is_rectified(topics: DriverTopics) -> bool:
     """Whether the name of a topic says so."""
-    words = _plain(topics.image).rsplit("/", 1)
-    return RECTIFIED in words[-1] or words[-1].startswith("rect")
+    word = plain_topic(topics.image).rsplit("/", 1)[-1]
+    return RECTIFIED in word or word.startswith("rect")
 
 
 def with_info(topics: DriverTopics, needed: bool) -> DriverTopics:
@@ -33,15 +39,7 @@ def with_info(topics: DriverTopics, needed: bool) -> DriverTopics:
     """
     if topics.camera_info or not (needed or is_rectified(topics)):
         return topics
-    beside = _plain(topics.image or topics.depth).rsplit("/", 1)[0]
-    return replace(topics, camera_info=f"{beside}/camera_info")
-
-
-def _plain(topic: str) -> str:
-    """The topic without the name of a transport."""
-    for ending in PACKED:
-        topic = topic.removesuffix(ending)
-    return topic
+    return replace(topics, camera_info=info_topic(topics.image or topics.depth))
 
 
 def rig_by_calibration(rig: Rig, file: DriverFile, drivers: Drivers, notices: list[str]) -> Rig:
@@ -56,12 +54,13 @@ def rig_by_calibration(rig: Rig, file: DriverFile, drivers: Drivers, notices: li
     """
     chosen = rig.subset(file.cameras)
     cameras = tuple(_seen(camera, file.cameras[camera.name], drivers, notices) for camera in chosen.cameras)
-    sensors = tuple(chosen.depth_sensor(name) for name in file.sensors)
-    for sensor in sensors:
-        info = drivers.infos.get(file.sensors[sensor.name].camera_info)
-        if info is not None:
-            _check_size(sensor.camera, info, "depth maps")
-    return replace(chosen, cameras=cameras, depth_sensors=sensors)
+    sensors = []
+    for name in file.sensors:
+        sensor = chosen.depth_sensor(name)
+        info = drivers.infos.get(file.sensors[name].camera_info)
+        own = sensor.camera if info is None else _fitted(sensor.camera, info, "depth maps", notices)
+        sensors.append(replace(sensor, camera=own))
+    return replace(chosen, cameras=cameras, depth_sensors=tuple(sensors))
 
 
 def rig_by_transforms(file: DriverFile, drivers: Drivers, fixed: str, notices: list[str]) -> Rig:
@@ -87,19 +86,23 @@ def rig_by_transforms(file: DriverFile, drivers: Drivers, fixed: str, notices: l
     cameras = {}
     for name, topics in file.everything.items():
         pose = poses[frames[name]].inverse()
-        raw = _from_info(infos[name], name, pose)
-        cameras[name] = _rectified_in_place(raw, infos[name]) if is_rectified(topics) else raw
+        whole = _from_info(infos[name], name, pose, notices)
+        seen = _rectified_in_place(whole, infos[name]) if is_rectified(topics) else whole
+        cameras[name] = as_published(seen, infos[name])
     return Rig(
         tuple(cameras[name] for name in file.cameras), world,
         depth_sensors=tuple(DepthSensor(cameras[name]) for name in file.sensors),
     )  # fmt: skip
 
 
-def _from_info(info: Any, name: str, cam_from_world: Rigid) -> Camera:
+def _from_info(info: Any, name: str, cam_from_world: Rigid, notices: list[str]) -> Camera:
     try:
-        return camera_from_info(info, name, cam_from_world)
+        camera, assumed = whole_camera(info, name, cam_from_world)
     except DataError as error:
         raise CalibrationError(f"{error}; calibrate it, or give --rig") from None
+    if assumed:
+        notices.append(assumed)
+    return camera
 
 
 def _rectified_in_place(camera: Camera, info: Any) -> Camera:
@@ -115,33 +118,32 @@ def _seen(camera: Camera, topics: DriverTopics, drivers: Drivers, notices: list[
     info = drivers.infos.get(topics.camera_info)
     if info is None:
         return camera
-    if is_rectified(topics):
-        notices.append(f"camera {camera.name}: {topics.image} is rectified; lens and axes by CameraInfo")
-        seen = rectified(camera, info)
-    else:
-        seen = camera
-        _compare(camera, info, notices)
-    _check_size(camera, info, "images")
-    return seen
+    if not is_rectified(topics):
+        seen = _fitted(camera, info, "images", notices)
+        _compare(seen, info, notices)
+        return seen
+    notices.append(f"camera {camera.name}: {topics.image} is rectified; lens and axes by CameraInfo")
+    check_size(camera, info, "images")
+    return as_published(rectified(camera, info), info)
 
 
-def _check_size(camera: Camera, info: Any, what: str) -> None:
-    size = int(info.width), int(info.height)
-    if size != camera.image_size:
-        sizes = [f"{width} x {height}" for width, height in (size, camera.image_size)]
-        raise CalibrationError(
-            f"camera {camera.name} publishes {what} of {sizes[0]}, but the rig is calibrated for {sizes[1]}"
-        )
+def _fitted(camera: Camera, info: Any, what: str, notices: list[str]) -> Camera:
+    fitted, told = fit_to_info(camera, info, what)
+    if told:
+        notices.append(f"camera {camera.name}: {told}")
+    return fitted
 
 
 def _compare(camera: Camera, info: Any, notices: list[str]) -> None:
     """Tell where the driver's own calibration is another than the rig's, which counts."""
     try:
-        own = camera_from_info(info, camera.name, camera.cam_from_world).intrinsics.matrix
+        whole, assumed = whole_camera(info, camera.name, camera.cam_from_world)
     except DataError as error:
         notices.append(f"{error}; the rig's calibration is used")
         return
-    ours = camera.intrinsics.matrix
+    if assumed:
+        notices.append(f"{assumed}; the rig's calibration is used")
+    own, ours = as_published(whole, info).intrinsics.matrix, camera.intrinsics.matrix
     focal = np.array([[own[0, 0], ours[0, 0]], [own[1, 1], ours[1, 1]]])
     if np.abs(np.diff(np.log(np.abs(focal)), axis=1)).max() > SAME_FOCAL:
         notices.append(

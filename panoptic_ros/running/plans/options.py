@@ -83,7 +83,10 @@ class RunOptions:
             plan = replace(plan, imus=dict.fromkeys(imu_devices(self.imus), self.imus))
         plan = with_bodies(with_subjects(plan, self.subjects))
         table = config_of(plan.configs, AssemblyConfig).bias_table
-        return replace(plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)})
+        return replace(
+            plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)},
+            notices=(*rig.notices, *plan.notices),
+        )  # fmt: skip
 
 
 NO_OPTIONS = RunOptions()

@@ -75,7 +75,7 @@ def plan_capture(
             raise DataError(f"{folder} has no videos and no images{hint}")
         if options.imus is not None and options.subjects:
             return plan_imu_file(title or str(folder), options)
-    given = None if rig is None else read_rig(rig)
+    given = None if rig is None else read_rig(rig, cameras=cameras)
     with closing(open_capture_folder(folder, rig=given, cameras=cameras, **own)) as capture:
         source = {"kind": "folder", "path": str(folder), **own, **_starts(capture)}
         sources = dict.fromkeys(capture.rig.names, source)
@@ -139,7 +139,7 @@ def plan_devices(
         UserError: on whatever the user can mend, before anything has started.
     """
     skeleton, extras = options.detector()
-    chosen = read_rig(rig).subset(devices)
+    chosen = read_rig(rig, cameras=tuple(devices))
     require_cameras(chosen, bool(options.subjects))
     rate = frame_rate or 30.0
     own = {"frame_rate": frame_rate, "latency_ms": latency_ms}

@@ -15,20 +15,21 @@ LARGEST_SAMPLE = 200  # detection sets that are looked at
 
 
 def read_rig_at(
-    path: Path, *, unit: str | None = None, types: Sequence[str] = (), panels: Sequence[int] = ()
-) -> Rig:
+    path: Path, *, unit: str | None = None, types: Sequence[str] = (), panels: Sequence[int] = (),
+    cameras: Sequence[str] | None = None,
+) -> Rig:  # fmt: skip
     """The rig of a file, or of a folder that holds one: a capture folder, or what a run left.
 
     Args:
         unit: m, cm or mm, of a TOML file that does not state it.
-        types, panels: of CMU Panoptic, see `io.rigs.read_rig`.
+        types, panels: of CMU Panoptic. cameras: only these. See `io.rigs.read_rig`.
 
     Raises:
         UserError: if there is none, or it cannot be used.
     """
     if path.is_dir() and not (path / POSES).is_file():
         path = find_rig(path)
-    return read_rig(path, unit=unit, types=types, panels=panels)
+    return read_rig(path, unit=unit, types=types, panels=panels, cameras=cameras)
 
 
 def check_views(rig: Rig, detections: Path | None = None) -> RigReport:

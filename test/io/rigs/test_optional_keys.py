@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.domain import Camera, DepthSensor, Rig
@@ -77,7 +78,7 @@ def test_a_depth_sensor_needs_no_distortion_and_counts_millimetres(tmp_path: Pat
     ("place", "key", "value", "says"),
     [
         ("cameras", "type", 1.5, "camera cam00: 'type' is 1.5, expected text"),
-        ("cameras", "lens", "omni", "camera cam00: 'lens' is 'omni', expected 'brown' or 'fisheye'"),
+        ("cameras", "lens", "omni", "camera cam00: the distortion model is 'omni'; models that are read"),
         ("cameras", "lens", "fisheye", "camera cam00: 5 distortion coefficients; a fisheye lens has only"),
         ("cameras", "line_delay_us", "fast", "camera cam00: 'line_delay_us' is 'fast', expected a number"),
         ("cameras", "line_delay_us", -1, "camera cam00: line_delay_us is -1.0, expected 0 or more"),
@@ -155,3 +156,84 @@ def test_the_verb_says_what_a_format_leaves_out(
     assert "3 cameras; left out: type, panel, clock, line_delay_us, covariance, depth_sensors" in told
     assert main(["rig", "convert", str(tmp_path / "rig.json"), str(tmp_path / "rig.qca.txt")]) == 2
     assert "Qualisys .qca.txt has no fisheyes, and camera cam01 is one" in capsys.readouterr().err
+
+
+MANY = [0.2, -0.1, 1e-3, 2e-3, 0.05, 0.1, -0.05, 0.02, 1e-3, 2e-3, 1e-3, 2e-3, 0.01, 0.02]
+
+
+@pytest.mark.parametrize("count", [8, 12, 14])
+@pytest.mark.parametrize("name", WRITABLE)
+def test_a_lens_with_more_terms_is_kept_or_refused(tmp_path: Path, rig: Rig, name: str, count: int) -> None:
+    lens = Intrinsics(rig.cameras[1].intrinsics.matrix, MANY[:count])
+    given = replace(rig, cameras=(rig.cameras[0], replace(rig.cameras[1], intrinsics=lens), rig.cameras[2]))
+    if name in ("panoptic", "qca"):
+        with pytest.raises(UsageError, match=r"more than five terms of distortion, and camera cam01 is one"):
+            write_rig(tmp_path / "rig", given, name)
+        return
+    assert write_rig(tmp_path / "rig", given, name) == ()
+    found = read_rig(tmp_path / "rig")
+    assert [len(camera.intrinsics.distortion) for camera in found.cameras] == [5, count, 5]
+    assert np.array_equal(found.cameras[1].intrinsics.distortion, MANY[:count])
+
+
+def test_covariances_follow_the_terms_of_the_lens(tmp_path: Path, rig: Rig) -> None:
+    root = np.random.default_rng(0).normal(0.0, 1e-3, (18, 18))
+    matrix = rig.cameras[0].intrinsics.matrix
+    eight = replace(rig.cameras[0], intrinsics=Intrinsics(matrix, MANY[:8]), covariance=root @ root.T)
+    padded = Intrinsics(matrix, [*MANY[:5], 0, 0, 0])
+    five = replace(rig.cameras[1], intrinsics=padded, covariance=root @ root.T)
+    assert np.array_equal(five.covariance, (root @ root.T)[:15, :15])
+    write_rig(tmp_path / "rig.json", replace(rig, cameras=(eight, five)))
+    found = read_rig(tmp_path / "rig.json")
+    assert np.array_equal(found.cameras[0].covariance, eight.covariance)
+    assert np.array_equal(found.cameras[1].covariance, five.covariance)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "expected", "told"),
+    [
+        ([0.1, -0.2, 1e-3, 2e-3], [0.1, -0.2, 1e-3, 2e-3, 0.0], ()),
+        ([*MANY[:5], 0, 0, 0], MANY[:5], ()),
+        ([0.1, -0.2, 0.3], [0.1, -0.2, 0.0, 0.0, 0.3],
+         ("camera cam01: the 3 distortion coefficients are taken as k1 k2 k3",)),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("name", ["rig.json", "panoptic", "aniposelib", "caliscope"])
+def test_the_numbers_of_a_lens_mean_the_same_in_all_formats(
+    tmp_path: Path, rig: Rig, name: str, numbers: list[float], expected: list[float], told: tuple[str, ...]
+) -> None:
+    write_rig(tmp_path / "rig", rig, name)
+    text = (tmp_path / "rig").read_text()
+    if name == "panoptic":  # whose lists take several lines
+        text = json.dumps(json.loads(text))
+    old = json.dumps(rig.cameras[1].intrinsics.distortion.tolist())
+    assert old in text
+    (tmp_path / "rig").write_text(text.replace(old, json.dumps(numbers)))
+    found = read_rig(tmp_path / "rig")
+    assert found.camera("cam01").intrinsics.distortion.tolist() == expected and found.notices == told
+
+
+@pytest.mark.parametrize(
+    ("model", "numbers", "lens", "expected", "told"),
+    [
+        ("rational_polynomial", MANY[:8], "brown", MANY[:8], ""),
+        ("plumb_bob", [*MANY[:5], 0, 0, 0], "brown", MANY[:5], "has 5 coefficients, not 8; the others are 0"),
+        ("plumb_bob", MANY[:8], "brown", MANY[:8], "the others are taken as those of OpenCV's model"),
+        ("''", [], "brown", [0.0] * 5, ""),
+        ("fisheye", MANY[:4], "fisheye", MANY[:4], ""),
+        ("radtan", MANY[:4], "brown", [*MANY[:4], 0.0], ""),
+    ],
+)
+def test_ros_folders_have_lenses_by_all_names(
+    tmp_path: Path, rig: Rig, model: str, numbers: list[float], lens: str, expected: list[float], told: str
+) -> None:
+    write_rig(tmp_path / "rig", rig, "camera_info")
+    path = tmp_path / "rig" / "cam01.yaml"
+    document = yaml.safe_load(path.read_text())
+    document["distortion_model"] = model.strip("'")
+    document["distortion_coefficients"] = {"rows": 1, "cols": len(numbers), "data": numbers}
+    path.write_text(yaml.safe_dump(document))
+    found = read_rig(tmp_path / "rig")
+    intrinsics = found.camera("cam01").intrinsics
+    assert intrinsics.lens == lens and intrinsics.distortion.tolist() == expected
+    assert told in "".join(found.notices) and len(found.notices) == bool(told)

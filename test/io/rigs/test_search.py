@@ -35,3 +35,13 @@ def test_none_and_several(tmp_path: Path, rig: Rig) -> None:
     write_rig(tmp_path / "b.qca.txt", rig)
     with pytest.raises(UsageError, match=r"several rigs: a\.toml, b\.qca\.txt"):
         find_rig(tmp_path)
+
+
+def test_a_folder_without_a_rig_names_one_that_is_broken_or_of_another_program(tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text("[cam_0]\nmatrix = [[1.0\n")
+    with pytest.raises(DataError, match=r"has no rig; .*\. rig\.toml: the file is broken: .*line"):
+        find_rig(tmp_path)
+    (tmp_path / "rig.toml").unlink()
+    (tmp_path / "intri.yml").write_text("%YAML:1.0\n---\nK_01: !!opencv-matrix\n  rows: 3\n")
+    with pytest.raises(DataError, match=r"intri\.yml is a calibration of EasyMocap"):
+        find_rig(tmp_path)

@@ -186,3 +186,66 @@ def test_drivers_that_are_not_calibrated_are_told(plan, monkeypatch):
         plan("fixed_frame: map\n" + text, types, infos)
     with pytest.raises(CalibrationError, match="names 1 camera, which is not enough"):
         plan("cam0: {image: /a/image_raw}", types, infos, "")
+
+
+def test_the_rig_counts_where_the_driver_is_not_calibrated(plan):
+    text = "cam0: {image: /a/image_raw, camera_info: /a/camera_info}\ncam1: {image: /b/image_raw}\n"
+    types = {"/a/image_raw": IMAGE, "/a/camera_info": INFO, "/b/image_raw": IMAGE}
+    ours = captures.RIG.camera("cam0")
+    for change, told in (
+        ({"width": 0, "height": 0}, "says images of 0 x 0: its driver is not calibrated"),
+        ({"width": 0, "height": 0, "k": np.zeros(9), "d": [], "distortion_model": ""}, "is all 0"),
+        ({"d": np.zeros(8)}, "plumb_bob has 5 coefficients, not 8; the others are 0 and mean nothing"),
+        ({"d": np.ones(3), "distortion_model": "omni"}, "the distortion model is 'omni'"),
+        ({"d": np.ones(6), "distortion_model": "opencv"}, "6 distortion coefficients"),
+    ):
+        info = info_of("cam0")
+        for name, value in change.items():
+            setattr(info, name, value)
+        made = plan(text, types, {"/a/camera_info": info})
+        (line,) = made.notices
+        assert told in line and "camera_info of cam0" in line
+        assert line.endswith("the rig's calibration is used")
+        seen = made.rig.camera("cam0")
+        assert seen.image_size == ours.image_size
+        assert np.array_equal(seen.intrinsics.distortion, ours.intrinsics.distortion)
+
+
+def test_binned_and_cut_images_of_a_rig(plan):
+    text = "cam0: {image: /a/image_raw, camera_info: /a/camera_info}\ncam1: {image: /b/image_raw}\n"
+    types = {"/a/image_raw": IMAGE, "/a/camera_info": INFO, "/b/image_raw": IMAGE}
+    info = info_of("cam0")
+    info.binning_x = info.binning_y = 2
+    made = plan(text, types, {"/a/camera_info": info})
+    seen, ours = made.rig.camera("cam0"), captures.RIG.camera("cam0")
+    assert seen.image_size == (640, 360) and len(made.notices) == 1
+    assert "CameraInfo says that images of 640x360 are binned or cut from 1280x720" in made.notices[0]
+    points = captures.people(0.0)[0]
+    assert np.allclose(seen.project(points)[0], (ours.project(points)[0] - 0.5) / 2, atol=1e-9)
+    rectified = plan(
+        "cam0: {image: /a/image_rect}\ncam1: {image: /b/image_raw}\n", {**types, "/a/image_rect": IMAGE},
+        {"/a/camera_info": info},
+    ).rig.camera("cam0")  # fmt: skip
+    assert rectified.image_size == (640, 360)
+    assert np.isclose(rectified.intrinsics.matrix[0, 0], 0.5 * ours.intrinsics.matrix[0, 0])
+
+
+def test_lenses_of_drivers_without_a_rig_are_read_by_any_name(plan, monkeypatch):
+    infos = {f"/{name}/camera_info": info_of(camera) for name, camera in (("a", "cam0"), ("b", "cam1"))}
+    infos["/a/camera_info"].distortion_model = "rational_polynomial"
+    infos["/a/camera_info"].d = np.array([0.2, -0.1, 0, 0, 0.05, 0.1, -0.05, 0.02])
+    infos["/b/camera_info"].d = np.zeros(8)
+    monkeypatch.setattr(driver_rig, "find_transforms", lambda frames, fixed: ("world", poses_of(frames)))
+    text = "cam0: {image: /a/image_raw}\ncam1: {image: /b/image_raw}\n"
+    types = {"/a/image_raw": IMAGE, "/b/image_raw": IMAGE, "/a/camera_info": INFO, "/b/camera_info": INFO}
+    made = plan(text, types, infos, rig=None)
+    assert len(made.rig.camera("cam0").intrinsics.distortion) == 8
+    assert not made.rig.camera("cam1").intrinsics.distortion.any()
+    assert any("camera_info of cam1: distortion model plumb_bob has 5" in line for line in made.notices)
+
+
+def poses_of(frames):
+    rig = captures.RIG
+    return {
+        frame: rig.camera(frame.removesuffix("_optical_frame")).cam_from_world.inverse() for frame in frames
+    }
