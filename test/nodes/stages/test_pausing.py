@@ -3,7 +3,7 @@ import time
 
 import captures
 import pytest
-from spinning import spin_until
+from spinning import spin_until, spin_until_quiet
 
 rclpy = pytest.importorskip("rclpy")
 
@@ -60,12 +60,10 @@ def test_paused_and_resumed(executor):
     ids = {person.id for person in feed.seen[-1].skeletons}
 
     assert feed.ask(True).message == "paused" and not feed.ask(True).success
-    for _ in range(20):
-        executor.spin_once(timeout_sec=0.02)
+    spin_until_quiet(executor, feed.seen)  # sets that it had taken before are still worked on
     count, begin = len(feed.seen), feed.index
     feed.play(lambda: feed.index - begin >= 15)
-    for _ in range(20):
-        executor.spin_once(timeout_sec=0.02)
+    spin_until_quiet(executor, feed.seen)
     assert len(feed.seen) == count
 
     answer = feed.ask(False)
