@@ -118,8 +118,17 @@ class BodySocket:
             return
         client = _Client()
         self._clients.add(client)
-        told = False
+        sender = asyncio.create_task(self._send(connection, client))
         try:
+            await connection.wait_closed()
+        finally:
+            self._clients.discard(client)
+            sender.cancel()
+
+    async def _send(self, connection: ServerConnection, client: _Client) -> None:
+        """Send what waits for a client until the connection ends."""
+        told = False
+        with suppress(ConnectionClosed):
             while True:
                 await client.changed.wait()
                 client.changed.clear()
@@ -129,7 +138,3 @@ class BodySocket:
                     told = True
                 if told and instant is not None:
                     await connection.send(instant)
-        except ConnectionClosed:
-            pass
-        finally:
-            self._clients.discard(client)

@@ -1,6 +1,7 @@
 """Bodies over a WebSocket, by a real client."""
 
 import json
+import time
 
 import captures
 import numpy as np
@@ -33,7 +34,7 @@ def socket():
 
 def offered(socket, text):
     while not socket.watched:
-        pass
+        time.sleep(0.01)
     socket.offer(text)
 
 
@@ -74,6 +75,24 @@ def test_pages_of_other_sites_are_refused(socket):
         connect(socket.address, origin="https://example.org")
     with connect(socket.address, origin="http://localhost:3000"):
         pass
+
+
+def test_a_client_that_has_left_is_forgotten_and_does_not_delay_the_end():
+    socket = BodySocket()
+    socket.begin(hello_text(MODEL, "hall"))
+    with connect(socket.address):
+        while not socket.watched:
+            time.sleep(0.01)
+    end = time.monotonic() + 4.0
+    while socket.watched and time.monotonic() < end:
+        time.sleep(0.01)
+    assert not socket.watched
+    with connect(socket.address):
+        while not socket.watched:
+            time.sleep(0.01)
+        begun = time.monotonic()
+        socket.close()
+    assert time.monotonic() - begun < 3.0
 
 
 def test_other_machines_need_the_token():
