@@ -10,6 +10,8 @@ import pytest
 import panoptic_ros
 from panoptic_ros.graph.nodes import FUSION, NODES
 
+SMALL = {"method": "exact", "volume": [-1, -1, 0, 1, 1, 2], "voxel": 0.1}  # few voxels: kernels are the same
+
 
 def late(program: str, *arguments: object) -> str:
     """Kernels that were not ready, in a fresh process."""
@@ -29,8 +31,8 @@ def late(program: str, *arguments: object) -> str:
         (31, {}, ""),
         (5, {"sync": {"resampling": "interpolate", "rate_hz": 50.0}, "refinement": {"lag": 0.0}}, ""),
         (5, {"voting": {"without_maps": True}}, ""),
-        (4, {"assembly": {"method": "dynamic_programming"}, "voting": {"method": "exact"}}, ""),
-        (3, {"voting": {"method": "exact", "volume": [-1, -1, 0, 1, 1, 2], "voxel": 0.1, "parts": True}}, ""),
+        (4, {"assembly": {"method": "dynamic_programming"}, "voting": SMALL}, ""),
+        (3, {"voting": {**SMALL, "parts": True}}, ""),
         (5, {"voting": {"method": "off"}, "refinement": {"bone_sigma": 0.0}}, ""),
         (5, {"voting": {"explain_away": False}, "association": {"temporal_guidance": False}}, ""),
         (4, {"assembly": {"learn_noise": False}, "association": {"compensate_stamps": False}}, "coco17"),
