@@ -22,7 +22,7 @@ class AssemblyConfig(Config):
     )
     capture_views: int = param(
         3, ge=2, le=1000,
-        doc="People must stand in the fields of view of so many cameras, else they are bystanders; "
+        doc="New people must stand in the fields of view of so many cameras, else they are bystanders; "
         "rigs of up to three cameras need two.",
         when="people at the edge of the room are missing (2), or bystanders are reported (more).",
     )
@@ -49,6 +49,9 @@ class AssemblyConfig(Config):
     foreign_penalty: float = param(
         4.0, unit="sigma^2", ge=0.0, le=100.0,
         doc="Cost of taking a joint from another 2D person of the view (merged people).",
+    )
+    image_borders: bool = param(
+        True, doc="Leave out 2D joints that a detector reports although the joint lies outside of the image."
     )
     max_pairs: int = param(
         45, ge=1, le=1000, doc="Pairs of views whose intersection is tried as the start of a joint."

@@ -2,6 +2,7 @@
 
 A person in the fields of view of two cameras alone, where four or more look at one place, is a bystander:
 behind another camera, or at the far wall. (One whom two views see although more could is inside.)
+This applies to new people: who is followed stays until no view shows them.
 """
 from __future__ import annotations
 

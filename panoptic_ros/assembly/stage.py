@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from panoptic_ros.assembly.borders import artefacts, border_odds
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.few_views import Shown, hold_people, place_joints
 from panoptic_ros.assembly.judgement import (
@@ -117,8 +118,9 @@ class AssemblyStage(Stateful):
         kinds = hidden_marks(found, self._hiding, cams, len(evidence.view))
         marks = Marks.of(evidence, kinds, carried_ages(item.detections, evidence))
         precision = self._noise.precisions(marks, self._rig)
-        scene = scene_of(item.detections, evidence, precision, self._mirror, self._rig)
-        solved, motion = solve_joints(found, scene.observations, self._rules), None
+        borders = self._config.image_borders
+        scene = scene_of(item.detections, evidence, precision, self._mirror, self._rig, borders)
+        solved, motion = self._solve_joints(scene, found), None
         if scene.cams.delays.any():
             found, solved, motion = solved_in_motion(scene, found, solved, prediction, self._rules)
         if self._config.lost_people and item.of_maps:
@@ -133,6 +135,7 @@ class AssemblyStage(Stateful):
         people = self._finish(scene, item, (solved, found, motion), observed.sum(axis=1), tails)
         supporting, cameras = (found.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
+        inside |= found.who[people.kept] >= 0  # whom tracking follows stays until no view shows them
         if not inside.all():
             people = people.rows(inside)
         if self._config.learn_noise:
@@ -141,6 +144,20 @@ class AssemblyStage(Stateful):
             )
             self._noise.learn(marks, residuals, self._rig)
         return people, found, observed, motion
+
+    def _solve_joints(self, scene: Scene, found: Candidates) -> SolvedJoints:
+        """Solve without artefacts of image borders; their precision becomes 0, in place."""
+        seen, rules = scene.observations, self._rules
+        if not self._config.image_borders:
+            return solve_joints(found, seen, rules)
+        odds = border_odds(found, seen, scene.evidence.scores)
+        seen.precision[...] /= np.sqrt(1.0 + odds)
+        solved = solve_joints(found, seen, rules)
+        wrong = artefacts(solved, found, seen, odds, rules.cauchy)
+        if wrong.any():
+            seen.precision[wrong] = 0.0
+            solved = solve_joints(found, seen, rules)
+        return solved
 
     def _finish(
         self, scene: Scene, item: ProposalSet, solution: tuple[SolvedJoints, Candidates, Motion | None],

@@ -20,6 +20,10 @@ class AssociationConfig(Config):
         True, doc="Shift each view to the instant of the set by its own stamp and the joint's velocity "
         "(needs temporal guidance).",
     )
+    image_borders: bool = param(
+        True, doc="2D joints of new people may be artefacts where the joint lies outside of the image; see "
+        "`assembly.image_borders`.",
+    )
     min_joint_score: float = param(0.0, ge=0.0, le=1.0, doc="2D joints with lower scores are ignored.")
 
     agreement: float = param(

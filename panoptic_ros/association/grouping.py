@@ -153,7 +153,9 @@ def search_people(free, seen, room, rules):
                 alike = common[i, k] >= MIN_COMMON and value[i, k] >= least
                 value[i, k] = value[i, k] * np.sqrt(common[i, k]) if alike else 0.0
         open_precision = precision.copy()  # 0 for the 2D people that are assigned
-        still_free = Observations(seen.plane, open_precision, seen.views, seen.starts, seen.cams)
+        still_free = Observations(
+            seen.plane, open_precision, seen.views, seen.starts, seen.cams, seen.lenses, seen.sizes
+        )
         while found < len(members):
             for d in range(len(left)):
                 if not left[d]:

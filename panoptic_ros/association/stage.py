@@ -89,7 +89,9 @@ class AssociationStage(Stateful):
     def _associate(self, item: DetectionSet, evidence: Evidence) -> AssociationSet:
         """Those who are followed first, then new people among the 2D people that are left."""
         precision = even_precision(evidence, self._rig, NOISE)
-        scene = scene_of(item, evidence, precision, self._mirror, self._rig)
+        scene = scene_of(
+            item, evidence, precision, self._mirror, self._rig, self._config.image_borders
+        )
         prediction = self._predict(item.stamp_ns)
         known, who, free = self._known(scene, prediction)
         free &= carried_ages(item, evidence) == 0.0  # who is only carried is nobody new

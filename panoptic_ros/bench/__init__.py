@@ -9,6 +9,7 @@ from __future__ import annotations
 
 BENCHES: dict[str, str] = {
     "ablation": "what every mechanism of the core is worth: each off in turn, on simulations and recordings",
+    "borders": "people whom image borders cut: with and without the model of borders, and an oracle",
     "clocks": "stamps corrected by timecode against the truth: an hour of mixed rates, and what clocks do",
     "ltc": "timecode decoding: recall, wrong labels, exactness, latency and speed, beside a user's libltc",
     "offsets": "clocks from motion against the truth: errors, stated deviations, poses before and after",

@@ -81,7 +81,7 @@ def _pairs(
     cams = scene.Cameras(arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1))
     seen = scene.Observations(
         frame.plane, (frame.scores > 0.0).astype(np.float64), np.zeros(people, np.int64),
-        np.array([0, people]), cams,
+        np.array([0, people]), cams, arrays.lenses[c : c + 1], np.full(people, np.inf),
     )  # fmt: skip
     straight, mirrored, common = agreement_with_people(places, np.zeros_like(places), seen, mirror, scale)
     flipped = mirrored > MIRROR_MARGIN * straight

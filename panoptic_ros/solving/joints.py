@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.geometry.robust import truncated
-from panoptic_ros.kernels import njit
+from panoptic_ros.kernels import inlined, njit
 from panoptic_ros.solving.joint_records import Candidates, Claims, SolvedJoints
-from panoptic_ros.solving.scene import MIN_DEPTH, Observations, seen_at
+from panoptic_ros.solving.scene import MIN_DEPTH, Observations, inside_by, seen_at
 from panoptic_ros.solving.triangulation import TABLE, Result, SolverRules, Steps, intersect, refine_point
 
 Array = np.ndarray
@@ -26,6 +26,7 @@ Array = np.ndarray
 GOOD_COST = 3.0  # truncated cost per view (2 is expected) up to which the prediction is taken as the start
 DENIED = 2.0  # standard deviations; gate of two views about a firm prediction
 MANY_VIEWS = 8  # from here on a wrong place cannot be that cheap, and twice the cost is good enough
+MISPLACED = 0.15  # of the size of a 2D person, deviation of artefacts of image borders: median
 GUIDED_STEPS, ROUGH_STEPS, LAST_STEPS = 3, 4, 6  # of Gauss-Newton, at most
 
 
@@ -53,11 +54,27 @@ class _Room(NamedTuple):
     trial: Array
 
 
+@inlined
+def artefact_cost(squared, precision, size):
+    """Cost of a 2D joint that a detector reports although the joint lies outside of the image.
+
+    -2 log likelihood relative to that of an observation without error: artefacts lie around the joint with a
+    standard deviation of MISPLACED times the size of the 2D person.
+
+    Args:
+        squared: distance to the projection, squared. precision: 1 / standard deviation of observations.
+        size: of the 2D person; all on the plane at 1 m. inf: there are no artefacts.
+    """
+    spread = max(MISPLACED * size * precision, 1.0)  # in standard deviations of observations
+    return 4.0 * np.log(spread) + squared * (precision / spread) ** 2
+
+
 @njit(cache=True, error_model="numpy")
 def pick_observations(x, joint, claims, seen, rules, picks):
     """Observation of least cost in every view for the point x; returns the sum of their truncated costs.
 
-    picks (V, 2): 2D person and joint of it, -1 where the view has none.
+    picks (V, 2): 2D person and joint of it, -1 where the view has none, or where the point lies outside of
+    the image and the view's own 2D joint is rather an artefact.
     """
     member, source, owner = claims
     plane, precision, p, j = seen.plane, seen.precision, joint.person, joint.number
@@ -74,7 +91,14 @@ def pick_observations(x, joint, claims, seen, rules, picks):
             s = source[p, v, j]
             if precision[own, s] > 0.0 and (owner[own, s] < 0 or owner[own, s] == p):
                 du, dw = u - plane[own, s, 0], w - plane[own, s, 1]
-                best = (du * du + dw * dw) * precision[own, s] ** 2
+                squared = du * du + dw * dw
+                best = squared * precision[own, s] ** 2
+                cost = artefact_cost(squared, precision[own, s], seen.sizes[own])
+                if best > cost and inside_by(seen.lenses[v], u, w) < 0.0 <= inside_by(
+                    seen.lenses[v], plane[own, s, 0], plane[own, s, 1]
+                ):
+                    total += min(cost, limit)
+                    continue
                 picks[v, 0], picks[v, 1] = own, s
         least = min(best, limit) - penalty  # what others must stay below
         if least <= 0.0:

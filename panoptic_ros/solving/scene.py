@@ -46,6 +46,8 @@ class Observations(NamedTuple):
 
     plane (D, J, 2) undistorted normalised points. precision (D, J) 1 / standard deviation on that plane, 0 =
     missing. views (D,) of each 2D person. starts (V + 1,) first 2D person of each view. cams: of the views.
+    lenses (V,), see `camera_records`. sizes (D,) of the 2D people, diagonals of their boxes on the plane; inf
+    where 2D joints are taken for observations even if the joint lies outside of the image.
     """
 
     plane: Array
@@ -53,6 +55,8 @@ class Observations(NamedTuple):
     views: Array
     starts: Array
     cams: Cameras
+    lenses: Array
+    sizes: Array
 
 
 class Sight(NamedTuple):
@@ -71,7 +75,7 @@ class Scene:
         precision: (D, J) 1 / standard deviation on the normalised plane, 0 = missing.
         mirror: (J,) the joint on the other side.
         cams: where the views were. centres: (V, 3) m, of the cameras in the world.
-        focals: (V,) px. sight: how far the views see.
+        focals: (V,) px. sight: how far the views see. sizes: (D,) of the 2D people, see `Observations`.
     """
 
     evidence: Evidence
@@ -81,12 +85,16 @@ class Scene:
     centres: Array
     focals: Array
     sight: Sight
+    sizes: Array
 
     @property
     def observations(self) -> Observations:
         """The same for kernels that solve joints."""
         evidence = self.evidence
-        return Observations(evidence.plane, self.precision, evidence.view, evidence.starts, self.cams)
+        return Observations(
+            evidence.plane, self.precision, evidence.view, evidence.starts, self.cams, self.sight.cameras,
+            self.sizes,
+        )  # fmt: skip
 
 
 def gather(
@@ -193,19 +201,41 @@ def check_association(
 
 
 def scene_of(
-    detections: DetectionSet, evidence: Evidence, precision: Array, mirror: Array, arrays: RigArrays
-) -> Scene:
-    """The scene of a detection set and its evidence."""
+    detections: DetectionSet, evidence: Evidence, precision: Array, mirror: Array, arrays: RigArrays,
+    borders: bool = False,
+) -> Scene:  # fmt: skip
+    """The scene of a detection set and its evidence.
+
+    Args:
+        borders: whether 2D joints may be artefacts of image borders.
+    """
     rows, cams = evidence.cameras, cameras_of(evidence, arrays)
     views = [detections.views[slot] for slot in evidence.slots]
     sight = Sight(arrays.lenses[rows], limits_of(views))
-    return Scene(evidence, precision, mirror, cams, arrays.centres[rows], arrays.focals[rows], sight)
+    sizes = box_sizes(evidence.plane, evidence.scores) if borders else np.full(len(evidence.view), np.inf)
+    return Scene(evidence, precision, mirror, cams, arrays.centres[rows], arrays.focals[rows], sight, sizes)
 
 
 def cameras_of(evidence: Evidence, arrays: RigArrays) -> Cameras:
     """The cameras of the views."""
     rows = evidence.cameras
     return Cameras(arrays.rotations[rows], arrays.translations[rows], evidence.delays)
+
+
+@njit(cache=True, error_model="numpy")
+def box_sizes(plane, scores):
+    """Return the diagonals (D,) of the boxes of 2D people on the plane; joints of score 0 do not count."""
+    sizes = np.zeros(len(plane))
+    for d in range(len(plane)):
+        left = top = np.inf
+        right = bottom = -np.inf
+        for j in range(scores.shape[1]):
+            if scores[d, j] > 0.0:
+                left, right = min(left, plane[d, j, 0]), max(right, plane[d, j, 0])
+                top, bottom = min(top, plane[d, j, 1]), max(bottom, plane[d, j, 1])
+        if right >= left:
+            sizes[d] = np.hypot(right - left, bottom - top)
+    return sizes
 
 
 def even_precision(evidence: Evidence, arrays: RigArrays, noise: float) -> Array:
@@ -245,17 +275,35 @@ def within(camera, limits, v, u, w, depth):
     return depth <= limits[start + k * columns + i]
 
 
-@njit(cache=True, error_model="numpy")
-def look(sight, v, x, y, depth):
-    """Whether a point at x, y of the plane at 1 m, and a depth in m, is OUTSIDE of view v, HIDDEN or SEEN."""
-    camera = sight.cameras[v]
+@inlined
+def pixel(camera, x, y):
+    """Where a point of the plane at 1 m lies in the image, px, and whether the lens shows it."""
     if camera.many > 0.0:
         dx, dy, r2 = bent_by_many(camera, x, y)
     else:
         terms = (camera.k1, camera.k2, camera.p1, camera.p2, camera.k3, camera.k4)
         dx, dy, r2 = bent(terms, camera.fisheye > 0.0, x, y)
-    u, w = camera.fx * dx + camera.skew * dy + camera.cx, camera.fy * dy + camera.cy
-    if not (r2 < camera.fold and -0.5 <= u <= camera.width - 0.5 and -0.5 <= w <= camera.height - 0.5):
+    return camera.fx * dx + camera.skew * dy + camera.cx, camera.fy * dy + camera.cy, r2 < camera.fold
+
+
+@njit(cache=True, error_model="numpy")
+def inside_by(camera, x, y):
+    """Return the distance in px from a point of the plane at 1 m to the image border, negative outside.
+
+    Points that the lens does not show are infinitely far outside.
+    """
+    u, w, seen = pixel(camera, x, y)
+    if not seen:
+        return -np.inf
+    return min(u + 0.5, camera.width - 0.5 - u, w + 0.5, camera.height - 0.5 - w)
+
+
+@njit(cache=True, error_model="numpy")
+def look(sight, v, x, y, depth):
+    """Whether a point at x, y of the plane at 1 m, and a depth in m, is OUTSIDE of view v, HIDDEN or SEEN."""
+    camera = sight.cameras[v]
+    u, w, seen = pixel(camera, x, y)
+    if not (seen and -0.5 <= u <= camera.width - 0.5 and -0.5 <= w <= camera.height - 0.5):
         return OUTSIDE
     if sight.limits[3 * v] == 0.0 or within(camera, sight.limits, v, u, w, depth):
         return SEEN

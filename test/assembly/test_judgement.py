@@ -1,6 +1,7 @@
 """The compiled loops against numpy; bystanders beyond the space that a rig covers are left out."""
 import captures
 import numpy as np
+from seen_views import observations
 
 from panoptic_ros.assembly.judgement import (
     Joints,
@@ -16,7 +17,7 @@ from panoptic_ros.assembly.residuals import residuals_to_learn
 from panoptic_ros.domain import Camera
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.solving.joint_records import SolvedJoints
-from panoptic_ros.solving.scene import Cameras, Observations
+from panoptic_ros.solving.scene import Cameras
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
 CAMERAS = captures.RIG.cameras
@@ -137,7 +138,7 @@ def test_residuals_to_learn_have_leverage_taken_out():
     shifts = rng.standard_normal(positions.shape)
     rows, joints, pixels = residuals_to_learn(
         kept, SolvedJoints(positions, normals, residuals, picks), shifts,
-        Observations(
+        observations(
             plane, precision, np.zeros(ROWS, int), np.zeros(VIEWS + 1, int),
             Cameras(rotations, translations, delays),
         ),

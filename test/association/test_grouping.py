@@ -57,7 +57,10 @@ def scene_of(people, views=5, noise=0.001, keep=1.0, seed=0, swapped=()):
         cameras[name] = value
     sight = Sight(cameras, np.zeros(3 * views))
     precision, focals = np.full(plane.shape[:2], 500.0), np.full(views, 1000.0)
-    return Scene(evidence, precision, MIRROR, cams, centres, focals, sight), np.array(truth, int)
+    scene = Scene(
+        evidence, precision, MIRROR, cams, centres, focals, sight, np.full(len(plane), np.inf)
+    )
+    return scene, np.array(truth, int)
 
 
 def crowd(count, seed):

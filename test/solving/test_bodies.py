@@ -1,11 +1,12 @@
 """Bodies whom one or two views show, from their bones."""
 import numpy as np
 import pytest
+from seen_views import observations
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.simulation.rigs import looking_at
 from panoptic_ros.solving.bodies import Body, Known, Rays, begin, estimate
-from panoptic_ros.solving.scene import Cameras, Observations
+from panoptic_ros.solving.scene import Cameras
 
 MODEL = SkeletonModel("chain", ("root", "left", "right", "top"), 0, ((0, 1), (0, 2), (0, 3)), 3, ((1, 2),))
 BODY = Body.of(MODEL)
@@ -45,10 +46,10 @@ def rays(*joints, precision=500.0, places=TRUTH):
     cams = Cameras(
         np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]), np.zeros(len(poses))
     )
-    observations = Observations(
+    shown_joints = observations(
         seen[..., :2] / seen[..., 2:], shown, views, np.arange(len(poses) + 1), cams
     )
-    return Rays(views, np.tile(np.arange(4), (len(poses), 1)), np.zeros((4, 3)), np.ones(4), observations)
+    return Rays(views, np.tile(np.arange(4), (len(poses), 1)), np.zeros((4, 3)), np.ones(4), shown_joints)
 
 
 def test_bones_tell_the_depth_of_what_one_view_shows():

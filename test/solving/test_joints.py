@@ -3,12 +3,13 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from rays import closest_points, ray_distances
+from seen_views import observations
 
 from panoptic_ros.geometry import triangulate_robust
 from panoptic_ros.solving.agreement import agreement_of_pairs, agreement_with_people
 from panoptic_ros.solving.joint_records import Candidates, Claims, Guides, SolvedJoints
 from panoptic_ros.solving.joints import settle, solve_joints
-from panoptic_ros.solving.scene import Cameras, Observations
+from panoptic_ros.solving.scene import Cameras
 from panoptic_ros.solving.triangulation import FEW_FACTOR, TABLE, Result, SolverRules, Steps, refine_point
 
 
@@ -34,7 +35,7 @@ def seen(stack, plane):
     views = len(plane)
     cams = Cameras(stack.rotations, stack.translations, np.zeros(views))
     precision = np.full(plane.shape[:2], 1000.0 / 2.0)
-    return Observations(plane, precision, np.arange(views), np.arange(views + 1), cams)
+    return observations(plane, precision, np.arange(views), np.arange(views + 1), cams)
 
 
 def test_final_step_equals_the_reference(scenes):

@@ -1,7 +1,8 @@
 """The robust point refinement against many plain steps; the linear solution against numpy."""
 import numpy as np
+from seen_views import observations
 
-from panoptic_ros.solving.scene import Cameras, Observations
+from panoptic_ros.solving.scene import Cameras
 from panoptic_ros.solving.triangulation import (
     TABLE,
     Result,
@@ -47,7 +48,7 @@ def test_finds_the_minimum_of_the_cauchy_cost():
         picks = np.stack([np.arange(views), np.zeros(views, int)], axis=1)
         x, normal, residuals = truth + 0.05, np.empty((3, 3)), np.empty(views)
         rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
-        seen = Observations(plane, precision, np.arange(views), np.arange(views + 1), cams)
+        seen = observations(plane, precision, np.arange(views), np.arange(views + 1), cams)
         result = Result(normal, residuals, np.empty((views, TABLE)))
         count = refine_point(x, np.zeros(3), picks, seen, rules, Steps(30, False), result)
         assert count == views
@@ -63,7 +64,7 @@ def test_linear_triangulation_is_least_squares(scenes):
     weight = np.random.default_rng(1).uniform(0.0, 500.0, plane.shape[:2])
     member, mirrored = np.array([0, -1, 2, 3]), np.array([False, False, True, False])
     cams = Cameras(stack.rotations, stack.translations, np.zeros(4))
-    seen = Observations(plane, weight, np.arange(4), np.arange(5), cams)
+    seen = observations(plane, weight, np.arange(4), np.arange(5), cams)
     points = triangulate_linear(member, mirrored, seen, mirror)
     for j in range(len(truth)):
         rows, right = [], []

@@ -40,12 +40,13 @@ class FedAssembly:
     """Assembly on proposals whose people are not associated yet; tracking tells association who was there."""
 
     def __init__(self, context, **settings):
-        own = {field.name for field in fields(AssociationConfig)}
+        first, second = ({f.name for f in fields(config)} for config in (AssociationConfig, AssemblyConfig))
+        assert set(settings) <= first | second
         self.association = AssociationStage(
-            AssociationConfig(**{name: value for name, value in settings.items() if name in own}), context
+            AssociationConfig(**{name: value for name, value in settings.items() if name in first}), context
         )
         self.stage = AssemblyStage(
-            AssemblyConfig(**{name: value for name, value in settings.items() if name not in own}), context
+            AssemblyConfig(**{name: value for name, value in settings.items() if name in second}), context
         )
         self.tracking = TrackingStage(TrackingConfig(), context)
 

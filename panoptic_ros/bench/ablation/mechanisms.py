@@ -67,6 +67,8 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _assembly("gate", "views with large residuals are left out", gate=NO_LIMIT),
     _assembly("robustness", "gate and Cauchy weight, and a limit to what an observation costs",
               truncation=NO_LIMIT, gate=NO_LIMIT, cauchy=NO_LIMIT),
+    Mechanism("assembly", "image-borders", "2D joints whose joint lies outside of the image are left out",
+              {"association": {"image_borders": False}, "assembly": {"image_borders": False}}),
     _assembly("starts", "a joint is begun from many pairs of views", max_pairs=1),
     _assembly("foreign-joints", "joints are taken from other 2D people of the view", foreign_penalty=100.0),
     _assembly("agreed-share", "views agree on half of a person's joints", min_agreed_share=0.0),
