@@ -122,7 +122,10 @@ def rig() -> None:
         among = read_rig(Path(path))
         if occluders:
             among = replace(among, occluders=read_occluders(Path(occluders)))
-        return [StaticsNode(among, detector_extras(model, skeleton)[0])]
+        node = StaticsNode(among, detector_extras(model, skeleton)[0])
+        for line in among.notices:
+            node.get_logger().warning(line)
+        return [node]
 
     leave(run_nodes(make))
 
