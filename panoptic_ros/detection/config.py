@@ -74,6 +74,11 @@ class DetectionConfig(Config):
         0.7, ge=0.0, le=1.0,
         doc="Someone whose joints coincide this much with those of a better person is dropped; 1 = never.",
     )
+    up: tuple[float, ...] = param(
+        (),
+        doc="Direction of the world that is up, x, y, z: images of cameras on their side or upside down are "
+        "turned upright for the network. Empty = as the rig states; 0, 0, 0 = not known, nothing is turned.",
+    )
     depth_margin: float = param(
         1.0, unit="m", ge=0.0, le=100.0,
         doc="With depth maps: a camera sees a joint that lies so little behind the measured surface, as nets "

@@ -1,11 +1,12 @@
 """Whom tracking follows, and where a camera should see them."""
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from panoptic_ros.detection.preprocess import Turn
 from panoptic_ros.detection.regions import Group, Region, groups_of, person_boxes
 from panoptic_ros.detection.resemblance import apart
 from panoptic_ros.domain import Camera, TrackSet
@@ -41,6 +42,10 @@ class Expected:
     def of_nobody(cls, image_size: tuple[int, int]) -> Expected:
         """Nobody is expected."""
         return cls(np.zeros((0, 1, 2)), np.zeros((0, 1), bool), np.zeros(0), image_size)
+
+    def turned(self, turn: Turn) -> Expected:
+        """The same people in the upright image."""
+        return replace(self, pixels=turn.pixels(self.pixels), image_size=turn.size)
 
     @cached_property
     def _boxes(self) -> tuple[Array, Array, Array]:

@@ -4,7 +4,10 @@ All maps are between pixels told from the centre of the first pixel, as in OpenC
 """
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -16,6 +19,7 @@ Array = np.ndarray
 
 
 LEAST_LINEAR = 0.5  # scale from which on bilinear sampling reads every pixel, at a seventh of the cost
+QUARTER_TURNS = (cv2.ROTATE_90_COUNTERCLOCKWISE, cv2.ROTATE_180, cv2.ROTATE_90_CLOCKWISE)  # 1, 2, 3
 
 
 def letterbox(
@@ -81,6 +85,66 @@ def input_tensor(images: Sequence[Array], card: InputCard) -> Array:
     if card.layout == "NCHW":
         batch = batch.transpose(0, 3, 1, 2)
     return np.ascontiguousarray(batch, dtype=card.dtype)
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """The way from px of a camera's image to px of the upright image, which holds all of it.
+
+    Args:
+        degrees: counter-clockwise. size: (width, height) px of the upright image.
+        upright_from_image: (2, 3). enlarged: how much longer the longer side is than that of the image.
+    """
+
+    degrees: float
+    size: tuple[int, int]
+    upright_from_image: Array
+    enlarged: float
+
+    def image(self, image: Array, pad: int) -> Array:
+        """Turn an image (H, W, 3) uint8; quarter turns keep all pixels as they are.
+
+        Args:
+            pad: grey value beyond the borders of the image.
+        """
+        quarters, rest = divmod(self.degrees, 90.0)
+        turned: Array
+        if rest == 0.0:
+            turned = cv2.rotate(image, QUARTER_TURNS[int(quarters) % 4 - 1])
+        else:
+            turned = cv2.warpAffine(
+                image, self.upright_from_image, self.size, flags=cv2.INTER_LINEAR,
+                borderMode=cv2.BORDER_CONSTANT, borderValue=(pad,) * 3,
+            )  # fmt: skip
+        return turned
+
+    def pixels(self, points: Array) -> Array:
+        """Turn points (..., 2) of the image."""
+        return moved(points, self.upright_from_image)
+
+    def back(self, points: Array) -> Array:
+        """Turn points (..., 2) of the upright image back."""
+        return moved(points, inverted(self.upright_from_image))
+
+
+@lru_cache(maxsize=1024)
+def turn_by(degrees: float, image_size: tuple[int, int]) -> Turn:
+    """Return the turn of images (width, height) px by degrees counter-clockwise."""
+    angle = math.radians(degrees)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    if degrees % 90.0 == 0.0:  # exactly
+        cosine, sine = float(round(cosine)), float(round(sine))
+    turn = np.array([[cosine, sine], [-sine, cosine]])
+    width, height = np.ceil(np.abs(turn) @ image_size - 1e-6).astype(int).tolist()
+    middle, centre = np.array([width - 1, height - 1]) / 2.0, (np.array(image_size) - 1) / 2.0
+    affine = np.column_stack([turn, middle - turn @ centre])
+    return Turn(degrees, (width, height), affine, max(width, height) / max(image_size))
+
+
+def moved(points: Array, affine: Array) -> Array:
+    """Move points (..., 2) by a (2, 3) affine map."""
+    places: Array = points @ affine[:, :2].T + affine[:, 2]
+    return places
 
 
 def inverted(affine: Array) -> Array:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,9 +17,12 @@ from panoptic_ros.detection.input_size import SURE, Answer, SideChooser
 from panoptic_ros.detection.looking import CameraLooks, Ignored
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.detection.people import People, boxes_of_points
+from panoptic_ros.detection.preprocess import Turn, composed, turn_by
+from panoptic_ros.detection.upright import rolls_of
 from panoptic_ros.detection.warm_up import warm_up
 from panoptic_ros.detection.watching import Watch
 from panoptic_ros.domain import (
+    NO_CAMERAS,
     DepthFrame,
     JointMap,
     TrackSet,
@@ -42,6 +46,9 @@ UNCLAIMED_PEAK = 0.3  # peaks of nobody in the maps count from here
 class DetectionStage(Stateful):
     """Finds people in the images of any number of cameras, each camera on its own.
 
+    Images of cameras on their side or upside down are turned upright for the network; records are in px of
+    the cameras.
+
     `context.extras` holds "detector", a DetectorModel, and "joint_map", the JointMap from its
     joints to those of the context's skeleton; live also "processor", a Processor, by which it keeps within
     `budget`, and by which it knows that looks must not hold up images. Images of different cameras, and what
@@ -53,8 +60,8 @@ class DetectionStage(Stateful):
 
     LAYOUT = StateLayout(
         "detection",
-        ("_sides", "_outside", "_noticed", "_depths", "_watch.memories", "_watch.known.tracks",
-         "_watch.known.places", "_watch.known.doors", "_watch.known.begin_ns",
+        ("_sides", "_outside", "_noticed", "_depths", "_said_up", "_watch.memories",
+         "_watch.known.tracks", "_watch.known.places", "_watch.known.doors", "_watch.known.begin_ns",
          "_watch.lookout.cameras", "_watch.lookout.alarm_ns", "_watch.lookout.ignored"),
         (SideChooser, DepthFrame, Memory, People, TrackSet, CameraLooks, Ignored),
         same={"configuration": "config", "model": "model_name", "skeleton": "skeleton_hash"},
@@ -80,6 +87,12 @@ class DetectionStage(Stateful):
         else:
             self.network = FullImageNetwork(model, config)
         warm_up()
+        self._rolls = rolls_of(context.rig or NO_CAMERAS, config.up)
+        self._enlarged = {  # by being turned; inputs are larger by as much, so that people are as tall
+            name: turn_by(degrees, context.rig.camera(name).image_size).enlarged
+            for name, degrees in self._rolls.degrees.items()
+        }
+        self._said_up = False
         self._sides: dict[str, SideChooser] = {}
         self._outside: dict[str, int] = {}
         self._noticed: set[str] = set()
@@ -90,7 +103,7 @@ class DetectionStage(Stateful):
         self._watch: Watch | None = None  # None: all of every image is looked at
         if config.guided or config.rationed:
             self._watch = Watch(
-                self.config, self.network, context.rig, joint_map, self._whole,
+                self.config, self.network, context.rig, self._rolls.degrees, joint_map, self._whole,
                 lambda item: self._chooser(item).now, Allowance(len(context.rig)) if self._hurried else None,
             )  # fmt: skip
         self._budget: tuple[Budget, Processor] | None = None
@@ -120,26 +133,45 @@ class DetectionStage(Stateful):
                 self._watch.take(item)
             return StepResult()
         limit = self._limit(item)
+        start = 0.0 if self._budget is None else self._budget[1].thread_s()
+        turn, upright = self._upright(item)
         told: tuple[Notice, ...] = ()
         if self._watch is None:
-            finding, carried = self._whole(item), None
-        elif self._budget is None:
-            finding, carried = self._watch.find(item)
+            finding, carried = self._whole(upright), None
         else:
-            finding, carried, told = self._within_budget(item, self._watch, *self._budget)
-        record = self._record(item, finding, limit, carried)
-        return StepResult((record,), (*told, *self._size_notice(item.camera, finding)))
+            finding, carried = self._watch.find(upright)
+            told = self._paced(item, self._watch, finding, start)
+        record = self._record(item, finding if turn is None else _back(finding, turn), limit, carried)
+        return StepResult((record,), (*self._up_notice(), *told, *self._size_notice(item.camera, finding)))
 
-    def _within_budget(
-        self, item: ViewFrame, watch: Watch, budget: Budget, processor: Processor
-    ) -> tuple[Finding, Array | None, tuple[Notice, ...]]:
-        """As `Watch.find`, at a pace that what it costs allows."""
-        start = processor.thread_s()
-        finding, carried = watch.find(item)
+    def _upright(self, item: ViewFrame) -> tuple[Turn | None, ViewFrame]:
+        """Turn an image upright; None and the image itself if it is."""
+        degrees = self._rolls.degrees.get(item.camera)
+        if degrees is None:
+            return None, item
+        turn = turn_by(degrees, item.image_size)
+        return turn, replace(item, image=turn.image(item.image, self.network.card.input.pad))
+
+    def _up_notice(self) -> tuple[Notice, ...]:
+        """Tell once which images are turned, or why none is."""
+        if self._said_up or self._rolls.notice is None:
+            return ()
+        self._said_up = True
+        return (self._rolls.notice,)
+
+    def _paced(self, item: ViewFrame, watch: Watch, finding: Finding, start: float) -> tuple[Notice, ...]:
+        """Choose a pace that what images cost allows.
+
+        Args:
+            start: processor time of the thread, s, before the image.
+        """
+        if self._budget is None:
+            return ()
+        budget, processor = self._budget
         spent = processor.thread_s() - start
         chosen = budget.took(item.camera, item.stamp_ns, item.frame_number, finding.scale > 0.0, spent)
         if chosen is None:
-            return finding, carried, ()
+            return ()
         watch.keep(chosen)
         often = f"{chosen.looks_per_s:.1f} looks per s" if chosen.looks_per_s else "a look at every image"
         used = budget.used()
@@ -148,7 +180,7 @@ class DetectionStage(Stateful):
             f"{processor.cores} cores, {self.config.budget * processor.cores:.2f} allowed"
         )
         values = {"looks_per_s": chosen.looks_per_s, "region_height": chosen.region_height, "cores": used}
-        return finding, carried, (Notice("detection.pace", "info", text, values),)
+        return (Notice("detection.pace", "info", text, values),)
 
     def _whole(self, item: ViewFrame) -> Finding:
         """The people in all of an image, at the size that suits its camera."""
@@ -179,6 +211,7 @@ class DetectionStage(Stateful):
         self._sides.clear()
         self._outside.clear()
         self._noticed.clear()
+        self._said_up = False
         self._depths.clear()
         if self._watch is not None:
             self._watch.reset()
@@ -186,10 +219,12 @@ class DetectionStage(Stateful):
     def _chooser(self, item: ViewFrame) -> SideChooser:
         if item.camera not in self._sides:
             config, multiple = self.config, self.network.multiple
+            enlarged = self._enlarged.get(item.camera, 1.0)
+            largest = min(round(enlarged * config.largest_input), max(item.image_size))
             self._sides[item.camera] = SideChooser(
-                start=config.input_side,
+                start=round(enlarged * config.input_side),
                 least=config.smallest_input,
-                most=max(config.smallest_input, min(config.largest_input, max(item.image_size))),
+                most=max(config.smallest_input, largest),
                 multiple=multiple,
                 adaptive=config.adapt_input,
             )
@@ -265,3 +300,13 @@ class DetectionStage(Stateful):
         )
         values = {"camera": camera, "smallest_px": float(heights.min()), "largest_px": float(heights.max())}
         return (Notice("detection.person_size", "warning", text, values),)
+
+
+def _back(finding: Finding, turn: Turn) -> Finding:
+    """What was found in an upright image, in px of the camera; without boxes, which no record holds."""
+    people, patches = finding.people, finding.patches
+    people = replace(people, points=turn.back(people.points))
+    if patches is not None:  # the cells stay where they are
+        grid = composed(patches.grid_from_image, turn.upright_from_image)
+        patches = replace(patches, grid_from_image=grid)
+    return replace(finding, people=people, patches=patches)

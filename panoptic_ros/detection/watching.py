@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from panoptic_ros.detection.full_image import Finding, FullImageNetwork
 from panoptic_ros.detection.known import Expected, KnownPeople
 from panoptic_ros.detection.looking import Look, Lookout
 from panoptic_ros.detection.people import People, boxes_of_points, concatenate, no_people
+from panoptic_ros.detection.preprocess import turn_by
 from panoptic_ros.detection.regions import Group
 from panoptic_ros.domain import JointMap, Rig, TrackSet, ViewFrame
 from panoptic_ros.errors import ConfigError
@@ -32,9 +33,10 @@ Side = Callable[[ViewFrame], int]  # longer side of the network's input that sui
 
 
 class Watch:
-    """Where and when to look in the images of a rig; between looks people are carried.
+    """Where and when to look in the upright images of a rig; between looks people are carried.
 
     Args:
+        rolls: degrees counter-clockwise, by which images of cameras are turned to be upright.
         whole: looks at all of an image. side: net px, of that. allowance: see `Lookout`.
 
     Raises:
@@ -42,8 +44,8 @@ class Watch:
     """
 
     def __init__(
-        self, config: DetectionConfig, network: object, rig: Rig, joint_map: JointMap, whole: Whole,
-        side: Side, allowance: Allowance | None = None,
+        self, config: DetectionConfig, network: object, rig: Rig, rolls: Mapping[str, float],
+        joint_map: JointMap, whole: Whole, side: Side, allowance: Allowance | None = None,
     ):  # fmt: skip
         self._regions = isinstance(network, FullImageNetwork) and network.any_size
         if config.regions == "on" and not self._regions:
@@ -52,7 +54,7 @@ class Watch:
                 "a model that takes any"
             )
         self._config, self._network = config, network
-        self._rig, self._joint_map = rig, joint_map
+        self._rig, self._rolls, self._joint_map = rig, rolls, joint_map
         self._whole, self._side = whole, side
         self._region_height = config.region_height
         self.known = KnownPeople()
@@ -114,8 +116,10 @@ class Watch:
         """Whom the camera should see."""
         if not self.lookout.guided:
             return Expected.of_nobody(item.image_size)
+        camera, degrees = self._rig.camera(item.camera), self._rolls.get(item.camera)
         with self._learning:
-            return self.known.seen_by(self._rig.camera(item.camera), item.stamp_ns)
+            expected = self.known.seen_by(camera, item.stamp_ns)
+        return expected if degrees is None else expected.turned(turn_by(degrees, camera.image_size))
 
     def _look(self, item: ViewFrame, look: Look, expected: Expected) -> Finding:
         """At regions if they cost less than all of the image; at crowds more closely where they need it."""

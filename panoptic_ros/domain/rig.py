@@ -10,6 +10,7 @@ import numpy as np
 from panoptic_ros.domain.camera import Camera
 from panoptic_ros.domain.depth_sensor import DepthSensor
 from panoptic_ros.domain.occluders import Occluders
+from panoptic_ros.domain.upright import Z_UP, Direction, direction
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import ProjectionStack
 
@@ -24,12 +25,14 @@ class Rig:
             to its images needs none.
         left_out: why each camera of the file is not in the rig, by its name; "" = it was not chosen.
         notices: one line each about what the file lacks and what was assumed.
+        up: direction of the world that points up, of any length; None: no file states it. Detection turns
+            images by it. Everything else takes +z for up.
 
     Whoever reads a rig wants cameras; one without any is for bodies that IMUs alone tell of (`NO_CAMERAS`).
 
     Raises:
-        CalibrationError: with two cameras or sensors of one name, or with a sensor whose colour camera is
-            not there.
+        CalibrationError: with two cameras or sensors of one name, with a sensor whose colour camera is
+            not there, or with an up direction that is none.
     """
 
     cameras: tuple[Camera, ...]
@@ -38,10 +41,13 @@ class Rig:
     depth_sensors: tuple[DepthSensor, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
     notices: tuple[str, ...] = ()
+    up: Direction | None = Z_UP
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(self.cameras))
         object.__setattr__(self, "depth_sensors", tuple(self.depth_sensors))
+        if self.up is not None:
+            object.__setattr__(self, "up", direction(self.up))
         self._check_names()
         for sensor in self.depth_sensors:
             if sensor.colour_camera and sensor.colour_camera not in self.names:

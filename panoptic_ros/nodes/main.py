@@ -13,7 +13,9 @@ from typing import Any
 from rclpy.node import Node
 
 from panoptic_ros.detection.budget import Processor
+from panoptic_ros.detection.upright import NOT_KNOWN
 from panoptic_ros.domain import NO_CAMERAS, SkeletonModel
+from panoptic_ros.domain.upright import Z_UP
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.nodes import AFTER_DETECTION, NODES
 from panoptic_ros.io.body_context import body_extras
@@ -125,6 +127,9 @@ def rig() -> None:
         node = StaticsNode(among, detector_extras(model, skeleton)[0])
         for line in among.notices:
             node.get_logger().warning(line)
+        if among.up != Z_UP:
+            up = list(among.up or NOT_KNOWN)
+            node.get_logger().warning(f"/rig does not carry up: give node detection the parameter up: {up}")
         return [node]
 
     leave(run_nodes(make))

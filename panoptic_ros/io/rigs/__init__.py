@@ -10,7 +10,8 @@ calibration.cal of Total Capture. Out: all of these but the last and the data pa
 
 Lenses: OpenCV's models with up to 14 terms, and its fisheye, by any name; one reader for all formats and for
 live CameraInfo, `io.distortion_models`. Cameras that a file does not pose are left out, see `Rig.left_out`.
-TOML files do not state their unit of length and world axes: see `read_rig`.
+TOML files do not state their unit of length, see `read_rig`. `Rig.up` is None where a file does not tell
+which way is up.
 """
 from panoptic_ros.io.rigs.registry import WRITABLE, read_rig, write_rig
 from panoptic_ros.io.rigs.search import find_rig

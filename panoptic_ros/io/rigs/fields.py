@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain import Camera
+from panoptic_ros.domain.upright import Direction, direction
 from panoptic_ros.errors import CalibrationError, shown
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.distortion_models import OPENCV, read_lens
@@ -92,6 +93,17 @@ def per_metre(unit: Any, where: str) -> float:
 
 def _fits(array: Array, shape: tuple[int, ...]) -> bool:
     return array.ndim == len(shape) and all(w in (-1, n) for n, w in zip(array.shape, shape))
+
+
+def up_of(mapping: Mapping[str, Any], where: str, default: Direction | None) -> Direction | None:
+    """Return the direction under the key "up" that need not be there; null: not known.
+
+    Raises:
+        CalibrationError: if it is something else.
+    """
+    if "up" not in mapping:
+        return default
+    return None if mapping["up"] is None else direction(numbers(mapping, "up", where, (3,)).tolist())
 
 
 def whole_number(value: Any, what: str) -> int:

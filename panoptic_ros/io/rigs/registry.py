@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.domain.upright import Z_UP
 from panoptic_ros.errors import CalibrationError, UsageError
 from panoptic_ros.io.files import check_output_folder, file_errors, write_bytes
 from panoptic_ros.io.loading import parsing
@@ -65,6 +66,7 @@ _EXTRAS: dict[str, Callable[[Rig], bool]] = {
     "line_delay_us": lambda rig: any(camera.line_delay_us for camera in rig.cameras),
     "covariance": lambda rig: any(camera.covariance is not None for camera in rig.cameras),
     "depth_sensors": lambda rig: bool(rig.depth_sensors),
+    "up": lambda rig: rig.up is not None and rig.up != Z_UP,
 }
 _LENSES = frozenset(list(_EXTRAS)[:2])  # without which a rig would be another one
 _SELECTION = frozenset({"types", "panels"})
@@ -90,12 +92,12 @@ _FORMATS = (
     _Format(
         "caliscope", "caliscope TOML", "toml",
         toml_rigs.is_caliscope, toml_rigs.parse_caliscope, toml_rigs.dump_caliscope, frozenset({"unit"}),
-        _LENSES,
+        _LENSES | {"up"},
     ),
     _Format(
         "aniposelib", "aniposelib TOML", "toml",
         toml_rigs.is_aniposelib, toml_rigs.parse_aniposelib, toml_rigs.dump_aniposelib, frozenset({"unit"}),
-        _LENSES,
+        _LENSES | {"up"},
     ),
     _Format(
         "total-capture", "calibration.cal of Total Capture", "numbers",

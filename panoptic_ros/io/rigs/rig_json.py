@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain import Camera, DepthSensor, Rig
+from panoptic_ros.domain.upright import Z_UP
 from panoptic_ros.errors import CalibrationError, shown
 from panoptic_ros.io.rigs.fields import (
     camera,
@@ -22,6 +23,7 @@ from panoptic_ros.io.rigs.fields import (
     parameters,
     pose_numbers,
     text_of,
+    up_of,
 )
 from panoptic_ros.io.rigs.options import ReadOptions, Taken, check_selection
 
@@ -49,7 +51,8 @@ def parse(document: Any, options: ReadOptions) -> Rig:
     sensors = _depth_sensors(document, taken)
     names = [item.get("name") for item in items if isinstance(item, Mapping)]
     rig = taken.rig(name_of(document, "frame_id", "the file") if "frame_id" in document else "world")
-    return replace(rig, depth_sensors=tuple(_beside(sensor, rig, names) for sensor in sensors))
+    beside = tuple(_beside(sensor, rig, names) for sensor in sensors)
+    return replace(rig, depth_sensors=beside, up=up_of(document, "the file", Z_UP))
 
 
 def _beside(sensor: DepthSensor, rig: Rig, names: list[Any]) -> DepthSensor:
@@ -103,7 +106,8 @@ def _depth_sensor(index: int, item: Any, taken: Taken) -> DepthSensor:
 def dump(rig: Rig) -> str:
     """The document as text, one line per camera."""
     frame = "" if rig.frame_id == "world" else f' "frame_id": {json.dumps(rig.frame_id)},'
-    head = f'{{"format": "{FORMAT}", "units": "m",{frame} "cameras": [\n'
+    up = "" if rig.up == Z_UP else f' "up": {json.dumps(rig.up)},'
+    head = f'{{"format": "{FORMAT}", "units": "m",{frame}{up} "cameras": [\n'
     text = head + _lines(_row(item) for item in rig.cameras) + "\n]"
     if rig.depth_sensors:
         text += ', "depth_sensors": [\n' + _lines(_sensor_row(item) for item in rig.depth_sensors) + "\n]"

@@ -1,8 +1,9 @@
 """TOML of aniposelib (also written by Pose2Sim) and caliscope.
 
 Both hold per camera size, matrix, distortions, and cam_from_world as a Rodrigues vector and a
-translation; neither states its unit of length nor which way is up. Lenses are OpenCV's, fisheyes those with
-`fisheye = true`. aniposelib has one table per camera, caliscope a table `cameras` of numbered ones, whose
+translation; neither states its unit of length. `rotation_count` of caliscope tells which quarter turns make
+images upright, from which up follows; aniposelib has none, `up` in its metadata is ours. Lenses are OpenCV's,
+fisheyes those with `fisheye = true`. aniposelib has one table per camera, caliscope a table `cameras` of numbered ones, whose
 videos are called cam_<number>.mp4 (port_<number>.mp4 in older versions).
 """
 from __future__ import annotations
@@ -10,10 +11,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.domain.upright import roll_of, up_of_images
 from panoptic_ros.errors import CalibrationError, shown
 from panoptic_ros.io.distortion_models import OPENCV
 from panoptic_ros.io.rigs.fields import (
@@ -25,6 +28,7 @@ from panoptic_ros.io.rigs.fields import (
     per_metre,
     pose_numbers,
     text_of,
+    up_of,
 )
 from panoptic_ros.io.rigs.options import ReadOptions, Taken, check_unit
 
@@ -50,14 +54,16 @@ def parse_aniposelib(document: Mapping[str, Any], options: ReadOptions) -> Rig:
         CalibrationError: naming the camera and the key, or if it cannot be in metres.
     """
     metadata = document.get("metadata", {})
-    stated = metadata.get("unit", "m") if isinstance(metadata, dict) else "m"
+    metadata = metadata if isinstance(metadata, dict) else {}
+    stated = metadata.get("unit", "m")
     scale = per_metre(options.unit or stated, "[metadata]")
     taken = Taken(options)
     for table, item in document.items():
         if table != "metadata":
             name = name_of(item, "name", f"table [{table}]")
             taken.take(name, partial(_camera, name, item, scale, taken))
-    return check_unit(taken.rig(), options)
+    rig = replace(taken.rig(), up=up_of(metadata, "[metadata]", None))
+    return check_unit(rig, options)
 
 
 def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
@@ -67,14 +73,30 @@ def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
         CalibrationError: as above.
     """
     scale = per_metre(options.unit or "m", "the file")
-    taken = Taken(options)
+    taken, turns = Taken(options), {}
     for number, item in document["cameras"].items():
         if not isinstance(item, dict):
             raise CalibrationError(f"[cameras.{number}] is no table")
         usual = f"port_{number}" if "port" in item else f"cam_{number}"
         name = str(item.get("name", usual))
+        turns[name] = _clockwise(item, f"[cameras.{number}]")
         taken.take(name, partial(_camera, name, item, scale, taken))
-    return check_unit(taken.rig(), options)
+    rig = taken.rig()
+    known = [count for name in rig.names if (count := turns[name]) is not None]
+    up = up_of_images(rig.cameras, known) if len(known) == len(rig) > 0 else None
+    return check_unit(replace(rig, up=up), options)
+
+
+def _clockwise(item: Mapping[str, Any], where: str) -> int | None:
+    """Return the quarter turns clockwise that make the images of a camera upright, if they are stated."""
+    count = item.get("rotation_count")
+    if count is None:
+        return None
+    if isinstance(count, bool) or not isinstance(count, int):
+        raise CalibrationError(
+            f"{where}: 'rotation_count' is {shown(count)}, expected a whole number of quarter turns"
+        )
+    return count % 4
 
 
 def _camera(name: str, item: Mapping[str, Any], scale: float, taken: Taken) -> Camera:
@@ -108,7 +130,8 @@ def dump_aniposelib(rig: Rig) -> str:
     for i, item in enumerate(rig.cameras):
         kind = [("fisheye", "true")] if item.intrinsics.lens == "fisheye" else []
         tables.append(_table(f"cam_{i}", [("name", _text(item.name)), *kind, *_rows(item)]))
-    metadata = _table("metadata", [("adjusted", "false"), ("error", "0.0"), ("unit", _text("m"))])
+    up = [] if rig.up is None else [("up", _numbers(rig.up))]
+    metadata = _table("metadata", [("adjusted", "false"), ("error", "0.0"), ("unit", _text("m")), *up])
     return "\n".join([*tables, metadata])
 
 
@@ -118,7 +141,8 @@ def dump_caliscope(rig: Rig) -> str:
     tables = []
     for i, (item, match) in enumerate(zip(rig.cameras, matches)):
         number = match.group(1) if match and all(matches) else str(i)
-        extra = [("rotation_count", "0"), ("fisheye", str(item.intrinsics.lens == "fisheye").lower())]
+        turns = 0 if rig.up is None else round(-roll_of(item, rig.up) / 90.0) % 4
+        extra = [("rotation_count", str(turns)), ("fisheye", str(item.intrinsics.lens == "fisheye").lower())]
         if not all(matches):
             extra.append(("name", _text(item.name)))
         tables.append(_table(f"cameras.{number}", [("cam_id", number), *extra, *_rows(item)]))

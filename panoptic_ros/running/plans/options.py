@@ -9,7 +9,9 @@ from typing import Any
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.capture.imus import imu_devices
 from panoptic_ros.detection.config import DetectionConfig
+from panoptic_ros.detection.upright import NOT_KNOWN, rolls_of
 from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.domain.upright import Z_UP
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.topics import check_names
@@ -71,7 +73,8 @@ class RunOptions:
         return detector_extras(config.model, self.chosen_skeleton)
 
     def complete(self, plan: Plan) -> Plan:
-        """The plan with occluders, offsets, designated people and the biases of the detector's joints.
+        """The plan with occluders, offsets, designated people, the biases of the detector's joints and the
+        direction by which images are turned upright.
 
         Raises:
             UserError: if a file cannot be used, or the plan has delays of cameras already.
@@ -83,10 +86,11 @@ class RunOptions:
             plan = replace(plan, imus=dict.fromkeys(imu_devices(self.imus), self.imus))
         plan = with_bodies(with_subjects(plan, self.subjects))
         table = config_of(plan.configs, AssemblyConfig).bias_table
-        return replace(
+        plan = replace(
             plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)},
             notices=(*rig.notices, *plan.notices),
         )  # fmt: skip
+        return _with_upright_images(plan) if plan.stage == "detection" else plan
 
 
 NO_OPTIONS = RunOptions()
@@ -111,3 +115,14 @@ def _with_offsets(plan: Plan, path: Path) -> Plan:
     return replace(
         plan, configs=configs, streams=streams, shifts=shifts, notices=(*plan.notices, *told)
     )  # fmt: skip
+
+
+def _with_upright_images(plan: Plan) -> Plan:
+    """Return the plan with the rig's up direction among the parameters, as /rig does not carry it."""
+    config = config_of(plan.configs, DetectionConfig)
+    if not config.up and plan.rig.up != Z_UP:
+        config = replace(config, up=plan.rig.up or NOT_KNOWN)
+    notice = rolls_of(plan.rig, config.up).notice
+    told = () if notice is None else (notice.text,)
+    configs = {**plan.configs, "detection": config}
+    return replace(plan, configs=configs, notices=(*plan.notices, *told))
