@@ -13,7 +13,7 @@ import numpy as np
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.upright import Z_UP, Direction, direction, roll_of, up_of_images
 from panoptic_ros.errors import ConfigError, shown
-from panoptic_ros.stage import Notice
+from panoptic_ros.stage import Notice, Severity
 
 QUARTER = 90.0  # deg
 UPRIGHT = 30.0  # deg up to which images stay as they are: to turn them less than a quarter doubles their px
@@ -53,14 +53,14 @@ def rolls_of(rig: Rig, up: Sequence[float] = ()) -> Rolls:
         raise ConfigError(f"DetectionConfig.up = {shown(tuple(up))}, expected three finite numbers, or none")
     known = rig.up if not up else direction(up) if any(up) else None
     degrees = _turns(rig, known or Z_UP)
+    if known is None:
+        text = f"the rig does not state which way is up: +z is assumed, and no image is turned; {FINDING}"
+        if degrees:
+            text += f". If +z is up, images of {', '.join(degrees)} must be turned: --set detection.up=0,0,1"
+        severity: Severity = "warning" if degrees else "info"
+        return Rolls({}, Notice("detection.up", severity, text, {"cameras": list(degrees)}))
     if not degrees:
         return Rolls({}, None)
-    if known is None:
-        text = (
-            f"the rig does not state which way is up, so no image is turned; {FINDING}. If +z is up, images "
-            f"of {', '.join(degrees)} must be turned: --set detection.up=0,0,1"
-        )
-        return Rolls({}, Notice("detection.up", "warning", text, {"cameras": list(degrees)}))
     seen = None if up else _up_of_untouched(rig)
     if seen is not None and abs(float(np.dot(seen, known))) < CONTRARY:
         text = (

@@ -234,7 +234,6 @@ def test_rigs_of_which_all_cameras_are_rolled_are_turned(turn, count, spread):
 def test_an_upright_rig_says_nothing():
     assert rolls_of(ring(0.0, 5.0, -9.0)) == rolls_of(Rig(()))
     assert rolls_of(ring(0.0, 0.0)).notice is None
-    assert rolls_of(replace(ring(0.0, 0.0), up=None)).notice is None
 
 
 def test_where_up_is_not_stated_nothing_is_turned_and_a_command_is_named():
@@ -243,6 +242,8 @@ def test_where_up_is_not_stated_nothing_is_turned_and_a_command_is_named():
     assert "panoptic rig check" in rolls.notice.text and "cam1" in rolls.notice.text
     assert "cam0" not in rolls.notice.text
     assert rolls_of(ring(0.0, 90.0), NOT_KNOWN).notice == rolls.notice
+    upright = rolls_of(replace(ring(0.0, 0.0), up=None)).notice
+    assert upright.severity == "info" and "panoptic rig check" in upright.text and "cam" not in upright.text
     assert rolls_of(replace(ring(0.0, 90.0), up=None), (0.0, 0.0, 1.0)).degrees == {"cam1": 90.0}
 
 

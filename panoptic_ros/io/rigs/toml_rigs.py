@@ -1,10 +1,10 @@
 """TOML of aniposelib (also written by Pose2Sim) and caliscope.
 
 Both hold per camera size, matrix, distortions, and cam_from_world as a Rodrigues vector and a
-translation; neither states its unit of length. `rotation_count` of caliscope tells which quarter turns make
-images upright, from which up follows; aniposelib has none, `up` in its metadata is ours. Lenses are OpenCV's,
-fisheyes those with `fisheye = true`. aniposelib has one table per camera, caliscope a table `cameras` of numbered ones, whose
-videos are called cam_<number>.mp4 (port_<number>.mp4 in older versions).
+translation; neither states its unit of length. `rotation_count` of caliscope states which quarter turns make
+images upright, and up follows from them. aniposelib does not state up; `up` in its metadata is ours. Lenses
+are OpenCV's, fisheyes those with `fisheye = true`. aniposelib has one table per camera, caliscope a table
+`cameras` of numbered ones, whose videos are called cam_<number>.mp4 (port_<number>.mp4 in older versions).
 """
 from __future__ import annotations
 
