@@ -20,7 +20,7 @@ from panoptic_ros.geometry.symmetric import invert_symmetric
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.joint_records import Candidates, SolvedJoints
 from panoptic_ros.solving.joints import MISPLACED
-from panoptic_ros.solving.scene import MIN_DEPTH, Observations, inside_by, seen_at
+from panoptic_ros.solving.scene import MIN_DEPTH, Observations, inside_by, is_outside, seen_at
 
 Array = np.ndarray
 
@@ -68,7 +68,7 @@ def odds_of(places, shifts, member, seen, scores):
 def artefacts(
     solved: SolvedJoints, found: Candidates, seen: Observations, odds: Array, cauchy: float
 ) -> Array:
-    """Mark the used 2D joints (D, J) that are artefacts of a border.
+    """Mark the 2D joints (D, J) that are artefacts of a border.
 
     Args:
         solved: joints of all people with all observations. odds: see `border_odds`. cauchy: standard
@@ -94,7 +94,9 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
     rows, x, step = np.empty((2, 3)), np.empty(3), np.empty(3)
     for p in range(people):
         for v in range(views):
-            if member[p, v] < 0 or not _is_cut(positions[p], shifts[p], seen.cams, seen.lenses[v], v):
+            if member[p, v] < 0 or not np.any(odds[member[p, v]] > 0.0):
+                continue
+            if not _is_cut(positions[p], shifts[p], seen.cams, seen.lenses[v], v):
                 continue
             camera, size = seen.lenses[v], seen.sizes[member[p, v]]
             for j in range(joints):
@@ -153,7 +155,7 @@ def _is_cut(position, shift, cams, camera, v):
     """Whether some joint (J, 3) m of a person lies outside of the image of view v."""
     for j in range(len(position)):
         x, y, z = seen_at(cams, v, position[j], shift[j])
-        if z > MIN_DEPTH and inside_by(camera, x, y) < 0.0:
+        if z > MIN_DEPTH and is_outside(camera, x, y):
             return True
     return False
 

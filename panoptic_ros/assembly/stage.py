@@ -151,10 +151,11 @@ class AssemblyStage(Stateful):
         if not self._config.image_borders:
             return solve_joints(found, seen, rules)
         odds = border_odds(found, seen, scene.evidence.scores)
-        seen.precision[...] /= np.sqrt(1.0 + odds)
+        if odds.any():
+            seen.precision[...] /= np.sqrt(1.0 + odds)
         solved = solve_joints(found, seen, rules)
-        wrong = artefacts(solved, found, seen, odds, rules.cauchy)
-        if wrong.any():
+        if odds.any():
+            wrong = artefacts(solved, found, seen, odds, rules.cauchy)
             seen.precision[wrong] = 0.0
             solved = solve_joints(found, seen, rules)
         return solved

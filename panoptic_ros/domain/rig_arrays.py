@@ -11,11 +11,12 @@ from panoptic_ros.domain.rig import Rig
 from panoptic_ros.geometry import Intrinsics, brown
 
 Array = np.ndarray
+EDGE_POINTS = 33  # of each border of an image, undistorted for its rectangle
 FARTHEST = 1e3  # undistorted radius beyond which no point is believed
 _NUMBERS = (
     "r00 r01 r02 r10 r11 r12 r20 r21 r22 tx ty tz ox oy oz fx skew cx fy cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 "
-    "s4 h00 h01 h02 h10 h11 h12 h20 h21 h22 fisheye many fold limit width height columns rows a0 a1 a2 b0 b1 "
-    "b2"
+    "s4 h00 h01 h02 h10 h11 h12 h20 h21 h22 fisheye many fold limit width height left right top bottom "
+    "columns rows a0 a1 a2 b0 b1 b2"
 ).split()
 CAMERA = np.dtype([(name, np.float64) for name in _NUMBERS])  # see `camera_records`
 
@@ -60,7 +61,8 @@ def camera_records(cameras: tuple[Camera, ...]) -> Array:
     fx skew cx fy cy; terms of the lens k1 to s4 as in `geometry.brown`, of a fisheye k1 k2 k3 k4; homography
     h00 to h22 of a tilted sensor; fisheye, 1 or 0; many, 1 if a Brown lens has more than five terms, else 0;
     the undistorted radius at which the distortion folds back, squared (fold), and up to which points are
-    undistorted (limit); width and height, px. The others are of score maps, see `VoteScene`, and 0.
+    undistorted (limit); width and height, px. Points of the plane between left, right, top and bottom are in
+    the image; NaN where a lens shows no such rectangle. The others are of score maps, see `VoteScene`, and 0.
     """
     records = np.zeros(len(cameras), CAMERA)
     for record, camera in zip(records, cameras):
@@ -69,11 +71,26 @@ def camera_records(cameras: tuple[Camera, ...]) -> Array:
         numbers = (
             *pose.rotation.ravel(), *pose.translation, *camera.centre, *lens.matrix.ravel()[[0, 1, 2, 4, 5]],
             *_terms(lens), float(fisheye), float(not fisheye and len(lens.distortion) > 5),
-            lens.radius_limit**2, min(lens.radius_limit, FARTHEST), *camera.image_size,
+            lens.radius_limit**2, min(lens.radius_limit, FARTHEST), *camera.image_size, *_rectangle(camera),
         )  # fmt: skip
         for name, number in zip(_NUMBERS, numbers):
             record[name] = number
     return records
+
+
+def _rectangle(camera: Camera) -> tuple[float, float, float, float]:
+    """Return left, right, top and bottom of the plane at 1 m: all points between them are in the image."""
+    right, bottom = (size - 0.5 for size in camera.image_size)
+    across, down = np.linspace(-0.5, right, EDGE_POINTS), np.linspace(-0.5, bottom, EDGE_POINTS)
+    sides = [
+        camera.intrinsics.undistort(np.stack(np.broadcast_arrays(x, y), axis=-1))
+        for x, y in ((-0.5, down), (right, down), (across, -0.5), (across, bottom))
+    ]
+    (first, second, third, fourth) = sides
+    return (
+        float(first[:, 0].max()), float(second[:, 0].min()), float(third[:, 1].max()),
+        float(fourth[:, 1].min()),
+    )  # fmt: skip
 
 
 def _terms(lens: Intrinsics) -> tuple[float, ...]:

@@ -18,7 +18,7 @@ import numpy as np
 from panoptic_ros.geometry.robust import truncated
 from panoptic_ros.kernels import inlined, njit
 from panoptic_ros.solving.joint_records import Candidates, Claims, SolvedJoints
-from panoptic_ros.solving.scene import MIN_DEPTH, Observations, inside_by, seen_at
+from panoptic_ros.solving.scene import MIN_DEPTH, Observations, is_outside, seen_at
 from panoptic_ros.solving.triangulation import TABLE, Result, SolverRules, Steps, intersect, refine_point
 
 Array = np.ndarray
@@ -27,6 +27,7 @@ GOOD_COST = 3.0  # truncated cost per view (2 is expected) up to which the predi
 DENIED = 2.0  # standard deviations; gate of two views about a firm prediction
 MANY_VIEWS = 8  # from here on a wrong place cannot be that cheap, and twice the cost is good enough
 MISPLACED = 0.15  # of the size of a 2D person, deviation of artefacts of image borders: median
+FITS = 4.0  # squared standard deviations of a 2D joint up to which it is no artefact
 GUIDED_STEPS, ROUGH_STEPS, LAST_STEPS = 3, 4, 6  # of Gauss-Newton, at most
 
 
@@ -93,12 +94,12 @@ def pick_observations(x, joint, claims, seen, rules, picks):
                 du, dw = u - plane[own, s, 0], w - plane[own, s, 1]
                 squared = du * du + dw * dw
                 best = squared * precision[own, s] ** 2
-                cost = artefact_cost(squared, precision[own, s], seen.sizes[own])
-                if best > cost and inside_by(seen.lenses[v], u, w) < 0.0 <= inside_by(
-                    seen.lenses[v], plane[own, s, 0], plane[own, s, 1]
-                ):
-                    total += min(cost, limit)
-                    continue
+                if best > FITS and is_outside(seen.lenses[v], u, w):
+                    cost = artefact_cost(squared, precision[own, s], seen.sizes[own])
+                    x_own, y_own = plane[own, s, 0], plane[own, s, 1]
+                    if best > cost and not is_outside(seen.lenses[v], x_own, y_own):
+                        total += min(cost, limit)
+                        continue
                 picks[v, 0], picks[v, 1] = own, s
         least = min(best, limit) - penalty  # what others must stay below
         if least <= 0.0:

@@ -299,6 +299,14 @@ def inside_by(camera, x, y):
 
 
 @njit(cache=True, error_model="numpy")
+def is_outside(camera, x, y):
+    """Whether a point of the plane at 1 m lies outside of the image."""
+    if camera.left < x < camera.right and camera.top < y < camera.bottom:
+        return False
+    return inside_by(camera, x, y) < 0.0
+
+
+@njit(cache=True, error_model="numpy")
 def look(sight, v, x, y, depth):
     """Whether a point at x, y of the plane at 1 m, and a depth in m, is OUTSIDE of view v, HIDDEN or SEEN."""
     camera = sight.cameras[v]
