@@ -23,6 +23,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     convert.add_argument("target", type=Path, metavar="OUT", help="file or, for camera_info, folder to write")
     convert.add_argument("--format", choices=WRITABLE, help="default: from the name of OUT")
     convert.add_argument("--cameras", help="only these, names separated by commas")
+    convert.add_argument("--up", metavar="DIRECTION",
+                         help="up direction of the world of IN, which is turned so that +z is up: --up=-y or "
+                         "--up=0.1,-0.9,0.2; `rig check` finds it from people")  # fmt: skip
     for sub in (check, convert):
         sub.add_argument("--unit", choices=("m", "cm", "mm"), help="of a TOML file that does not state it")
         sub.add_argument("--types", default="", help="rig.json, CMU Panoptic: vga, hd, kinect-color, ...")
@@ -53,6 +56,10 @@ def _words(text: str) -> list[str]:
 
 def _convert(args: argparse.Namespace) -> int:
     rig = _read(args, args.source, _words(args.cameras) if args.cameras else None)
+    if args.up:
+        from panoptic_ros.running.plans.rig_files import turned
+
+        rig = turned(rig, args.up)
     lost = write_rig(args.target, rig, args.format)
     print(f"{args.target}: {len(rig)} cameras" + (f"; left out: {', '.join(lost)}" if lost else ""))
     return 0

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from panoptic_ros.running.solve import Solution, SolveTask
 
 
+TOLD = ("sync.clock_off", "result.nobody")  # notices whose text is printed, others are counted
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.add_argument("--rig", type=Path, required=True, help="calibration, any format that `rig` reads")
@@ -42,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.io.recorded_people import AUTO
     from panoptic_ros.running.plans.parameters import read_parameters
     from panoptic_ros.running.plans.presets import read_preset
-    from panoptic_ros.running.solve import read_task, solve
+    from panoptic_ros.running.solve import check, read_task, solve
 
     preset = read_preset(args.preset)
     task = read_task(
@@ -52,10 +55,16 @@ def run(args: argparse.Namespace) -> int:
     )  # fmt: skip
     for line in task.context.rig.notices:
         print(f"warning: {line}", file=sys.stderr)
-    solution = solve(_corrected(task, args))
+    task = _corrected(task, args)
+    warnings = check(task)
+    for notice in warnings:
+        print(f"warning: {notice.text}", file=sys.stderr)
+    solution = solve(task, warnings)
     write_skeletons(args.out, task.joint_names, solution.poses)
     if not args.quiet:
         _summary(args.out, solution)
+        for line in task.told():
+            print(line)
     return 0
 
 
@@ -85,8 +94,9 @@ def _summary(out: Path, solution: Solution) -> None:
     if times:
         print(f"milliseconds per frame, median: {times}")
     for notice in solution.notices:
-        if notice.code == "sync.clock_off":
+        if notice.code in TOLD:
             print(f"warning: {notice.text}", file=sys.stderr)
-    counts = Counter(notice.code for notice in solution.notices if notice.severity != "info")
+    others = (notice for notice in solution.notices if notice.code not in TOLD)
+    counts = Counter(notice.code for notice in others if notice.severity != "info")
     for code, count in sorted(counts.items()):
         print(f"{count} x {code}", file=sys.stderr)

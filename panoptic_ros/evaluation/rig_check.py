@@ -5,12 +5,16 @@ views must meet (`rig_agreement`). Where they do not, each usual mistake is undo
 (`rig_mistakes`) and named if the rays meet then. Where they do, the size of the people tells the
 unit of length, and their posture which way is up. All of it works before any solver.
 
-Limits: a rig that is wrong by a few pixels passes (see the residuals of the report); so does one that
+The joints of a person scatter about a smooth residual by the noise of the detector. Rays that miss by several
+times that noise do not agree, so the bounds scale with the noise that the data show.
+
+Limits: a rig that is wrong by less passes (see the residuals of the report); so does one that
 agrees with itself for another reason, e.g. cameras moved one place on in a symmetric ring.
 """
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,33 +24,41 @@ from panoptic_ros.evaluation.rig_agreement import BEHIND, Met, RayCache, camera_
 from panoptic_ros.evaluation.rig_mistakes import (
     Instants,
     Suspect,
-    joints_above_and_below,
     scaled_intrinsics,
     suspects,
 )
 from panoptic_ros.evaluation.rig_plausibility import (
     check_scale,
-    check_up,
     implausible_cameras,
     sizes_that_differ,
 )
+from panoptic_ros.evaluation.rig_up import check_up, directions_of_people
 from panoptic_ros.stage import Notice
 
 MOST_INSTANTS = 12
-SHARE = 0.4  # of the matched people that must meet: others may be ghosts or seen once only
 LEAST_PEOPLE = 3  # matched, for a pair to say anything
 DROP = 0.4  # of the residual that may be left when a mistake is undone
 MOST_MISTAKES = 4
 WORST = 300.0  # px, all larger residuals count the same
+NOISES = 3.0  # standard deviations of the noise, by which rays of views that agree may miss
+SUSPICION = 0.55  # of the tolerance
+LEAST_ROOMS = 3  # of two groups that disagree, one is probably wrong
+SURE = 0.8  # of the noise, below which residuals are no accident: noise alone gives 0.5
+BETTER = 0.99  # of the residual, by which a later suspect explains more: equal ones leave the first
 
 
 @dataclass(frozen=True)
 class CameraFit:
-    """How well a camera agrees with the others: median over them, px; NaN if nobody was matched."""
+    """How well a camera agrees with the others: median over them, px; NaN if nobody was matched.
+
+    Args:
+        noise_px: by which the residuals of one person's joints scatter; NaN if too few joints are seen.
+    """
 
     camera: str
     residual_px: float
     people: int
+    noise_px: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -62,14 +74,19 @@ class RigReport:
         return tuple(notice for notice in self.notices if notice.severity != "info")
 
 
-def tolerance_px(camera: Camera) -> float:
-    """Residual up to which a camera counts as agreeing: noise of detectors and a slight misfit."""
-    return 10.0 + 0.008 * max(camera.image_size)
+def tolerance_px(camera: Camera, noise_px: float = np.inf) -> float:
+    """Return the residual up to which a camera counts as agreeing: noise of detectors and a slight misfit.
+
+    Args:
+        noise_px: standard deviation of residuals that the data show.
+    """
+    longest = max(camera.image_size)
+    return min(10.0 + 0.008 * longest, max(2.0 + 0.002 * longest, NOISES * noise_px))
 
 
-def suspicion_px(camera: Camera) -> float:
-    """Residual from which on mistakes are looked for; naming one needs a clear drop besides."""
-    return 6.0 + 0.004 * max(camera.image_size)
+def suspicion_px(camera: Camera, noise_px: float = np.inf) -> float:
+    """Return the residual from which on mistakes are looked for; naming one needs a clear drop besides."""
+    return SUSPICION * tolerance_px(camera, noise_px)
 
 
 def check_rig(rig: Rig, sets: Sequence[DetectionSet], skeleton: SkeletonModel) -> RigReport:
@@ -78,16 +95,17 @@ def check_rig(rig: Rig, sets: Sequence[DetectionSet], skeleton: SkeletonModel) -
     Without people only the numbers of the rig are looked at.
     """
     notices = list(implausible_cameras(rig))
-    instants: Instants = [{view.camera: view for view in s.views if view.camera in rig.names} for s in sets]
-    instants = instants[:: max(1, -(-len(instants) // MOST_INSTANTS))]
+    every: Instants = [{view.camera: view for view in s.views if view.camera in rig.names} for s in sets]
+    told = [own for own in every if sum(len(view.scores) > 0 for view in own.values()) > 1]
+    instants = told[:: max(1, -(-len(told) // MOST_INSTANTS))] or every[:MOST_INSTANTS]
     trial = _Trial.of(_fitted(rig, instants), instants)
     for _ in range(MOST_MISTAKES):
         bad = trial.suspicious()
         found = _explanation(trial, bad, skeleton) if bad else None
         if found is None:
             break
-        notice, trial = found
-        notices.append(notice)
+        notice, trial = found[0], found[1].measured()
+        notices = [note for note in notices if not _is_told_by(note, notice)] + [notice]
     notices += sizes_that_differ(rig, trial.instants)
     notices += [_disagreement(trial, name) for name in trial.blamed()]
     if trial.said() < LEAST_PEOPLE:
@@ -95,11 +113,16 @@ def check_rig(rig: Rig, sets: Sequence[DetectionSet], skeleton: SkeletonModel) -
         notices += check_up(rig, np.zeros((0, 3)))
     elif not trial.blamed():
         people = np.concatenate([met.points for met in trial.met.values() if trial.speaks(met)])
-        above, below = joints_above_and_below(skeleton)
         notices += check_scale(people)
-        notices += check_up(rig, _mean(people[:, above]) - _mean(people[:, below]))
-    fits = [CameraFit(n, trial.residual(n), trial.people(n)) for n in rig.names]
+        notices += check_up(rig, directions_of_people(people, skeleton))
+    fits = [CameraFit(n, trial.residual(n), trial.people(n), trial.noise.get(n, np.nan)) for n in rig.names]
     return RigReport(tuple(notices), tuple(fits))
+
+
+def _is_told_by(note: Notice, other: Notice) -> bool:
+    """Return whether a notice on numbers is repeated by one of the same kind that rests on people."""
+    cameras = set(note.values.get("cameras", ()))
+    return note.code == other.code and bool(cameras) and cameras <= set(other.values["cameras"])
 
 
 _FEW = "too few people are seen by two cameras at once to tell whether the views agree"
@@ -123,18 +146,23 @@ def _fitted(rig: Rig, instants: Instants) -> Rig:
 
 @dataclass(frozen=True)
 class _Trial:
-    """A rig, its views, and how the rays of each pair of cameras meet."""
+    """A rig, its views, and how the rays of each pair of cameras meet.
+
+    Args:
+        noise: px by camera; cameras without enough people lack it.
+    """
 
     rig: Rig
     instants: Instants
     met: dict[tuple[int, int], Met]
     cache: RayCache
+    noise: Mapping[str, float]
 
     @classmethod
     def of(cls, rig: Rig, instants: Instants) -> _Trial:
         cache = RayCache()
         met = {pair: _meet(rig, instants, pair, cache) for pair in camera_pairs(rig)}
-        return cls(rig, instants, met, cache)
+        return cls(rig, instants, met, cache, _noise_of(rig, met))
 
     def changed(self, suspect: Suspect) -> _Trial:
         """The trial with a mistake undone; only the pairs of its cameras are computed anew."""
@@ -144,7 +172,17 @@ class _Trial:
             pair: _meet(rig, instants, pair, self.cache) if touched & set(pair) else old
             for pair, old in self.met.items()
         }
-        return _Trial(rig, instants, met, self.cache)
+        return _Trial(rig, instants, met, self.cache, self.noise)
+
+    def measured(self) -> _Trial:
+        """The trial with the noise that its own residuals show."""
+        return replace(self, noise=_noise_of(self.rig, self.met))
+
+    def tolerance(self, name: str) -> float:
+        return tolerance_px(self.rig.camera(name), self.noise.get(name, np.inf))
+
+    def suspicion(self, name: str) -> float:
+        return suspicion_px(self.rig.camera(name), self.noise.get(name, np.inf))
 
     def speaks(self, met: Met) -> bool:
         return len(met.pixels) >= LEAST_PEOPLE
@@ -157,13 +195,13 @@ class _Trial:
         return sum(len(met.pixels) for pair, met in self.met.items() if at in pair)
 
     def residuals(
-        self, name: str, unit: str = "pixels", others: Collection[str] | None = None
+        self, name: str, in_metres: bool = False, others: Collection[str] | None = None
     ) -> list[float]:
-        """One residual for each other camera (of `others`), sorted."""
+        """Return a residual, px or in the unit of the rig, for each other camera (of `others`), sorted."""
         at = self.rig.index(name)
         partners = {self.rig.index(other) for other in (self.rig.names if others is None else others)} - {at}
         return sorted(
-            float(np.quantile(getattr(met, unit), SHARE))
+            met.typical[in_metres]
             for pair, met in self.met.items()
             if at in pair and partners & set(pair) and self.speaks(met)
         )
@@ -175,32 +213,55 @@ class _Trial:
 
     def suspicious(self) -> tuple[str, ...]:
         """Cameras that do not meet most others, and perhaps some that others make look bad."""
-        return tuple(c.name for c in self.rig.cameras if _upper(self.residuals(c.name)) > suspicion_px(c))
+        names = self.doubtful()
+        return tuple(name for name in names if _upper(self.residuals(name)) > self.suspicion(name))
+
+    def doubtful(self) -> list[str]:
+        """Return the cameras that may be wrong.
+
+        Where most pairs disagree, but most cameras agree with others within the noise, in three groups,
+        the cameras stand in several rooms and see different people. Those in a group are right then.
+        """
+        group = {name: name for name in self.rig.names}  # by its first camera
+        apart = spoken = 0
+        for pair, met in self.met.items():
+            if self.speaks(met):
+                names = [self.rig.names[index] for index in pair]
+                spoken += 1
+                apart += met.typical[0] > max(map(self.tolerance, names))
+                if met.typical[0] < SURE * min(self.noise.get(name, 0.0) for name in names):
+                    one, other = (group[name] for name in names)
+                    group = {name: one if own == other else own for name, own in group.items()}
+        sizes = Counter(group.values())
+        alone = [name for name, own in group.items() if sizes[own] == 1]
+        several = sum(size > 1 for size in sizes.values()) >= LEAST_ROOMS
+        in_rooms = several and 2 * apart > spoken and 2 * len(alone) < len(self.rig)
+        return alone if in_rooms else list(self.rig.names)
 
     def blamed(self) -> list[str]:
         """Cameras that do not agree with the others once the worse ones are left out."""
-        left: list[str] = list(self.rig.names)
+        left = self.doubtful()
         blamed: list[str] = []
         while True:
             values = {name: self.residuals(name, others=left) for name in left}
-            bad = [n for n in left if _upper(values[n]) > tolerance_px(self.rig.camera(n))]
+            bad = [n for n in left if _upper(values[n]) > self.tolerance(n)]
             if not bad:
                 return blamed
             worst = max(bad, key=lambda name: float(np.mean(np.minimum(values[name], WORST))))
             blamed.append(worst)
             left.remove(worst)
-            if len(left) == 1:
+            if len(left) < 2:
                 return blamed + left  # of two that disagree either may be wrong
 
     def total(self) -> float:
-        values = [np.quantile(met.pixels, SHARE) for met in self.met.values() if self.speaks(met)]
+        values = [met.typical[0] for met in self.met.values() if self.speaks(met)]
         return float(np.mean(np.minimum(values, WORST))) if values else float("inf")
 
     def agrees(self, names: Sequence[str]) -> bool:
         """Whether most pairs of each of these cameras agree; of two, both."""
         for name in names:
             values = self.residuals(name)
-            if not values or _upper(values) > suspicion_px(self.rig.camera(name)):
+            if not values or _upper(values) > self.suspicion(name):
                 return False
         return True
 
@@ -208,6 +269,17 @@ class _Trial:
 def _upper(values: Sequence[float]) -> float:
     """Upper median: half of the others, or more, are at most this far; 0 if there is none."""
     return values[len(values) // 2] if values else 0.0
+
+
+def _noise_of(rig: Rig, met: Mapping[tuple[int, int], Met]) -> dict[str, float]:
+    """Return the noise in px by camera: the least of its pairs, as a wrong pose of the other adds to it."""
+    rows: dict[str, list[float]] = {}
+    for pair, own in met.items():
+        noise = own.noise()
+        noise = noise[np.isfinite(noise)]
+        for index in pair if len(noise) >= LEAST_PEOPLE else ():
+            rows.setdefault(rig.names[index], []).append(float(np.median(noise)))
+    return {name: min(row) for name, row in rows.items()}
 
 
 def _meet(rig: Rig, instants: Instants, pair: tuple[int, int], cache: RayCache) -> Met:
@@ -224,14 +296,14 @@ def _explanation(
     for stage in suspects(trial.rig, bad, skeleton.mirror):
         for suspect in stage:
             other = trial.changed(suspect)
-            if _helps(trial, other, suspect) and (best is None or other.total() < best[0]):
+            if _helps(trial, other, suspect) and (best is None or other.total() < BETTER * best[0]):
                 best = other.total(), suspect, other
         if best is not None and not best[2].suspicious():
             break
     if best is None:
         return None
     _, suspect, other = best
-    given, undone = (_middle(t, suspect.cameras, "metres") for t in (trial, other))
+    given, undone = (_middle(t, suspect.cameras, True) for t in (trial, other))
     text = (
         f"{suspect.text}: the rays of people miss each other by {_length(given)} as given "
         f"and by {_length(undone)} without this mistake"
@@ -241,13 +313,13 @@ def _explanation(
 
 def _helps(trial: _Trial, other: _Trial, suspect: Suspect) -> bool:
     """Whether the rays of the suspect's cameras meet far better without the mistake."""
-    before, after = (_middle(t, suspect.cameras, "pixels") for t in (trial, other))
+    before, after = (_middle(t, suspect.cameras) for t in (trial, other))
     enough = other.said() >= 0.5 * trial.said()
     return enough and after < DROP * before and other.agrees(suspect.cameras)
 
 
-def _middle(trial: _Trial, names: Sequence[str], unit: str) -> float:
-    values = [value for name in names for value in trial.residuals(name, unit)]
+def _middle(trial: _Trial, names: Sequence[str], in_metres: bool = False) -> float:
+    values = [value for name in names for value in trial.residuals(name, in_metres)]
     return float(np.median(values)) if values else BEHIND
 
 
@@ -255,14 +327,11 @@ def _length(metres: float) -> str:
     return f"{metres:.3g} m" if metres >= 0.995 else f"{100 * metres:.2g} cm"
 
 
-def _mean(points: np.ndarray) -> np.ndarray:
-    middles: np.ndarray = points.mean(axis=1)
-    return middles
-
-
 def _disagreement(trial: _Trial, name: str) -> Notice:
-    residual = _upper(trial.residuals(name))
+    residual, noise = _upper(trial.residuals(name)), trial.noise.get(name, np.nan)
     apart = f"by {residual:.0f} px" if residual < BEHIND / 2 else "altogether"
+    if noise < residual < BEHIND / 2:
+        apart += f", where the noise of 2D people explains {noise:.1f} px"
     text = (
         f"camera {name} does not agree with the others: the rays of people miss each other {apart}; "
         "calibrate it again, or check that its images are of the same instants"

@@ -6,12 +6,12 @@ those that would be right if the suspicion holds. Whether it does, the meeting r
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from panoptic_ros.domain import Camera, Rig, SkeletonModel, ViewDetections
+from panoptic_ros.domain import Camera, Rig, ViewDetections
 from panoptic_ros.geometry import Intrinsics, Rigid
 
 Array = np.ndarray
@@ -53,14 +53,24 @@ def suspects(
     for scale in SCALES:
         text = f"the intrinsics of all cameras look like those of images {_size(scale)}"
         everywhere.append(Suspect("rig.image_size", names, text, _change(names, _scaled(scale))))
-    yield everywhere
-    yield [suspect for name in bad for suspect in _of_one_camera(name, mirror)]
-    yield list(_orders(bad))
+    if all(could_be_reordered(camera.intrinsics) for camera in rig.cameras):
+        text = f"the distortion of all cameras {_REORDERED}"
+        everywhere.append(Suspect("rig.distortion_order", names, text, _change(names, _in_our_order)))
+    if 2 * len(bad) > len(names):  # a mistake of all cameras leaves few that agree
+        yield everywhere
+    yield [suspect for name in bad for suspect in _of_one_camera(rig.camera(name), mirror)]
+    yield list(_orders(rig, bad))
+    others = [name for name in names if name not in bad]  # which may agree by chance
+    yield [suspect for pair in itertools.product(bad, others) for suspect in _exchanges(rig, *pair)]
 
 
-def _of_one_camera(name: str, mirror: tuple[int, ...]) -> Iterator[Suspect]:
+def _of_one_camera(camera: Camera, mirror: tuple[int, ...]) -> Iterator[Suspect]:
+    name = camera.name
     for code, what, undo in _POSES:
         yield Suspect(code, (name,), f"camera {name} {what.format(s='s')}", _change((name,), undo))
+    if could_be_reordered(camera.intrinsics):
+        text = f"the distortion of camera {name} {_REORDERED}"
+        yield Suspect("rig.distortion_order", (name,), text, _change((name,), _in_our_order))
     for scale in SCALES:
         text = f"the intrinsics of camera {name} look like those of images {_size(scale)}"
         yield Suspect("rig.image_size", (name,), text, _change((name,), _scaled(scale)))
@@ -108,6 +118,22 @@ def _change(
 
 
 # --- images
+
+_REORDERED = "looks like k1 k2 k3 p1 p2, where k1 k2 p1 p2 k3 is expected"
+
+
+def could_be_reordered(intrinsics: Intrinsics) -> bool:
+    """Return whether a lens has the five terms of Brown's model, and the last three are not all equal."""
+    terms = intrinsics.distortion
+    return intrinsics.lens == "brown" and len(terms) >= 5 and not terms[5:].any() and len(set(terms[2:5])) > 1
+
+
+def _in_our_order(camera: Camera) -> Camera:
+    """Return the camera with terms k1 k2 k3 p1 p2 that were read as k1 k2 p1 p2 k3."""
+    terms = camera.intrinsics.distortion.copy()
+    terms[2:5] = terms[[3, 4, 2]]
+    intrinsics = replace(camera.intrinsics, distortion=terms)
+    return replace(camera, intrinsics=intrinsics, covariance=None)
 
 
 def _scaled(scale: float) -> Callable[[Camera], Camera]:
@@ -170,15 +196,28 @@ def _turn_views(name: str, turn: Turn) -> Callable[[Rig, Instants], tuple[Rig, I
 # --- who is who
 
 
-def _orders(bad: tuple[str, ...]) -> Iterator[Suspect]:
-    """Exchanges of two cameras; also other orders, if the suspects are few."""
-    for a, b in itertools.combinations(bad, 2):
-        text = f"cameras {a} and {b} look exchanged"
-        yield Suspect("rig.exchanged", (a, b), text, _reorder({a: b, b: a}))
+Order = Mapping[str, str]  # camera: whose views, intrinsics or pose are really its own
+Undo = Callable[[Rig, Instants], tuple[Rig, Instants]]
+
+
+def _orders(rig: Rig, bad: tuple[str, ...]) -> Iterator[Suspect]:
+    """Yield exchanges of two cameras, of their intrinsics or poses; other orders, if the suspects are few."""
+    for pair in itertools.combinations(bad, 2):
+        yield from _exchanges(rig, *pair)
     for moved in _longer_orders(bad):
-        turns = ", ".join(f"{source} is really {name}" for name, source in moved.items())
-        text = f"cameras look mixed up: {turns}"
-        yield Suspect("rig.exchanged", tuple(moved), text, _reorder(moved))
+        for kind in _KINDS if len(bad) <= ALL_ORDERS else _KINDS[:1]:
+            if kind.could_be(rig, tuple(moved)):
+                turns = ", ".join(f"{source} is really {name}" for name, source in moved.items())
+                yield Suspect("rig.exchanged", tuple(moved), f"{kind.several}: {turns}", kind.undo(moved))
+
+
+def _exchanges(rig: Rig, *pair: str) -> Iterator[Suspect]:
+    """Yield exchanges of two cameras, of their intrinsics and of their poses."""
+    a, b = sorted(pair, key=rig.index)
+    for kind in _KINDS:
+        if kind.could_be(rig, pair):
+            text = kind.pair.format(a=a, b=b)
+            yield Suspect("rig.exchanged", (a, b), text, kind.undo({a: b, b: a}))
 
 
 def _longer_orders(bad: tuple[str, ...]) -> Iterator[dict[str, str]]:
@@ -194,7 +233,7 @@ def _longer_orders(bad: tuple[str, ...]) -> Iterator[dict[str, str]]:
             yield {a: c, c: b, b: a}
 
 
-def _reorder(source: Mapping[str, str]) -> Callable[[Rig, Instants], tuple[Rig, Instants]]:
+def _views_of(source: Order) -> Undo:
     """Camera `name` gets the views that are called source[name]; the views themselves stay as they are."""
 
     def apply(rig: Rig, instants: Instants) -> tuple[Rig, Instants]:
@@ -207,7 +246,56 @@ def _reorder(source: Mapping[str, str]) -> Callable[[Rig, Instants], tuple[Rig, 
     return apply
 
 
-def joints_above_and_below(skeleton: SkeletonModel) -> tuple[list[int], list[int]]:
-    """Joints of the head and of the hips: their difference points up in whoever stands or sits."""
-    hips = [i for i, name in enumerate(skeleton.joint_names) if "hip" in name.lower()]
-    return [skeleton.head], hips or [skeleton.root]
+def _fields_of(field: str) -> Callable[[Order], Undo]:
+    """Give camera `name` a field of the camera source[name]."""
+
+    def undo(source: Order) -> Undo:
+        def apply(rig: Rig, instants: Instants) -> tuple[Rig, Instants]:
+            cameras = tuple(
+                replace(item, covariance=None, **{field: getattr(rig.camera(source[item.name]), field)})
+                if item.name in source else item for item in rig.cameras
+            )  # fmt: skip
+            return replace(rig, cameras=cameras), instants
+
+        return apply
+
+    return undo
+
+
+def _any(rig: Rig, names: Sequence[str]) -> bool:
+    return True
+
+
+def _differ_within_a_size(rig: Rig, names: Sequence[str]) -> bool:
+    """Return whether cameras have images of one size and lenses of one kind, but other numbers."""
+    cameras = [rig.camera(name) for name in names]
+    first = cameras[0]
+    return all(
+        other.image_size == first.image_size
+        and other.intrinsics.lens == first.intrinsics.lens
+        and not np.array_equal(other.intrinsics.matrix, first.intrinsics.matrix)
+        for other in cameras[1:]
+    )
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """A kind of exchange: texts for two cameras and for several, how to undo it, between which it can be."""
+
+    pair: str
+    several: str
+    undo: Callable[[Order], Undo]
+    could_be: Callable[[Rig, Sequence[str]], bool] = _any
+
+
+_KINDS = (  # where two explain the same, the first is told
+    _Kind("cameras {a} and {b} look exchanged", "cameras look mixed up", _views_of),
+    _Kind(
+        "the intrinsics of cameras {a} and {b} look exchanged", "the intrinsics of cameras look mixed up",
+        _fields_of("intrinsics"), _differ_within_a_size,
+    ),
+    _Kind(
+        "the poses of cameras {a} and {b} look exchanged", "the poses of cameras look mixed up",
+        _fields_of("cam_from_world"),
+    ),
+)  # fmt: skip

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig, ViewDetections
+from panoptic_ros.evaluation.rig_mistakes import could_be_reordered
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
@@ -13,13 +14,15 @@ UNITS = {"feet": 3.281, "inches": 39.37, "centimetres": 100.0, "millimetres": 10
 USUAL_EXTENT = 1.4  # m, largest distance of two joints of somebody, half of them hidden or sitting
 POSSIBLE_EXTENT = (0.5, 3.0)  # m
 FAR_APART = 200.0  # m
-AXES = ("+x", "+y", "+z", "-x", "-y", "-z")
+MOST_TANGENTIAL = 0.03  # of the distance from the middle, at a corner; poor lenses shift points by 0.01
+ONE_PLACE = 1e-3  # of the rig's span, between two cameras of one pose; stereo heads are wider
+ONE_DIRECTION = np.radians(0.5)  # rad, the same for their rotations
 
 
 def implausible_cameras(rig: Rig) -> list[Notice]:
     """Notices on numbers that no camera has."""
     found = [note for camera in rig.cameras for note in (_view_angle(camera), _principal_point(camera))]
-    notices = [note for note in found if note]
+    notices = [note for note in found if note] + _reordered(rig)
     centres = np.stack([camera.centre for camera in rig.cameras])
     span = float(np.ptp(centres, axis=0).max())
     if span > FAR_APART:
@@ -28,7 +31,36 @@ def implausible_cameras(rig: Rig) -> list[Notice]:
     if len(rig) > 1 and span < 1e-3:
         text = "all cameras are at one and the same place: the poses are missing, or in km"
         notices.append(Notice("rig.units", "warning", text, {"span_m": span}))
+    elif len(rig) > 1:
+        notices += _at_one_pose(rig, ONE_PLACE * span)
     return notices
+
+
+def _at_one_pose(rig: Rig, near: float) -> list[Notice]:
+    """Return notices on cameras that look the same way from centres within `near`, in the unit of the rig."""
+    groups: list[list[Camera]] = []
+    for camera in rig.cameras:
+        group = next((own for own in groups if _is_alike(own[0], camera, near)), None)
+        if group is None:
+            groups.append([camera])
+        else:
+            group.append(camera)
+    notices = []
+    for group in groups:
+        if len(group) > 1:
+            names = [camera.name for camera in group]
+            text = (
+                f"cameras {', '.join(names[:-1])} and {names[-1]} have one and the same pose: one was "
+                "probably copied; calibrate it, or leave it out with --cameras"
+            )
+            notices.append(Notice("rig.same_pose", "warning", text, {"cameras": names}))
+    return notices
+
+
+def _is_alike(a: Camera, b: Camera, near: float) -> bool:
+    turn = a.cam_from_world.rotation @ b.cam_from_world.rotation.T
+    angle = np.arccos(np.clip(0.5 * (np.trace(turn) - 1.0), -1.0, 1.0))
+    return bool(np.linalg.norm(a.centre - b.centre) <= near and angle <= ONE_DIRECTION)
 
 
 def _view_angle(camera: Camera) -> Notice | None:
@@ -43,6 +75,29 @@ def _view_angle(camera: Camera) -> Notice | None:
         f"is a field of view of {angle:.3g} degrees; is it in mm, or for images of another size?"
     )
     return Notice("rig.intrinsics", "warning", text, {"cameras": [camera.name], "degrees": angle})
+
+
+def _reordered(rig: Rig) -> list[Notice]:
+    """Return a notice if tangential terms shift points more than a lens does, as radial terms there do."""
+    odd = [camera for camera in rig.cameras if _tangential_share(camera) > MOST_TANGENTIAL]
+    if not odd:
+        return []
+    names, (p1, p2) = [camera.name for camera in odd], odd[0].intrinsics.distortion[2:4]
+    which = "all cameras" if len(odd) == len(rig) > 1 else f"camera{'s' * (len(odd) > 1)} {', '.join(names)}"
+    text = (
+        f"{which}: the tangential terms (p1 = {p1:.4g}, p2 = {p2:.4g} of {names[0]}) are larger than those "
+        "of lenses; the distortion looks like k1 k2 k3 p1 p2, where k1 k2 p1 p2 k3 is expected"
+    )
+    return [Notice("rig.distortion_order", "warning", text, {"cameras": names})]
+
+
+def _tangential_share(camera: Camera) -> float:
+    """Return the largest shift of a corner by tangential terms, as a share of its radius."""
+    lens = camera.intrinsics
+    if not could_be_reordered(lens):
+        return 0.0
+    corner = 0.5 * np.array(camera.image_size) / np.diag(lens.matrix)[:2]
+    return float(3.0 * np.hypot(*lens.distortion[2:4]) * np.linalg.norm(corner))  # see brown.distort
 
 
 def _principal_point(camera: Camera) -> Notice | None:
@@ -96,23 +151,3 @@ def check_scale(people: Array) -> list[Notice]:
 
 def _extent(points: Array) -> float:
     return float(np.linalg.norm(points[:, None] - points[None], axis=-1).max())
-
-
-def check_up(rig: Rig, from_hips_to_head: Array) -> list[Notice]:
-    """Which way is up, from people's hips to their heads (M, 3); without people, from the cameras."""
-    known = from_hips_to_head[np.isfinite(from_hips_to_head).all(-1)]
-    if len(known):
-        up = np.median(known / np.linalg.norm(known, axis=-1, keepdims=True), axis=0)
-        whose = "people stand along"
-    else:
-        up = -np.mean([camera.cam_from_world.rotation[1] for camera in rig.cameras], axis=0)
-        whose = "the cameras are upright only along"
-    if np.linalg.norm(up) < 0.6 or up[2] > 0.7:
-        return []  # lying people and cameras on their side tell nothing
-    axis = AXES[int(np.argmax(np.concatenate([up, -up])))]
-    if axis == "+z":
-        tilt = float(np.degrees(np.arccos(up[2] / np.linalg.norm(up))))
-        text = f"{whose} a direction {tilt:.0f} degrees off +z: the floor of this rig is not level"
-    else:
-        text = f"{whose} {axis}: the world of this rig does not have z up; turn it so that up is +z"
-    return [Notice("rig.up", "warning", text, {"up": up.tolist()})]

@@ -24,6 +24,19 @@ def detector_extras(model: str, skeleton: str) -> tuple[SkeletonModel, Mapping[s
     return working, {"detector": detector, "joint_map": joint_map}
 
 
+def noise_only(bias_floors: Sequence[float]) -> list[str]:
+    """Return a line if the detector's constant biases are not known, so that covariances lack them.
+
+    Args:
+        bias_floors: of the skeleton, see `SkeletonModel`.
+    """
+    text = (
+        "covariances hold the noise of 2D people alone, as the constant biases of their detector are not "
+        "known: joint_bias of a model card tells them to `panoptic run`"
+    )
+    return [] if any(bias_floors) else [text]
+
+
 def bias_extras(bias_table: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
     """What assembly needs for its parameter `bias_table`: nothing if that is empty."""
     return {"bias_table": read_bias_table(bias_table, skeleton)} if bias_table else {}

@@ -10,10 +10,12 @@ from typing import Any
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.errors import UsageError
+from panoptic_ros.evaluation.nobody import why_nobody
+from panoptic_ros.evaluation.rig_check import check_rig
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.io.detector_context import bias_extras
+from panoptic_ros.io.detector_context import bias_extras, noise_only
 from panoptic_ros.io.recorded_people import AUTO, read_people
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.params import Config, config_of
@@ -35,6 +37,10 @@ class SolveTask:
     configs: Mapping[str, Config]
     sets: Sequence[DetectionSet]
     joint_names: tuple[str, ...]
+
+    def told(self) -> list[str]:
+        """Return lines that state what was assumed."""
+        return noise_only(self.context.skeleton.bias_floors)
 
 
 @dataclass(frozen=True)
@@ -84,8 +90,18 @@ def read_task(
     return SolveTask(context, configs, people.sets, people.joint_names)
 
 
-def solve(task: SolveTask) -> Solution:
-    """Push all sets through the stages after sync, without views whose stamps disagree with the majority."""
+def check(task: SolveTask) -> tuple[Notice, ...]:
+    """Return the warnings of `panoptic rig check` on the rig of a task."""
+    sets, _ = without_far_views(task.sets)
+    return check_rig(task.context.rig, sets, task.context.skeleton).warnings
+
+
+def solve(task: SolveTask, warnings: Sequence[Notice] = ()) -> Solution:
+    """Push all sets through the stages after sync, without views whose stamps disagree with the majority.
+
+    Args:
+        warnings: what `check` says, which may be why nobody is found.
+    """
     poses: list[TrackedPoseSet] = []
     sets, notices = without_far_views(task.sets)
     spent: dict[str, list[int]] = {}
@@ -99,4 +115,5 @@ def solve(task: SolveTask) -> Solution:
     for item in sets:
         pipeline.push("detection_sets", item)
     pipeline.flush()
+    notices += why_nobody(sets, sum(len(item.ids) for item in poses), warnings)
     return Solution(poses, spent, notices)

@@ -8,10 +8,11 @@ from panoptic_ros.evaluation.rig_check import RigReport
 
 
 def rig_document(report: RigReport) -> dict[str, object]:
-    """{"cameras": [{camera, people, residual_px}], "notices": [...]}; what is not known is None."""
+    """{"cameras": [{camera, people, residual_px, noise_px}], "notices": [...]}; what is not known is None."""
     cameras = [
         {"camera": fit.camera, "people": fit.people,
-         "residual_px": None if math.isnan(fit.residual_px) else fit.residual_px}
+         "residual_px": None if math.isnan(fit.residual_px) else fit.residual_px,
+         "noise_px": None if math.isnan(fit.noise_px) else fit.noise_px}
         for fit in report.cameras
     ]  # fmt: skip
     notices = [vars(note) | {"values": dict(note.values)} for note in report.notices]
@@ -21,14 +22,16 @@ def rig_document(report: RigReport) -> dict[str, object]:
 def rig_table(rig: Rig, report: RigReport) -> str:
     """One line per camera, then what is wrong, in words."""
     width = max(6, *(len(name) for name in rig.names))
-    row = f"{{:{width}}}  {{:>11}}  {{:>8}}  {{:>23}}  {{:>12}}  {{:>7}}"
-    lines = [row.format("camera", "image", "focal px", "position m", "rays miss px", "matched")]
+    row = f"{{:{width}}}  {{:>11}}  {{:>8}}  {{:>23}}  {{:>12}}  {{:>8}}  {{:>7}}"
+    lines = [row.format("camera", "image", "focal px", "position m", "rays miss px", "noise px", "matched")]
     for camera, fit in zip(rig.cameras, report.cameras):
         size = f"{camera.image_size[0]} x {camera.image_size[1]}"
         focal = f"{camera.intrinsics.matrix[0, 0]:.1f}"
         place = " ".join(f"{value:7.2f}" for value in camera.centre)
-        miss = "-" if math.isnan(fit.residual_px) else f"{fit.residual_px:.1f}"
-        lines.append(row.format(camera.name, size, focal, place, miss, fit.people))
+        miss, noise = (
+            "-" if math.isnan(value) else f"{value:.1f}" for value in (fit.residual_px, fit.noise_px)
+        )
+        lines.append(row.format(camera.name, size, focal, place, miss, noise, fit.people))
     lines += [f"{note.severity}: {note.text}" for note in report.notices]
     if not report.notices:
         lines.append("the views agree")

@@ -343,3 +343,201 @@ def test_many_cameras_are_checked_in_a_sparse_way() -> None:
     rig = ring(31)
     report = check(rig, detect(rig, walkers(2, 4), **NOISY))
     assert report.notices == () and all(fit.people > 10 for fit in report.cameras)
+
+
+# --- noise, exchanged numbers, lenses
+
+
+def varied(count: int, size: tuple[int, int] = (1920, 1080), seed: int = 0) -> Rig:
+    """A ring whose cameras have lenses of their own: focal lengths of 0.6 to 1.1 widths, Brown distortion."""
+    rng = np.random.default_rng([count, seed])
+    focals = size[0] * np.linspace(0.6, 1.1, count)[rng.permutation(count)]
+    cameras = []
+    for camera, focal in zip(ring(count, size).cameras, focals):
+        middle = np.array(size) / 2 + rng.normal(0.0, 0.01 * size[0], 2)
+        matrix = np.array([[focal, 0, middle[0]], [0, focal, middle[1]], [0, 0, 1]])
+        k1, k2, k3 = rng.uniform(-0.1, 0.1, 3) * (1.0, 0.5, 0.1)
+        lens = Intrinsics(matrix, np.array([k1, k2, *rng.normal(0.0, 5e-4, 2), k3]))
+        cameras.append(replace(camera, intrinsics=lens))
+    return Rig(tuple(cameras))
+
+
+def exchanged(rig: Rig, a: str, b: str, field: str) -> Rig:
+    other = {a: rig.camera(b), b: rig.camera(a)}
+    return with_cameras(rig, [a, b], **{field: lambda c: getattr(other[c.name], field)})
+
+
+def most_different(rig: Rig) -> tuple[str, str]:
+    """The cameras with the shortest and the longest focal length."""
+    ordered = sorted(rig.cameras, key=lambda camera: float(camera.intrinsics.matrix[0, 0]))
+    a, b = sorted((ordered[0].name, ordered[-1].name))
+    return a, b
+
+
+NOISES = (0.3, 1.0, 3.0, 6.0)  # px
+RIGS = ((3, 1, 0.3), (3, 1, 6.0), (5, 3, 1.0), (8, 2, 0.3), (8, 2, 6.0), (12, 4, 3.0))  # cameras, people, px
+
+
+@pytest.mark.parametrize(("cameras", "people", "noise"), RIGS)
+def test_exchanged_intrinsics_are_named(cameras: int, people: int, noise: float) -> None:
+    rig = varied(cameras)
+    a, b = most_different(rig)
+    sets = detect(rig, walkers(people), noise=noise, misses=0.1)
+    code, text = only_warning(check(exchanged(rig, a, b, "intrinsics"), sets))
+    assert code == "rig.exchanged"
+    assert text.startswith(f"the intrinsics of cameras {a} and {b} look exchanged")
+
+
+@pytest.mark.parametrize(("cameras", "people", "noise"), RIGS)
+def test_exchanged_poses_are_named(cameras: int, people: int, noise: float) -> None:
+    rig = varied(cameras)
+    a, b = most_different(rig)
+    sets = detect(rig, walkers(people), noise=noise, misses=0.1)
+    code, text = only_warning(check(exchanged(rig, a, b, "cam_from_world"), sets))
+    assert code == "rig.exchanged" and text.startswith(f"the poses of cameras {a} and {b} look exchanged")
+
+
+def test_cameras_with_equal_lenses_are_exchanged_as_a_whole() -> None:
+    rig = ring(5)
+    sets = detect(rig, walkers(3), noise=1.0)
+    code, text = only_warning(check(exchanged(rig, "cam01", "cam03", "cam_from_world"), sets))
+    assert code == "rig.exchanged" and text.startswith("cameras cam01 and cam03 look exchanged")
+
+
+def test_rays_that_miss_by_far_more_than_the_noise_do_not_agree() -> None:
+    rig = varied(5)
+    wide = with_cameras(rig, ["cam02"], intrinsics=lambda c: Intrinsics(
+        np.diag([1.06, 1.06, 1.0]) @ c.intrinsics.matrix, c.intrinsics.distortion))  # fmt: skip
+    for noise, warned in ((1.0, True), (15.0, False)):
+        report = check(wide, detect(rig, walkers(3), noise=noise))
+        assert bool(report.warnings) == warned, [note.text for note in report.notices]
+        near = [fit.noise_px for fit in report.cameras]
+        assert all(0.4 * noise < px < 1.2 * noise for px in near), near  # a half of the square of two views
+    (note,) = check(wide, detect(rig, walkers(3), noise=1.0)).warnings
+    assert note.code == "rig.disagrees" and "camera cam02 does not agree" in note.text
+    assert "where the noise of 2D people explains" in note.text
+
+
+@pytest.mark.parametrize(("noise", "seed"), list(zip(NOISES, (0, 1, 2, 0))))
+@pytest.mark.parametrize(("cameras", "people"), [(2, 1), (2, 3), (4, 1), (6, 4), (16, 2)])
+def test_right_rigs_of_many_kinds_give_no_warning(cameras: int, people: int, noise: float, seed: int) -> None:
+    size = ((1920, 1080), (640, 480), (3840, 2160))[seed]
+    rig = varied(cameras, size, seed)
+    noise = noise * size[0] / 1920
+    sets = detect(rig, walkers(people), noise=noise, misfit=0.5 * noise, misses=0.3, ghosts=0.3)
+    assert [note.text for note in check(rig, sets).warnings] == []
+
+
+def test_cut_people_give_no_warning() -> None:
+    """Joints beyond the border are put inside with low scores, as networks do with people who are cut."""
+    left = np.array([[0, 0, 410.0], [0, 0, 0], [0, 0, 0]])
+    cut = with_cameras(varied(5), None, image_size=lambda c: (1100, 1080), intrinsics=lambda c: Intrinsics(
+        c.intrinsics.matrix - left, c.intrinsics.distortion))  # fmt: skip
+    rng, sets = np.random.default_rng(0), []
+    for index, points in enumerate(walkers(4)):
+        views = []
+        for camera in cut.cameras:
+            pixels = camera.project(points)[0] + rng.normal(0.0, 3.0, (*points.shape[:2], 2))
+            inside = camera.contains(pixels)
+            kept = inside.mean(1) > 0.3
+            squeezed = np.clip(pixels, 30.0, np.array(camera.image_size) - 30.0)
+            pixels, scores = np.where(inside[..., None], pixels, squeezed), np.where(inside, 0.8, 0.25)
+            views.append(ViewDetections(
+                camera.name, index, index, camera.image_size, SKELETON.hash, pixels[kept], scores[kept],
+                np.full(kept.sum(), 0.8),
+            ))  # fmt: skip
+        sets.append(DetectionSet(index, index, SKELETON.hash, tuple(views)))
+    assert [note.text for note in check(cut, sets).warnings] == []
+
+
+def test_a_world_with_y_down_is_all_that_is_told_of_one() -> None:
+    rig = varied(5)
+    y_down = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    turned = with_cameras(rig, None, cam_from_world=lambda c: Rigid(
+        c.cam_from_world.rotation @ y_down.T, c.cam_from_world.translation))  # fmt: skip
+    code, text = only_warning(check(turned, detect(rig, walkers(3), noise=1.0)))
+    assert code == "rig.up" and "`panoptic rig convert IN OUT --up=-y`" in text
+
+
+@pytest.mark.parametrize("late_ms", [8, 16])
+def test_images_between_those_of_other_cameras_agree(late_ms: int) -> None:
+    """Cameras without a common trigger see people who walk at 1.3 m/s at other places."""
+    rig = ring(4)
+    late = {camera.name: late_ms * 1_000_000 * (k % 2) for k, camera in enumerate(rig.cameras)}
+    paths = [points + [1.3 * 0.04 * k - 0.3, 0.0, 0.0] for k, points in enumerate(walkers(2, 12))]
+    views = {ns: detect(rig, [points + [1.3e-9 * ns, 0.0, 0.0] for points in paths], noise=1.0)
+             for ns in set(late.values())}  # fmt: skip
+    sets = []
+    for k in range(len(paths)):
+        own = [replace(view, stamp_ns=40_000_000 * k + late[view.camera])
+               for ns in views for view in views[ns][k].views if late[view.camera] == ns]  # fmt: skip
+        sets.append(DetectionSet(k, 40_000_000 * k, SKELETON.hash, tuple(own)))
+    assert [note.text for note in check(rig, sets).warnings] == []
+
+
+def reordered(camera: Camera) -> Intrinsics:
+    """Terms k1 k2 p1 p2 k3 written as k1 k2 k3 p1 p2."""
+    k1, k2, p1, p2, k3 = camera.intrinsics.distortion
+    return Intrinsics(camera.intrinsics.matrix, np.array([k1, k2, k3, p1, p2]))
+
+
+@pytest.mark.parametrize("names", [["cam01"], None])
+def test_distortion_in_another_order_is_named(names: list[str] | None) -> None:
+    strong = Intrinsics(np.array([[1000.0, 0, 960], [0, 1000.0, 540], [0, 0, 1]]),
+                        np.array([-0.2, 0.1, 1e-3, -5e-4, -0.03]))  # fmt: skip
+    rig = with_cameras(ring(4), None, intrinsics=lambda c: strong)
+    wrong = with_cameras(rig, names, intrinsics=reordered)
+    sets = detect(rig, walkers(4, 12), noise=0.5)
+    for report in (check(wrong, sets), check(wrong, [])):
+        assert {note.code for note in report.warnings} == {"rig.distortion_order"}
+        assert all("looks like k1 k2 k3 p1 p2" in note.text for note in report.warnings)
+    (note,) = check(wrong, sets).warnings
+    assert ("all cameras" if names is None else "camera cam01") in note.text
+    assert check(rig, sets).warnings == () == check(rig, []).warnings
+
+
+@pytest.mark.parametrize(
+    "terms", [(0.28, -1.25, 6.46, 0.0, 7e-4), (-0.3, 0.1, -0.05, 1e-3, 2e-4), (0.1, -0.2, 0.08, 0.0, -1e-3)]
+)
+def test_terms_that_no_lens_has_are_warned_of_without_people(terms: tuple[float, ...]) -> None:
+    lens = Intrinsics(np.array([[512.0, 0, 320], [0, 512.0, 240], [0, 0, 1]]), np.array(terms))
+    rig = with_cameras(ring(3, (640, 480)), ["cam01"], intrinsics=lambda c: lens)
+    code, text = only_warning(check(rig, []))
+    assert code == "rig.distortion_order" and text.startswith("camera cam01: the tangential terms (p1 = ")
+
+
+@pytest.mark.parametrize(
+    "terms", [(-0.3, 0.12, 2e-3, -1e-3, -0.02), (0.1, -0.5, 8e-3, 5e-3, 0.9), (-0.28, 0.07, 6e-3, 4e-4, 0.0)]
+)
+def test_usual_lenses_are_left_in_peace(terms: tuple[float, ...]) -> None:
+    lens = Intrinsics(np.array([[1400.0, 0, 960], [0, 1400.0, 540], [0, 0, 1]]), np.array(terms))
+    assert check(with_cameras(ring(3), None, intrinsics=lambda c: lens), []).warnings == ()
+
+
+def test_two_cameras_at_one_pose() -> None:
+    rig = ring(5)
+    pose = rig.camera("cam03").cam_from_world
+    nudged = Rigid(pose.rotation, pose.translation + 1e-4)
+    copied = with_cameras(rig, ["cam01"], cam_from_world=lambda c: nudged)
+    code, text = only_warning(check(copied, []))
+    assert code == "rig.same_pose" and text.startswith("cameras cam01 and cam03 have one and the same pose")
+    report = check(copied, detect(rig, walkers(3), noise=1.0))
+    assert "rig.same_pose" in {note.code for note in report.warnings}
+    beside = Rigid(pose.rotation, pose.translation + np.array([0.06, 0.0, 0.0]))  # a stereo head
+    assert check(with_cameras(rig, ["cam01"], cam_from_world=lambda c: beside), []).warnings == ()
+    turned = Rotation.from_rotvec([0.0, 0.3, 0.0]).as_matrix()  # two cameras on one stand
+    other = Rigid(turned @ pose.rotation, turned @ pose.translation)
+    assert check(with_cameras(rig, ["cam01"], cam_from_world=lambda c: other), []).warnings == ()
+
+
+@pytest.mark.parametrize("noise", [0.5, 4.0])
+def test_cameras_in_rooms_of_their_own_give_no_warning(noise: float) -> None:
+    rig = ring(9)
+    rooms = [detect(rig, walkers(people), noise=noise) for people in (2, 3, 4)]
+    sets = []
+    for together in zip(*rooms):
+        views = tuple(together[k % 3].views[k] for k in range(len(rig)))
+        sets.append(replace(together[0], views=views))
+    assert check(rig, sets).warnings == ()
+    pushed = with_cameras(rig, ["cam04"], cam_from_world=inverted)
+    assert check(pushed, detect(rig, walkers(3), noise=noise)).warnings != ()

@@ -4,14 +4,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from panoptic_ros.domain import DetectionSet, Rig
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation.rig_check import RigReport, check_rig
+from panoptic_ros.evaluation.rig_up import direction_of, turned_up
 from panoptic_ros.io.plain_formats import read_detections
 from panoptic_ros.io.rigs import find_rig, read_rig
 from panoptic_ros.io.rigs.camera_info import POSES
 from panoptic_ros.io.skeletons import load_skeleton, map_joints
-
-LARGEST_SAMPLE = 200  # detection sets that are looked at
 
 
 def read_rig_at(
@@ -38,9 +38,19 @@ def check_views(rig: Rig, detections: Path | None = None) -> RigReport:
         return check_rig(rig, (), load_skeleton("panoptic19"))
     people = read_detections(detections)
     skeleton, mapping = map_joints("panoptic19", people.joint_names)
-    return check_rig(rig, _sample(tuple(people.sets(rig, mapping, skeleton.hash))), skeleton)
+    return check_rig(rig, tuple(people.sets(rig, mapping, skeleton.hash)), skeleton)
 
 
-def _sample(sets: Sequence[DetectionSet]) -> tuple[DetectionSet, ...]:
-    """Evenly spread over the file."""
-    return tuple(sets[:: max(1, -(-len(sets) // LARGEST_SAMPLE))])
+def turned(rig: Rig, up: str) -> Rig:
+    """Return the rig in a world with z up.
+
+    Args:
+        up: what is up in its own world: x, -y, ..., or three numbers separated by commas.
+
+    Raises:
+        UsageError: if it is no direction.
+    """
+    direction = direction_of(up)
+    if direction is None:
+        raise UsageError(f"--up {up!r} is no direction; write an axis, as --up=-y, or three numbers")
+    return turned_up(rig, direction)

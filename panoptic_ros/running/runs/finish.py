@@ -8,6 +8,7 @@ from panoptic_ros.capture import open_source
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.evaluation.capture_report import summarise_capture
+from panoptic_ros.evaluation.nobody import why_nobody
 from panoptic_ros.graph.counters import OF
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.io.body_models import read_body_model, read_body_shape
@@ -50,6 +51,8 @@ def finish(
         elapsed_s: how long the run took, without this.
     """
     summary = summarise_capture(plan.rig, plan.skeleton, list(results.poses), list(sets))
+    found = sum(len(item.ids) for item in results.poses)
+    warnings = [notice for notice in notices if notice.severity != "info"]
     return RunReport(
         summary,
         frames_in=dict(results.frames_in),
@@ -57,7 +60,7 @@ def finish(
         latency_ms=_latencies(counted),
         notices=[
             *_plan_notices(plan), *_newest_only(results), *_clock_notices(plan, results),
-            *warnings_of(counted), *notices,
+            *warnings_of(counted), *notices, *why_nobody(sets, found, warnings),
         ],
         facts={"source": plan.title, "elapsed_s": round(elapsed_s, 2)},
         bodies=results.bodies.document() if results.bodies.instants else {},

@@ -1,0 +1,145 @@
+"""The up direction of a rig's world, from the posture of people or, without people, from its cameras."""
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from panoptic_ros.domain import Camera, Rig, SkeletonModel
+from panoptic_ros.geometry import Rigid
+from panoptic_ros.stage import Notice
+
+Array = np.ndarray
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+AGREED = 0.6  # length of the mean direction of cameras, below which they do not agree
+ALIKE = np.cos(np.radians(30.0))  # between the directions of two people who are both upright
+AGREEING = 0.5  # share of the people whose directions are alike
+MOST = 1000  # directions that are compared
+LEVEL = np.cos(np.radians(45.0))  # of the world's z, up to which people may lean
+ON_AXIS = np.cos(np.radians(8.0))  # of an axis, which is meant then: people lean by so much on average
+STRAIGHT = np.cos(np.radians(30.0))  # between thigh and shin, and between legs and trunk, of who stands
+FEWEST_STANDING = 3
+
+
+def directions_of_people(points: Array, skeleton: SkeletonModel) -> Array:
+    """Return unit vectors along bodies.
+
+    From the ankles to the shoulders of people who stand, if there are enough; else along the trunk.
+
+    Args:
+        points: (M, J, 3) of people, in the rig's world; NaN = missing.
+
+    Returns:
+        (N, 3), of those of whom it is known.
+    """
+    names = [name.lower() for name in skeleton.joint_names]
+
+    def middle(word: str) -> Array:
+        own = [points[:, k] for k, name in enumerate(names) if word in name]
+        return np.mean(own, axis=0) if own else np.full((len(points), 3), np.nan)
+
+    hips, top = middle("hip"), middle("shoulder")
+    hips = np.where(np.isfinite(hips), hips, points[:, skeleton.root])
+    top = np.where(np.isfinite(top), top, points[:, skeleton.head])
+    knees, ankles = middle("knee"), middle("ankle")
+    shins, thighs, trunks = _unit(knees - ankles), _unit(hips - knees), _unit(top - hips)
+    with np.errstate(invalid="ignore"):
+        stands = ((shins * thighs).sum(-1) > STRAIGHT) & ((_unit(hips - ankles) * trunks).sum(-1) > STRAIGHT)
+    found = _unit(top - ankles)[stands] if stands.sum() >= FEWEST_STANDING else trunks
+    known: Array = found[np.isfinite(found).all(-1)]
+    return known
+
+
+def up_of(directions: Array) -> Array | None:
+    """Return the common direction (3,) of unit vectors (N, 3); None if half of them have none in common."""
+    if not len(directions):
+        return None
+    alike = directions[:MOST] @ directions[:MOST].T > ALIKE
+    best = alike[int(alike.sum(1).argmax())]
+    if best.mean() < AGREEING:
+        return None
+    mean = directions[:MOST][best].mean(axis=0)
+    up: Array = mean / np.linalg.norm(mean)
+    return up
+
+
+def up_of_cameras(rig: Rig) -> Array | None:
+    """Return the mean direction (3,) of the tops of the images; None if it is short, as of turned cameras."""
+    up = np.array([-camera.cam_from_world.rotation[1] for camera in rig.cameras]).reshape(-1, 3).mean(axis=0)
+    length = float(np.linalg.norm(up))
+    return None if length < AGREED else up / length
+
+
+def check_up(rig: Rig, people: Array) -> list[Notice]:
+    """Return a notice if up is not +z, with the command that turns the rig.
+
+    Args:
+        people: (N, 3), see `directions_of_people`; without any the cameras are asked.
+    """
+    by_people = len(people) > 0
+    up = up_of(people) if by_people else up_of_cameras(rig)
+    if up is None or up[2] > LEVEL:
+        return []
+    whose = "people stand along" if by_people else "the cameras are upright only along"
+    name, near = nearest_axis(up)
+    where = name if near > ON_AXIS else f"({', '.join(f'{value:.2f}' for value in up)})"
+    text = (
+        f"{whose} {where}: the world of this rig does not have z up; "
+        f"`panoptic rig convert IN OUT --up={word_of(up)}` turns it"
+    )
+    return [Notice("rig.up", "warning", text, {"up": up.tolist()})]
+
+
+def nearest_axis(up: Array) -> tuple[str, float]:
+    """Return the axis that is nearest to a direction (3,), e.g. "-y", and the cosine of their angle."""
+    k = int(np.argmax(np.abs(up)))
+    return "+-"[int(up[k] < 0.0)] + "xyz"[k], float(abs(up[k]))
+
+
+def word_of(up: Array) -> str:
+    """Return a direction (3,) as `direction_of` reads it: an axis, if it is one."""
+    name, near = nearest_axis(up)
+    return name.removeprefix("+") if near > ON_AXIS else ",".join(f"{value:.3f}" for value in up)
+
+
+def direction_of(word: str) -> Array | None:
+    """Return the unit vector (3,) of x, -y, ... or of three numbers with commas; None if it is neither."""
+    axis = AXES.get(word.lstrip("+-"))
+    if axis is not None and len(word.lstrip("+-")) >= len(word) - 1:
+        return (-1.0 if word.startswith("-") else 1.0) * np.array(axis)
+    try:
+        values = np.array([float(part) for part in word.split(",")])
+    except ValueError:
+        return None
+    length = float(np.linalg.norm(values))
+    return values / length if values.shape == (3,) and np.isfinite(length) and length > 0.0 else None
+
+
+def turned_up(rig: Rig, up: Sequence[float] | Array) -> Rig:
+    """Return the rig in a world turned the shortest way so that a direction (3,) of the old one is +z."""
+    from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
+
+    z = np.array(AXES["z"])
+    axis, cosine = np.cross(up, z), float(np.dot(up, z))
+    sine = float(np.linalg.norm(axis))
+    axis = axis / sine if sine > 1e-12 else np.array(AXES["x"])
+    new_from_old = Rotation.from_rotvec(np.arctan2(sine, cosine) * axis).as_matrix()
+
+    def turned(camera: Camera) -> Camera:
+        pose = camera.cam_from_world
+        return replace(camera, cam_from_world=Rigid(pose.rotation @ new_from_old.T, pose.translation))
+
+    things = rig.occluders
+    return replace(
+        rig,
+        cameras=tuple(turned(camera) for camera in rig.cameras),
+        depth_sensors=tuple(replace(own, camera=turned(own.camera)) for own in rig.depth_sensors),
+        occluders=None if things is None else replace(things, vertices=things.vertices @ new_from_old.T),
+    )
+
+
+def _unit(vectors: Array) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        unit: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return unit
