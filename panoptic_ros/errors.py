@@ -30,10 +30,14 @@ __all__ = [
     "PanopticError",
     "UsageError",
     "UserError",
+    "nearest",
     "one_line",
+    "plain",
     "shown",
 ]
 
+LIKE = 0.6  # ratio of difflib, from which a word may be another one misspelt: its own default
+MOST_WORDS = 12  # that a message lists
 SHOWN = 60  # characters of a value in a message: a list of ten numbers fits
 TOLD = 300  # characters of another library's message: a path and a sentence fit
 LONGEST_INTEGER = 200  # bits; more do not fit into `SHOWN` digits
@@ -97,6 +101,26 @@ def shown(value: Any, limit: int = SHOWN) -> str:
         if len(text) > limit:
             return text[:limit] + "..."
     return text
+
+
+def nearest(word: Any, known: Iterable[str]) -> str:
+    """Return the known word that is perhaps meant, as the end of a message; without one all known words.
+
+    Words are compared without case, blanks, hyphens and underscores.
+    """
+    from difflib import get_close_matches  # only now: few processes meet a word that is not known
+
+    by_plain = {plain(name): name for name in known}
+    close = get_close_matches(plain(str(word)[:SHOWN]), list(by_plain), 1, LIKE)
+    if close:
+        return f"the nearest known one is {by_plain[close[0]]!r}"
+    names = list(by_plain.values())
+    return f"known are {', '.join(names[:MOST_WORDS])}" + (", ..." if len(names) > MOST_WORDS else "")
+
+
+def plain(word: str) -> str:
+    """Return a word without case, blanks, hyphens and underscores."""
+    return "".join(letter for letter in word.lower() if letter not in " -_")
 
 
 def one_line(error: BaseException, limit: int = TOLD) -> str:

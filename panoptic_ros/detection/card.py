@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from panoptic_ros.errors import ConfigError, shown
+from panoptic_ros.errors import ConfigError, nearest, shown
 
 FITS = ("letterbox_topleft", "letterbox_center", "crop")
 VARIANTS: dict[str, tuple[str, ...]] = {
@@ -209,8 +209,9 @@ def expected_shapes(card: ModelCard) -> dict[str, tuple[int | None, ...]]:
 
 def _construct(kind: Any, values: Mapping[str, Any], where: str) -> Any:
     fields = {item.name: item for item in dataclasses.fields(kind)}
+    known = [*fields, *(() if where else ("fetch",))]  # which tells where the model is from
     for key in values:
-        _require(key in fields, f"unknown entry {shown(where + str(key))}")
+        _require(key in fields, f"unknown entry {shown(where + str(key))}; {nearest(key, known)}")
     for key, item in fields.items():
         needed = item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING
         _require(key in values or not needed, f"entry {shown(where + key)} is missing")

@@ -45,6 +45,7 @@ class Subject:
         heading_known: whether the IMUs' inertial frame is the world's.
         measured: whether lengths were measured; else they are those of the stature.
         stature: m; 0 = not known.
+        assumed: how what its file leaves open is taken.
     """
 
     id: int
@@ -52,10 +53,16 @@ class Subject:
     devices: tuple[Device, ...] = ()
     t_pose: TPose | None = None
     start: Array | None = None
-    facing: Array | None = None
     heading_known: bool = True
     measured: bool = True
     stature: float = 0.0
+    assumed: tuple[str, ...] = ()
+
+    def told(self) -> list[str]:
+        """Return a line that states the assumed values, if there are any."""
+        if not self.assumed:
+            return []
+        return [f"subject {self.id}: taken, as its file does not say: {'; '.join(self.assumed)}"]
 
 
 class ImuReading(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
-from panoptic_ros.errors import ConfigError, shown
+from panoptic_ros.errors import ConfigError, nearest, shown
 from panoptic_ros.graph.nodes import NODES, NodeSpec
 from panoptic_ros.params import Config, from_text, load
 from panoptic_ros.stage import Stage, StageContext
@@ -34,7 +34,7 @@ def config_class(stage: str) -> type[Config]:
         ConfigError: if there is no such stage.
     """
     if stage not in NODES:
-        raise ConfigError(f"there is no stage {shown(stage)}; there are {', '.join(NODES)}")
+        raise ConfigError(f"there is no stage {shown(stage)}; {nearest(stage, NODES)}")
     cls: type[Config] = resolve(NODES[stage].config)
     return cls
 

@@ -16,12 +16,14 @@ from panoptic_ros.domain import BiasTable, SkeletonModel
 from panoptic_ros.errors import ConfigError, shown
 from panoptic_ros.io.documents import read_yaml
 from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.known_keys import keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.io.skeletons import in_vocabulary
 
 Array = np.ndarray
 FORMAT = "panoptic-biases-1"
+KEYS = keys("format offsets detector measured_on source licence")
 LARGEST = 10.0  # torso lengths, of an offset; a body has four
 TORSO = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 HEADER = (
@@ -93,6 +95,7 @@ def offset_of(word: str, entries: Mapping[str, Array]) -> Array:
 def _entries(document: Any, path: Path) -> dict[str, Array]:
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise ConfigError(f"{path} is no bias table: it needs format: {FORMAT}")
+    tell_unknown(document, KEYS, path)
     rows = document.get("offsets")
     if not isinstance(rows, dict) or not rows:
         raise ConfigError(f"{path} has no offsets")

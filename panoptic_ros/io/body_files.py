@@ -14,10 +14,18 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
 from panoptic_ros.io.files import known, write_json
 from panoptic_ros.io.frame_stream import read_frames
+from panoptic_ros.io.known_keys import keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 
 Array = np.ndarray
 KINEMATICS = "panoptic-kinematics-1"
+_SUBJECT = keys(
+    "id positions orientations joint_angles velocities angular_velocities position_covariances "
+    "orientation_covariances"
+)
+KEYS = keys(
+    "format segment_names joint_names", frames=[keys("index stamp_ns", subjects=[_SUBJECT])]
+)
 
 
 def write_bodies(path: Path, model: SegmentModel, states: Iterable[BodyState]) -> None:
@@ -71,6 +79,7 @@ def read_bodies(path: Path) -> tuple[tuple[str, ...], list[BodyState]]:
     document = read_frames(path)
     if not isinstance(document, dict) or document.get("format") != KINEMATICS:
         raise DataError(f"{path} is no {KINEMATICS} file")
+    tell_unknown(document, KEYS, path)
     with parsing(path):
         states = [
             _body_state(int(frame["stamp_ns"]), row)

@@ -8,11 +8,17 @@ from panoptic_ros.domain.body_shape import BodyShape, read_shape
 from panoptic_ros.domain.segments import SegmentModel, read_model
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.known_keys import EACH, keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.resources import share_folder
 
 DEFAULT_MODEL = "segments21"
 DEFAULT_SHAPE = "shape21"
+MODEL_KEYS = keys(
+    "name ground", segments={EACH: keys("parent joint offset limits_deg order hinge")},
+    keypoints={EACH: keys("segment offset")},
+)  # fmt: skip
+SHAPE_KEYS = {EACH: [keys("from to radii wide")]}
 
 
 def read_body_model(name: str = DEFAULT_MODEL) -> SegmentModel:
@@ -27,6 +33,7 @@ def read_body_model(name: str = DEFAULT_MODEL) -> SegmentModel:
     document = read_yaml(path)
     if not isinstance(document, dict):
         raise DataError(f"{path} is no skeleton of segments")
+    tell_unknown(document, MODEL_KEYS, path)
     with parsing(path):
         try:
             return read_model(document)
@@ -44,5 +51,6 @@ def read_body_shape(model: SegmentModel, name: str = DEFAULT_SHAPE) -> BodyShape
     document = read_yaml(path)
     if not isinstance(document, dict):
         raise DataError(f"{path} is no shape of a body")
+    tell_unknown(document, SHAPE_KEYS, path)
     with parsing(path):
         return read_shape(document, model)

@@ -13,11 +13,19 @@ from panoptic_ros.domain import ClockModel
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.documents import read_json
 from panoptic_ros.io.files import write_json
+from panoptic_ros.io.known_keys import keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 from panoptic_ros.offsets import CameraClocks
 
 FORMAT = "panoptic-offsets-1"
 MORE = ("offset_std_s", "drift", "drift_std")  # 0 where a file lacks them
+KEYS = keys(
+    "format reference_ns detector_bias_m iterations converged",
+    cameras=[keys(
+        "name applied known offset_s offset_std_s drift drift_std reference_ns strays_s rays "
+        "joint_speed_m_per_s"
+    )],
+)  # fmt: skip
 SURE = 3.0  # standard deviations from which on a drift is more than chance
 
 
@@ -92,6 +100,7 @@ def read_offsets(path: Path) -> dict[str, SavedOffset]:
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise DataError(f"{path} is no {FORMAT} file; --offsets-out of `panoptic solve` writes one")
+    tell_unknown(document, KEYS, path)
     with parsing(path):
         return {
             str(row["name"]): SavedOffset(_number(row, "offset_s"), *(_number(row, key, 0.0) for key in MORE))

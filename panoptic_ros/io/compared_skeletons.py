@@ -10,9 +10,14 @@ from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence
 from panoptic_ros.evaluation.annotations import is_annotation, parse_annotation
 from panoptic_ros.evaluation.pairing import MIN_COMMON
 from panoptic_ros.io.documents import read_json
+from panoptic_ros.io.known_keys import EACH, OTHERS, keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.io.skeletons import in_vocabulary, shared_names, skeleton_names
+
+ANNOTATION_KEYS = keys(
+    f"unit joint_names {OTHERS}", frames={EACH: [keys(f"id joints {OTHERS}")]}  # of other people's programs
+)
 
 
 def read_sequence(path: Path) -> SkeletonSequence:
@@ -23,6 +28,7 @@ def read_sequence(path: Path) -> SkeletonSequence:
     """
     document: Any = read_json(path)
     if is_annotation(document):
+        tell_unknown(document, ANNOTATION_KEYS, path)
         with parsing(path):
             return parse_annotation(document, str(path))
     plain = read_skeletons(path)

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from panoptic_ros.errors import DataError, shown
+from panoptic_ros.errors import DataError, nearest, shown
 from panoptic_ros.io.documents import read_yaml
 
 
@@ -82,7 +82,6 @@ def read_driver_topics(path: Path) -> DriverFile:
 
 def _topics(path: Path, camera: str, entry: object) -> DriverTopics:
     known = [field.name for field in fields(DriverTopics)]
-    told = ", ".join(known)
     if not isinstance(entry, Mapping) or not {"image", "depth"} & set(entry):
         raise DataError(
             f"{path}: camera {camera} has no 'image', the topic of its images (a depth sensor alone: 'depth' "
@@ -90,7 +89,7 @@ def _topics(path: Path, camera: str, entry: object) -> DriverTopics:
         )
     for key, value in entry.items():
         if key not in known:
-            raise DataError(f"{path}: camera {camera} has an unknown key {shown(key)}; known: {told}")
+            raise DataError(f"{path}: camera {camera} has an unknown key {shown(key)}; {nearest(key, known)}")
         if not isinstance(value, str) or not value:
             raise DataError(f"{path}: camera {camera}: {key} is {shown(value)}, expected a name")
         if key != "encoding" and not value.startswith("/"):

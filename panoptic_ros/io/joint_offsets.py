@@ -16,10 +16,12 @@ from panoptic_ros.domain.segments import JointOffset, SegmentModel
 from panoptic_ros.errors import ConfigError, DataError, shown
 from panoptic_ros.io.documents import read_yaml
 from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.known_keys import EACH, keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.skeletons import in_vocabulary
 
 FORMAT = "panoptic-joint-offsets-1"
+KEYS = keys("format detector measured_on source licence", offsets={EACH: keys("frame offset")})
 LONGEST = 0.2  # m
 HEADER = (
     "# Where the detector sees joints: m from where the skeleton of segments has them, in the frame of a\n"
@@ -37,6 +39,7 @@ def read_joint_offsets(path: Path, model: SegmentModel) -> SegmentModel:
     document = read_yaml(path)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise ConfigError(f"{path} has no offsets of joints in segments: it needs format: {FORMAT}")
+    tell_unknown(document, KEYS, path)
     rows = document.get("offsets")
     if not isinstance(rows, dict) or not rows:
         raise ConfigError(f"{path} has no offsets")

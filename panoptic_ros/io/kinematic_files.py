@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import gzip
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,22 +15,31 @@ from panoptic_ros.errors import DataError, shown
 from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
 from panoptic_ros.io.documents import csv_rows, decoded, read_json
 from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.known_keys import EACH, keys, tell_unknown
 from panoptic_ros.io.loading import parsing, read_unpacked
 
 Array = np.ndarray
 SUBJECT = "panoptic-subject-1"
 LARGEST = 1e6  # m, of a place or length
 INERTIAL_FRAMES = ("world", "unknown heading")
+KEYS = keys(
+    "format id height_m inertial_frame segments start",
+    keypoints={EACH: keys("segment offset")}, devices=[keys("device segment position mount")],
+    t_pose=keys("from_ns to_ns facing"),
+)  # fmt: skip
+BATCHED = 0.5  # share of the stamps that several samples have, from which these come in batches
+LONGER = 1.5  # than usual, samples of a batch are apart at most: what is longer is a gap behind it
 COLUMNS = ("device", "stamp_ns", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
 
 
 def read_imus(path: Path, notices: list[str] | None = None) -> dict[str, ImuSeries]:
     """Samples of all devices of an `imu.csv`, gzipped or not.
 
-    Samples whose stamp is not later than the one before, of the same device, are left out.
+    Samples that share a stamp, in batches, are spread by their rate from that stamp on. Otherwise samples
+    whose stamp is not later than the one before, of the same device, are left out.
 
     Args:
-        notices: a line goes into it for each device of which samples are left out.
+        notices: lines about devices whose samples are spread or left out go into it.
 
     Raises:
         DataError: naming the file, the line and what is wrong.
@@ -42,7 +50,6 @@ def read_imus(path: Path, notices: list[str] | None = None) -> dict[str, ImuSeri
         raise DataError(f"{path}: the header is {shown(','.join(header), 80)}, expected {','.join(COLUMNS)}")
     stamps: dict[str, list[int]] = {}
     values: dict[str, list[list[float]]] = {}
-    late: Counter[str] = Counter()
     for number, row in rows:
         if not row:
             continue
@@ -51,25 +58,50 @@ def read_imus(path: Path, notices: list[str] | None = None) -> dict[str, ImuSeri
             numbers = [float(text) if text else np.nan for text in row[2:]]
         except (ValueError, IndexError):
             numbers = []
-        if len(numbers) != len(COLUMNS) - 2 or stamp >= 2**63:
+        if len(numbers) != len(COLUMNS) - 2 or abs(stamp) >= 2**63:
             said = shown(",".join(row), 80)
             raise DataError(f"{path}, line {number}: {said} is no sample of an IMU")
-        if stamp > stamps.setdefault(name, [-1])[-1]:
-            stamps[name].append(stamp)
-            values.setdefault(name, []).append(numbers)
-        else:
-            late[name] += 1
-    if notices is not None:
-        notices += [
-            f"{name}: {count} samples are left out, whose stamps stand twice or go back"
-            for name, count in late.items()
-        ]
+        stamps.setdefault(name, []).append(stamp)
+        values.setdefault(name, []).append(numbers)
+    told: dict[str, list[str]] = {}
     found = {}
     for name, rows_of in values.items():
         table = np.array(rows_of)
         table[~np.isfinite(table)] = np.nan
-        found[name] = ImuSeries(np.array(stamps[name][1:]), table[:, :4], table[:, 4:7], table[:, 7:])
+        times, kept, line = _in_order(np.array(stamps[name]))
+        if line:
+            told.setdefault(line, []).append(name)
+        if len(times):
+            found[name] = ImuSeries(times, table[kept, :4], table[kept, 4:7], table[kept, 7:])
+    if notices is not None:
+        notices += [f"{', '.join(names)}: {line}" for line, names in told.items()]
     return found
+
+
+def _in_order(stamps: Array) -> tuple[Array, Array, str]:
+    """Return rising stamps (M,) of samples with stamps (N,) ns, their rows (M,), and a line about it."""
+    newest = np.maximum.accumulate(np.maximum(stamps, -1))
+    new = np.append(newest[:1] >= 0, newest[1:] > newest[:-1])
+    if new.all():
+        return stamps, np.flatnonzero(new), ""
+    begins = np.flatnonzero(new)
+    repeated = (stamps == newest) & (stamps >= 0)
+    sizes = np.add.reduceat(repeated.astype(int), begins) if len(begins) else np.zeros(0, int)
+    if len(begins) < 2 or (sizes > 1).mean() < BATCHED:
+        line = f"{int((~new).sum())} samples are left out, whose stamps stand twice or go back"
+        return stamps[new], begins, line
+    steps = np.diff(stamps[begins])
+    period = float(np.median(steps / sizes[:-1]))
+    each = np.append(np.minimum(steps / sizes[:-1], LONGER * period), period)  # ns between samples of a batch
+    rows = np.flatnonzero(repeated)
+    batch = np.cumsum(new)[rows] - 1
+    places = np.arange(len(rows)) - np.append(0, np.cumsum(sizes))[batch]
+    times = np.maximum.accumulate(stamps[rows] + np.round(places * each[batch]).astype(np.int64))
+    rising = np.append(True, times[1:] > times[:-1])
+    times, rows = times[rising], rows[rising]
+    line = f"samples come several to a stamp; they are spread by their rate, {1e9 / period:.1f} Hz"
+    lost = len(stamps) - len(rows)
+    return times, rows, line + (f"; {lost} whose stamps go back are left out" if lost else "")
 
 
 def write_imus(path: Path, devices: Mapping[str, ImuSeries]) -> None:
@@ -96,6 +128,7 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") != SUBJECT:
         raise DataError(f"{path} is no {SUBJECT} file")
+    tell_unknown(document, KEYS, path)
     with parsing(path):
         return _subject(document, model, path)
 
@@ -112,16 +145,31 @@ def _subject(document: dict[str, Any], model: SegmentModel, path: Path) -> Subje
             {name: (row["segment"], _vector(row["offset"], 3, name)) for name, row in keypoints.items()}
         )
         devices = tuple(_device(row, model) for row in document.get("devices") or ())
-        start, facing = document.get("start"), document.get("facing")
+        start = document.get("start")
         return Subject(
             _id(document["id"]), body, _distinct(devices), _t_pose(document.get("t_pose")),
             None if start is None else _vector(start, 3, "start"),
-            None if facing is None else _vector(facing, 3, "facing"),
             _heading_known(document.get("inertial_frame", "world")), bool(document.get("segments")),
-            stature,
+            stature, _assumed(document, devices),
         )  # fmt: skip
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
+
+
+def _assumed(document: Mapping[str, Any], devices: Sequence[Device]) -> tuple[str, ...]:
+    """Return the values that are assumed where the file leaves them out and the person needs them."""
+    found = []
+    if not document.get("segments"):
+        found.append("lengths of segments as usual for height_m")
+    if devices and "inertial_frame" not in document:
+        found.append('inertial_frame "world", whose x the IMUs know')
+    t_pose, unmounted = document.get("t_pose"), any(device.mount is None for device in devices)
+    if unmounted and t_pose is not None and t_pose.get("facing") is None:
+        found.append("facing +x in the t_pose")
+    lacking = [str(row["device"]) for row in document.get("devices") or () if "position" not in row]
+    if lacking:
+        found.append(f"position of {', '.join(lacking)} at the beginning of its segment")
+    return tuple(found)
 
 
 def subject_document(subject: Subject) -> dict[str, Any]:

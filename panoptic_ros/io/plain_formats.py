@@ -24,19 +24,27 @@ from panoptic_ros.errors import CalibrationError, DataError, shown
 from panoptic_ros.io.documents import read_json
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.frame_stream import read_frames
+from panoptic_ros.io.known_keys import EACH, keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 
 Array = np.ndarray
 DETECTIONS = "panoptic-detections-1"
 SKELETONS = "panoptic-skeletons-1"
+DETECTION_KEYS = keys(
+    "format joint_names", frames=[keys("index stamp_ns", views={EACH: keys("stamp_ns persons")})]
+)
+_PERSON = keys("id joints scores covariances views states ignore")
+SKELETON_KEYS = keys("format joint_names", frames=[keys("index stamp_ns", skeletons=[_PERSON])])
 HIGHEST_SCORE = 1.25  # OpenPose and SimCC nets give a little more than 1, which counts as 1
 _UPPER = np.triu_indices(3)
 FOREIGN = {  # keys of the document, or of the first entry of a list, of formats that are not read
     "a frame of OpenPose": {"version", "people"},
     "a result of AlphaPose or of COCO": {"image_id", "keypoints"},
     "a result of MMPose": {"meta_info", "instance_info"},
+    "a result of MMPose of each frame": {"frame_id", "instances"},
+    "annotations of COCO": {"images", "annotations"},
 }
-REMEDY = f"write it as {DETECTIONS}, with stamps and the names of cameras: docs/formats.md describes it"
+REMEDY = f"write it as {DETECTIONS}, with stamps and the names of cameras: docs/formats.md has a program for that"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,6 +142,7 @@ def read_detections(path: Path) -> PlainDetections:
         DataError: naming the file, the frame and what is wrong.
     """
     document, names = _document(path, DETECTIONS)
+    tell_unknown(document, DETECTION_KEYS, path)
     frames = []
     for number, frame in enumerate(document["frames"]):
         where = f"{path}, frame {number}"
@@ -169,6 +178,7 @@ def read_skeletons(path: Path) -> PlainSkeletons:
         DataError: naming the file, the frame and what is wrong.
     """
     document, names = _document(path, SKELETONS, read_frames)
+    tell_unknown(document, SKELETON_KEYS, path)
     frames = []
     for number, frame in enumerate(document["frames"]):
         where = f"{path}, frame {number}"
@@ -242,7 +252,9 @@ def _document(
     if found != wanted and (title := _foreign_document(document)):
         raise DataError(f"{path} is {title}, which is not read; {REMEDY}")
     if found != wanted:
-        raise DataError(f"{path} has format {shown(found)}, expected {shown(wanted)}")
+        is_named = isinstance(document, dict) and "format" in document
+        what = f"has format {shown(found)}" if is_named else "does not name its format"
+        raise DataError(f"{path} {what}, expected {shown(wanted)}")
     names = document.get("joint_names")
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         raise DataError(f"{path} has no list of joint_names")
@@ -263,8 +275,8 @@ def _foreign(path: Path) -> str:
 def _foreign_document(document: Any) -> str:
     """Return the name of a document of another program's 2D people; "" if it is none."""
     first = document[0] if isinstance(document, list) and document else document
-    keys = set(first) if isinstance(first, dict) else set()
-    return next((title for title, wanted in FOREIGN.items() if wanted <= keys), "")
+    there = set(first) if isinstance(first, dict) else set()
+    return next((title for title, wanted in FOREIGN.items() if wanted <= there), "")
 
 
 def _index(frame: dict[str, Any], number: int, where: str) -> int:

@@ -10,10 +10,12 @@ from typing import Any
 from panoptic_ros.domain import JointMap, SkeletonModel
 from panoptic_ros.errors import ConfigError, DataError, shown
 from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.known_keys import keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.resources import share_folder
 
 DEFAULT_SKELETON = "panoptic19"
+KEYS = keys("name root head joints bones left_right mean_of")
 
 
 def skeleton_names() -> tuple[str, ...]:
@@ -108,6 +110,7 @@ def _checked(document: Any, path: Path) -> dict[str, Any]:
     for key, kind in wanted.items():
         if not isinstance(document, dict) or not isinstance(document.get(key), kind):
             raise DataError(f"{path} is no skeleton model: it needs a {kind.__name__} {shown(key)}")
+    tell_unknown(document, KEYS, path)
     whole: dict[str, Any] = {"left_right": [], "mean_of": {}, **document}
     _check(whole, path)
     return whole

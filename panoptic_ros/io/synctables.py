@@ -19,12 +19,15 @@ import numpy as np
 
 from panoptic_ros.errors import DataError, shown
 from panoptic_ros.io.documents import read_json
+from panoptic_ros.io.known_keys import EACH, OTHERS, keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 
 Array = np.ndarray
 HD_BASES = (0, 1, 2)
 DEMO_BASE = 1
 LATEST_MS = 9.2e12  # ms of a stamp that fits 63 bits of ns, 292 years
+_TABLE = keys(f"univ_time index {OTHERS}")
+KEYS = keys(OTHERS, hd=_TABLE, vga=_TABLE, kinect=keys(OTHERS, color={EACH: _TABLE}, depth={EACH: _TABLE}))
 COLOR_LATE_MS = 6.25  # color stamps are later than depth's by that, in CMU's demo
 GATE_DEPTH_COLOR_MS, GATE_COLOR_MS, GATE_DEPTH_MS = 6.5, 30.0, 17.0  # beyond them the demo takes no frame
 
@@ -72,6 +75,7 @@ def read_synctables(*paths: Path) -> dict[str, SyncStream]:
         document = read_json(path)
         if not isinstance(document, dict):
             raise DataError(f"{path} is no sync table: an object with hd or kinect is expected")
+        tell_unknown(document, KEYS, path)
         with parsing(path):
             for system in ("hd", "vga"):
                 if system in document:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar, get_type_hints
 
-from panoptic_ros.errors import ConfigError, ContractError, shown
+from panoptic_ros.errors import ConfigError, ContractError, nearest, shown
 
 Value = bool | int | float | str | tuple[str, ...] | tuple[float, ...] | tuple[int, ...]
 
@@ -108,12 +108,10 @@ def load(cls: type[C], values: Mapping[str, Any], where: str = "") -> C:
     Raises:
         ConfigError: on unknown names, wrong types or values out of range.
     """
-    known = {item.name for item in describe(cls)}
+    known = sorted(item.name for item in describe(cls))
     for name in values:
         if name not in known:
-            raise ConfigError(
-                f"unknown parameter {shown(where + name)}; {cls.__name__} has {', '.join(sorted(known))}"
-            )
+            raise ConfigError(f"unknown parameter {shown(where + name)}; {nearest(name, known)}")
     return cls(**values)
 
 
@@ -151,8 +149,8 @@ def from_text(cls: type[Config], name: str, text: str) -> Any:
     for item in describe(cls):
         if item.name == name:
             return _parse(item, text, cls.__name__)
-    known = ", ".join(item.name for item in describe(cls))
-    raise ConfigError(f"unknown parameter {shown(name)}; {cls.__name__} has {known}")
+    known = [item.name for item in describe(cls)]
+    raise ConfigError(f"unknown parameter {shown(name)} of {cls.__name__}; {nearest(name, known)}")
 
 
 def _parse(item: Param, text: str, owner: str) -> Any:

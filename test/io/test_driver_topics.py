@@ -27,7 +27,7 @@ def test_topics_in_the_order_of_the_file(tmp_path):
         ("[a, b]", "expected a table of cameras"),
         ("left: /l/image_raw", "camera left has no 'image'"),
         ("left: {camera_info: /l}", "camera left has no 'image'"),
-        ("left: {image: /l, images: /l}", "unknown key 'images'; known: image, camera_info, depth, encoding"),
+        ("left: {image: /l, images: /l}", "unknown key 'images'; the nearest known one is 'image'"),
         ("left: {image: [1]}", r"image is \[1\], expected a name"),
         ("left: {image: l/image_raw}", "write the whole name, /l/image_raw"),
         ("left: {depth: /d, encoding: mono8}", "depth sensor left has an encoding"),

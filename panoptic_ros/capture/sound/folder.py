@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture.sound.described import described_sound
-from panoptic_ros.errors import DataError, shown
+from panoptic_ros.errors import DataError, nearest, shown
 from panoptic_ros.io.documents import read_yaml
 from panoptic_ros.io.stamps import read_stamps, stamp_file
 
@@ -98,14 +98,20 @@ def _read_names(path: Path) -> dict[str, dict[str, Any]]:
     return {str(name): _entry(path, str(name), said) for name, said in document.items()}
 
 
+KEYS = ("clocks", "start_ns", "track")
+
+
 def _entry(path: Path, name: str, said: Any) -> dict[str, Any]:
     entry = said if isinstance(said, dict) else {"clocks": said}
+    for key in entry:
+        if key not in KEYS:
+            raise DataError(f"{path}: {name} has an unknown key {shown(key)}; {nearest(key, KEYS)}")
     clocks = entry.get("clocks", [])
     clocks = clocks if isinstance(clocks, list) else [clocks]
     own = {key: entry[key] for key in ("start_ns", "track") if key in entry}
     plain = all(clock is None or isinstance(clock, (str, int)) for clock in clocks)
     counted = all(isinstance(number, int) and 0 <= number < 2**63 for number in own.values())
-    if not plain or not counted or entry.keys() - {"clocks", "start_ns", "track"}:
+    if not plain or not counted:
         raise DataError(
             f"{path}: {name}: {shown(said)} is no list of clocks, e.g. [A, B], and not of the form "
             "{clocks: [A, B], start_ns: 0}, or {clocks: [A], track: 1} of a video"

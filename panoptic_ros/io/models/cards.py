@@ -1,13 +1,13 @@
 """Model cards from YAML: those installed in config/models, and the user's own files."""
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from panoptic_ros.detection.card import ModelCard, card_from_mapping
-from panoptic_ros.errors import ConfigError, UsageError, shown
+from panoptic_ros.errors import ConfigError, UsageError, nearest, shown
 from panoptic_ros.io.documents import read_yaml
 from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.resources import cache_folder, share_folder
@@ -116,7 +116,9 @@ def _card_file(document: dict[str, Any], path: Path, named: Path | None) -> Card
 
 
 def _origin(values: Any) -> Origin:
-    good = isinstance(values, dict) and set(values) == {"package", "topology", "weights", "mean_outputs"}
+    keys = {"package", "topology", "weights", "mean_outputs"}
+    _refuse_unknown(values, keys, "fetch")
+    good = isinstance(values, dict) and set(values) == keys
     if not good or not isinstance(values["package"], str) or not isinstance(values["mean_outputs"], dict):
         raise ConfigError(
             "fetch needs package, topology and weights (each with member and sha256) and mean_outputs"
@@ -126,7 +128,15 @@ def _origin(values: Any) -> Origin:
     return Origin(values["package"], topology, weights, means)
 
 
+def _refuse_unknown(values: Any, keys: Collection[str], where: str) -> None:
+    """Refuse a table with a key that is not known."""
+    for key in values if isinstance(values, dict) else ():
+        if key not in keys:
+            raise ConfigError(f"{where}: unknown entry {shown(key)}; {nearest(key, keys)}")
+
+
 def _packed(key: str, entry: Any) -> PackedFile:
+    _refuse_unknown(entry, ("member", "sha256"), f"fetch: {key}")
     if not isinstance(entry, dict) or set(entry) != {"member", "sha256"}:
         raise ConfigError(f"fetch: {key} is {shown(entry)}, expected member and sha256")
     return PackedFile(str(entry["member"]), str(entry["sha256"]))

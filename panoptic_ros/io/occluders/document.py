@@ -12,6 +12,7 @@ from panoptic_ros.domain import Occluders
 from panoptic_ros.errors import DataError, shown
 from panoptic_ros.io.documents import LARGEST_TABLES, read_json
 from panoptic_ros.io.files import write_bytes
+from panoptic_ros.io.known_keys import keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.occluders.meshes import MESHES, read_mesh
 
@@ -19,6 +20,7 @@ Array = np.ndarray
 FORMAT = "panoptic-occluders-1"
 LARGEST = 1e8  # m of a place, or the index of a vertex
 FILE = "occluders.json"  # of a capture folder
+KEYS = keys("format units", boxes=[keys("name size centre R")], meshes=[keys("name file vertices triangles")])
 
 
 def read_occluders(path: Path) -> Occluders:
@@ -42,6 +44,7 @@ def _things(document: Any, path: Path) -> Occluders:
     if not isinstance(document, Mapping) or document.get("format") != FORMAT:
         found = document.get("format") if isinstance(document, Mapping) else None
         raise DataError(f'{path} has format {shown(found)}, expected "{FORMAT}"')
+    tell_unknown(document, KEYS, path)
     if document.get("units", "m") != "m":
         raise DataError(f"{path}: units are {shown(document['units'])}; occluders are in metres, 'm'")
     parts = [_box(item, f"{path}: box {_name(item, i)}") for i, item in _entries(document, "boxes", path)]

@@ -25,6 +25,8 @@ from panoptic_ros.errors import CalibrationError, DataError, UsageError, shown
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.io.distortion_models import ros_name
 from panoptic_ros.io.documents import read_yaml
+from panoptic_ros.io.known_keys import tell_unknown
+from panoptic_ros.io.rigs import rig_keys
 from panoptic_ros.io.rigs.fields import (
     LeftOut,
     camera,
@@ -53,6 +55,7 @@ def parse(folder: Path, options: ReadOptions) -> Rig:
         CalibrationError: naming the file and the key.
     """
     document = read_yaml(folder / POSES)
+    tell_unknown(document, rig_keys.POSES, folder / POSES)
     frame_id = name_of(document, "frame_id", POSES)
     poses = entry(document, "poses", POSES)
     if not isinstance(poses, dict) or not poses:
@@ -89,6 +92,7 @@ def _camera(folder: Path, name: str, pose: Any, taken: Taken) -> Camera:
     translation = pose_numbers(pose, "translation", pose_at, (3,))
     quaternion = pose_numbers(pose, "rotation", pose_at, (4,))
     document = read_yaml(folder / where)
+    tell_unknown(document, rig_keys.CAMERA_INFO, folder / where)
     size = (
         whole_number(entry(document, "image_width", where), f"{where}: image_width"),
         whole_number(entry(document, "image_height", where), f"{where}: image_height"),

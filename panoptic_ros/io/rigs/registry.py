@@ -12,6 +12,7 @@ from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.upright import Z_UP
 from panoptic_ros.errors import CalibrationError, UsageError
 from panoptic_ros.io.files import check_output_folder, file_errors, write_bytes
+from panoptic_ros.io.known_keys import Keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.rigs import (
     camera_info,
@@ -19,6 +20,7 @@ from panoptic_ros.io.rigs import (
     panoptic_json,
     qualisys,
     rig_json,
+    rig_keys,
     toml_rigs,
     total_capture,
 )
@@ -40,6 +42,7 @@ class _Format:
         dump: rig to text, or to several files' names and texts; None if it is only read.
         uses: the options that mean something to it.
         holds: which of `_EXTRAS` it can hold.
+        keys: that are known, see `tell_unknown`; None of XML and numbers, and of folders, which tell it.
     """
 
     name: str
@@ -50,6 +53,7 @@ class _Format:
     dump: Callable[[Rig], str | dict[str, str]] | None
     uses: frozenset[str] = frozenset()
     holds: frozenset[str] = frozenset()
+    keys: Keys | None = None
 
 
 def _has_many(camera: Camera) -> bool:
@@ -74,16 +78,16 @@ _FORMATS = (
     _Format(
         "rig.json", "rig.json (panoptic-rig-1)", "json",
         lambda document: document.get("format") == rig_json.FORMAT,
-        rig_json.parse, rig_json.dump, _SELECTION, frozenset(_EXTRAS),
+        rig_json.parse, rig_json.dump, _SELECTION, frozenset(_EXTRAS), rig_keys.RIG_JSON,
     ),
     _Format(
         "panoptic", "CMU Panoptic JSON", "json",
         panoptic_json.recognises, panoptic_json.parse, panoptic_json.dump, _SELECTION,
-        frozenset({"type", "panel"}),
+        frozenset({"type", "panel"}), rig_keys.PANOPTIC,
     ),
     _Format(
         "pack", "calibration.json with a stated unit", "json",
-        pack_json.recognises, pack_json.parse, None, _SELECTION,
+        pack_json.recognises, pack_json.parse, None, _SELECTION, keys=rig_keys.PACK,
     ),
     _Format(
         "qca", "Qualisys .qca.txt", "xml",
@@ -92,12 +96,12 @@ _FORMATS = (
     _Format(
         "caliscope", "caliscope TOML", "toml",
         toml_rigs.is_caliscope, toml_rigs.parse_caliscope, toml_rigs.dump_caliscope, frozenset({"unit"}),
-        _LENSES | {"up"},
+        _LENSES | {"up"}, rig_keys.CALISCOPE,
     ),
     _Format(
         "aniposelib", "aniposelib TOML", "toml",
         toml_rigs.is_aniposelib, toml_rigs.parse_aniposelib, toml_rigs.dump_aniposelib, frozenset({"unit"}),
-        _LENSES | {"up"},
+        _LENSES | {"up"}, rig_keys.ANIPOSELIB,
     ),
     _Format(
         "total-capture", "calibration.cal of Total Capture", "numbers",
@@ -144,6 +148,8 @@ def read_rig(
             useless = options.given() - chosen.uses
             if useless:
                 raise UsageError(f"{path}: {chosen.title} has no use for {', '.join(sorted(useless))}")
+            if document is not None and chosen.keys is not None:
+                tell_unknown(document.content, chosen.keys, path)
             return chosen.parse(document.content if document else None, options)
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from None

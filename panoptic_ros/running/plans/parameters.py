@@ -7,14 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.errors import ConfigError, shown
+from panoptic_ros.errors import ConfigError, nearest, shown
 from panoptic_ros.graph.build import configure, merged, parse_setting
 from panoptic_ros.graph.flow import LIVE_DEFAULTS
+from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.io.documents import read_yaml
 from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.params import Config
 from panoptic_ros.running.plans.free_threads import free_threads
 
+ROS = "ros__parameters"  # the key of ROS above the parameters of a node
 Parameters = dict[str, dict[str, Any]]  # {stage: {parameter: value}}
 
 
@@ -39,26 +41,41 @@ def read_parameters(
     return values
 
 
-def parameters_of(document: Any, file: Path) -> Parameters:
+def parameters_of(document: Any, file: Path, others: Sequence[str] = ()) -> Parameters:
     """The parameters in the document of a file.
+
+    Args:
+        others: keys besides stages that such a file may have, for messages.
 
     Raises:
         ConfigError: if it is of another form.
     """
     if document is None:
         return {}
-    if not isinstance(document, dict) or not all(isinstance(entry, dict) for entry in document.values()):
-        raise ConfigError(f"{file} must hold {{stage: {{parameter: value}}}}, found {shown(document)}")
+    wanted = f"{file} must hold {{stage: {{parameter: value}}}}"
+    if not isinstance(document, dict):
+        raise ConfigError(f"{wanted}, found {shown(document)}")
+    for stage, entries in document.items():
+        if not isinstance(entries, dict):
+            raise ConfigError(
+                f"{wanted}, found {shown(stage)}: {shown(entries)}; {nearest(stage, [*NODES, *others])}"
+            )
     return {
-        str(stage): {str(name): value for name, value in _plain(entries).items()}
+        str(stage): {str(name): value for name, value in _plain(entries, f"{file}: {stage}").items()}
         for stage, entries in document.items()
     }
 
 
-def _plain(entries: dict[str, Any]) -> dict[str, Any]:
+def _plain(entries: dict[str, Any], where: str) -> dict[str, Any]:
     """Entries of a ROS parameter file, as config/*.yaml are, stand one level deeper."""
-    inner = entries.get("ros__parameters")
-    return inner if isinstance(inner, dict) and len(entries) == 1 else entries
+    if ROS not in entries:
+        return entries
+    beside = [key for key in entries if key != ROS]
+    if beside or not isinstance(entries[ROS], dict):
+        odd = f"{shown(beside[0])} stands beside it" if beside else f"it is {shown(entries[ROS])}"
+        raise ConfigError(f"{where}: all parameters belong below {ROS}, as names and values; {odd}")
+    inner: dict[str, Any] = entries[ROS]
+    return inner
 
 
 def with_defaults(given: Parameters, defaults: Parameters) -> dict[str, Config]:

@@ -55,7 +55,7 @@ def read_preset(name_or_path: str | None) -> Preset:
         )
     document = read_yaml(path)
     skeleton = document.pop("skeleton", "") if isinstance(document, dict) else ""
-    preset = Preset(path.stem, str(skeleton), parameters_of(document, path))
+    preset = Preset(path.stem, str(skeleton), parameters_of(document, path, ("skeleton",)))
     configure(preset.parameters)  # so that mistakes are told before anything starts
     if preset.skeleton:
         load_skeleton(preset.skeleton)
