@@ -102,10 +102,32 @@ def test_a_device_is_read_between_its_samples_along_the_arc():
 
 def test_stamps_that_stand_twice_are_left_out_and_told():
     streams = ImuStreams(("back",))
+    streams.take(sample(5_000_000))
     streams.take(sample(10_000_000))
     (notice,) = streams.take(sample(10_000_000, 1.0))
     assert notice.code == "kinematics.imu_stamps" and "back sends the stamp 10000000" in notice.text
     assert (streams.last == [10_000_000]).all()
+
+
+@pytest.mark.parametrize("size", [2, 3, 7])
+def test_samples_of_a_batch_are_spread_by_their_rate(size):
+    """A device turns at 1 rad/s and sends several samples with the stamp of the first of them."""
+    streams, period, told = ImuStreams(("back",)), 10_000_000, []
+    for k in range(10 * size):
+        told += streams.take(sample((k - k % size) * period, 1e-9 * k * period))
+    assert [notice.code for notice in told] == ["kinematics.batches"]
+    for at in range(4 * size * period, (9 * size + size - 1) * period, 7_000_000):
+        there, (turn,), _ = streams.at(at)
+        assert there.all() and np.arctan2(turn[1, 0], turn[0, 0]) == pytest.approx(1e-9 * at, abs=1e-6)
+
+
+def test_a_device_without_orientation_is_told_once():
+    streams, told = ImuStreams(("back",)), []
+    for k in range(200):
+        nowhere = ImuSample("back", k * 10_000_000, np.full(4, np.nan), np.zeros(3), UP)
+        told += streams.take(nowhere)
+    assert [notice.code for notice in told] == ["kinematics.unoriented"]
+    assert "back tells no orientation" in told[0].text
 
 
 def test_a_flood_of_samples_pushes_nothing_out():

@@ -102,8 +102,10 @@ def write_imu(item: ImuSample, family: Messages, frame_id: str) -> Any:
 def read_imu(message: Any, device: str) -> ImuSample:
     """The sample of a sensor_msgs/Imu that came on the topic of a device.
 
+    An orientation of zeros or NaN is not there: drivers of IMUs without one leave it so.
+
     Raises:
-        DataError: if a number is not finite where the message says that it was measured.
+        DataError: if another number is not finite where the message says that it was measured.
     """
     turn, rate, force = message.orientation, message.angular_velocity, message.linear_acceleration
     return _sample(
@@ -141,7 +143,8 @@ def _sample(device: str, stamp_ns: int, parts: Sequence[tuple[str, Sequence[floa
     """Of (field, numbers, first number of its covariance)."""
     found = []
     for name, values, covariance in parts:
-        if covariance == UNKNOWN:
+        is_there = name != "orientation" or (any(values) and not any(map(math.isnan, values)))
+        if covariance == UNKNOWN or not is_there:
             values = (np.nan,) * len(values)
         elif not all(map(math.isfinite, values)):
             raise DataError(

@@ -25,6 +25,7 @@ UPRIGHT_S = 3.0  # over which the mean specific force of somebody who moves is t
 UPRIGHT = 5.0  # m/s^2, by which it may differ
 GRAVITY = np.array([0.0, 0.0, 9.81])
 FEWEST_TURNS = 30  # between samples, that tell the unit of rates
+FEWEST_UNORIENTED = 30  # samples without an orientation, one after another: half a second at the usual rate
 NONE = -1  # in place of a stamp
 
 
@@ -50,6 +51,12 @@ class ImuStreams:
         self._rates = np.zeros((count, 4))  # lately, see `rate_sums`
         self._learnt = np.full(count, NONE)  # stamps of the newest samples in these
         self._rates_told = np.zeros(count, bool)
+        self._unoriented = np.zeros(count, np.int64)  # samples without an orientation, of the newest ones
+        self._batch = np.full(count, NONE)  # the stamp that the newest samples came with
+        self._batched = np.zeros(count, np.int64)  # how many they are
+        self._period = np.zeros(count, np.int64)  # ns between samples of the batch before; 0 = not known
+        self._first = np.ones(count, bool)  # of one stamp so far
+        self._batches_told = False
 
     @property
     def last(self) -> Array:
@@ -58,25 +65,58 @@ class ImuStreams:
         return found
 
     def take(self, sample: ImuSample) -> tuple[Notice, ...]:
-        """Keep a sample; one that is not newer than the last is left out, with a notice."""
+        """Keep a sample; one that is not newer than the last is left out, with a notice.
+
+        Samples that come several to a stamp, in batches, are spread by the rate of the batch before.
+        """
         d = self._numbers.get(sample.device)
         if d is None:
             return ()
         stamps, values = self._stamps[d], self._values[d]
         last = int(stamps[-1])
-        if sample.stamp_ns <= last:
+        stamp, told = self._spread(d, sample.stamp_ns)
+        if stamp <= last:
+            if self._first[d] and sample.stamp_ns == last:
+                return ()  # perhaps a batch: the next stamp tells the rate
             text = (
                 f"{sample.device} sends the stamp {sample.stamp_ns} after {last}; such samples are left out"
             )
             return (_notice("imu_stamps", "warning", text, sample.device),)
-        is_near = last != NONE and sample.stamp_ns - last < NEAREST_NS
+        is_near = last != NONE and stamp - last < NEAREST_NS
         self._taken[d, int(is_near)] += 1.0
         if is_near:
-            return ()
+            return told
         stamps[:-1], values[:-1] = stamps[1:], values[1:]
-        stamps[-1] = sample.stamp_ns
+        stamps[-1] = stamp
         values[-1, :4], values[-1, 4:7], values[-1, 7:] = sample.orientation, sample.force, sample.rate
-        return ()
+        self._unoriented[d] = self._unoriented[d] + 1 if np.isnan(sample.orientation[0]) else 0
+        if self._unoriented[d] == FEWEST_UNORIENTED:
+            text = (
+                f"{sample.device} tells no orientation (zeros, NaN or a covariance of -1), so bodies go on "
+                "without it; let its driver estimate one"
+            )
+            told = (*told, _notice("unoriented", "warning", text, sample.device))
+        return told
+
+    def _spread(self, d: int, stamp_ns: int) -> tuple[int, tuple[Notice, ...]]:
+        """Return the time of a sample of a device that has this stamp, and a notice at the first batch."""
+        begin, count = int(self._batch[d]), int(self._batched[d])
+        if stamp_ns > begin:
+            if begin != NONE and count > 1:
+                self._period[d] = (stamp_ns - begin) // count
+            self._first[d] = begin == NONE
+            self._batch[d], self._batched[d] = stamp_ns, 1
+            return stamp_ns, ()
+        self._batched[d] += int(stamp_ns == begin)
+        if stamp_ns < begin or not self._period[d]:
+            return stamp_ns, ()
+        told: tuple[Notice, ...] = ()
+        if not self._batches_told:
+            self._batches_told = True
+            rate = 1e9 / int(self._period[d])
+            text = f"IMUs send several samples with one stamp, which are spread by their rate, {rate:.0f} Hz"
+            told = (_notice("batches", "info", text, self.names[d]),)
+        return stamp_ns + count * int(self._period[d]), told
 
     def at(self, stamp_ns: int) -> Measured:
         """What devices measured at an instant, between the samples on both sides of it (slerp, linear)."""

@@ -45,6 +45,15 @@ def test_bytes_say_what_the_message_says(length, unknown):
     assert np.isnan(quick.rate).all() == bool(unknown) and not np.isnan(quick.force).any()
 
 
+@pytest.mark.parametrize("values", [(0.0, 0.0, 0.0, 0.0), (np.nan,) * 4, (0.0, np.nan, 0.0, 1.0)])
+def test_orientations_of_zeros_or_nan_are_not_there(values):
+    given = message()
+    for part, value in zip("xyzw", values):
+        setattr(given.orientation, part, value)
+    for found in both(serialize_message(given)):
+        assert np.isnan(found.orientation).all() and not np.isnan(found.force).any()
+
+
 def test_what_is_no_plain_message_is_left_to_the_message_itself():
     data = serialize_message(message())
     for other in (data[:-1], data + b"\0", b"\0\0" + data[2:], b""):
