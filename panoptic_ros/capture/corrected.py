@@ -1,4 +1,4 @@
-"""A source whose stamps are corrected by what is known of its camera's clock."""
+"""A source whose stamps are corrected by what is known of its camera's clock, or that ends early."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
@@ -17,26 +17,32 @@ class CorrectedSource:
     """The frames of a source with other stamps; those that would lie before 0 are left out.
 
     Args:
-        line: a `StampLine` in plain words.
+        line: a `StampLine` in plain words; None = the stamps are right.
+        until_ns: frames with this stamp and later ones are left out.
 
     Raises:
         DataError: if the line has no such numbers.
     """
 
-    def __init__(self, source: VideoSource | ImageFolderSource | TimedSource, line: Mapping[str, Any]):
+    def __init__(
+        self, source: VideoSource | ImageFolderSource | TimedSource, line: Mapping[str, Any] | None,
+        until_ns: int | None = None,
+    ):  # fmt: skip
         try:
-            self._line = StampLine.from_words(line)
+            self._line = None if line is None else StampLine.from_words(line)
         except DataError as error:
             raise DataError(f"camera {source.camera}: {error}") from None
-        self._source = source
+        self._source, self._until_ns = source, until_ns
         self.camera, self.path, self.image_size = source.camera, source.path, source.image_size
         self.frame_rate, self.frame_count = source.frame_rate, source.frame_count
 
     def __iter__(self) -> Iterator[ViewFrame]:
         for frame in self._source:
-            stamp = self._line.corrected(frame.stamp_ns)
+            stamp = frame.stamp_ns if self._line is None else self._line.corrected(frame.stamp_ns)
+            if self._until_ns is not None and stamp >= self._until_ns:
+                return
             if stamp >= 0:
-                yield replace(frame, stamp_ns=stamp)
+                yield frame if stamp == frame.stamp_ns else replace(frame, stamp_ns=stamp)
 
     @property
     def after(self) -> tuple[Notice, ...]:

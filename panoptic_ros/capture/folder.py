@@ -92,6 +92,7 @@ def open_capture_folder(
     hardware: str = "",
     depth: bool = True,
     skip_damaged: bool = False,
+    until_ns: int | None = None,
 ) -> CaptureFolder:
     """Open a capture folder.
 
@@ -109,6 +110,7 @@ def open_capture_folder(
         corrections: of stamps by camera, see `CorrectedSource`; sound keeps its own.
         starts: see `open_files`.
         hardware, skip_damaged: see `Movie`. depth: use maps that are registered to cameras.
+        until_ns: frames with this stamp and later ones are left out.
 
     Raises:
         DataError: no folder, no rig, cameras without images, two files for one camera.
@@ -132,7 +134,7 @@ def open_capture_folder(
     opened = open_files(
         rig, files, size_policy=size_policy, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps,
         times=times, corrections=corrections, starts=starts, hardware=hardware, depth=depth,
-        skip_damaged=skip_damaged,
+        skip_damaged=skip_damaged, until_ns=until_ns,
     )  # fmt: skip
     told = tabled_notices(rig) if by_studio else ()
     stamps = stamps or {name: tuple(own.values()) for name, own in times.items()}
@@ -165,6 +167,7 @@ def open_files(
     hardware: str = "",
     depth: bool = True,
     skip_damaged: bool = False,
+    until_ns: int | None = None,
 ) -> CaptureFolder:
     """Open one video or image folder per camera, with the depth maps beside it, and check it against the rig.
 
@@ -175,7 +178,7 @@ def open_files(
         corrections: of stamps by camera, see `CorrectedSource`.
         starts: of cameras whose recording began later than `start_ns`, by how many ns; None: as `find_starts`
             finds, where there are no stamps.
-        hardware, skip_damaged: see `Movie`.
+        hardware, skip_damaged: see `Movie`. until_ns: see `open_capture_folder`.
 
     Raises:
         CalibrationError, DataError: as `open_capture_folder`.
@@ -210,7 +213,8 @@ def open_files(
             if isinstance(images, VideoSource) and images.has_sound:
                 sounds.append(_sound(images, frame_rate, own_stamps[name]))
             own_time = TimedSource(images, times[name]) if name in times else images
-            timed = CorrectedSource(own_time, corrections[name]) if name in corrections else own_time
+            changed = name in corrections or until_ns is not None
+            timed = CorrectedSource(own_time, corrections.get(name), until_ns) if changed else own_time
             depths = depth_files(Path(files[name]).parent, name) if depth else ()
             sources[k] = DepthSource(timed, depths, images.frame_count) if depths else timed
         notices += [_told(text, names) for text, names in said.items()]

@@ -28,15 +28,23 @@ def imu_devices(path: Path) -> tuple[str, ...]:
     return tuple(_series(path))
 
 
-def imu_samples(path: Path, devices: Collection[str]) -> Iterator[ImuSample]:
+def imu_samples(
+    path: Path, devices: Collection[str], until_ns: int | None = None
+) -> Iterator[ImuSample]:
     """Samples of some devices of a file, by their stamps.
+
+    Args:
+        until_ns: samples with this stamp and later ones are left out.
 
     Raises:
         DataError: as `imu_devices`, or if a sample is none.
     """
     found = _series(path)
     rows = [_samples(name, found[name]) for name in devices]
-    yield from merge(*rows, key=lambda sample: sample.stamp_ns)
+    for sample in merge(*rows, key=lambda sample: sample.stamp_ns):
+        if until_ns is not None and sample.stamp_ns >= until_ns:
+            return
+        yield sample
 
 
 def _samples(name: str, series: ImuSeries) -> Iterator[ImuSample]:

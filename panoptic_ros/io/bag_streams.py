@@ -28,6 +28,7 @@ TRACKS_KEY = "patch_tracks"
 SOUND_KEY = "audio"
 IMAGE_KEY = "image"
 IMU_KEY = "imu"
+GOES_ON, LEFT_OUT, IS_OVER = range(3)  # of a message at the end of what is read
 LOOKED_AT = 20  # messages that tell the rate
 
 
@@ -44,6 +45,7 @@ class BagStream:
         line: corrects the stamps; what would lie before 0 is left out.
         people: the messages are 2D people of another stack.
         encoding: of images, in place of what they say.
+        until_ns: messages with this stamp and later ones are left out.
     """
 
     bag: Path
@@ -56,6 +58,7 @@ class BagStream:
     line: StampLine | None = None
     people: ForeignPeople | None = None
     encoding: str = ""
+    until_ns: int | None = None
 
     @classmethod
     def from_words(cls, words: Mapping[str, Any]) -> BagStream:
@@ -78,6 +81,7 @@ class BagStream:
         connection = bag.connection(self.topic)
         bad: list[DataError] = []
         rows = bag.raw(self.topic, on_bad=bad.append)
+        ended = self._ended()
         for number, (_, arrival_ns, data, kind) in enumerate(rows):
             yield from bad
             bad.clear()
@@ -87,6 +91,10 @@ class BagStream:
                 if stamp < 0:
                     continue
                 data = with_stamp(data, stamp)
+            if (end := ended(arrival_ns, data)) != GOES_ON:
+                if end == IS_OVER:
+                    break
+                continue
             try:
                 if self.people is None:
                     message = decode_cdr(data, kind)
@@ -98,6 +106,25 @@ class BagStream:
             if not self._is_early(message):
                 yield BagMessage(self, arrival_ns, stamp_of(message.header), bytes(data), message)
         yield from bad
+
+    def _ended(self) -> Callable[[int, bytes], int]:
+        """Make a function that says of each message, with its time of recording, whether it is beyond the
+        end, and whether all that follow are: stamps may jump, times of recording do not.
+        """
+        begin: list[int] = []
+
+        def ended(arrival_ns: int, data: bytes) -> int:
+            stamp = None if self.until_ns is None else stamp_in(data)
+            if self.until_ns is None or stamp is None:
+                return GOES_ON
+            if not begin:
+                begin.extend((stamp, arrival_ns))
+            if stamp < self.until_ns:
+                return GOES_ON
+            late = arrival_ns - begin[1] > self.until_ns - begin[0] + JUMP_NS
+            return IS_OVER if late else LEFT_OUT
+
+        return ended
 
     def _is_early(self, message: Any) -> bool:
         """Whether it is sound of before what is needed."""

@@ -202,7 +202,7 @@ def _source(entry: Mapping[str, Any], rig_of_run: Any, overrides: Mapping[str, A
     if entry["kind"] == "sound":
         return make_sound_node(entry["sound"], rig_of_run.names, overrides)
     if entry["kind"] == "imus":
-        return make_imu_node(entry["imus"], rig_of_run.names, overrides)
+        return make_imu_node(entry["imus"], rig_of_run.names, overrides, entry["until_ns"])
     if entry["kind"] == "bag":
         streams = [BagStream.from_words(stream) for stream in entry["streams"]]
         return make_bag_node(streams, overrides)

@@ -89,7 +89,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--live-view", action="store_true", help="show a table while it runs")
     parser.add_argument("--no-pictures", action="store_true", help="no overlays, video and plot")
     parser.add_argument("--duration", type=number(float, 0.1, 1e9), metavar="S",
-                        help="stop after so many seconds")  # fmt: skip
+                        help="of a recording: its first seconds, by its stamps; live: stop so long "
+                        "after the first image")  # fmt: skip
     add_saved_option(parser)
     parser.add_argument("--offsets-from-sound", action="store_true",
                         help="find clocks of cameras from what they hear, and correct stamps")  # fmt: skip

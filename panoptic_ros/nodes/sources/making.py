@@ -69,12 +69,13 @@ def make_sound_node(
 
 
 def make_imu_node(
-    imus: Mapping[str, str], cameras: Sequence[str], overrides: Mapping[str, Any]
-) -> SourceNode:
+    imus: Mapping[str, str], cameras: Sequence[str], overrides: Mapping[str, Any],
+    until_ns: int | None = None,
+) -> SourceNode:  # fmt: skip
     """A node that publishes what IMUs measured.
 
     Args:
-        imus: file of samples by device. cameras: beside them.
+        imus: file of samples by device. cameras: beside them. until_ns: see `imu_samples`.
 
     Raises:
         UserError: as the files' reading.
@@ -83,7 +84,7 @@ def make_imu_node(
     topics = {device: (topic.of(device), topic.message) for device in imus}
     node = SourceNode("imus", topics, overrides, sound_beside=cameras)
     paths = dict.fromkeys(imus.values())
-    every = (imu_samples(Path(path), [d for d in imus if imus[d] == path]) for path in paths)
+    every = (imu_samples(Path(path), [d for d in imus if imus[d] == path], until_ns) for path in paths)
     node.start(imu_messages(merge(*every, key=lambda sample: sample.stamp_ns)))
     return node
 

@@ -38,6 +38,7 @@ class Plan:
         subjects: files of the designated people.
         imus: file with samples by device; empty for bags and running drivers.
         worn: devices on the designated people, in the order of their files.
+        until_ns: of a recording: what is stamped then or later is left out; None = nothing is.
         notices: one line each about what was adapted.
     """
 
@@ -64,6 +65,7 @@ class Plan:
     subjects: tuple[Path, ...] = ()
     imus: Mapping[str, Path] = field(default_factory=dict)
     worn: tuple[str, ...] = ()
+    until_ns: int | None = None
     notices: tuple[str, ...] = ()
 
     @property

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
+from itertools import takewhile
 from typing import Any, Protocol
 
 from panoptic_ros.capture import open_recording, open_source
@@ -125,15 +126,20 @@ def run_in_process(
             source = stack.enter_context(open_sound(sound))
             records[SOUND_KEY, source.device] = iter(source)
         for sensor in plan.maps:
-            records["sensor_depth", sensor.camera] = iter(sensor)
+            records["sensor_depth", sensor.camera] = takewhile(partial(_is_before, plan), sensor)
         for device, path in plan.imus.items():
-            records[IMU_KEY, device] = imu_samples(path, [device])
+            records[IMU_KEY, device] = imu_samples(path, [device], plan.until_ns)
         _replay(plan, counted.pipeline, records, results, stop)
         for error in refused:
             counted.refuse(error)
         for notice in known:
             counted.note(notice)
     return counted.statistics
+
+
+def _is_before(plan: Plan, record: Any) -> bool:
+    """Return whether a record lies before the end of the plan."""
+    return plan.until_ns is None or bool(record.stamp_ns < plan.until_ns)
 
 
 def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide | None:

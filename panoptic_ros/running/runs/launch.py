@@ -55,7 +55,9 @@ def write_launch_file(
         processes.setdefault(name, []).append(node)
     if plan.imus:
         paths = {device: str(path) for device, path in plan.imus.items()}
-        processes["imus"] = [{"kind": "imus", "imus": paths, "parameters": plan_of_nodes.bodies}]
+        processes["imus"] = [
+            {"kind": "imus", "imus": paths, "until_ns": plan.until_ns, "parameters": plan_of_nodes.bodies}
+        ]
     joined = _is_joined(plan, plan_of_nodes.guided, one_per_stage)
     beside = tuple(name for name in BESIDE_IMAGES if name in plan_of_nodes.stages)
     if plan.stage == "detection" and not joined:

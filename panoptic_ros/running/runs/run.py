@@ -15,6 +15,7 @@ from typing import Any
 from panoptic_ros.errors import ContractError, PanopticError
 from panoptic_ros.io.folders import MARK
 from panoptic_ros.io.interruption import first_request_told, interrupted, requests_held
+from panoptic_ros.running.plans.duration import ended_after
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead
 from panoptic_ros.running.runs.finish import draw, finish, grouped_views
@@ -68,7 +69,8 @@ def run(
         offline: the same, and skeletons are refined over the whole recording.
         jpeg_quality: 1-100: images are sent to other processes as JPEG; 0: as they are.
         node_per_stage: a node and a process for every stage after detection, in place of one for all.
-        duration_s: stop after so many seconds.
+        duration_s: of a recording, from its first stamp; live, from the first record on, or from the start
+            where none comes. None = all of it.
         pictures: also draw overlays, a video and a plot.
         observer: is told what goes on.
         ahead: becomes a process of the graph.
@@ -82,11 +84,13 @@ def run(
     if not (in_process or offline):
         plan, told = without_patch_inputs(plan)
         observer.judged(told)
+    if duration_s is not None and not plan.live:
+        plan = ended_after(plan, duration_s)
     if plan.live:
         return _run_live(plan, open_live_folder(Path(out)), how, told)
     with result_folder(Path(out)) as folder:
         started = time.monotonic()
-        watch = _Watch(plan, observer, interrupted, duration_s)
+        watch = _Watch(plan, observer, interrupted)
         with Results(folder, plan, watch.saw, pictures) as results:
             observer.started(plan)
             counted = _counted(plan, results, watch.stop, how)
@@ -123,20 +127,23 @@ class _Watch:
     """Passes records to observer and self-check, and decides when a run stops."""
 
     def __init__(
-        self, plan: Plan, observer: RunObserver, asked: Callable[[], bool], duration_s: float | None
+        self, plan: Plan, observer: RunObserver, asked: Callable[[], bool], duration_s: float | None = None
     ):
         self._observer, self._asked = observer, asked
-        self._end_s = None if duration_s is None else time.monotonic() + duration_s
+        self._duration_s = float("inf") if duration_s is None else duration_s
+        self._has_begun, self._end_s = False, time.monotonic() + self._duration_s
         self.check = StartupCheck(plan, observer.judged)
 
     def saw(self, key: str, record: Any) -> None:
         """A record of the topic of that key."""
+        if not self._has_begun and hasattr(record, "stamp_ns"):
+            self._has_begun, self._end_s = True, time.monotonic() + self._duration_s
         self._observer.saw(key, record)
         self.check.saw(key, record)
 
     def stop(self) -> bool:
         """Whether the run is to end now."""
-        return self._asked() or (self._end_s is not None and time.monotonic() > self._end_s)
+        return self._asked() or time.monotonic() > self._end_s
 
 
 class _IsolatedObserver:
