@@ -10,7 +10,9 @@ from panoptic_ros.cli.options import number, output_file
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.add_argument("path", type=Path, metavar="RESULTS|BAG", help="what `panoptic run` left, or a bag")
+    parser.add_argument("path", type=Path, metavar="RESULTS|BAG",
+                        help="what `panoptic run` or `solve` left, or a bag")  # fmt: skip
+    parser.add_argument("--rig", type=Path, help="calibration, where none is beside skeletons.json")
     parser.add_argument("--out", type=output_file, required=True, metavar="FILE.html|.bvh|...",
                         help="one page with all data and images; bodies: .bvh, .glb (glTF animation), "
                         ".trc and .mot (OpenSim), .urdf")  # fmt: skip
@@ -28,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.view.progress import PassBar
 
     with PassBar("export") as bar:
-        wanted = Wanted(args.begin, args.end, args.segments)
+        wanted = Wanted(args.begin, args.end, args.segments, args.rig)
         files = export(args.path, args.out, wanted, bar.show)
     for file in files:
         page = "; it opens in any browser, without a network" if file.suffix == ".html" else ""

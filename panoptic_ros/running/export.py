@@ -26,11 +26,13 @@ from panoptic_ros.view.page.recorded import RecordedScene
 
 
 class Wanted(NamedTuple):
-    """What of results is written: s from the beginning, None = to the end; the skeleton of bodies."""
+    """What of results is written: s from the beginning, None = to the end; the skeleton of bodies; the rig in
+    place of theirs, None = theirs."""
 
     begin_s: float = 0.0
     end_s: float | None = None
     segments: str = DEFAULT_MODEL
+    rig: Path | None = None
 
 
 Writer = Callable[[Path, Path, Wanted, Progress], list[Path]]
@@ -54,12 +56,19 @@ def _write_html(path: Path, out: Path, wanted: Wanted, progress: Progress) -> li
     """One page that shows all of it, with images."""
     from panoptic_ros.view.page.one_file import one_file
 
-    scene = open_recorded(path)
+    scene = open_recorded(path, wanted.rig)
     if not isinstance(scene, RecordedScene):
-        raise UsageError(f"{path} is neither the results of `panoptic run` nor a bag")
-    scene.scan(lambda: False, lambda: None)
-    write_bytes(out, one_file(scene, wanted.begin_s, wanted.end_s, progress))
-    scene.close()
+        raise UsageError(f"{path} is neither the results of `panoptic run` or `solve` nor a bag")
+    try:
+        if not scene.has_people:
+            raise UsageError(
+                f"{path} has no skeletons; `panoptic run --bag {path} --out RESULTS` finds them, where it "
+                "has images or 2D people"
+            )
+        scene.scan(lambda: False, lambda: None)
+        write_bytes(out, one_file(scene, wanted.begin_s, wanted.end_s, progress))
+    finally:
+        scene.close()
     return [out]
 
 

@@ -15,6 +15,7 @@ from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON, load_skeleton
 from panoptic_ros.io.takes import is_recorded_now, unclosed_take
+from panoptic_ros.running.viewer.plain_results import PlainScene, plain_file
 from panoptic_ros.view.page.recorded import RecordedScene
 from panoptic_ros.view.page.recorded_talk import RecordedTalk
 from panoptic_ros.view.page.server import PageServer
@@ -32,7 +33,7 @@ Ready = Callable[[str], None]  # called with the address of the page
 def open_recorded(
     path: Path, rig: Path | None = None, skeleton: str = "", truth: Path | None = None
 ) -> RecordedScene | FolderScene:
-    """The results of a run, a bag, or a capture folder, to be looked at.
+    """The results of a run or of `solve`, a bag, or a capture folder, to be looked at.
 
     Args:
         rig, skeleton: in place of what the bag or folder says.
@@ -43,13 +44,21 @@ def open_recorded(
     """
     path = Path(path)
     if not path.exists():
-        raise UsageError(f"there is no {path}; give the results of `panoptic run`, a bag or a capture folder")
+        raise UsageError(
+            f"there is no {path}; give the results of `panoptic run` or `solve`, a bag or a capture folder"
+        )
     if is_recorded_now(path):
         raise UsageError(f"{path} is being recorded now; `panoptic view --live` shows the graph")
     if (take := unclosed_take(path) or unclosed_take(path.parent)) is not None:
         raise UsageError(f"{take}; then view that")
     kept = path / "bag" / "metadata.yaml"  # of a take that was repaired, which has no report
+    if path.is_file() and (plain := plain_file(path)) is not None:
+        return _open_plain(plain, rig, skeleton, truth)
     if path.is_dir() and not any(p.is_file() for p in (path / MARK, path / "metadata.yaml", kept)):
+        from panoptic_ros.capture import has_media  # needs decoders, which results do without
+
+        if not has_media(path) and (plain := plain_file(path)) is not None:
+            return _open_plain(plain, rig, skeleton, truth)
         return _open_folder(path, rig, skeleton, truth)
     given: dict[str, Any] = {}
     if rig is not None:
@@ -66,6 +75,16 @@ def open_recorded(
             raise UsageError(f"{path} has a {MARK} but no bag/: run `panoptic run` again")
         return RecordedScene(bag, path.resolve().name, report=read_json(path / MARK), **given)
     return RecordedScene(path / "bag" if kept.is_file() else path, path.resolve().name, **given)
+
+
+def _open_plain(path: Path, rig: Path | None, skeleton: str, truth: Path | None) -> RecordedScene:
+    """Open the skeletons of a plain file."""
+    from panoptic_ros.io.rigs import read_rig
+
+    if skeleton:
+        raise UsageError(f"--skeleton has no meaning for {path}, which names its joints")
+    cameras = None if rig is None else read_rig(rig)
+    return PlainScene(path, cameras, None if truth is None else read_skeletons(truth))
 
 
 def _open_folder(path: Path, rig: Path | None, skeleton: str, truth: Path | None) -> FolderScene:

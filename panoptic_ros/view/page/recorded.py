@@ -75,6 +75,12 @@ class RecordedScene:
         """How many seconds it has."""
         return max(1, math.ceil((self._bag.end_ns - self._bag.begin_ns + 1) / BLOCK_NS))
 
+    @property
+    def has_people(self) -> bool:
+        """Return whether there are messages with skeletons or bodies."""
+        names = [name for name, topic in self._sources.values() if topic.key in ("skeletons", "bodies")]
+        return any(self._bag.counts[name] for name in names)
+
     def facts(self) -> dict[str, Any]:
         """What a page is told first."""
         return self._facts.document()
@@ -122,7 +128,7 @@ class RecordedScene:
         """
         names = [name for name, topic in self._sources.values() if topic.key == "skeletons"]
         with BagReader(self._path) as bag:
-            for count, (_, _, data, _) in enumerate(bag.raw(*names)):
+            for count, (_, _, data, _) in enumerate(bag.raw(*names) if names else ()):
                 while (self._asked or time.monotonic() < self._quiet_until) and not stopped():
                     time.sleep(GIVE_WAY_S)
                 if stopped():
