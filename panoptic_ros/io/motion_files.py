@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.errors import DataError, one_line, shown
+from panoptic_ros.errors import DataError, one_line, plain, shown
 from panoptic_ros.io.arrays import arrays_of
 from panoptic_ros.io.documents import read_yaml
 from panoptic_ros.io.loading import parsing, read_unpacked
@@ -18,6 +18,8 @@ from panoptic_ros.io.resources import share_folder
 from panoptic_ros.kinematics.body.fitting import Site
 
 Array = np.ndarray
+SHORTEST_PREFIX = 4  # characters that the names of all joints begin with, as "mixamorig" and "bip01"
+UPPER_ARMS = ("leftarm", "rightarm", "upperarm", "uparm")  # ends of names without underscores
 ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")
 
 
@@ -90,8 +92,10 @@ def _bvh(words: Iterator[str], path: Path, unit: float) -> JointMotion:
 
 
 def read_sites(model: SegmentModel) -> dict[str, Site]:
-    """Where joints of recorded motion lie on the skeleton, by their plain names, see `plain`; those on
-    segments that it lacks are left out."""
+    """Return where joints of recorded motion lie on the skeleton, by their names, see `named`.
+
+    Those on segments that it lacks are left out.
+    """
     table: dict[str, Any] = dict(read_yaml(share_folder() / "config" / "bodies" / "motion_joints.yaml"))
     found: dict[str, Site] = {}
     for rows in (table.pop("ends"), table):
@@ -99,12 +103,12 @@ def read_sites(model: SegmentModel) -> dict[str, Site]:
             if segment not in model.names:
                 continue
             share = np.array(row.get("offset", (0.0, 0.0, 0.0)), float)
-            found |= {plain(name): Site(model.index(segment), share) for name in row["names"]}
+            found |= {named(name): Site(model.index(segment), share) for name in row["names"]}
     return found
 
 
-def plain(name: str) -> str:
-    """A joint's name without prefix, case and spaces."""
+def named(name: str) -> str:
+    """Return a joint's name without case, blanks and a prefix that ends in a colon."""
     return name.rpartition(":")[2].lower().replace(" ", "")
 
 
@@ -177,7 +181,37 @@ def _about(axis: int, angles: Array) -> Array:
 
 
 def named_plainly(motion: JointMotion, sites: Mapping[str, Site]) -> JointMotion:
-    """With plain names; of several joints of one name, the first that is known."""
-    names = [plain(name) for name in motion.joint_names]
-    kept = [k for k, name in enumerate(names) if name in sites and name not in names[:k]]
-    return motion._replace(joint_names=tuple(names[k] for k in kept), joints=motion.joints[:, kept])
+    """Return the motion with the names of the sites; of several joints for one site, that of the exact name.
+
+    Names are compared without the beginning that all share, exactly first, then without underscores and
+    hyphens. LeftShoulder is a shoulder where there is no LeftArm, left_hand a wrist where there is no other.
+    """
+    names = [named(name) for name in motion.joint_names]
+    common = _shared_beginning([name for name in names if not name.endswith("end")])
+    names = [name[common:].lstrip("_-") for name in names]
+    arms = any(plain(name).endswith(UPPER_ARMS) for name in names)
+    begins = {name: site for name, site in sites.items() if not np.any(site.share)}
+    taken: dict[tuple[int, tuple[float, ...]], tuple[int, str]] = {}  # joint and name by place
+    for table, exactly in ((begins, True), (begins, False), (sites, True), (sites, False)):
+        known = {name if exactly else plain(name): name for name in table}
+        for k, name in enumerate(names):
+            found = known.get(name if exactly else plain(name))
+            if arms and name.endswith("shoulder"):
+                continue  # a clavicle, where the upper arm has a name
+            if found is not None and all(k != joint for joint, _ in taken.values()):
+                place = table[found].segment, tuple(table[found].share.tolist())
+                taken.setdefault(place, (k, found))
+    kept = sorted(taken.values())
+    return motion._replace(
+        joint_names=tuple(name for _, name in kept), joints=motion.joints[:, [k for k, _ in kept]]
+    )
+
+
+def _shared_beginning(names: Sequence[str]) -> int:
+    """Return how many characters all names begin with; 0 if these are few."""
+    same = 0
+    for letters in zip(*names):
+        if len(names) < 2 or len(set(letters)) > 1:
+            break
+        same += 1
+    return same if same >= SHORTEST_PREFIX else 0
