@@ -44,7 +44,9 @@ FOREIGN = {  # keys of the document, or of the first entry of a list, of formats
     "a result of MMPose of each frame": {"frame_id", "instances"},
     "annotations of COCO": {"images", "annotations"},
 }
-REMEDY = f"write it as {DETECTIONS}, with stamps and the names of cameras: docs/formats.md has a program for that"
+REMEDY = (
+    f"write it as {DETECTIONS}, with stamps and the names of cameras: docs/formats.md has a program for that"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -5,8 +5,9 @@ from panoptic_ros.io.known_keys import EACH, OTHERS, keys
 
 _CAMERA = "name image_size K distortion R t type panel clock lens line_delay_us covariance"
 RIG_JSON = keys(
-    "format units frame_id up", cameras=[keys(_CAMERA)], depth_sensors=[keys(f"{_CAMERA} colour_camera unit_m")]
-)
+    "format units frame_id up", cameras=[keys(_CAMERA)],
+    depth_sensors=[keys(f"{_CAMERA} colour_camera unit_m")],
+)  # fmt: skip
 PANOPTIC = keys("calibDataSource", cameras=[keys("name type panel node resolution lens K distCoef R t")])
 _PACKED = "name id K R t distortion distCoef distortion_model resolution image_size width height type panel"
 PACK = keys(f"format unit units to_z_up {OTHERS}", cameras=[keys(f"{_PACKED} {OTHERS}")])  # of many origins
