@@ -44,7 +44,7 @@ class Expected:
         return cls(np.zeros((0, 1, 2)), np.zeros((0, 1), bool), np.zeros(0), image_size)
 
     def turned(self, turn: Turn) -> Expected:
-        """The same people in the upright image."""
+        """Move the people to the upright image."""
         return replace(self, pixels=turn.pixels(self.pixels), image_size=turn.size)
 
     @cached_property

@@ -303,7 +303,7 @@ class DetectionStage(Stateful):
 
 
 def _back(finding: Finding, turn: Turn) -> Finding:
-    """What was found in an upright image, in px of the camera; without boxes, which no record holds."""
+    """Turn people and score maps of an upright image back; no record holds boxes, so they stay."""
     people, patches = finding.people, finding.patches
     people = replace(people, points=turn.back(people.points))
     if patches is not None:  # the cells stay where they are

@@ -1,4 +1,4 @@
-"""Which cameras are on their side or upside down, as the rig's up direction tells.
+"""How cameras are rolled about their optical axes, by the rig's up direction.
 
 Networks find upright people. Images of rolled cameras are turned as they come (`preprocess.Turn`), and
 everything in detection is in px of the upright image. Records are in px of the camera.
@@ -21,7 +21,7 @@ LEVEL = 10.0  # deg off a quarter turn up to which images are turned by that qua
 CONTRARY = 0.5  # cosine of the angle between two up axes, below which one of them is wrong
 SURE = 0.7  # cosine of the angle between up and the tops of images, above which these tell up
 AROUND, FEWEST = 0.25, 3  # spread and number of cameras, below which images tell no up: all may be rolled
-NOT_KNOWN = (0.0, 0.0, 0.0)  # `DetectionConfig.up` where nobody states it
+NOT_KNOWN = (0.0, 0.0, 0.0)  # `DetectionConfig.up` where no file states it
 FINDING = "`panoptic rig check RIG --detections FILE` finds from people which way is up"
 
 
@@ -44,7 +44,7 @@ def rolls_of(rig: Rig, up: Sequence[float] = ()) -> Rolls:
     Nothing is turned where up is not known, nor where all images are upright along another axis than up.
 
     Args:
-        up: of the world, in place of the rig's, and right in any case; `NOT_KNOWN`: nobody states it.
+        up: of the world; it replaces the rig's and is not questioned. `NOT_KNOWN`: no file states it.
 
     Raises:
         ConfigError: if `up` is no direction.
@@ -78,7 +78,7 @@ def rolls_of(rig: Rig, up: Sequence[float] = ()) -> Rolls:
 
 
 def _turns(rig: Rig, up: Direction) -> dict[str, float]:
-    """Degrees by camera, of those that are turned; almost a quarter turn is one."""
+    """Return degrees by camera, of those that are turned; almost a quarter turn is one."""
     found = {}
     for camera in rig.cameras:
         degrees = roll_of(camera, up)
@@ -90,7 +90,7 @@ def _turns(rig: Rig, up: Direction) -> dict[str, float]:
 
 
 def _up_of_untouched(rig: Rig) -> Direction | None:
-    """The direction along which all images are upright as they are, if that is sure."""
+    """Find the direction along which all images are upright as they are, if that is sure."""
     up = up_of_images(rig.cameras, [0] * len(rig), AROUND) if len(rig) >= FEWEST else None
     if up is None or min(-camera.cam_from_world.rotation[1] @ up for camera in rig.cameras) < SURE:
         return None

@@ -75,6 +75,6 @@ def up_of_images(
 
 
 def _agree(rows: Array, tops: Array, up: Array) -> bool:
-    """Whether images with rows and tops (C, 3) in the world are upright within an eighth of a turn."""
+    """Tell whether images with rows and tops (C, 3) in the world are upright within 45 degrees."""
     across, along = rows @ up, tops @ up
     return bool(((along > np.abs(across)) | (np.hypot(across, along) < STEEP)).all())

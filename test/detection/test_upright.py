@@ -26,13 +26,13 @@ LEVEL_POSE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def turning(degrees):
-    """What a turn of the image counter-clockwise does to directions in it (2, 2)."""
+    """Return the map of directions (2, 2) when an image turns counter-clockwise."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return np.array([[c, s], [-s, c]])
 
 
 def camera(name, degrees=0.0, heading=0.0, size=(256, 192)):
-    """A camera whose image, turned counter-clockwise, is that of a level one of a size (width, height)."""
+    """Make a camera whose image, turned counter-clockwise, is that of a level one of a size (w, h)."""
     middle = (np.array(size) - 1.0) / 2.0
     turn = turn_by(-degrees, size)  # upright to rolled
     centre = turn.pixels(middle)
@@ -137,7 +137,7 @@ def test_people_of_a_camera_at_any_angle_are_where_they_are(degrees):
 
 
 def test_upright_cameras_are_unchanged_to_the_byte():
-    """As without a rig, up to the angle that networks bear."""
+    """Compare with a stage without a rig, up to the angle up to which images stay."""
     (plain,) = stage(None).step(frame(picture(), "a")).outputs
     for degrees in (0.0, UPRIGHT - 1.0, 1.0 - UPRIGHT):
         result = stage(rig(a=degrees, b=90.0)).step(frame(picture(), "a"))
@@ -148,7 +148,7 @@ def test_upright_cameras_are_unchanged_to_the_byte():
 
 
 def known(places, stamp_ns, index):
-    """What tracking says of people with blobs at places (P, 3, 2) px of the level camera."""
+    """Make tracks of people with blobs at places (P, 3, 2) px of the level camera."""
     pixels = np.concatenate([places, places.mean(axis=1, keepdims=True)], axis=1)
     states = np.zeros((*pixels.shape[:2], 6))
     rays = np.concatenate([(pixels - (127.5, 95.5)) / FOCAL, np.ones((*pixels.shape[:2], 1))], axis=-1)
@@ -203,7 +203,7 @@ def ring(*degrees, spread=90.0):
 
 
 def in_world(given, world, up):
-    """A rig in a world whose coordinates are world (3, 3) @ ours."""
+    """Move a rig to a world whose coordinates are world (3, 3) @ ours."""
     poses = [c.cam_from_world for c in given.cameras]
     cameras = [replace(c, cam_from_world=Rigid(pose.rotation @ world.T, pose.translation))
                for c, pose in zip(given.cameras, poses)]
@@ -279,7 +279,7 @@ def test_the_stage_tells_once_what_it_turns():
 
 
 def rolled(given, degrees):
-    """A camera at the same place that is turned clockwise about the middle of its image."""
+    """Turn a camera clockwise about the middle of its image."""
     turn = turn_by(-degrees, given.image_size)
     matrix = given.intrinsics.matrix.copy()
     if degrees % 180.0:

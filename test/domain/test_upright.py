@@ -21,7 +21,7 @@ def turned(degrees: float) -> np.ndarray:
 
 
 def camera(name: str, heading: float, tilt: float = 20.0, clockwise: float = 0.0) -> Camera:
-    """A camera that looks `tilt` degrees down, in a direction of the floor, in a world with z up."""
+    """Make a camera that looks `tilt` degrees down, in a direction of the floor, in a world with z up."""
     a, b = np.radians([heading, tilt])
     forward = np.array([np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), -np.sin(b)])
     right = np.array([np.sin(a), -np.cos(a), 0.0])
@@ -34,7 +34,7 @@ def ring(clockwise: list[float], tilt: float = 20.0, spread: float = 90.0) -> li
 
 
 def in_world(cameras: list[Camera], world: np.ndarray) -> list[Camera]:
-    """The same cameras in a world whose coordinates are world (3, 3) @ ours."""
+    """Move cameras to a world whose coordinates are world (3, 3) @ ours."""
     return [
         replace(c, cam_from_world=Rigid(c.cam_from_world.rotation @ world.T, c.cam_from_world.translation))
         for c in cameras

@@ -73,8 +73,8 @@ class RunOptions:
         return detector_extras(config.model, self.chosen_skeleton)
 
     def complete(self, plan: Plan) -> Plan:
-        """The plan with occluders, offsets, designated people, the biases of the detector's joints and the
-        direction by which images are turned upright.
+        """Complete the plan with occluders, offsets, designated people, biases of the detector's joints, and
+        the direction by which images are turned upright.
 
         Raises:
             UserError: if a file cannot be used, or the plan has delays of cameras already.

@@ -1,4 +1,4 @@
-"""What files say of the direction that is up."""
+"""The up direction in files of rigs."""
 from __future__ import annotations
 
 import json

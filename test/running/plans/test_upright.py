@@ -23,7 +23,7 @@ RIG = Rig((Camera("left", (640, 480), LENS, Rigid(LEVEL, [0.0, 0.0, 3.0])),
 
 
 def completed(rig: Rig, stage: str = "detection", **detection: object) -> tuple[tuple[float, ...], str]:
-    """The direction that detection is told, and what the run says."""
+    """Return the direction among the parameters, and the notices of the run."""
     configs = configure({"detection": detection})
     plan = RunOptions().complete(Plan("a capture", rig, SKELETON, configs, stage=stage))
     return config_of(plan.configs, DetectionConfig).up, " ".join(plan.notices)
