@@ -113,7 +113,7 @@ class Turn:
             turned = cv2.rotate(image, QUARTER_TURNS[int(quarters) % 4 - 1])
         else:
             turned = cv2.warpAffine(
-                image, self.upright_from_image, self.size, flags=cv2.INTER_LINEAR,
+                image, self.upright_from_image, self.size, flags=cv2.INTER_CUBIC,  # networks mind blur
                 borderMode=cv2.BORDER_CONSTANT, borderValue=(pad,) * 3,
             )  # fmt: skip
         return turned
