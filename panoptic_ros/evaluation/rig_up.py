@@ -81,6 +81,12 @@ def check_up(rig: Rig, people: Array) -> list[Notice]:
     up = up_of(people) if by_people else up_of_cameras(rig)
     if up is None or up[2] > LEVEL:
         return []
+    if not by_people and rig.up is not None and float(np.dot(up, rig.up)) < -LEVEL:
+        text = (
+            "the cameras are upside down, as this rig states up, and detection turns their images; if people "
+            f"stand upright in them, `panoptic rig convert IN OUT --up={word_of(up)}` turns the rig"
+        )
+        return [Notice("rig.up", "info", text, {"up": up.tolist()})]
     whose = "people stand along" if by_people else "the cameras are upright only along"
     name, near = nearest_axis(up)
     where = name if near > ON_AXIS else f"({', '.join(f'{value:.2f}' for value in up)})"

@@ -113,3 +113,19 @@ def test_the_rig_is_turned_by_the_command_that_the_notice_names(word: str) -> No
 @pytest.mark.parametrize("word", ["", "up", "w", "--y", "1,2", "0,0,0", "nan,0,1", "1,2,3,4"])
 def test_what_is_no_direction(word: str) -> None:
     assert direction_of(word) is None
+
+
+def test_cameras_that_hang_upside_down_are_no_mistake() -> None:
+    """Without people, a rig that states up may have turned cameras; one that does not has another up."""
+    rig = level_rig()
+    upside_down = np.diag([-1.0, -1.0, 1.0])
+    hanging = replace(rig, cameras=tuple(
+        replace(c, cam_from_world=Rigid(upside_down @ c.cam_from_world.rotation, [0.0, 0.0, 5.0]))
+        for c in rig.cameras
+    ))  # fmt: skip
+    nobody = np.zeros((0, 3))
+    (note,) = check_up(hanging, nobody)
+    assert note.severity == "info" and "upside down" in note.text and "--up=-z" in note.text
+    (note,) = check_up(replace(hanging, up=None), nobody)
+    assert note.severity == "warning" and "--up=-z" in note.text
+    assert check_up(hanging, np.tile([0.0, 0.0, 1.0], (4, 1))) == []
