@@ -19,6 +19,7 @@ Array = np.ndarray
 
 
 LEAST_LINEAR = 0.5  # scale from which on bilinear sampling reads every pixel, at a seventh of the cost
+BLURRED = 1000  # px of the longer side: larger images are made smaller later, which hides bilinear blur
 QUARTER_TURNS = (cv2.ROTATE_90_COUNTERCLOCKWISE, cv2.ROTATE_180, cv2.ROTATE_90_CLOCKWISE)  # 1, 2, 3
 
 
@@ -108,12 +109,13 @@ class Turn:
             pad: grey value beyond the borders of the image.
         """
         quarters, rest = divmod(self.degrees, 90.0)
+        sampling = cv2.INTER_CUBIC if max(image.shape) <= BLURRED else cv2.INTER_LINEAR
         turned: Array
         if rest == 0.0:
             turned = cv2.rotate(image, QUARTER_TURNS[int(quarters) % 4 - 1])
         else:
             turned = cv2.warpAffine(
-                image, self.upright_from_image, self.size, flags=cv2.INTER_CUBIC,  # networks mind blur
+                image, self.upright_from_image, self.size, flags=sampling,
                 borderMode=cv2.BORDER_CONSTANT, borderValue=(pad,) * 3,
             )  # fmt: skip
         return turned
