@@ -52,7 +52,7 @@ CLASSES = (
     Fields.named(
         ImuStreams,
         "names _numbers _stamps _values _force _weight _odd _silent _taken _flooding _rates _learnt "
-        "_rates_told",
+        "_rates_told _unoriented _batch _batched _period _first _batches_told",
     ),
     Fields.named(Lengthening, "_begin _body _passed_s"),
     Fields.named(MeasuredBody, "_seen _count _stride"),
