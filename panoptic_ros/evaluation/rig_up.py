@@ -97,6 +97,16 @@ def check_up(rig: Rig, people: Array) -> list[Notice]:
     return [Notice("rig.up", "warning", text, {"up": up.tolist()})]
 
 
+def assumed_up(rig: Rig) -> list[str]:
+    """Return a line if the rig does not state which way is up."""
+    if rig.up is not None or not rig.cameras:
+        return []
+    return [
+        "+z is assumed to be up, as the rig does not state it; "
+        "`panoptic rig check RIG --detections FILE` finds it from people"
+    ]
+
+
 def nearest_axis(up: Array) -> tuple[str, float]:
     """Return the axis that is nearest to a direction (3,), e.g. "-y", and the cosine of their angle."""
     k = int(np.argmax(np.abs(up)))
@@ -139,6 +149,7 @@ def turned_up(rig: Rig, up: Sequence[float] | Array) -> Rig:
     things = rig.occluders
     return replace(
         rig,
+        up=AXES["z"],
         cameras=tuple(turned(camera) for camera in rig.cameras),
         depth_sensors=tuple(replace(own, camera=turned(own.camera)) for own in rig.depth_sensors),
         occluders=None if things is None else replace(things, vertices=things.vertices @ new_from_old.T),

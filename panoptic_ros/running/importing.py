@@ -53,7 +53,10 @@ def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:
     off = total_capture.degrees_off(person, devices, truth)
     worst, middle = max(off, key=lambda name: off[name]), float(np.median(list(off.values())))
     return [
-        *notices, f"{out}: {seconds:.1f} s, {len(rig)} cameras, {linked} videos, {len(devices)} IMUs",
+        *notices, *person.told(),
+        f"taken as the data set says, not its files: {total_capture.RATE:g} frames/s, inches, y up; height "
+        f"{person.stature:.2f} m from the bones",
+        f"{out}: {seconds:.1f} s, {len(rig)} cameras, {linked} videos, {len(devices)} IMUs",
         f"does all of it go together? {seen}; IMUs with their mountings are {middle:.1f} deg off the true "
         f"segments (median; most {off[worst]:.1f}, {worst})",
     ]  # fmt: skip
@@ -86,6 +89,7 @@ def import_human36m(folder: Path, take: str, out: Path) -> list[str]:
         )
         linked = _link(staged, videos, human36m.RATE, len(joints))
     return [
+        f"taken as the data set says, not its files: {human36m.RATE:g} frames/s, millimetres, z up",
         f"{out}: {len(joints) / human36m.RATE:.1f} s, {len(rig)} cameras, {linked} videos",
         f"does all of it go together? {_seen(rig, joints[:, 0])}",
     ]

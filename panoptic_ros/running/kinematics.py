@@ -13,7 +13,9 @@ from panoptic_ros.domain import Rig
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import ImuSeries, Subject, ViewPeople, ViewSeries
 from panoptic_ros.errors import CalibrationError, UsageError
+from panoptic_ros.evaluation.rig_up import assumed_up
 from panoptic_ros.io.body_context import body_extras
+from panoptic_ros.io.detector_context import noise_only
 from panoptic_ros.io.kinematic_files import read_imus
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections
 from panoptic_ros.io.rigs import read_rig
@@ -72,6 +74,8 @@ def read_body_task(
         used, found = read_rig(rig), read_detections(detections)
         notices += used.notices
         views, names = view_series(used, found), found.joint_names
+    notices += [line for subject in people for line in subject.told()]
+    notices += [*used.notices, *assumed_up(used), *noise_only(())] if used is not None else []
     for subject in people:
         odd = sorted(subject.body.own - {*subject.body.model.keypoints, *names})
         if odd:

@@ -12,6 +12,7 @@ from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation.nobody import why_nobody
 from panoptic_ros.evaluation.rig_check import check_rig
+from panoptic_ros.evaluation.rig_up import assumed_up
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
@@ -40,7 +41,7 @@ class SolveTask:
 
     def told(self) -> list[str]:
         """Return lines that state what was assumed."""
-        return noise_only(self.context.skeleton.bias_floors)
+        return [*assumed_up(self.context.rig), *noise_only(self.context.skeleton.bias_floors)]
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ NAMES = {
 # Readers that do not take every key of a table, as other programs write more: only misspelt ones are told.
 LOOSE = ("rig of a pack", "annotation", "synctables", "rig of caliscope")
 # Readers that say what a file must be where one of its needed keys is not there.
-NAMELESS = ("rig.json", "rig of CMU", "rig of a pack", "synctables", "annotation", "preset")
+NAMELESS = ("rig.json", "rig of CMU", "rig of a pack", "synctables", "annotation", "preset", "camera_info")
 READERS = [name for name in FORMATS if name not in ("metadata.yaml", "metadata.xml")]
 SUFFIXES = (".json", ".yaml", ".toml")
 # Modules that parse a document for others, or one that this package wrote itself for itself.

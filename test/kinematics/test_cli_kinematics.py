@@ -228,3 +228,35 @@ def test_another_skeleton_is_solved_and_exported(capture, tmp_path, capsys):
     assert "give --segments" in capsys.readouterr().err
     assert main([*map(str, words), "--segments", str(tmp_path / "segments19.yaml")]) == 0
     assert (tmp_path / "k.bvh").read_text().count("JOINT") == 18
+
+
+ASSUMED = {
+    "t_pose.facing": "facing +x in the t_pose",
+    "inertial_frame": 'inertial_frame "world"',
+    "segments": "lengths of segments as usual for height_m",
+    "position": "at the beginning of its segment",
+}
+
+
+@pytest.mark.parametrize("key", [None, *ASSUMED])
+def test_values_that_are_assumed_are_stated_once(capture, tmp_path, capsys, key):
+    document = json.loads((capture / "subject.json").read_text())
+    document["t_pose"] = {"from_ns": 1_000_000_000, "to_ns": 1_500_000_000, "facing": [1, 0, 0]}
+    document["devices"][0].pop("mount", None)
+    if key == "t_pose.facing":
+        del document["t_pose"]["facing"]
+    elif key == "position":
+        del document["devices"][1]["position"]
+    elif key is not None:
+        del document[key]
+    path = tmp_path / "subject.json"
+    path.write_text(json.dumps(document))
+    lines = read_subject(path, MODEL).told()
+    assert len(lines) == (key is not None)
+    if key is not None:
+        assert lines[0].startswith("subject 0: taken, as its file does not say: ")
+        assert ASSUMED[key] in lines[0]
+    if key == "t_pose.facing":
+        command = ["kinematics", "--imu", str(capture / "imu.csv.gz"), "--subject", str(path)]
+        assert main([*command, "--out", str(tmp_path / "k.json")]) == 0
+        assert capsys.readouterr().err.count("as its file does not say") == 1

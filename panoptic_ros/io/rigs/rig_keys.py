@@ -14,7 +14,7 @@ PACK = keys(f"format unit units to_z_up {OTHERS}", cameras=[keys(f"{_PACKED} {OT
 
 _LENS = "size matrix distortions distortion_model rotation translation fisheye"
 ANIPOSELIB = {
-    "metadata": keys(f"adjusted error unit {OTHERS}"),  # any notes of the person who calibrated
+    "metadata": keys(f"adjusted error unit up {OTHERS}"),  # any notes of the person who calibrated
     EACH: keys(f"name {_LENS} extra_dist"),
 }
 _CALISCOPE = "cam_id port name rotation_count error exposure grid_count ignore verified_resolutions"

@@ -63,7 +63,7 @@ def parse_aniposelib(document: Mapping[str, Any], options: ReadOptions) -> Rig:
             name = name_of(item, "name", f"table [{table}]")
             taken.take(name, partial(_camera, name, item, scale, taken))
     rig = replace(taken.rig(), up=up_of(metadata, "[metadata]", None))
-    return check_unit(rig, options)
+    return check_unit(_in_metres(rig, "unit" in metadata, options), options)
 
 
 def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
@@ -84,7 +84,18 @@ def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
     rig = taken.rig()
     known = [count for name in rig.names if (count := turns[name]) is not None]
     up = up_of_images(rig.cameras, known) if len(known) == len(rig) > 0 else None
-    return check_unit(replace(rig, up=up), options)
+    return check_unit(_in_metres(replace(rig, up=up), False, options), options)
+
+
+def _in_metres(rig: Rig, stated: bool, options: ReadOptions) -> Rig:
+    """Return the rig with a line about its unit of length, if nobody states it."""
+    if stated or options.unit is not None:
+        return rig
+    line = (
+        "lengths are assumed to be metres, as the file does not state its unit; "
+        "`panoptic rig check RIG --detections FILE` finds it from people"
+    )
+    return replace(rig, notices=(*rig.notices, line))
 
 
 def _clockwise(item: Mapping[str, Any], where: str) -> int | None:

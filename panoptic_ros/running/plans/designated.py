@@ -42,7 +42,9 @@ def with_subjects(plan: Plan, paths: Sequence[Path]) -> Plan:
         "kinematics": replace(bodies, subjects=tuple(str(path) for path in paths)),
     }  # fmt: skip
     worn = tuple(device.name for subject in people for device in subject.devices)
-    return _with_imus(replace(plan, configs=configs, subjects=tuple(paths), worn=worn))
+    told = [line for subject in people for line in subject.told()]
+    notices = (*plan.notices, *told)
+    return _with_imus(replace(plan, configs=configs, subjects=tuple(paths), worn=worn, notices=notices))
 
 
 def with_bodies(plan: Plan) -> Plan:

@@ -15,7 +15,7 @@ from panoptic_ros.domain.upright import Z_UP
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.topics import check_names
-from panoptic_ros.io.detector_context import bias_extras, detector_extras
+from panoptic_ros.io.detector_context import bias_extras, detector_extras, noise_only
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.offsets.sound.passes import APART
@@ -86,9 +86,10 @@ class RunOptions:
             plan = replace(plan, imus=dict.fromkeys(imu_devices(self.imus), self.imus))
         plan = with_bodies(with_subjects(plan, self.subjects))
         table = config_of(plan.configs, AssemblyConfig).bias_table
+        told = noise_only(plan.skeleton.bias_floors) if rig.cameras else []
         plan = replace(
             plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)},
-            notices=(*rig.notices, *plan.notices),
+            notices=(*rig.notices, *plan.notices, *told),
         )  # fmt: skip
         return _with_upright_images(plan) if plan.stage == "detection" else plan
 

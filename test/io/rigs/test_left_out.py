@@ -43,7 +43,8 @@ def test_cameras_without_a_pose(tmp_path: Path, rig: Rig, name: str, value: Any)
     state = "is missing" if value is None else "is not known"
     assert found.names == ("cam00", "cam02")
     assert found.left_out == {"cam01": f"no pose ('{ROTATION[name]}' {state})"}
-    assert found.notices == (f"camera cam01: left out: {found.left_out['cam01']}",)
+    told = [line for line in found.notices if "assumed" not in line]
+    assert told == [f"camera cam01: left out: {found.left_out['cam01']}"]
     with pytest.raises(CalibrationError, match="camera cam01 cannot be used: no pose"):
         read_rig(path, cameras=["cam00", "cam01"])
     with pytest.raises(CalibrationError, match="camera cam01 of the rig cannot be used: no pose"):
@@ -60,7 +61,8 @@ def test_what_is_not_chosen_is_not_read_in_xml_and_folders(tmp_path: Path, rig: 
         with pytest.raises(CalibrationError, match="cam01"):
             read_rig(path)
         found = read_rig(path, cameras=["cam02", "cam00"])
-        assert found.names == ("cam00", "cam02") and found.left_out == {"cam01": ""} and found.notices == ()
+        assert found.names == ("cam00", "cam02") and found.left_out == {"cam01": ""}
+        assert all("assumed" in line for line in found.notices)
 
 
 @pytest.mark.parametrize("name", ROTATION)
@@ -71,7 +73,8 @@ def test_a_camera_with_impossible_numbers_may_be_left_out_by_the_user(
     with pytest.raises(CalibrationError, match="camera cam01: a rotation matrix is off"):
         read_rig(path)
     found = read_rig(path, cameras=["cam00", "cam02"])
-    assert found.names == ("cam00", "cam02") and found.left_out == {"cam01": ""} and found.notices == ()
+    assert found.names == ("cam00", "cam02") and found.left_out == {"cam01": ""}
+    assert all("assumed" in line for line in found.notices)
     with pytest.raises(CalibrationError, match="the rig has no camera 'cam7'; it has cam00, cam01, cam02"):
         read_rig(path, cameras=["cam00", "cam7"])
 

@@ -210,7 +210,8 @@ def test_the_numbers_of_a_lens_mean_the_same_in_all_formats(
     assert old in text
     (tmp_path / "rig").write_text(text.replace(old, json.dumps(numbers)))
     found = read_rig(tmp_path / "rig")
-    assert found.camera("cam01").intrinsics.distortion.tolist() == expected and found.notices == told
+    assert found.camera("cam01").intrinsics.distortion.tolist() == expected
+    assert tuple(line for line in found.notices if "assumed" not in line) == told
 
 
 @pytest.mark.parametrize(
