@@ -14,7 +14,7 @@ from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.plan import Plan
 
-SKELETON = SkeletonModel("two", ("a", "b"), 0, ((0, 1),), 0)
+SKELETON = SkeletonModel("two", ("a", "b"), 0, ((0, 1),), 0, bias_floors=(0.01, 0.01))
 LENS = Intrinsics(np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]]), np.zeros(5))
 LEVEL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 ON_ITS_SIDE = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # its top is on the right
