@@ -27,14 +27,14 @@ Array = np.ndarray
 # log odds of an artefact: constant, by score, by the logarithm of the distance from the border as a share of
 # the size of the 2D person; logistic regression over 17,000 joints of cut people in three captures
 ODDS = (-4.0, -5.5, -1.8)
-SHARES = (0.005, 1.0)  # of that size, between which distances count
-PRIOR = 2.0  # by which standard deviations of predictions count more than in choices
+SHARES = (0.005, 1.0)  # limits of distance / size in that regression
+PRIOR = 2.0  # factor on the standard deviation of predictions, whose errors last from instant to instant
 
 
 def border_odds(found: Candidates, seen: Observations, scores: Array) -> Array:
-    """Return the odds (D, J) that 2D joints are artefacts of a border, as far as their own image tells.
+    """Return the prior odds (D, J) that 2D joints are artefacts of a border, from one image alone.
 
-    They are 0 but for people of whom the first estimate, or the prediction, has joints outside of the image.
+    The odds are 0 unless the first estimate or the prediction of the person has joints outside of the image.
 
     Args:
         scores: (D, J) of the 2D joints.
@@ -47,7 +47,12 @@ def border_odds(found: Candidates, seen: Observations, scores: Array) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def odds_of(places, shifts, member, seen, scores):
-    """The loops of `border_odds`."""
+    """Return the odds (D, J) of `border_odds`.
+
+    Args:
+        places: (P, J, 3) m, world; shifts: (P, J, 3) m/s; member: (P, V) row of each 2D person, -1 = none.
+        seen: `Observations`. scores: (D, J).
+    """
     odds = np.zeros(scores.shape)
     for p in range(member.shape[0]):
         for v in range(member.shape[1]):
@@ -58,7 +63,7 @@ def odds_of(places, shifts, member, seen, scores):
             for j in range(scores.shape[1]):
                 if scores[d, j] > 0.0:
                     gap = inside_by(camera, seen.plane[d, j, 0], seen.plane[d, j, 1]) / size
-                    if gap < 0.0:  # this detector tells where joints outside of the image are
+                    if gap < 0.0:  # the detector extrapolates: an observation
                         continue
                     share = math.log(min(max(gap, SHARES[0]), SHARES[1]))
                     odds[d, j] = math.exp(ODDS[0] + ODDS[1] * scores[d, j] + ODDS[2] * share)
@@ -82,8 +87,11 @@ def artefacts(
 
 @njit(cache=True, error_model="numpy")
 def mark_artefacts(solved, expected, members, seen, odds, cauchy):
-    """The loops of `artefacts`; expected: positions, spreads and velocities of `Guides`; members: 2D people
-    and their joints of `Candidates`.
+    """Return the marks (D, J) of `artefacts`.
+
+    Args:
+        expected: positions (P, J, 3) m, spreads (P, J) m and velocities (P, J, 3) m/s of `Guides`.
+        members: 2D people (P, V) and their joints (P, V, J) of `Candidates`.
     """
     positions, normals, residuals, picks = solved
     (guesses, spreads, shifts), (member, source) = expected, members
@@ -152,7 +160,7 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
 
 @njit(cache=True, error_model="numpy")
 def _is_cut(position, shift, cams, camera, v):
-    """Whether some joint (J, 3) m of a person lies outside of the image of view v."""
+    """Return whether a joint (J, 3) m of a person projects outside of the image of view v."""
     for j in range(len(position)):
         x, y, z = seen_at(cams, v, position[j], shift[j])
         if z > MIN_DEPTH and is_outside(camera, x, y):

@@ -135,7 +135,7 @@ class AssemblyStage(Stateful):
         people = self._finish(scene, item, (solved, found, motion), observed.sum(axis=1), tails)
         supporting, cameras = (found.member[people.kept] >= 0).sum(axis=1), self._context.rig.cameras
         inside = in_capture_space(people.joints.positions, supporting, cameras, self._needed_views)
-        inside |= found.who[people.kept] >= 0  # whom tracking follows stays until no view shows them
+        inside |= found.who[people.kept] >= 0  # tracks stay until no view shows them
         if not inside.all():
             people = people.rows(inside)
         if self._config.learn_noise:

@@ -28,8 +28,8 @@ from panoptic_ros.stage import Progress, StageContext, each, untold
 Array = np.ndarray
 OFF = next(m.off for m in MECHANISMS if m.name == "image-borders")
 FAR = 25.0  # px, from the true projection, beyond which the oracle leaves a 2D joint out
-SAME = 60.0  # px, median distance of the joints inside of the image, up to which a 2D person is somebody
-SEEN_SHARE, SEEN_BY = 1.0 / 3.0, 2  # of the joints, and cameras, for people who must be found
+SAME = 60.0  # px, largest median distance between a 2D person and the projection of a true person
+SEEN_SHARE, SEEN_BY = 1.0 / 3.0, 2  # share of joints in an image, and number of such cameras; fewer: ignored
 FIGURES = ("MPJPE mm", "PCK 5 cm", "PCK 10 cm", "people found", "within 95 %")
 
 
@@ -102,7 +102,7 @@ def _figures(world: World, settings: dict[str, dict[str, Any]], names: tuple[str
 
 
 def lines(result: dict[str, Any]) -> list[str]:
-    """The table; the share is that of the oracle's gain."""
+    """Return the rows of the table; the last row of a case is the share of the oracle's gain, %."""
     text = [f"{'':<30} model  " + "".join(f"{name:>14}" for name in FIGURES)]
     for row in result["rows"]:
         for key in ("off", "on", "oracle"):
@@ -119,7 +119,7 @@ def _share(row: dict[str, Any], name: str) -> float:
 
 
 def without_far_joints(world: World) -> Iterator[DetectionSet]:
-    """Yield the sets without 2D joints that are farther than `FAR` from their true projections."""
+    """Yield the sets without 2D joints farther than `FAR` px from their true projections."""
     assert world.truth is not None
     stamps = np.array([frame.stamp_ns for frame in world.truth.frames])
     columns = [
@@ -137,7 +137,7 @@ def without_far_joints(world: World) -> Iterator[DetectionSet]:
 
 
 def _cleaned(view: ViewDetections, camera: Camera, places: Array) -> ViewDetections:
-    """The view without far joints of 2D people who are somebody of the truth (P, J, 3)."""
+    """Return the view without 2D joints far from the projection of the true joints (P, J, 3) m they match."""
     pixels, seen = camera.project(np.nan_to_num(places))
     inside = seen & camera.contains(pixels) & np.isfinite(places[..., 0])
     points, scores = view.points.copy(), view.scores.copy()
@@ -153,7 +153,7 @@ def _cleaned(view: ViewDetections, camera: Camera, places: Array) -> ViewDetecti
 
 
 def _cropped_world(take: Simulation, shares: tuple[float, float], model: str) -> World:
-    """The middle of the images of a take through a detector. Whom few cameras see need not be found."""
+    """Detect people in the middle windows of a take's images; people seen by few cameras are ignored."""
     windows = {camera.name: _window(camera, shares) for camera in take.rig.cameras}
     rig = replace(take.rig, cameras=tuple(_cropped(c, windows[c.name]) for c in take.rig.cameras))
     skeleton, extras = detector_extras(model, SKELETON)
@@ -174,6 +174,7 @@ def _window(camera: Camera, shares: tuple[float, float]) -> tuple[int, int, int,
 
 
 def _cropped(camera: Camera, window: tuple[int, int, int, int]) -> Camera:
+    """Return the camera of a window (left, top, width, height) px of its images."""
     left, top, width, height = window
     matrix = camera.intrinsics.matrix.copy()
     matrix[:2, 2] -= left, top
@@ -186,6 +187,7 @@ def _cut(frame: ViewFrame, window: tuple[int, int, int, int]) -> ViewFrame:
 
 
 def _with_ignored(frame: SkeletonFrame, rig: Rig) -> SkeletonFrame:
+    """Mark true people as ignored if fewer than `SEEN_BY` cameras show a third of their joints."""
     shares = [camera.sees(np.nan_to_num(frame.positions)).mean(axis=1) for camera in rig.cameras]
     seldom = (np.array(shares) > SEEN_SHARE).sum(axis=0) < SEEN_BY
     return replace(frame, ignored=frame.ignored | seldom)

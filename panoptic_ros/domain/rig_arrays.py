@@ -11,7 +11,7 @@ from panoptic_ros.domain.rig import Rig
 from panoptic_ros.geometry import Intrinsics, brown
 
 Array = np.ndarray
-EDGE_POINTS = 33  # of each border of an image, undistorted for its rectangle
+EDGE_POINTS = 33  # sampled points of each image border
 FARTHEST = 1e3  # undistorted radius beyond which no point is believed
 _NUMBERS = (
     "r00 r01 r02 r10 r11 r12 r20 r21 r22 tx ty tz ox oy oz fx skew cx fy cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 "

@@ -49,7 +49,7 @@ BETTER = 0.99  # of the residual, by which a later suspect explains more: equal 
 
 @dataclass(frozen=True)
 class CameraFit:
-    """How well a camera agrees with the others: median over them, px; NaN if nobody was matched.
+    """Agreement of a camera with the others: median residual over them, px; NaN without matched people.
 
     Args:
         noise_px: by which the residuals of one person's joints scatter; NaN if too few joints are seen.

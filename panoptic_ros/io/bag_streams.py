@@ -108,8 +108,10 @@ class BagStream:
         yield from bad
 
     def _ended(self) -> Callable[[int, bytes], int]:
-        """Make a function that says of each message, with its time of recording, whether it is beyond the
-        end, and whether all that follow are: stamps may jump, times of recording do not.
+        """Return a function that classifies a message by its time of recording, ns, and its bytes.
+
+        GOES_ON: before the end. LEFT_OUT: beyond it, by its stamp. IS_OVER: all later messages are beyond it,
+        too, by their times of recording; stamps may jump, these do not.
         """
         begin: list[int] = []
 

@@ -33,7 +33,7 @@ def cloud_of_joints(rig: Rig, skeleton: SkeletonModel) -> Array:
 
 
 def beside(rig: Rig) -> float:
-    """How far, m along each axis, something lies beside the cloud."""
+    """Return the offset, m along each axis, of points beside the cloud."""
     return 1.75 * _place(rig)[1]
 
 

@@ -21,7 +21,7 @@ def cropped(rig, sizes):
 
 
 def squeezed(rig, aside=0.0):
-    """What detectors do: joints beyond a border are reported 10 px inside of it, and `aside` px along it."""
+    """Return a change that moves joints beyond a border to 10 px inside of it, and `aside` px along it."""
 
     def change(i, points, scores):
         size = np.array(rig.cameras[i].image_size)
@@ -91,7 +91,7 @@ def test_cost_of_an_artefact_is_its_likelihood(distance, precision, size):
 
 
 def walk(scenes, rig, begin):
-    """How many of forty instants show somebody who walks from y = `begin` m to y = 3.6 m."""
+    """Return the number of skeletons in each of 40 instants of a walk from y = `begin` m to y = 3.6 m."""
     stage, shown = FedAssembly(scenes.context(rig)), []
     for index, y in enumerate(np.linspace(begin, 3.6, 40)):
         def change(i, points, scores):

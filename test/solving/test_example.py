@@ -65,8 +65,16 @@ def test_the_example_is_one_that_the_cameras_of_any_rig_could_give(rig):
 @given(rig=desk_rigs())
 def test_desk_rigs_start(rig):
     """No stage refuses the people with which it warms up, whatever the rig."""
-    context = StageContext(rig, SKELETON)
-    Pipeline(configure({"offsets": {"active": True}}), context, (*FUSION, "offsets"))
+    context, topics = StageContext(rig, SKELETON), []
+    pipeline = Pipeline(
+        configure({"offsets": {"active": True}}), context, (*FUSION, "offsets"),
+        on_record=lambda topic, record: topics.append(topic),
+    )  # fmt: skip
+    items = list(easy_instants(rig, SKELETON))
+    for item in items:
+        pipeline.push("detection_sets", item)
+    pipeline.flush()
+    assert topics.count("skeletons") == len(items)
 
 
 def test_cameras_on_a_desk_see_the_example(scenes):
