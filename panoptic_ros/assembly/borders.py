@@ -97,6 +97,8 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
     (guesses, spreads, shifts), (member, source) = expected, members
     people, joints, views = residuals.shape
     marks = np.zeros(seen.precision.shape, np.bool_)
+    if not odds.any():
+        return marks
     softness = 1.0 / (cauchy * cauchy)
     lower, spread = np.zeros((3, 3)), np.zeros((3, 3))
     rows, x, step = np.empty((2, 3)), np.empty(3), np.empty(3)

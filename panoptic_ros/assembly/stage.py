@@ -151,11 +151,10 @@ class AssemblyStage(Stateful):
         if not self._config.image_borders:
             return solve_joints(found, seen, rules)
         odds = border_odds(found, seen, scene.evidence.scores)
-        if odds.any():
-            seen.precision[...] /= np.sqrt(1.0 + odds)
+        seen.precision[...] /= np.sqrt(1.0 + odds)
         solved = solve_joints(found, seen, rules)
-        if odds.any():
-            wrong = artefacts(solved, found, seen, odds, rules.cauchy)
+        wrong = artefacts(solved, found, seen, odds, rules.cauchy)
+        if wrong.any():
             seen.precision[wrong] = 0.0
             solved = solve_joints(found, seen, rules)
         return solved

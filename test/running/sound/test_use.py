@@ -171,7 +171,8 @@ def test_sound_of_another_rate_is_told(folder):
     ("timecode.wav: [A, B, X]", "3 channels of .*timecode.wav are named .A, B, X., but it has 2"),
     ("timecode.wav: [A, C]", "nobody hears clock B, which stamps cam01, cam03, cam05"),
     ("other.wav: [A, B]", "names other.wav; .* has timecode.wav"),
-    ("timecode.wav: {clocks: [A, B], begin: 3}", "is no list of clocks"),
+    ("timecode.wav: {clocks: [A, B], begin: 3}", "unknown key 'begin'; known are clocks, start_ns, track"),
+        ("timecode.wav: [[A], B]", "is no list of clocks"),
     ("[timecode.wav]", "must hold the clocks of files"),
 ])  # fmt: skip
 def test_a_sound_yaml_that_cannot_be_meant_is_told(folder, text, message):
