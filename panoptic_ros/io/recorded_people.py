@@ -31,7 +31,8 @@ class RecordedPeople:
         """Return a line if joints are left out."""
         if not self.left_out:
             return []
-        return [f"joints that are not in skeleton {self.skeleton.name} are left out: {', '.join(self.left_out)}"]
+        joints = ", ".join(self.left_out)
+        return [f"joints that are not in skeleton {self.skeleton.name} are left out: {joints}"]
 
 
 def read_people(detections: Path, rig: Rig, skeleton: str = AUTO) -> RecordedPeople:

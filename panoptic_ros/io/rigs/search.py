@@ -37,7 +37,7 @@ def find_rig(folder: Path) -> Path:
         )
     if len(found) > 1:
         names = ", ".join(str(path.relative_to(folder)) for path in found)
-        raise UsageError(f"{folder} has several rigs: {names}; name the one to use in its place, or with --rig")
+        raise UsageError(f"{folder} has several rigs: {names}; name the one to use, e.g. with --rig")
     return found[0]
 
 
