@@ -26,13 +26,16 @@ settings.register_profile(
 settings.load_profile("panoptic")
 
 
-@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_itemcollected(item: pytest.Item) -> None:
     """Where several processes test: one of them has all graphs, the others have the rest file by file.
 
-    Two live graphs at once would starve one another, and fixtures of a file are made once.
+    Two live graphs at once would starve one another, and fixtures of a file are made once. pytest-xdist reads
+    the groups before any `pytest_collection_modifyitems` of a conftest.
     """
-    graphs = [item.get_closest_marker("ros") is not None for item in items]
-    for item, graph in zip(items, graphs, strict=True):
-        item.add_marker(pytest.mark.xdist_group("ros" if graph else item.nodeid.split("::")[0]))
+    graph = item.get_closest_marker("ros") is not None
+    item.add_marker(pytest.mark.xdist_group("ros" if graph else item.nodeid.split("::")[0]))
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the graphs, which take longest."""
     items.sort(key=lambda item: item.get_closest_marker("ros") is None)

@@ -47,16 +47,34 @@ print(*[name.rpartition(".")[2] for name in compiled if name.startswith("panopti
 def copy(tmp_path):
     """Makes a package with the cache and a few kernels in a folder of this name."""
 
-    def make(name):
-        package = tmp_path / name / "panoptic_ros"
-        shutil.copytree(ROOT / "kernels", package / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
-        shutil.copy(ROOT / "__init__.py", package)
-        (package / "sample").mkdir()
-        for file, text in SAMPLE.items():
-            (package / "sample" / file).write_text(text)
-        return package
+    return lambda name: sample_in(tmp_path / name)
 
-    return make
+
+def sample_in(folder: Path) -> Path:
+    """Package in a folder that is made."""
+    package = folder / "panoptic_ros"
+    shutil.copytree(ROOT / "kernels", package / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "__init__.py", package)
+    (package / "sample").mkdir()
+    for file, text in SAMPLE.items():
+        (package / "sample" / file).write_text(text)
+    return package
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A folder with the package `a` and what it has compiled."""
+    folder = tmp_path_factory.mktemp("compiled")
+    package = sample_in(folder / "a")
+    assert run(package) == ("7.0 1.0", "shifted scaled height")
+    return folder
+
+
+@pytest.fixture
+def used(compiled, tmp_path):
+    """The package `a` beside its compiled code, both to be changed by a test."""
+    shutil.copytree(compiled, tmp_path, dirs_exist_ok=True)  # with the times of files
+    return tmp_path / "a" / "panoptic_ros"
 
 
 def run(package: Path, program: str = PROGRAM) -> tuple[str, str]:
@@ -74,10 +92,8 @@ def run(package: Path, program: str = PROGRAM) -> tuple[str, str]:
     return result, compiled
 
 
-def test_a_second_run_compiles_nothing(copy):
-    package = copy("a")
-    assert run(package) == ("7.0 1.0", "shifted scaled height")
-    assert run(package) == ("7.0 1.0", "")
+def test_a_second_run_compiles_nothing(used):
+    assert run(used) == ("7.0 1.0", "")
 
 
 @pytest.mark.parametrize(
@@ -88,26 +104,21 @@ def test_a_second_run_compiles_nothing(copy):
         ("pair.py", "    height: float\n    width", "    width: float\n    height", "7.0 1.0"),
     ],
 )
-def test_an_edit_in_another_file_is_compiled(copy, file, old, new, result):
-    package = copy("a")
-    run(package)
-    source = package / "sample" / file
+def test_an_edit_in_another_file_is_compiled(used, file, old, new, result):
+    source = used / "sample" / file
     before = source.stat()
     source.write_text(source.read_text().replace(old, new))
     os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))  # as some tools leave it
-    assert run(package)[0] == result
+    assert run(used)[0] == result
 
 
-def test_copies_of_the_same_sources_share_what_is_compiled(copy):
-    run(copy("a"))
+def test_copies_of_the_same_sources_share_what_is_compiled(used, copy):
     assert run(copy("b")) == ("7.0 1.0", "")
 
 
-def test_what_a_kernel_cannot_reach_compiles_nothing(copy):
-    package = copy("a")
-    run(package)
-    (package / "sample" / "other.py").write_text("TEXT = 'edited'\n")
-    assert run(package) == ("7.0 1.0", "")
+def test_what_a_kernel_cannot_reach_compiles_nothing(used):
+    (used / "sample" / "other.py").write_text("TEXT = 'edited'\n")
+    assert run(used) == ("7.0 1.0", "")
 
 
 def test_copies_of_the_whole_package_share_what_is_compiled(tmp_path):
@@ -180,13 +191,11 @@ def test_no_folder_of_today_is_removed(tmp_path):
     assert len(list(tmp_path.iterdir())) == 2 * cache.KEPT
 
 
-def test_kernels_whose_records_of_arguments_have_moved_are_compiled_anew(copy):
+def test_kernels_whose_records_of_arguments_have_moved_are_compiled_anew(used):
     """The kernel's own sources are the same; the module that its argument comes from has another name."""
-    package = copy("a")
-    assert run(package) == ("7.0 1.0", "shifted scaled height")
-    (package / "sample" / "pair.py").rename(package / "sample" / "couple.py")
-    assert run(package, PROGRAM.replace("sample.pair", "sample.couple")) == ("7.0 1.0", "height")
-    assert run(package, PROGRAM.replace("sample.pair", "sample.couple")) == ("7.0 1.0", "")
+    (used / "sample" / "pair.py").rename(used / "sample" / "couple.py")
+    assert run(used, PROGRAM.replace("sample.pair", "sample.couple")) == ("7.0 1.0", "height")
+    assert run(used, PROGRAM.replace("sample.pair", "sample.couple")) == ("7.0 1.0", "")
 
 
 def test_what_is_compiled_already_is_used_without_the_compiler(copy):
@@ -216,27 +225,25 @@ def one_bit(data: bytes) -> bytes:
     return data[:-100] + bytes([data[-100] ^ 4]) + data[-99:]
 
 
-@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
 @pytest.mark.parametrize("damage", [cut, emptied, other_bytes, one_bit])
-def test_damaged_files_are_compiled_again(copy, tmp_path, suffix, damage):
-    package = copy("a")
-    run(package)
-    files = [path for path in (tmp_path / "kept").rglob(f"*{suffix}") if path.is_file()]
-    assert files
+def test_damaged_files_are_compiled_again(used, tmp_path, damage):
+    """Damage the code of one kernel and the index of the other."""
+    indices = sorted(path for path in (tmp_path / "kept").rglob("*.nbi") if path.is_file())
+    codes = sorted(path for path in (tmp_path / "kept").rglob("*.nbc") if path.is_file())
+    files = [codes[0], indices[-1]]
+    assert len(indices) == 2 and codes[0].name.split("-")[0] == indices[0].name.split("-")[0]
     for path in files:
         path.write_bytes(damage(path.read_bytes()))
     assert set(damaged_files(tmp_path / "kept" / "panoptic_ros")) == set(files)
-    result, compiled = run(package)
+    result, compiled = run(used)
     assert result == "7.0 1.0" and {"shifted", "height"} <= set(compiled.split())
-    assert run(package) == ("7.0 1.0", "")
+    assert run(used) == ("7.0 1.0", "")
     assert not damaged_files(tmp_path / "kept" / "panoptic_ros")
 
 
-def test_damaged_files_can_be_removed(copy, tmp_path):
-    package = copy("a")
-    run(package)
+def test_damaged_files_can_be_removed(used, tmp_path):
     path = next(path for path in (tmp_path / "kept").rglob("*.nbc") if path.is_file())
     path.write_bytes(cut(path.read_bytes()))
     assert remove_damaged(tmp_path / "kept" / "panoptic_ros") == 1
     assert remove_damaged(tmp_path / "kept" / "panoptic_ros") == 0
-    assert run(package)[0] == "7.0 1.0"
+    assert run(used)[0] == "7.0 1.0"

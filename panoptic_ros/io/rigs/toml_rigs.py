@@ -93,7 +93,7 @@ def _in_metres(rig: Rig, stated: bool, options: ReadOptions) -> Rig:
         return rig
     line = (
         "lengths are assumed to be metres, as the file does not state its unit; "
-        "a warning follows where people show another unit"
+        "`panoptic rig check RIG --detections FILE` finds it from people"
     )
     return replace(rig, notices=(*rig.notices, line))
 

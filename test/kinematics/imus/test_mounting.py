@@ -28,15 +28,28 @@ def score(take, config):
     return case_of(take, PRIOR).score(config)
 
 
-def test_a_poor_t_pose_is_mended():
-    take = capture(mounts=False, t_pose=4.0)
-    ours, fixed = score(take, OURS), score(take, FIXED)
+@pytest.fixture(scope="module")
+def good():
+    return capture()
+
+
+@pytest.fixture(scope="module")
+def poor():
+    return capture(mounts=False, t_pose=4.0)
+
+
+@pytest.fixture(scope="module")
+def solved(good):
+    return score(good, OURS)
+
+
+def test_a_poor_t_pose_is_mended(poor):
+    ours, fixed = score(poor, OURS), score(poor, FIXED)
     assert ours["mm"] < 0.8 * fixed["mm"] and ours["deg"] < 0.9 * fixed["deg"]
 
 
-def test_a_good_mounting_is_kept():
-    take = capture()
-    ours, fixed = score(take, OURS), score(take, FIXED)
+def test_a_good_mounting_is_kept(good, solved):
+    ours, fixed = solved, score(good, FIXED)
     assert ours["mm"] < fixed["mm"] + 0.5 and ours["deg"] < fixed["deg"] + 0.3
 
 
@@ -49,11 +62,6 @@ def told(take, subject=None, devices=None):
     take = replace(take, devices={**take.devices, **(devices or {})})
     solved = solve_recording(recording_of(take), [subject or take.subject], OURS, PRIOR)
     return solved.notices, solved.trackers[0]
-
-
-@pytest.fixture(scope="module")
-def good():
-    return capture()
 
 
 @pytest.mark.parametrize("turn", [0.0, 30.0])
@@ -113,10 +121,9 @@ def test_a_heading_that_is_off_is_told_and_corrected(good):
     assert abs(np.degrees(tracker.mounting.heading) - 10.0) < 5.0
 
 
-def test_where_a_t_pose_tells_mountings_nothing_is_said_about_the_heading():
-    take = capture(mounts=False, t_pose=4.0)
-    turned = {name: unknown_heading(series, np.radians(12.0)) for name, series in take.devices.items()}
-    assert not any("heading" in notice for notice in told(take, devices=turned)[0])
+def test_where_a_t_pose_tells_mountings_nothing_is_said_about_the_heading(poor):
+    turned = {name: unknown_heading(series, np.radians(12.0)) for name, series in poor.devices.items()}
+    assert not any("heading" in notice for notice in told(poor, devices=turned)[0])
 
 
 def test_cameras_do_not_see_forearms_turn_about_themselves():
@@ -124,11 +131,11 @@ def test_cameras_do_not_see_forearms_turn_about_themselves():
     assert {MODEL.names[s] for s in np.flatnonzero(blind.any(1))} == {"lForearm", "rForearm"}
 
 
-def test_lengths_are_learnt_from_motion(good):
+def test_lengths_are_learnt_from_motion(good, solved):
     body = MODEL.body(good.stature)
     known = {name: (MODEL.names[s], o) for name, (s, o) in good.subject.body.keypoints.items()}
     unmeasured = replace(good.subject, body=body.with_keypoints(known), measured=False)
     take = replace(good, subject=unmeasured)
     learnt = score(take, OURS)["mm"]
     stature = score(take, replace(OURS, lengths=False))["mm"]
-    assert learnt < score(good, OURS)["mm"] + 5.0 < stature
+    assert learnt < solved["mm"] + 5.0 < stature
