@@ -33,7 +33,8 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "VGA and QVGA images; time for a minute of capture. Without --rig: kinematics: bodies beside the "
         "paper's solver, -inputs: by cameras and IMUs; terms: each left out; alignment: heading and clock "
         "of IMUs; devices: IMUs that are worn otherwise than said; captures: unknown headings and clocks, "
-        "bystanders, people who leave; identity: who stays who, and whom few views see; refine: smoothing "
+        "bystanders, people who leave; identity: who stays who, and whom few views see; child: a child "
+        "whom adults hide, rendered (--scenes usual or hard); refine: smoothing "
         "of a capture with truth, without and with the motion of the surface (--capture); refine-faults: of "
         "true joints with noise, outliers and gaps (--seeds); steady: limb lengths and accelerations of a "
         "capture without truth, the same (--capture, demo or demo-single); fill: how bodies fit, and joints "
@@ -60,7 +61,7 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument(
         "--frames", type=int, metavar="N", help="per number of people; default 12 (resolution, time: 5); "
-        "identity: trials of each kind, default 100"
+        "identity: trials of each kind, default 100; child: takes, default 20"
     )
     group.add_argument(
         "--person", type=int, metavar="ID", action="append", default=[],

@@ -31,8 +31,22 @@ def _run_identity(args: argparse.Namespace) -> int:
     return 0
 
 
+def _run_child(args: argparse.Namespace) -> int:
+    """A child whom adults hide, in rendered takes."""
+    from panoptic_ros.bench.hidden_child import study_child
+    from panoptic_ros.view.identity_table import child_lines
+
+    settings = read_parameters(None, args.settings)
+    with PassBar(args.study) as bar:
+        result = study_child(args.frames or 20, args.seed, args.scenes or "usual", settings, bar.show)
+    if args.out is not None:
+        write_json(args.out / "child.json", known(result))
+    print(json.dumps(known(result), indent=1) if args.json else "\n".join(child_lines(result)))
+    return 0
+
+
 WITHOUT_RIG = {
-    **dict.fromkeys(BODY_STUDIES, run_bodies), "identity": _run_identity,
+    **dict.fromkeys(BODY_STUDIES, run_bodies), "identity": _run_identity, "child": _run_child,
     **dict.fromkeys(REFINEMENT_STUDIES, run_refinement), "fill": run_fill,
     "walkout": run_walkout, "steady": run_steady,
 }  # fmt: skip

@@ -57,7 +57,7 @@ class Standing:
     place: tuple[float, float]  # m, between the feet
     heading: float  # rad
     sway: Wander  # forward m, sideways m, turn rad
-    crouch: Pulses | None = None
+    crouch: Callable[[Array], Array] | None = None  # how far down, 0 to 1, at times (T,) s
     sit_at: float | None = None  # s
 
     def __call__(self, t: Array, body: Body) -> LowerBody:

@@ -32,3 +32,15 @@ def identity_lines(result: Mapping[str, Any]) -> Iterator[str]:
         f"a designated person  followed in {own['followed'] / max(own['there'], 1):.1%} of the instants in "
         f"which he can be seen; a bystander had the id in {own['taken']}"
     )
+
+
+def child_lines(result: Mapping[str, Any]) -> Iterator[str]:
+    """One line for each take of `bench.hidden_child`, and how many are good."""
+    for row in result["takes"]:
+        losers = ", ".join(f"{name} {count}" for name, count in row["losers"].items()) or "nobody"
+        yield (
+            f"seed {row['seed']}: {row['cameras']} cameras, {row['rate']:.1f} Hz; lost for "
+            f"{row['lost_s']:.2f} s (at most {row['longest_s']:.2f}), "
+            f"id {'kept' if row['kept'] else 'changed'}; by: {losers}; {row['ghosts']:.3f} ghosts"
+        )
+    yield f"lost for at most 0.2 s with the id kept: {result['good']} of {len(result['takes'])} takes"
