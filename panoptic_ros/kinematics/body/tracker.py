@@ -199,7 +199,7 @@ class SubjectTracker:
         self.devices.look(measured, self._pose, seen, len(people), (which, goals))
         if not people and joints is None:
             speed = (self._pose.root - root)[:2] / period
-            self.devices.weigh(self._pose, self._between.loads, speed)
+            self.devices.weigh(stamp_ns, self._pose, self._between.loads, speed)
         self.devices.remember(measured, which, goals)
         self._learn_lengths(evidence, len(people), period)
         if self._config.noise_level:

@@ -150,14 +150,15 @@ class WornDevices:
         self.mounting.look(pose, seen, (goals, which), views > 1)
         self._tell_corrections()
 
-    def weigh(self, pose: Pose, loads: Array, speed: Array) -> None:
+    def weigh(self, stamp_ns: int, pose: Pose, loads: Array, speed: Array) -> None:
         """Learn, now and then, from how somebody balances whom no camera has seen: cameras tell more.
 
         Args:
             loads: (G,) of what stands, see `Balance`. speed: (2,) m/s, of the body.
         """
+        stand = self._subject.t_pose  # a posture that is held for the mountings, and not as people stand
         unseen = self._config.mounting and not self.mounting.looks
-        if not unseen or not loads.any() or self._since_look < LOOK_S - 1e-9:
+        if not unseen or (stand is not None and stamp_ns <= stand.to_ns) or not loads.any() or self._since_look < LOOK_S - 1e-9:
             return
         places, frames = place_all(self._chain, pose.root[None], pose.turns[None])
         self._balance.look(places[0], frames[0], loads, speed, self._since_look)
