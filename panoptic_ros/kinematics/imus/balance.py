@@ -22,8 +22,10 @@ MASSES = {
     "hips": 0.071, "Thigh": 0.184, "Shin": 0.139, "Foot": 0.055, "Toe": 0.015, "spine1": 0.042, "spine3": 0.097,
     "spine4": 0.086, "neck": 0.130, "head": 0.081, "UpperArm": 0.032, "Forearm": 0.042, "Hand": 0.026,
 }  # fmt: skip
-PLACE_SD = 0.02  # m, where between ankle and ball, and between the feet, a person balances
-SWAY_SD = 0.03  # m, of the centre of mass about it while somebody stands
+# m, where between ankle and ball, and between the feet, a person balances: 2 cm from clip to clip of recorded
+# motion, and as much again, as no device tells how the spine bends that carries half of the mass.
+PLACE_SD = 0.04
+SWAY_SD = 0.05  # m, of the centre of mass about it: up to 4 cm in recorded standing motion, and of the spine
 SWAY_S = 1.0  # for which it stays the same
 CATCHING = 0.5  # share of speed / frequency of the pendulum by which a step goes round the foot, as its deviation
 GRAVITY = 9.81
@@ -81,6 +83,10 @@ class Balance:
         """(N, 3) rad."""
         found: Array = self._state[:-2].reshape(-1, 3)
         return found
+
+    def take_chain(self, chain: Chain) -> None:
+        """Go on with other lengths."""
+        self._chain = chain
 
     def look(self, places: Array, frames: Array, loads: Array, speed: Array, seconds: float) -> None:
         """Learn from an instant at which the body is as it is taken to be with these turns.

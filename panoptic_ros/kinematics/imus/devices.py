@@ -154,7 +154,7 @@ class WornDevices:
         """Learn, now and then, from how somebody balances whom no camera has seen: cameras tell more.
 
         Args:
-            loads: (G,) of what stands, see `Balance`. speed: (2,) m/s, of the body.
+            stamp_ns: while a T-pose is held, nothing is learnt. loads: (G,) of what stands, see `Balance`. speed: (2,) m/s, of the body.
         """
         stand = self._subject.t_pose  # a posture that is held for the mountings, and not as people stand
         unseen = self._config.mounting and not self.mounting.looks
@@ -168,6 +168,7 @@ class WornDevices:
         """Go on with other lengths."""
         self._chain = chain
         self.mounting.take_chain(chain)
+        self._balance.take_chain(chain)
 
     def take_notices(self) -> list[Notice]:
         """What was found out since it was last asked."""
