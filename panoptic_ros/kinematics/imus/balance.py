@@ -19,15 +19,15 @@ Array = np.ndarray
 # Shares of the mass of a body (Winter 2009, Biomechanics and Motor Control of Human Movement, table 4.1), at
 # the joints between which it is spread; left and right have a half each.
 MASSES = {
-    "hips": 0.071, "Thigh": 0.184, "Shin": 0.139, "Foot": 0.055, "Toe": 0.015, "spine1": 0.042, "spine3": 0.097,
-    "spine4": 0.086, "neck": 0.130, "head": 0.081, "UpperArm": 0.032, "Forearm": 0.042, "Hand": 0.026,
+    "hips": 0.071, "Thigh": 0.184, "Shin": 0.139, "Foot": 0.055, "Toe": 0.015, "spine1": 0.042,
+    "spine3": 0.097, "spine4": 0.086, "neck": 0.130, "head": 0.081, "UpperArm": 0.032, "Forearm": 0.042, "Hand": 0.026,
 }  # fmt: skip
 # m, where between ankle and ball, and between the feet, a person balances: 2 cm from clip to clip of recorded
 # motion, and as much again, as no device tells how the spine bends that carries half of the mass.
 PLACE_SD = 0.04
 SWAY_SD = 0.05  # m, of the centre of mass about it: up to 4 cm in recorded standing motion, and of the spine
 SWAY_S = 1.0  # for which it stays the same
-CATCHING = 0.5  # share of speed / frequency of the pendulum by which a step goes round the foot, as its deviation
+CATCHING = 0.5  # of speed / frequency of the pendulum, by which the centre deviates from the feet in a step
 GRAVITY = 9.81
 UPRIGHT = 0.8  # share of the length of the legs; whoever has the hips lower sits, kneels or squats
 FARTHEST = 0.25  # m off the feet, of somebody who leans on something, or whose feet do not carry the body
@@ -41,7 +41,8 @@ def masses_of(names: tuple[str, ...]) -> Array:
         for name, pair in zip(names, paired)
     ])  # fmt: skip
     total = float(found.sum())
-    return found / total if total else found
+    shares: Array = found / total if total else found
+    return shares
 
 
 def t_pose_turns(parents: Array, segments: Array, spread: float) -> Array:
@@ -64,8 +65,8 @@ class Balance:
     """Turns (N, 3) rad of the segments under devices, each in the segment's own frame, so that they balance.
 
     Args:
-        segments: (N,) of the devices. masses: (S,) at the joints, see `masses_of`. ground: (G,) segments whose
-            joints touch the ground.
+        segments: (N,) of the devices. masses: (S,) at the joints, see `masses_of`. ground: (G,) segments
+            whose joints touch the ground.
         covariance: (3 N, 3 N) rad^2, of the turns before anything is seen.
     """
 
@@ -150,7 +151,7 @@ class Balance:
         for n, s in enumerate(self._segments.tolist()):
             moved = np.tensordot(self._shares[:, n], turned, 1) @ frames[s]
             found[:, 3 * n : 3 * n + 3] = moved[:2]
-        found[:, -2:] = -np.array([[ahead[0], -ahead[1]], [ahead[1], ahead[0]]])
+        found[:, size - 2 :] = -np.array([[ahead[0], -ahead[1]], [ahead[1], ahead[0]]])
         return found
 
 
@@ -170,4 +171,5 @@ def _shares(parents: Array, segments: Array) -> Array:
             if k >= 0:
                 found[s, rows[k]] += 0.5
     total = found.sum(1, keepdims=True)
-    return np.divide(found, total, out=np.zeros_like(found), where=total > 0.0)
+    shares: Array = np.divide(found, total, out=np.zeros_like(found), where=total > 0.0)
+    return shares

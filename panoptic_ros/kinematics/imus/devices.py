@@ -154,11 +154,14 @@ class WornDevices:
         """Learn, now and then, from how somebody balances whom no camera has seen: cameras tell more.
 
         Args:
-            stamp_ns: while a T-pose is held, nothing is learnt. loads: (G,) of what stands, see `Balance`. speed: (2,) m/s, of the body.
+            stamp_ns: while a T-pose is held, nothing is learnt. loads: (G,) of what stands, see `Balance`.
+            speed: (2,) m/s, of the body.
         """
         stand = self._subject.t_pose  # a posture that is held for the mountings, and not as people stand
-        unseen = self._config.mounting and not self.mounting.looks
-        if not unseen or (stand is not None and stamp_ns <= stand.to_ns) or not loads.any() or self._since_look < LOOK_S - 1e-9:
+        held = stand is not None and stamp_ns <= stand.to_ns
+        if held or self.mounting.looks or not self._config.mounting:
+            return
+        if not loads.any() or self._since_look < LOOK_S - 1e-9:
             return
         places, frames = place_all(self._chain, pose.root[None], pose.turns[None])
         self._balance.look(places[0], frames[0], loads, speed, self._since_look)
@@ -180,7 +183,7 @@ class WornDevices:
 
     def _fresh_balance(self) -> Balance:
         model, spread = self._subject.body.model, math.radians(self._config.mounting_sd)
-        told = np.repeat([device.mount is None for device in self._devices], 3)  # by a T-pose
+        told = np.repeat(np.array([d.mount is None for d in self._devices], bool), 3)  # by a T-pose
         covariance = t_pose_turns(model.parents, self.segments, spread)
         covariance[~told] = covariance[:, ~told] = 0.0
         covariance += np.diag(np.where(told, math.radians(self._config.strap_sd), spread) ** 2)

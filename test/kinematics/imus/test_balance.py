@@ -1,4 +1,4 @@
-"""Balance tells how legs lean of somebody whom no camera sees; who does not stand on the feet tells nothing."""
+"""Balance tells how legs lean where no camera sees; those who do not stand on their feet tell nothing."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,8 @@ def standing(lean, knees=0.0, turned=0.0):
         vectors[0, MODEL.index(f"{side}Thigh"), 1] = -knees
         vectors[0, MODEL.index(f"{side}Shin"), 1] = knees
     turns = rotations_of(vectors.reshape(-1, 3)).reshape(1, -1, 3, 3)
-    turns[0, 0] = rotations_of(np.array([[0.0, 0.0, turned]]))[0] @ rotations_of(np.array([[0.0, lean, 0.0]]))[0]
+    heading, tilt = rotations_of(np.array([[0.0, 0.0, turned], [0.0, lean, 0.0]]))
+    turns[0, 0] = heading @ tilt
     places, frames = place_all(CHAIN, np.array([[0.0, 0.0, 1.0]]), turns)
     return places[0], frames[0]
 
