@@ -20,7 +20,8 @@ Array = np.ndarray
 # the joints between which it is spread; left and right have a half each.
 MASSES = {
     "hips": 0.071, "Thigh": 0.184, "Shin": 0.139, "Foot": 0.055, "Toe": 0.015, "spine1": 0.042,
-    "spine3": 0.097, "spine4": 0.086, "neck": 0.130, "head": 0.081, "UpperArm": 0.032, "Forearm": 0.042, "Hand": 0.026,
+    "spine3": 0.097, "spine4": 0.086, "neck": 0.130, "head": 0.081, "UpperArm": 0.032,
+    "Forearm": 0.042, "Hand": 0.026,
 }  # fmt: skip
 # m, where between ankle and ball, and between the feet, a person balances: 2 cm from clip to clip of recorded
 # motion, and as much again, as no device tells how the spine bends that carries half of the mass.
@@ -114,7 +115,7 @@ class Balance:
         information = seconds / SWAY_S * np.linalg.inv(spread)
         self._information += slopes.T @ information @ slopes
         self._pull += slopes.T @ information @ (slopes @ self._state - self._residual(off, ahead))
-        self._state = np.linalg.solve(self._information, self._pull)
+        self._state[:] = np.linalg.solve(self._information, self._pull)
 
     def _residual(self, off: Array, ahead: Array) -> Array:
         """How far (2,) m the centre of mass is off the place at which the person is taken to balance."""
