@@ -32,7 +32,7 @@ from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.robust import covariance_correction
 from panoptic_ros.solving.bodies import Body
 from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views, view_sources
-from panoptic_ros.solving.joints import solve_joints
+from panoptic_ros.solving.joints import solve_joints, solve_without
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
 from panoptic_ros.solving.scene import Scene, cameras_of, carried_ages, check_association, scene_of
 from panoptic_ros.solving.triangulation import SolverRules
@@ -155,8 +155,7 @@ class AssemblyStage(Stateful):
         solved = solve_joints(found, seen, rules)
         wrong = artefacts(solved, found, seen, odds, rules.cauchy)
         if wrong.any():
-            seen.precision[wrong] = 0.0
-            solved = solve_joints(found, seen, rules)
+            solve_without(wrong, solved, found, seen, rules)
         return solved
 
     def _finish(

@@ -208,11 +208,11 @@ def open_files(
             starts, told = ({}, ()) if tabled else find_starts(first)
         for k, (name, images) in enumerate(zip(chosen.names, first)):
             images.start_ns += starts.get(name, 0)
-            for text in images.notices:
-                said.setdefault(text, []).append(name)
             if isinstance(images, VideoSource) and images.has_sound:
                 sounds.append(_sound(images, frame_rate, own_stamps[name]))
             own_time = TimedSource(images, times[name]) if name in times else images
+            for text in (*images.notices, *(own_time.notices if own_time is not images else ())):
+                said.setdefault(text, []).append(name)
             changed = name in corrections or until_ns is not None
             timed = CorrectedSource(own_time, corrections.get(name), until_ns) if changed else own_time
             depths = depth_files(Path(files[name]).parent, name) if depth else ()

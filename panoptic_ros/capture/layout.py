@@ -4,6 +4,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 
 from panoptic_ros.capture.depth_folder import SUFFIX as DEPTH_SUFFIX
@@ -126,7 +127,17 @@ def check_cameras(path: Path, media: Media, names: Sequence[str], every: bool) -
             raise DataError(
                 f"{path} has no video {name}.mp4 and no images {name}/ for camera {name} of the rig; "
                 "add them or choose cameras that are there" + (f" (--cameras {there})" if there else "")
-            )
+                + _deeper(path, name)
+            )  # fmt: skip
+
+
+def _deeper(path: Path, name: str) -> str:
+    """Return a hint at folders of recordings farther in, as of caliscope's projects, that have the video."""
+    files = [file for deep in ("*/*/", "*/*/*/") for file in path.glob(f"{deep}{escape(name)}.*")]
+    places = sorted({str(file.parent) for file in files if file.suffix.lower() in VIDEO_SUFFIXES})
+    if not places:
+        return ""
+    return f". {', '.join(places[:MOST_OFFERED])} has one: give that folder, and the rig with --rig"
 
 
 def named_as(rig: Collection[str], names: Collection[str]) -> dict[str, str]:

@@ -15,6 +15,10 @@ from panoptic_ros.stage import Notice
 class TimedSource:
     """The frames of a file that a table has times for.
 
+    Devices may count frames from before the recording, as caliscope's cameras do, and do not count anew. A
+    table with one row for each frame of the file, but with numbers beyond its last frame, has such numbers:
+    the rows are the frames in their order then, and `notices` states it.
+
     Args:
         times: stamp in ns by number of the frame.
 
@@ -26,6 +30,10 @@ class TimedSource:
         self._source = source
         what = f"sync table of camera {source.camera}"
         count = source.frame_count
+        self.notices: tuple[str, ...] = ()
+        if len(times) == count and max(times) >= count:
+            self.notices = (_recounted(times, count),)
+            times = dict(enumerate(times[number] for number in sorted(times)))
         numbers = [number for number in sorted(times) if count is None or number < count]
         self.stamps = dict(zip(numbers, check_stamps([times[number] for number in numbers], what)))
         if not numbers:
@@ -54,3 +62,10 @@ class TimedSource:
 
     def __exit__(self, *exception: object) -> None:
         self.close()
+
+
+def _recounted(times: Mapping[int, int], count: int) -> str:
+    return (
+        f"numbers {min(times)} to {max(times)} of the table of stamps are not those of the {count} frames of "
+        "the file; rows are taken as frames in their order"
+    )

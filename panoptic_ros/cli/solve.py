@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="skeletons.json(.gz) to write")  # fmt: skip
     parser.add_argument(
         "--skeleton", default="",
-        help="skeleton model; auto: the joints of the detections, or panoptic19 for COCO's; default: the "
+        help="skeleton model; auto: that with most joints of the file, panoptic19 for COCO's; default: the "
         "preset's, or auto",
     )  # fmt: skip
     parser.add_argument("--cameras", help="use only these, names separated by commas")

@@ -22,7 +22,7 @@ CONTRARY = 0.5  # cosine of the angle between two up axes, below which one of th
 SURE = 0.7  # cosine of the angle between up and the tops of images, above which these tell up
 AROUND, FEWEST = 0.25, 3  # spread and number of cameras, below which images tell no up: all may be rolled
 NOT_KNOWN = (0.0, 0.0, 0.0)  # `DetectionConfig.up` where no file states it
-FINDING = "`panoptic rig check RIG --detections FILE` finds from people which way is up"
+FINDING = "a warning follows where people stand along another axis"
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,7 @@ def suspects(
         everywhere.append(Suspect("rig.image_size", names, text, _change(names, _scaled(scale))))
     if all(could_be_reordered(camera.intrinsics) for camera in rig.cameras):
         text = f"the distortion of all cameras {_REORDERED}"
-        everywhere.append(Suspect("rig.distortion_order", names, text, _change(names, _in_our_order)))
+        everywhere.append(Suspect("rig.distortion_order", names, text, _change(names, in_our_order)))
     if 2 * len(bad) > len(names):  # a mistake of all cameras leaves few that agree
         yield everywhere
     yield [suspect for name in bad for suspect in _of_one_camera(rig.camera(name), mirror)]
@@ -70,7 +70,7 @@ def _of_one_camera(camera: Camera, mirror: tuple[int, ...]) -> Iterator[Suspect]
         yield Suspect(code, (name,), f"camera {name} {what.format(s='s')}", _change((name,), undo))
     if could_be_reordered(camera.intrinsics):
         text = f"the distortion of camera {name} {_REORDERED}"
-        yield Suspect("rig.distortion_order", (name,), text, _change((name,), _in_our_order))
+        yield Suspect("rig.distortion_order", (name,), text, _change((name,), in_our_order))
     for scale in SCALES:
         text = f"the intrinsics of camera {name} look like those of images {_size(scale)}"
         yield Suspect("rig.image_size", (name,), text, _change((name,), _scaled(scale)))
@@ -128,7 +128,7 @@ def could_be_reordered(intrinsics: Intrinsics) -> bool:
     return intrinsics.lens == "brown" and len(terms) >= 5 and not terms[5:].any() and len(set(terms[2:5])) > 1
 
 
-def _in_our_order(camera: Camera) -> Camera:
+def in_our_order(camera: Camera) -> Camera:
     """Return the camera with terms k1 k2 k3 p1 p2 that were read as k1 k2 p1 p2 k3."""
     terms = camera.intrinsics.distortion.copy()
     terms[2:5] = terms[[3, 4, 2]]

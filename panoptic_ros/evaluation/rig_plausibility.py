@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig, ViewDetections
-from panoptic_ros.evaluation.rig_mistakes import could_be_reordered
+from panoptic_ros.evaluation.rig_mistakes import could_be_reordered, in_our_order
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
@@ -78,8 +78,13 @@ def _view_angle(camera: Camera) -> Notice | None:
 
 
 def _reordered(rig: Rig) -> list[Notice]:
-    """Return a notice if tangential terms shift points more than a lens does, as radial terms there do."""
-    odd = [camera for camera in rig.cameras if _tangential_share(camera) > MOST_TANGENTIAL]
+    """Return a notice if tangential terms shift points more than a lens does, as radial terms there do.
+
+    In the other order they must shift points less, else that order is no better explanation.
+    """
+    shares = [(_tangential_share(camera), camera) for camera in rig.cameras]
+    odd = [camera for share, camera in shares
+           if share > MOST_TANGENTIAL and _tangential_share(in_our_order(camera)) < share]  # fmt: skip
     if not odd:
         return []
     names, (p1, p2) = [camera.name for camera in odd], odd[0].intrinsics.distortion[2:4]

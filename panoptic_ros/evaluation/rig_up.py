@@ -103,7 +103,7 @@ def assumed_up(rig: Rig) -> list[str]:
         return []
     return [
         "+z is assumed to be up, as the rig does not state it; "
-        "`panoptic rig check RIG --detections FILE` finds it from people"
+        "a warning follows where people stand along another axis"
     ]
 
 

@@ -20,7 +20,7 @@ from panoptic_ros.domain import (
     TrackedPoseSet,
     ViewDetections,
 )
-from panoptic_ros.errors import CalibrationError, DataError, shown
+from panoptic_ros.errors import CalibrationError, DataError, UserError, shown
 from panoptic_ros.io.documents import read_json
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.frame_stream import read_frames
@@ -37,8 +37,9 @@ _PERSON = keys("id joints scores covariances views states ignore")
 SKELETON_KEYS = keys("format joint_names", frames=[keys("index stamp_ns", skeletons=[_PERSON])])
 HIGHEST_SCORE = 1.25  # OpenPose and SimCC nets give a little more than 1, which counts as 1
 _UPPER = np.triu_indices(3)
+FRAME = "a frame of OpenPose"
 FOREIGN = {  # keys of the document, or of the first entry of a list, of formats that are not read
-    "a frame of OpenPose": {"version", "people"},
+    FRAME: {"version", "people"},
     "a result of AlphaPose or of COCO": {"image_id", "keypoints"},
     "a result of MMPose": {"meta_info", "instance_info"},
     "a result of MMPose of each frame": {"frame_id", "instances"},
@@ -269,9 +270,13 @@ def _document(
 
 def _foreign(path: Path) -> str:
     """Return the name of a folder of another program's 2D people; "" if it is none."""
-    if path.is_dir() and next(path.rglob("*_keypoints.json"), None) is not None:
-        return "a folder of OpenPose"
-    return ""
+    first = next(path.rglob("*.json"), None) if path.is_dir() else None
+    if first is None:
+        return ""
+    try:
+        return "a folder of OpenPose" if _foreign_document(read_json(first)) == FRAME else ""
+    except UserError:
+        return ""  # the folder is refused as one
 
 
 def _foreign_document(document: Any) -> str:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections
-from panoptic_ros.io.skeletons import map_joints, skeleton_of
+from panoptic_ros.io.skeletons import DEFAULT_SKELETON, fullest_skeleton, map_joints, skeleton_of
 
-AUTO = "auto"  # skeleton: the joints of the detections, or panoptic19 for COCO's
+AUTO = "auto"  # skeleton: that which takes most joints of the detections; panoptic19 for COCO's
 
 
 @dataclass(frozen=True)
@@ -19,11 +19,20 @@ class RecordedPeople:
     Args:
         sets: in the order of time.
         joint_names: of the skeleton's joints, as the file spells them where the skeleton was chosen after it.
+        left_out: joints of the file that no joint of the skeleton is made of.
     """
 
     skeleton: SkeletonModel
     sets: Sequence[DetectionSet]
     joint_names: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
+
+    def told(self) -> list[str]:
+        """Return a line if joints are left out."""
+        if not self.left_out:
+            return []
+        joints = ", ".join(self.left_out)
+        return [f"joints that are not in skeleton {self.skeleton.name} are left out: {joints}"]
 
 
 def read_people(detections: Path, rig: Rig, skeleton: str = AUTO) -> RecordedPeople:
@@ -40,13 +49,19 @@ def read_people(detections: Path, rig: Rig, skeleton: str = AUTO) -> RecordedPeo
     model, joint_map = map_joints(_choose(people) if skeleton == AUTO else skeleton, people.joint_names)
     sets = list(people.sets(rig, joint_map, model.hash))
     names = _own_names(people, model.joint_names) if skeleton == AUTO else model.joint_names
-    return RecordedPeople(model, sets, names)
+    used = {k for source in joint_map.sources for k in source}
+    left_out = tuple(name for k, name in enumerate(people.joint_names) if k not in used)
+    return RecordedPeople(model, sets, names, left_out)
 
 
 def _choose(detections: PlainDetections) -> str:
-    """The installed skeleton with the joints of the file; panoptic19 for COCO's and for others."""
-    found = skeleton_of(detections.joint_names)
-    return "panoptic19" if found in (None, "coco17") else found
+    """The installed skeleton that takes most joints of the file, and is filled by them; else panoptic19.
+
+    COCO's joints are those of panoptic19, which has besides what can be derived from them.
+    """
+    names = detections.joint_names
+    found = skeleton_of(names) or fullest_skeleton(names)
+    return DEFAULT_SKELETON if found in (None, "coco17") else found
 
 
 def _own_names(detections: PlainDetections, joints: tuple[str, ...]) -> tuple[str, ...]:

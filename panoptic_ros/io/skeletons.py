@@ -83,6 +83,23 @@ def skeleton_of(joint_names: Sequence[str]) -> str | None:
     return None
 
 
+def fullest_skeleton(joint_names: Sequence[str]) -> str | None:
+    """Name of the installed skeleton all of whose joints can be had from these, and which uses most of them.
+
+    Of equals the default comes first; None if none is filled.
+    """
+    best, most = None, 0
+    for name in sorted(skeleton_names(), key=lambda name: name != DEFAULT_SKELETON):
+        try:
+            sources = map_joints(name, joint_names)[1].sources
+        except ConfigError:  # no joint in common
+            continue
+        used = len({k for source in sources for k in source})
+        if all(sources) and used > most:
+            best, most = name, used
+    return best
+
+
 def in_vocabulary(joint_names: Sequence[str]) -> tuple[str, ...]:
     """Joint names in the vocabulary that all skeletons share; unknown ones as they are."""
     vocabulary = _vocabulary()

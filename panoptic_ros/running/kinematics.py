@@ -18,11 +18,11 @@ from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.io.detector_context import noise_only
 from panoptic_ros.io.kinematic_files import read_imus
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections
-from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
 from panoptic_ros.params import load
+from panoptic_ros.running.plans.rig_files import read_rig_at
 
 Array = np.ndarray
 PAPER = "malleson-2020"
@@ -71,7 +71,7 @@ def read_body_task(
     used: Rig | None = None
     names: tuple[str, ...] = ()
     if rig is not None and detections is not None:
-        used, found = read_rig(rig), read_detections(detections)
+        used, found = read_rig_at(rig), read_detections(detections)
         notices += used.notices
         views, names = view_series(used, found), found.joint_names
     notices += [line for subject in people for line in subject.told()]

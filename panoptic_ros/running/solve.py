@@ -18,9 +18,9 @@ from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.io.detector_context import bias_extras, noise_only
 from panoptic_ros.io.recorded_people import AUTO, read_people
-from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.params import Config, config_of
 from panoptic_ros.running.plans.parameters import with_occluders
+from panoptic_ros.running.plans.rig_files import read_rig_at
 from panoptic_ros.stage import Notice, StageContext
 from panoptic_ros.sync.far_views import without_far_views
 
@@ -32,16 +32,18 @@ class SolveTask:
     Args:
         sets: in the order of time.
         joint_names: of the result, in the order of the skeleton's joints.
+        notices: lines about what was left out.
     """
 
     context: StageContext
     configs: Mapping[str, Config]
     sets: Sequence[DetectionSet]
     joint_names: tuple[str, ...]
+    notices: tuple[str, ...] = ()
 
     def told(self) -> list[str]:
-        """Return lines that state what was assumed."""
-        return [*assumed_up(self.context.rig), *noise_only(self.context.skeleton.bias_floors)]
+        """Return lines that state what was left out or assumed."""
+        return [*self.notices, *assumed_up(self.context.rig), *noise_only(self.context.skeleton.bias_floors)]
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def read_task(
     """What is to be solved, from files.
 
     Args:
-        rig: calibration file.
+        rig: calibration file, or a folder with one.
         detections: plain file of 2D people.
         parameters: {stage: {parameter: value}}.
         skeleton: name or YAML file, or `AUTO`.
@@ -81,14 +83,14 @@ def read_task(
     Raises:
         UserError: on whatever the user can mend.
     """
-    used = with_occluders(read_rig(rig, cameras=cameras), occluders)
+    used = with_occluders(read_rig_at(rig, cameras=cameras), occluders)
     if len(used) < 2:
         raise UsageError(f"{len(used)} camera is not enough for 3D; give two or more")
     people = read_people(detections, used, skeleton)
     configs = configure(parameters)
     table = config_of(configs, AssemblyConfig).bias_table
     context = StageContext(used, people.skeleton, bias_extras(table, people.skeleton))
-    return SolveTask(context, configs, people.sets, people.joint_names)
+    return SolveTask(context, configs, people.sets, people.joint_names, tuple(people.told()))
 
 
 def check(task: SolveTask) -> tuple[Notice, ...]:

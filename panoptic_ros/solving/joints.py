@@ -184,13 +184,39 @@ def _prior_cost(x, joint, limit):
 def solve_joints(found: Candidates, seen: Observations, rules: SolverRules) -> SolvedJoints:
     """Solve all joints of all people; each 2D joint is given to one of them."""
     people, joints = found.guide.spreads.shape
-    claims = Claims(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
     solved = SolvedJoints.nothing(people, joints, len(seen.starts) - 1)
-    solve_again(np.ones((people, joints), bool), found.guide, claims, seen, rules, solved)
+    _solve_people(np.ones(people, bool), found, seen, rules, solved)
+    return solved
+
+
+def solve_without(
+    wrong: Array, solved: SolvedJoints, found: Candidates, seen: Observations, rules: SolverRules
+) -> None:
+    """Solve people anew, in place, without those of their 2D joints that are wrong (D, J).
+
+    The precision of these 2D joints becomes 0, in place.
+    """
+    seen.precision[wrong] = 0.0
+    of_nobody = np.append(wrong.any(axis=1), False)  # row -1
+    shown = of_nobody[found.member].any(axis=1)
+    shown |= (of_nobody[solved.picks[..., 0]] & (solved.residuals >= 0.0)).any(axis=(1, 2))
+    _solve_people(shown, found, seen, rules, solved)
+
+
+def _solve_people(
+    todo: Array, found: Candidates, seen: Observations, rules: SolverRules, solved: SolvedJoints
+) -> None:
+    """Solve the people `todo` (P,) in place; the others keep their 2D joints unless these fit better."""
+    claims = Claims(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
+    if not todo.all():
+        people, joints, views = np.nonzero((solved.residuals >= 0.0) & ~todo[:, None, None])
+        picks = solved.picks[people, joints, views]
+        claims.owner[picks[:, 0], picks[:, 1]] = people
+    every = np.repeat(todo[:, None], solved.positions.shape[1], axis=1)
+    solve_again(every, found.guide, claims, seen, rules, solved)
     losers = settle(solved, claims, rules.foreign_penalty)
     if losers.any():
         solve_again(losers, found.guide, claims, seen, rules, solved)
-    return solved
 
 
 @njit(cache=True, error_model="numpy")

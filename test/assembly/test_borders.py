@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fed_stages import FedAssembly
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from panoptic_ros.solving.joints import MISPLACED, artefact_cost
@@ -64,6 +64,7 @@ def test_joints_that_a_detector_puts_outside_of_the_image_are_observations(scene
     assert found.shape[1:] == (19, 3) and np.abs(found).max() < 1e-6
 
 
+@settings(max_examples=20)
 @given(st.integers(0, 1000), st.integers(2, 6))
 def test_who_is_inside_of_all_images_is_solved_the_same(scenes, seed, views):
     rng = np.random.default_rng(seed)

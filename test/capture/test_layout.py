@@ -151,3 +151,10 @@ def test_images_are_known_by_their_endings(tmp_path, suffix):
     with open_capture_folder(tmp_path, rig=rig("a")) as capture:
         frames = list(capture.sources[0])
     assert len(frames) == 3 and all(np.abs(frame.image.astype(int) - 120).max() <= 3 for frame in frames)
+
+
+def test_recordings_farther_in_are_named_with_what_to_give(make_video, tmp_path):
+    for name in ("cam_0", "cam_1"):
+        make_video(tmp_path / "recordings" / "take_1" / f"{name}.mp4", 3)
+    with pytest.raises(DataError, match=r"take_1 has one: give that folder, and the rig with --rig$"):
+        open_capture_folder(tmp_path, rig=rig("cam_0", "cam_1"))

@@ -217,3 +217,16 @@ def test_frames_that_a_device_did_not_stamp_are_left_out(film, tmp_path):
         frames = list(capture.sources[0])
     assert [frame.frame_number for frame in frames] == [0, 1, 3, 5]
     assert [frame.stamp_ns for frame in frames] == [10**9 + 40 * MS * k for k in (0, 1, 3, 5)]
+
+
+@pytest.mark.parametrize("numbers", [range(26, 32), (26, 27, 28, 30, 31, 33)])
+def test_a_device_that_counted_before_the_recording_stamps_every_frame(film, tmp_path, numbers):
+    rows = []
+    for name in "01":
+        film(tmp_path / f"cam_{name}.mp4", times(6), rate=25)
+        rows += [f"{number},{name},{number},{1 + 0.04 * number}" for number in numbers]
+    (tmp_path / "timestamps.csv").write_text("\n".join(["sync_index,cam_id,frame_index,frame_time", *rows]))
+    with open_capture_folder(tmp_path, rig=rig("cam_0", "cam_1")) as capture:
+        assert stamps_of(capture)["cam_1"] == [10**9 + 40 * MS * number for number in numbers]
+        (line,) = [text for text in capture.notices if "table of stamps" in text]
+    assert line.startswith(f"cameras cam_0, cam_1: numbers 26 to {numbers[-1]} of the table")

@@ -17,7 +17,7 @@ from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.simulation import SKELETON, scene, simulate
 from panoptic_ros.simulation.rigs import Ring
 
-FRAMES = 40
+FRAMES = 20
 KINECT = (0.66, -2.7, 6e-4, -2e-4, 1.55, 0.54, -2.5, 1.48)  # as an Azure Kinect's colour camera
 
 

@@ -41,7 +41,7 @@ def reference(scene, maps):
     return solved(*capture(scene, maps))
 
 
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(scene=scenes, maps=with_maps, order=st.randoms(use_true_random=False))
 def test_order_of_cameras(scene, maps, order):
     rig, sets = capture(scene, maps)
@@ -70,7 +70,7 @@ def test_order_of_many_cameras():
     assert invariances.largest_gap(reference(scene, False), found) < EXACT
 
 
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(scene=scenes, maps=with_maps, seed=st.integers(0, 99))
 def test_order_of_people(scene, maps, seed):
     rig, sets = capture(scene, maps)
@@ -78,7 +78,7 @@ def test_order_of_people(scene, maps, seed):
     assert invariances.largest_gap(reference(scene, maps), found) < EXACT
 
 
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(
     scene=scenes, maps=with_maps, seed=st.integers(0, 99), shift=st.tuples(*[st.floats(-20.0, 20.0)] * 3)
 )
@@ -92,14 +92,14 @@ def test_frame_of_the_world(scene, maps, seed, shift):
     assert invariances.largest_gap(expected, found, new_from_old.inverse().apply) < STILL
 
 
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(scene=scenes, maps=with_maps, factor=st.sampled_from([0.5, 2.0, 3.0]))
 def test_size_of_pixels(scene, maps, factor):
     found = solved(*invariances.scaled_images(*capture(scene, maps), factor))
     assert invariances.largest_gap(reference(scene, maps), found) < EXACT
 
 
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(scene=scenes, maps=with_maps, count=st.integers(1, 6))
 def test_cameras_that_see_nothing(scene, maps, count):
     found = solved(*invariances.with_blind_cameras(*capture(scene, maps), count))
@@ -112,7 +112,7 @@ def test_an_absent_view_is_a_view_with_nobody():
     assert invariances.largest_gap(solved(rig, sets), solved(rig, absent)) < EXACT
 
 
-@settings(max_examples=6)
+@settings(max_examples=4)
 @given(scene=scenes)
 def test_votes_round_2d_joints_tell_nothing_new(scene):
     found = solved(*capture(scene, False), {"voting": {"without_maps": True}})

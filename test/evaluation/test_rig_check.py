@@ -514,6 +514,12 @@ def test_usual_lenses_are_left_in_peace(terms: tuple[float, ...]) -> None:
     assert check(with_cameras(ring(3), None, intrinsics=lambda c: lens), []).warnings == ()
 
 
+def test_a_decentred_lens_whose_terms_fit_the_other_order_worse_is_left_in_peace() -> None:
+    terms = np.array([0.17, -0.25, -7.5e-4, 0.0125, 0.156])  # a webcam, as its program calibrated it
+    lens = Intrinsics(np.array([[637.0, 0, 657], [0, 634.0, 378], [0, 0, 1]]), terms)
+    assert check(with_cameras(ring(3, (1280, 720)), None, intrinsics=lambda c: lens), []).warnings == ()
+
+
 def test_two_cameras_at_one_pose() -> None:
     rig = ring(5)
     pose = rig.camera("cam03").cam_from_world

@@ -42,11 +42,43 @@ def test_a_document_that_does_not_name_its_format(tmp_path: Path, document: Any)
         read_detections(tmp_path / "people.json")
 
 
-def test_the_program_in_the_docs_reads_alphapose_by_the_numbers_of_images(tmp_path: Path) -> None:
+def test_a_folder_of_openpose_is_named_whatever_its_files_are_called(tmp_path: Path) -> None:
+    (tmp_path / "cam01_json").mkdir()
+    for name in ("cam01_000000.json", "cam01_000000_keypoints.json"):
+        file = tmp_path / "cam01_json" / name
+        file.write_text(json.dumps({"version": 1.3, "people": []}))
+        with pytest.raises(DataError, match="is a folder of OpenPose, which is not read"):
+            read_detections(tmp_path)
+        file.unlink()
+
+
+def test_the_program_in_the_docs_reads_openpose(tmp_path: Path) -> None:
+    program(tmp_path)
+    for camera in ("cam1", "cam2"):
+        (tmp_path / f"{camera}_json").mkdir()
+        for number, people in enumerate(([], [KEYPOINTS[:3] * 25, KEYPOINTS[3:6] * 25])):
+            document = {"version": 1.3, "people": [{"pose_keypoints_2d": row} for row in people]}
+            path = tmp_path / f"{camera}_json" / f"{camera}_{number:012d}_keypoints.json"
+            path.write_text(json.dumps(document))
+    command = [sys.executable, "convert.py", "cam1_json", "cam2_json"]
+    assert subprocess.run(command, cwd=tmp_path).returncode == 0
+    people = read_detections(tmp_path / "detections.json")
+    assert [frame.stamp_ns for frame in people.frames] == [0, 40_000_000]
+    assert [frame.views["cam2"].points.shape for frame in people.frames] == [(0, 25, 2), (2, 25, 2)]
+    assert people.joint_names[:2] == ("nose", "neck")
+    assert people.frames[1].views["cam1"].points[1, 24].tolist() == [11, 21]
+
+
+def program(folder: Path) -> None:
+    """Write the program in the docs as convert.py."""
     section = DOCS.read_text().partition("2D people of other programs become such a file")[2]
-    program = re.search(r"\n((?:    [^\n]*\n|\n)+)", section.partition("\n")[2])
-    assert program is not None
-    (tmp_path / "convert.py").write_text("\n".join(line[4:] for line in program.group(1).splitlines()))
+    found = re.search(r"\n((?:    [^\n]*\n|\n)+)", section.partition("\n")[2])
+    assert found is not None
+    (folder / "convert.py").write_text("\n".join(line[4:] for line in found.group(1).splitlines()))
+
+
+def test_the_program_in_the_docs_reads_alphapose_by_the_numbers_of_images(tmp_path: Path) -> None:
+    program(tmp_path)
     for camera in ("cam1", "cam2"):
         (tmp_path / f"{camera}.json").write_text(json.dumps(ALPHAPOSE))
     command = [sys.executable, "convert.py", "cam1.json", "cam2.json"]

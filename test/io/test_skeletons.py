@@ -3,7 +3,14 @@ import pytest
 import yaml
 
 from panoptic_ros.errors import ConfigError, DataError
-from panoptic_ros.io.skeletons import load_skeleton, map_joints, skeleton_names, skeleton_of
+from panoptic_ros.io.skeletons import (
+    fullest_skeleton,
+    load_skeleton,
+    map_joints,
+    shared_names,
+    skeleton_names,
+    skeleton_of,
+)
 
 SMALL = {
     "name": "small", "root": "hip", "head": "top",
@@ -21,6 +28,14 @@ def test_installed_skeletons_are_whole_and_have_sides():
         assert model.name == name and model.parents[model.root] == -1
         assert [model.mirror[joint] for joint in model.mirror] == list(range(len(model)))
         assert skeleton_of(model.joint_names) == name
+
+
+def test_the_skeleton_that_takes_most_joints_of_a_detector():
+    coco = shared_names("coco17")
+    feet = [name for name in shared_names("body25") if "toe" in name or "heel" in name]
+    assert fullest_skeleton([*coco, "head", "neck", *feet]) == "body25"  # HALPE_26 and BODY_25B
+    assert fullest_skeleton([*coco, "neck"]) == "panoptic19"
+    assert fullest_skeleton(["left_wrist", "right_wrist"]) is fullest_skeleton(["tail"]) is None
 
 
 def test_joints_that_a_detector_lacks_are_means_or_never_seen(tmp_path):

@@ -8,7 +8,7 @@ from seen_views import observations
 from panoptic_ros.geometry import triangulate_robust
 from panoptic_ros.solving.agreement import agreement_of_pairs, agreement_with_people
 from panoptic_ros.solving.joint_records import Candidates, Claims, Guides, SolvedJoints
-from panoptic_ros.solving.joints import settle, solve_joints
+from panoptic_ros.solving.joints import settle, solve_joints, solve_without
 from panoptic_ros.solving.scene import Cameras
 from panoptic_ros.solving.triangulation import FEW_FACTOR, TABLE, Result, SolverRules, Steps, refine_point
 
@@ -158,3 +158,36 @@ def test_every_observation_goes_to_whom_it_fits_best():
         losers = settle(solved, claims, penalty)
         assert owner[0, 0] == winner and owner[1, 0] == -1
         assert losers[:, 0].tolist() == [p != winner for p in range(3)]
+
+
+@given(seed=st.integers(0, 10**6), count=st.integers(1, 5))
+def test_solved_without_wrong_2d_joints_equals_solved_anew(scenes, seed, count):
+    """The second of two people far apart shows all wrong 2D joints; the first stays as it was."""
+    rng = np.random.default_rng(seed)
+    rig = scenes.ring(5)
+    people = [scenes.person(-1.0, 0.0), scenes.person(1.0, 0.3)]
+    plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras for truth in people])
+    plane += 2e-3 * rng.standard_normal(plane.shape)
+    joints, stack = plane.shape[1], rig.stack()
+    cams, starts = Cameras(stack.rotations, stack.translations, np.zeros(5)), 2 * np.arange(6)
+    member = np.arange(10).reshape(5, 2).T.copy()
+    source = np.tile(np.arange(joints), (2, 5, 1))
+    nothing = Guides.of_nobody_known(2, joints, 1.0)
+    found = Candidates(member, source, nothing, np.array([-1, -1]), nothing.positions)
+    rules = SolverRules(4.0, 3.0, 5.0, 4.0, 45)
+    wrong = np.zeros(plane.shape[:2], bool)
+    wrong[rng.choice(member[1], count), rng.integers(0, joints, count)] = True
+
+    def given_to(precision):
+        return observations(plane, precision, np.repeat(np.arange(5), 2), starts, cams)
+
+    first = given_to(np.full(plane.shape[:2], 500.0))
+    solved = solve_joints(found, first, rules)
+    before = solved.positions[0].copy()
+    solve_without(wrong, solved, found, first, rules)
+    anew = solve_joints(found, given_to(np.where(wrong, 0.0, 500.0)), rules)
+    used = anew.residuals >= 0.0
+    assert np.array_equal(solved.picks[used], anew.picks[used])
+    for ours, expected in zip(solved[:3], anew[:3], strict=True):
+        assert np.array_equal(ours, expected, equal_nan=True)
+    assert np.array_equal(solved.positions[0], before, equal_nan=True)

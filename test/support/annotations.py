@@ -3,17 +3,21 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 
 COMPILERS = frozenset({"inlined", "njit"})
 
 
-def unannotated(source: str) -> Iterator[tuple[str, bool]]:
+@cache  # several tests ask about all modules
+def unannotated(source: str) -> tuple[tuple[str, bool], ...]:
     """Name, and whether numba compiles it, of every function without all of its annotations."""
     tree = ast.parse(source)
     compilers = COMPILERS | set(_own_compilers(tree))
-    for node in ast.walk(tree):
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and not _is_annotated(node):
-            yield node.name, any(_called(each) in compilers for each in node.decorator_list)
+    return tuple(
+        (node.name, any(_called(each) in compilers for each in node.decorator_list))
+        for node in ast.walk(tree)
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and not _is_annotated(node)
+    )
 
 
 def _own_compilers(tree: ast.Module) -> Iterator[str]:

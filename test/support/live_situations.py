@@ -1,7 +1,7 @@
 """What live stages may meet. As a program: which kernels were not ready when the stages were constructed.
 
-`python live_situations.py chain '[cameras, settings, skeleton]'`, `... offsets`, `... timecode`,
-`... detection`.
+`python live_situations.py '[["chain", [cameras, settings, skeleton]], ["offsets", []], ...]'` prints one JSON
+list for each case. A process of its own, forked after the imports, runs each case.
 """
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -23,8 +24,8 @@ from panoptic_ros.domain import (
     Timecode,
     VisibilityLimit,
 )
-from panoptic_ros.graph.build import configure, make_stage
-from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.graph.build import configure, make_stage, resolve
+from panoptic_ros.graph.nodes import FUSION, NODES
 from panoptic_ros.graph.pipeline import Pipeline, records_of
 from panoptic_ros.io.skeletons import load_skeleton
 from panoptic_ros.simulation import NOISY, SKELETON, Ring, Scene, Timing, simulate
@@ -214,5 +215,17 @@ PROGRAMS: dict[str, Callable[..., set[tuple[str, str, str]]]] = {
     "bodies": bodies, "detection": detection,
 }  # fmt: skip
 
+
+def found_late(program: str, arguments: list[Any]) -> list[tuple[str, str, str]]:
+    """Kernels that a program of `PROGRAMS` found not ready, sorted."""
+    return sorted(PROGRAMS[program](*arguments))
+
+
 if __name__ == "__main__":
-    print(sorted(PROGRAMS[sys.argv[1]](*json.loads((sys.argv[2:] or ["[]"])[0]))))
+    import stage_cases  # noqa: F401, as children share what is imported here
+
+    for spec in NODES.values():
+        resolve(spec.stage)
+    assert not kernels(), "importing a module made kernels ready"
+    with get_context("fork").Pool(1, maxtasksperchild=1) as pool:
+        print(json.dumps(pool.starmap(found_late, json.loads(sys.argv[1]), chunksize=1)))

@@ -32,12 +32,12 @@ def find_rig(folder: Path) -> Path:
     found = [path for place in places for path in [place, *_files(place)] if _is_rig(path)]
     if not found:
         raise DataError(
-            f"{folder} has no rig; put rig.json or another calibration file there, or name it"
+            f"{folder} has no rig; put rig.json or another calibration file there, or name it with --rig"
             + "".join(_faults(places))
         )
     if len(found) > 1:
         names = ", ".join(str(path.relative_to(folder)) for path in found)
-        raise UsageError(f"{folder} has several rigs: {names}; name the one to use")
+        raise UsageError(f"{folder} has several rigs: {names}; name the one to use, e.g. with --rig")
     return found[0]
 
 

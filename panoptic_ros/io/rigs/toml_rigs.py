@@ -93,7 +93,7 @@ def _in_metres(rig: Rig, stated: bool, options: ReadOptions) -> Rig:
         return rig
     line = (
         "lengths are assumed to be metres, as the file does not state its unit; "
-        "`panoptic rig check RIG --detections FILE` finds it from people"
+        "a warning follows where people show another unit"
     )
     return replace(rig, notices=(*rig.notices, line))
 

@@ -29,6 +29,7 @@ from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
 from panoptic_ros.running.plans.overlap import check_overlap
 from panoptic_ros.running.plans.parameters import live_parameters, with_defaults
 from panoptic_ros.running.plans.plan import Plan, require_cameras
+from panoptic_ros.running.plans.rig_files import read_rig_at
 from panoptic_ros.running.sound.clocks import corrections_from_sound, recorders_of
 from panoptic_ros.running.sound.tracks import find_tracks
 from panoptic_ros.running.sound.use import Recorder, plan_clocks
@@ -75,7 +76,7 @@ def plan_capture(
             raise DataError(f"{folder} has no videos and no images{hint}")
         if options.imus is not None and options.subjects:
             return plan_imu_file(title or str(folder), options)
-    given = None if rig is None else read_rig(rig, cameras=cameras)
+    given = None if rig is None else read_rig_at(rig, cameras=cameras)
     with closing(open_capture_folder(folder, rig=given, cameras=cameras, **own)) as capture:
         source = {"kind": "folder", "path": str(folder), **own, **_starts(capture)}
         sources = dict.fromkeys(capture.rig.names, source)
