@@ -17,6 +17,7 @@ from panoptic_ros.kinematics.body.past import Past
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.held import HeldInstants
+from panoptic_ros.kinematics.imus.balance import Balance
 from panoptic_ros.kinematics.imus.devices import WornDevices
 from panoptic_ros.kinematics.imus.fitting import ImuFitting
 from panoptic_ros.kinematics.imus.mounting import Looks, MountingEstimate
@@ -76,9 +77,10 @@ CLASSES = (
     Fields.named(
         WornDevices,
         "_config _subject _chain _devices names mounts segments positions _turn _unseen mounting _wearing "
-        "_since_look _notices _told accelerated pushes _oriented _goals _rows",
+        "_since_look _notices _told accelerated pushes _oriented _goals _rows _balance",
     ),
     Fields.named(Wearing, "_looks _count"),
+    Fields.named(Balance, "_chain _segments _masses _ground _shares _information _pull _state"),
     Fields.named(
         PoseWindow,
         "_chain _motion _lag _size _weights _poses _next _stride _information _pulled _open _eliminated "

@@ -36,6 +36,11 @@ class BetweenInstants:
         """So much time has passed since the instant before; seen: at this one, by cameras."""
         self._unseen_s = 0.0 if seen else self._unseen_s + seconds
 
+    @property
+    def loads(self) -> Array:
+        """About how much (G,) each place on the ground carries, 0 to 1; 0 while cameras see the body."""
+        return self._contact.loads
+
     def told(
         self, devices: WornDevices, oriented: tuple[Array, Array], body: tuple[Chain, Pose], begun: bool,
         stride: int,

@@ -68,6 +68,14 @@ class Contact:
         site = self._ground[lowest[carrying]]
         return Standing(np.array([site]), np.zeros((1, 3)), move[None], np.array([spread**-2]))
 
+    @property
+    def loads(self) -> Array:
+        """About how much (G,) each place on the ground carries, 0 to 1: that of a foot at rest much."""
+        found = np.zeros(len(self._ground))
+        for rows, unrest in zip(self._feet, np.mean(self._unrest, axis=0) if self._unrest else ()):
+            found[rows] = 1.0 / (1.0 + unrest**2)
+        return found
+
     def forget(self) -> None:
         """The body is elsewhere."""
         self._unrest.clear()

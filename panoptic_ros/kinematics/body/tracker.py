@@ -188,6 +188,7 @@ class SubjectTracker:
         )
         points = self.weighing.points(joints)
         evidence = self.weighing.evidence(views, turns, points)
+        root = self._pose.root.copy()
         if self._config.window:
             self._step_window(guess, evidence, (which, goals), stride)
         else:
@@ -196,6 +197,9 @@ class SubjectTracker:
         seen = self.weighing.evidence(views, NO_TURNS, points)
         self.devices.passed(period)
         self.devices.look(measured, self._pose, seen, len(people), (which, goals))
+        if not people and joints is None:
+            speed = (self._pose.root - root)[:2] / period
+            self.devices.weigh(stamp_ns, self._pose, self._between.loads, speed)
         self.devices.remember(measured, which, goals)
         self._learn_lengths(evidence, len(people), period)
         if self._config.noise_level:

@@ -9,9 +9,10 @@ import numpy as np
 from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import Device, Subject
 from panoptic_ros.geometry.chain import Pose, place_all
-from panoptic_ros.geometry.rotations import turn_about_z
+from panoptic_ros.geometry.rotations import rotations_of, turn_about_z
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.imus.balance import Balance, masses_of, t_pose_turns
 from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.imus.mounting import MountingEstimate
 from panoptic_ros.kinematics.imus.wearing import Wearing
@@ -60,6 +61,7 @@ class WornDevices:
         self._turn = turn_about_z(heading)
         self._unseen = unseen_axes(subject.body)
         self.mounting = self._fresh_mounting()
+        self._balance = self._fresh_balance()
         self._wearing = Wearing(len(self._devices))
         self._since_look = LOOK_S * (subject.id % IN_TURN) / IN_TURN
         self._notices: list[Notice] = []
@@ -74,7 +76,8 @@ class WornDevices:
         """
         worn = measured.rows(self._rows)
         which = np.flatnonzero(worn.oriented)
-        return which, self._turn @ worn.orientations[which] @ self.mounts[which].swapaxes(1, 2)
+        goals = self._turn @ worn.orientations[which] @ self.mounts[which].swapaxes(1, 2)
+        return which, goals @ rotations_of(self._balance.turns[which])
 
     def spreads(self, which: Array) -> Array:
         """Standard deviations (M,) rad of their corrected orientations."""
@@ -147,10 +150,28 @@ class WornDevices:
         self.mounting.look(pose, seen, (goals, which), views > 1)
         self._tell_corrections()
 
+    def weigh(self, stamp_ns: int, pose: Pose, loads: Array, speed: Array) -> None:
+        """Learn, now and then, from how somebody balances whom no camera has seen: cameras tell more.
+
+        Args:
+            stamp_ns: while a T-pose is held, nothing is learnt. loads: (G,) of what stands, see `Balance`.
+            speed: (2,) m/s, of the body.
+        """
+        stand = self._subject.t_pose  # a posture that is held for the mountings, and not as people stand
+        held = stand is not None and stamp_ns <= stand.to_ns
+        if held or self.mounting.looks or not self._config.mounting:
+            return
+        if not loads.any() or self._since_look < LOOK_S - 1e-9:
+            return
+        places, frames = place_all(self._chain, pose.root[None], pose.turns[None])
+        self._balance.look(places[0], frames[0], loads, speed, self._since_look)
+        self._since_look = 0.0
+
     def take_chain(self, chain: Chain) -> None:
         """Go on with other lengths."""
         self._chain = chain
         self.mounting.take_chain(chain)
+        self._balance.take_chain(chain)
 
     def take_notices(self) -> list[Notice]:
         """What was found out since it was last asked."""
@@ -159,6 +180,15 @@ class WornDevices:
 
     def _fresh_mounting(self) -> MountingEstimate:
         return MountingEstimate(self._config, self._chain, self.segments, self._unseen[self.segments])
+
+    def _fresh_balance(self) -> Balance:
+        model, spread = self._subject.body.model, math.radians(self._config.mounting_sd)
+        told = np.repeat(np.array([d.mount is None for d in self._devices], bool), 3)  # by a T-pose
+        covariance = t_pose_turns(model.parents, self.segments, spread)
+        covariance[~told] = covariance[:, ~told] = 0.0
+        covariance += np.diag(np.where(told, math.radians(self._config.strap_sd), spread) ** 2)
+        ground = np.array([model.index(name) for name in model.ground], np.int64)
+        return Balance(self._chain, self.segments, masses_of(model.names), ground, covariance)
 
     def _take_forces(self, worn: Measured) -> None:
         """Accelerations (N, 3) m/s^2 in the world, gravity taken off (eq. 12)."""

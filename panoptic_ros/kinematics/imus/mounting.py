@@ -88,6 +88,11 @@ class MountingEstimate:
         """Whether the heading of the inertial frame is off by more than it should."""
         return abs(self.heading) > LATE_HEADING and self._looks >= FEWEST_BEFORE
 
+    @property
+    def looks(self) -> int:
+        """How many of cameras there were."""
+        return self._looks
+
     def take_chain(self, chain: Chain) -> None:
         """Go on with other lengths."""
         self._chain = chain
