@@ -3,6 +3,7 @@ import os
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -26,16 +27,22 @@ settings.register_profile(
 settings.load_profile("panoptic")
 
 
-def pytest_itemcollected(item: pytest.Item) -> None:
+@pytest.hookimpl(optionalhook=True)  # of pytest-xdist
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Where several processes test: one of them has all graphs, the others have the rest file by file.
 
-    Two live graphs at once would starve one another, and fixtures of a file are made once. pytest-xdist reads
-    the groups before any `pytest_collection_modifyitems` of a conftest.
+    Two live graphs at once would starve one another, and fixtures of a file are made once. Marks of groups
+    (`xdist_group`) would do the same, but pytest 9.2 ignores what pytest-xdist 3.8 makes of them.
     """
-    graph = item.get_closest_marker("ros") is not None
-    item.add_marker(pytest.mark.xdist_group("ros" if graph else item.nodeid.split("::")[0]))
+    from xdist.scheduler import LoadScopeScheduling
 
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.split("::")[0]
+            return "graphs" if file in graphs else file
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the graphs, which take longest."""
-    items.sort(key=lambda item: item.get_closest_marker("ros") is None)
+    graphs = {
+        path.relative_to(config.rootpath).as_posix()
+        for path in Path(__file__).parent.rglob("test_*.py") if "pytest.mark.ros" in path.read_text()
+    }  # fmt: skip
+    return ByFile(config, log)

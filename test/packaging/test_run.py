@@ -231,7 +231,7 @@ def test_demo_and_test_pass_arguments_and_exit_codes(machine: Machine) -> None:
     ]  # fmt: skip
     code, output, _ = machine.run("test", "-k", "some thing")
     assert code == 5
-    side_by_side = "--numprocesses auto --maxprocesses 4 --dist loadgroup"
+    side_by_side = "--numprocesses auto --maxprocesses 4"
     assert output.splitlines() == ["panoptic models fetch", f"-m pytest {side_by_side} -k some thing"]
 
 
