@@ -35,9 +35,12 @@ class ChildInstant:
     """One instant of a take.
 
     Args:
-        number: id of the child, None = lost. gap: m, mean distance of its joints from the truth, NaN = lost.
-        shown: number of views with a 2D person of it. loser: the stage that lost it, "" = none.
-        ghosts: skeletons of nobody. others: ids of the adults, by their number.
+        number: id of the child; None: lost.
+        gap: m, mean distance of its joints from the truth; NaN: lost.
+        shown: number of views with a 2D person of it.
+        loser: the stage that lost it; "": none.
+        ghosts: number of skeletons without a person.
+        others: ids of the adults, by their number.
     """
 
     seconds: float
@@ -80,7 +83,7 @@ def follow_child(
 
 
 def shown_people(view: ViewDetections, rig: Rig, truth: Array) -> list[int]:
-    """Whom (D,) of people (P, J, 3) m the 2D people of a view show, -1 = nobody clearly."""
+    """Return which (D,) of the people (P, J, 3) m, world, each 2D person of a view shows; -1: none."""
     camera = rig.cameras[rig.index(view.camera)]
     pixels, seen = camera.project(truth)
     depth = camera.cam_from_world.apply(truth)[..., 2]
@@ -95,8 +98,11 @@ def shown_people(view: ViewDetections, rig: Rig, truth: Array) -> list[int]:
 
 
 def in_a_group(item: AssociationSet, shows: Sequence[Sequence[int]]) -> bool:
-    """Whether the 2D people of a group are mostly the child's; shows: of each view of the set, see
-    `shown_people`."""
+    """Return whether at least half of the 2D people of some group are the child's.
+
+    Args:
+        shows: for each view of the set, the result of `shown_people`.
+    """
     evidence = item.evidence
     whom = np.array([shows[evidence.slots[v]][row] for v, row in zip(evidence.view, evidence.rows)], int)
     for member in item.groups.member:
@@ -107,7 +113,7 @@ def in_a_group(item: AssociationSet, shows: Sequence[Sequence[int]]) -> bool:
 
 
 def child_figures(instants: Sequence[ChildInstant]) -> dict[str, Any]:
-    """What became of the child after the first second: times it was lost, ids, losers."""
+    """Sum up the instants after the first second: times at which the child was lost, ids, losers."""
     period = (instants[-1].seconds - instants[0].seconds) / (len(instants) - 1)
     counted = [now for now in instants if now.seconds > SETTLED]
     longest = run = 0

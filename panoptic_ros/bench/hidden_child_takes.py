@@ -24,7 +24,7 @@ Array = np.ndarray
 CHILD, ADULTS = 0, 3  # number of the child, and how many adults
 DOINGS = ("stand", "crouch", "bend", "reach")
 IMAGES = ((640, 480), (640, 360), (800, 600), (512, 384))  # px
-GOING = 0.5  # s, in which somebody goes down or up
+GOING = 0.5  # s, to go down or up
 BENT, BACK = 0.9, 0.12  # rad, lean of who bends; m, the hips go back meanwhile
 TALLEST = 2.2  # m, that an image shows at the distance of the middle, at least
 
@@ -52,7 +52,7 @@ KINDS = {"usual": USUAL, "hard": HARD}
 
 @dataclass(frozen=True)
 class Huddle:
-    """How far somebody is down (T,), 0 to 1: now and then, and for a while with the others."""
+    """How far a person is down (T,), 0 to 1: in pulses, and in one interval together with the others."""
 
     pulses: Pulses
     begin: float  # s
@@ -67,7 +67,7 @@ class Huddle:
 
 @dataclass(frozen=True)
 class Bending:
-    """Somebody who bends the trunk forwards; the feet stay."""
+    """Bend the trunk forwards; the feet stay."""
 
     standing: Standing
     down: Callable[[Array], Array]
@@ -81,7 +81,7 @@ class Bending:
 
 
 def child_take(seed: int, kind: ChildKind = USUAL) -> Simulation:
-    """A take of the kind; the same seed always gives the same one."""
+    """Draw a take of the kind from a seed."""
     rng = np.random.default_rng([seed, 83])
     rate, size = float(rng.uniform(*kind.rate)), IMAGES[int(rng.integers(len(IMAGES)))]
     radius = float(rng.uniform(*kind.radius))
@@ -103,7 +103,7 @@ def child_take(seed: int, kind: ChildKind = USUAL) -> Simulation:
 
 
 def _draw_people(rng: np.random.Generator, kind: ChildKind, doings: tuple[str, ...]) -> Iterator[Person]:
-    """The child, and adults round it who face it."""
+    """Draw the child and the adults, who face it."""
     start, begin = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(1.0, 1.6)
     end = begin + rng.uniform(1.5, 2.5)
     middle = rng.normal(0.0, 0.1, 2)
@@ -127,7 +127,7 @@ def _draw_people(rng: np.random.Generator, kind: ChildKind, doings: tuple[str, .
 
 
 def images_of(take: Simulation) -> Iterator[list[ViewFrame]]:
-    """The images of each set of a take, also of cameras that are out of phase."""
+    """Render the images of each set of a take, each at the exposure of its camera."""
     studio, schedule = Studio(take), take.schedule
     rendering = []
     for k, name in enumerate(take.rig.names):

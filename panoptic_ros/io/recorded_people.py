@@ -55,9 +55,9 @@ def read_people(detections: Path, rig: Rig, skeleton: str = AUTO) -> RecordedPeo
 
 
 def _choose(detections: PlainDetections) -> str:
-    """The installed skeleton that takes most joints of the file, and is filled by them; else panoptic19.
+    """Return the installed skeleton that the joints of the file fill and that uses most of them.
 
-    COCO's joints are those of panoptic19, which has besides what can be derived from them.
+    Without one it is panoptic19. COCO's joints also give panoptic19, which adds joints derived from them.
     """
     names = detections.joint_names
     found = skeleton_of(names) or fullest_skeleton(names)

@@ -14,7 +14,7 @@ HIDDEN = (1.8, 2.6)  # s, within the time in which adults of all takes are down
 
 
 def unseen(take, begin, end):
-    """The take whose detector finds nobody with number 0 for a while."""
+    """Return the take whose detector misses the child from `begin` to `end`, s."""
     return replace(take, scene=replace(take.scene, absences=(Absence(CHILD, begin, end),)))
 
 

@@ -1,4 +1,4 @@
-"""How IMUs sit on somebody whom no camera has seen: whoever stands is balanced over the feet.
+"""Mountings of IMUs from balance over the feet, for a body that no camera has seen.
 
 The centre of mass of a body lies over the feet that carry it, except for the share that its speed catches up
 (Hof et al. 2005, Journal of Biomechanics 38(1)). A mounting that is off tilts legs and trunk and moves the
@@ -118,7 +118,7 @@ class Balance:
         self._state[:] = np.linalg.solve(self._information, self._pull)
 
     def _residual(self, off: Array, ahead: Array) -> Array:
-        """How far (2,) m the centre of mass is off the place at which the person is taken to balance."""
+        """Return the offset (2,) m, world, of the centre of mass from the estimated place of balance."""
         forwards, left = self._state[-2:]
         found: Array = off - forwards * ahead - left * np.array([-ahead[1], ahead[0]])
         return found
@@ -144,7 +144,7 @@ class Balance:
         return found
 
     def _slopes(self, frames: Array, vectors: Array, ahead: Array) -> Array:
-        """Of the residual (2, 3 N + 2) by the turns and the place of balance."""
+        """Return the Jacobian (2, 3 N + 2) of the residual: turns (rad), place of balance (m)."""
         size = len(self._state)
         arms = (frames @ vectors[..., None])[..., 0]
         turned = np.cross(np.eye(3)[None], arms[:, None]).swapaxes(1, 2)  # (S, 3, 3), by turns in the world
@@ -157,7 +157,7 @@ class Balance:
 
 
 def _shares(parents: Array, segments: Array) -> Array:
-    """How much (S, N) each segment turns with each device: those between two devices by halves."""
+    """Return the share (S, N) with which each segment turns with each device: half between two devices."""
     found = np.zeros((len(parents), len(segments)))
     rows = {int(s): n for n, s in enumerate(segments.tolist())}
     for s in range(len(parents)):

@@ -90,7 +90,7 @@ class MountingEstimate:
 
     @property
     def looks(self) -> int:
-        """How many of cameras there were."""
+        """Number of looks of cameras so far."""
         return self._looks
 
     def take_chain(self, chain: Chain) -> None:
