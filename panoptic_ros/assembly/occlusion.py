@@ -43,25 +43,26 @@ def hidden_marks(found: Candidates, bones: tuple[Array, Array], cams: Cameras, r
         bones: see `body_bones`.
     """
     places = np.where(np.isfinite(found.guide.positions), found.guide.positions, found.places)
-    hidden = hidden_joints(places, found.guide.shifts, *bones, cams)
+    hidden = hidden_joints(places, found.guide.shifts, found.member >= 0, *bones, cams)
     kinds: Array = hidden_observations(hidden, found.member, found.source, rows)
     return kinds
 
 
 @njit(cache=True, error_model="numpy")
-def hidden_joints(positions, shifts, bones, radii, cams):
-    """Whether joints lie behind a bone of anybody, seen from each view.
+def hidden_joints(positions, shifts, asked, bones, radii, cams):
+    """Return whether joints lie behind a bone of anybody, seen from each view (P, V, J).
 
-    0 = visible, 1 = perhaps hidden, 2 = hidden, (P, V, J).
+    0 = visible or not asked, 1 = perhaps hidden, 2 = hidden.
 
     Args:
         positions: (P, J, 3) m, NaN = unknown: such joints are not hidden, their bones hide nothing.
-        shifts: (P, J, 3) m/s, velocities. bones: (B, 2); radii: (B,) m. cams: `Cameras`.
+        shifts: (P, J, 3) m/s, velocities. asked: (P, V) the people whose joints count, in each view.
+        bones: (B, 2); radii: (B,) m. cams: `Cameras`.
     """
     people, joints = positions.shape[:2]
     views = len(cams.rotations)
     hidden = np.zeros((people, views, joints), np.int64)
-    places, boxes = np.empty((people, joints, 3)), np.empty((people, 6))
+    places, boxes = np.empty((people, 3, joints)), np.empty((people, 6))
     thickest = RIM * radii.max() if len(radii) else 0.0
     for v in range(views):
         for p in range(people):
@@ -70,25 +71,29 @@ def hidden_joints(positions, shifts, bones, radii, cams):
             left, right, top, bottom, near, _ = boxes[q]
             reach = thickest / near
             for p in range(people):
-                if not _apart(boxes[p], left - reach, right + reach, top - reach, bottom + reach, near):
+                apart = _apart(boxes[p], left - reach, right + reach, top - reach, bottom + reach, near)
+                if asked[p, v] and not apart:
                     _hide(places[p], boxes[p], places[q], p == q, bones, radii, hidden[p, v])
     return hidden
 
 
 @njit(cache=True, error_model="numpy")
 def _project(position, shift, cams, v, place, box):
-    """Places (J, 3) of a person's joints in view v: x, y on the plane, depth in m, 0 = nowhere.
+    """Write where view v sees the joints of a person into place (3, J): x, y on the plane, depth in m.
 
-    box: (6,) smallest and largest x, y and depth.
+    The depth is 0 where the joint is nowhere.
+
+    Args:
+        box: (6,) smallest and largest x, y and depth.
     """
     left = top = near = np.inf
     right = bottom = far = -np.inf
     for j in range(len(position)):
         x, y, z = seen_at(cams, v, position[j], shift[j])
         if z <= MIN_DEPTH:
-            place[j, 2] = 0.0
+            place[0, j] = place[1, j] = place[2, j] = 0.0
             continue
-        place[j, 0], place[j, 1], place[j, 2] = x, y, z
+        place[0, j], place[1, j], place[2, j] = x, y, z
         left, right = min(left, x), max(right, x)
         top, bottom = min(top, y), max(bottom, y)
         near, far = min(near, z), max(far, z)
@@ -103,37 +108,39 @@ def _apart(box, left, right, top, bottom, near):
 
 @njit(cache=True, error_model="numpy")
 def _hide(joints, box, body, own, bones, radii, hidden):
-    """Mark joints (J, 3) in a box that lie behind the bones of a body (J, 3) in hidden (J,), in place.
+    """Mark joints (3, J) in a box that lie behind the bones of a body (3, J) in hidden (J,), in place.
 
-    own: whether the joints belong to that body. For the arrays see `_project`.
+    The loop over joints has no branch, so that the compiler treats several joints at once.
+
+    Args:
+        own: whether the joints belong to that body. For the arrays see `_project`.
     """
     factor = OWN_FACTOR if own else 1.0
+    xs, ys, depths = joints[0], joints[1], joints[2]
     for b in range(len(bones)):
         start, end = bones[b, 0], bones[b, 1]
-        x, y, z = body[start, 0], body[start, 1], body[start, 2]
-        if z <= 0.0 or body[end, 2] <= 0.0:
+        x, y, z = body[0, start], body[1, start], body[2, start]
+        if z <= 0.0 or body[2, end] <= 0.0:
             continue
-        du, dw, dz = body[end, 0] - x, body[end, 1] - y, body[end, 2] - z
-        nearest = min(z, body[end, 2])
+        du, dw, dz = body[0, end] - x, body[1, end] - y, body[2, end] - z
+        nearest = min(z, body[2, end])
         reach = RIM * radii[b] / nearest
-        left, right = min(x, body[end, 0]) - reach, max(x, body[end, 0]) + reach
-        top, bottom = min(y, body[end, 1]) - reach, max(y, body[end, 1]) + reach
+        left, right = min(x, body[0, end]) - reach, max(x, body[0, end]) + reach
+        top, bottom = min(y, body[1, end]) - reach, max(y, body[1, end]) + reach
         if _apart(box, left, right, top, bottom, nearest):
             continue
+        of_start, of_end = hidden[start], hidden[end]
         length = max(du * du + dw * dw, 1e-12)
-        for j in range(len(joints)):
-            u, w, far = joints[j, 0], joints[j, 1], joints[j, 2]
-            beside = (u < left) | (u > right) | (w < top) | (w > bottom)
-            if beside | (far < nearest + AHEAD) | (own & ((j == start) | (j == end))):
-                continue
-            share = min(1.0, max(0.0, ((u - x) * du + (w - y) * dw) / length))
+        radius = factor * radii[b]
+        for j in range(len(xs)):
+            share = min(1.0, max(0.0, ((xs[j] - x) * du + (ys[j] - y) * dw) / length))
             depth = z + share * dz
-            if far < depth + AHEAD:
-                continue
-            gap = (u - x - share * du) ** 2 + (w - y - share * dw) ** 2
-            gap *= (depth / (factor * radii[b])) ** 2
-            if gap < RIM * RIM:
-                hidden[j] = max(hidden[j], 2 if gap < CORE * CORE else 1)
+            gap = (xs[j] - x - share * du) ** 2 + (ys[j] - y - share * dw) ** 2
+            gap *= (depth / radius) ** 2
+            kind = np.int64(gap < RIM * RIM) + np.int64(gap < CORE * CORE)
+            hidden[j] = max(hidden[j], kind if depths[j] >= depth + AHEAD else 0)
+        if own:
+            hidden[start], hidden[end] = of_start, of_end
 
 
 @njit(cache=True, error_model="numpy")

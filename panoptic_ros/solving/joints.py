@@ -185,35 +185,51 @@ def solve_joints(found: Candidates, seen: Observations, rules: SolverRules) -> S
     """Solve all joints of all people; each 2D joint is given to one of them."""
     people, joints = found.guide.spreads.shape
     solved = SolvedJoints.nothing(people, joints, len(seen.starts) - 1)
-    _solve_people(np.ones(people, bool), found, seen, rules, solved)
+    claims = Claims(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
+    _solve_and_settle(np.ones((people, joints), bool), found, claims, seen, rules, solved)
     return solved
 
 
 def solve_without(
     wrong: Array, solved: SolvedJoints, found: Candidates, seen: Observations, rules: SolverRules
 ) -> None:
-    """Solve people anew, in place, without those of their 2D joints that are wrong (D, J).
+    """Solve the joints anew, in place, that have 2D joints which are wrong (D, J).
 
-    The precision of these 2D joints becomes 0, in place.
+    The precision of these 2D joints becomes 0, in place. All other joints keep their 2D joints unless one of
+    the new joints fits them better.
     """
     seen.precision[wrong] = 0.0
-    of_nobody = np.append(wrong.any(axis=1), False)  # row -1
-    shown = of_nobody[found.member].any(axis=1)
-    shown |= (of_nobody[solved.picks[..., 0]] & (solved.residuals >= 0.0)).any(axis=(1, 2))
-    _solve_people(shown, found, seen, rules, solved)
-
-
-def _solve_people(
-    todo: Array, found: Candidates, seen: Observations, rules: SolverRules, solved: SolvedJoints
-) -> None:
-    """Solve the people `todo` (P,) in place; the others keep their 2D joints unless these fit better."""
     claims = Claims(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
-    if not todo.all():
-        people, joints, views = np.nonzero((solved.residuals >= 0.0) & ~todo[:, None, None])
-        picks = solved.picks[people, joints, views]
-        claims.owner[picks[:, 0], picks[:, 1]] = people
-    every = np.repeat(todo[:, None], solved.positions.shape[1], axis=1)
-    solve_again(every, found.guide, claims, seen, rules, solved)
+    todo = claim_right(wrong, claims, solved)
+    _solve_and_settle(todo, found, claims, seen, rules, solved)
+
+
+@njit(cache=True, error_model="numpy")
+def claim_right(wrong, claims, solved):
+    """Mark the joints (P, J) with wrong 2D joints (D, J); give the others their 2D joints, in place."""
+    member, source, owner = claims
+    people, joints, views = solved.residuals.shape
+    todo = np.zeros((people, joints), np.bool_)
+    for p in range(people):
+        for j in range(joints):
+            for v in range(views):
+                own, used = member[p, v], solved.residuals[p, j, v] >= 0.0
+                todo[p, j] |= own >= 0 and wrong[own, source[p, v, j]]
+                todo[p, j] |= used and wrong[solved.picks[p, j, v, 0], solved.picks[p, j, v, 1]]
+            if todo[p, j]:
+                continue
+            for v in range(views):
+                if solved.residuals[p, j, v] >= 0.0:
+                    owner[solved.picks[p, j, v, 0], solved.picks[p, j, v, 1]] = p
+    return todo
+
+
+def _solve_and_settle(
+    todo: Array, found: Candidates, claims: Claims, seen: Observations, rules: SolverRules,
+    solved: SolvedJoints,
+) -> None:  # fmt: skip
+    """Solve the joints `todo` (P, J) in place, then those anew that lose a 2D joint to another person."""
+    solve_again(todo, found.guide, claims, seen, rules, solved)
     losers = settle(solved, claims, rules.foreign_penalty)
     if losers.any():
         solve_again(losers, found.guide, claims, seen, rules, solved)

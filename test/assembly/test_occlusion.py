@@ -19,10 +19,11 @@ EYE = Cameras(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1))  # a camera at the
 NO_BONES = np.zeros((0, 2), np.int64)
 
 
-def levels(positions, bones, radius=BONE_RADIUS, cams=EYE):
+def levels(positions, bones, radius=BONE_RADIUS, cams=EYE, asked=None):
     positions = np.asarray(positions, float)
+    asked = np.ones((len(positions), 1), bool) if asked is None else np.asarray(asked)
     return hidden_joints(
-        positions, np.zeros_like(positions), np.asarray(bones), np.full(len(bones), radius), cams
+        positions, np.zeros_like(positions), asked, np.asarray(bones), np.full(len(bones), radius), cams
     )
 
 
@@ -31,6 +32,12 @@ def test_a_bone_in_front_hides_one_behind_does_not():
     for depth, expected in ((3.0, 2), (2.0 + 0.5 * AHEAD, 0), (1.0, 0)):
         point = [[0.1, 0.0, depth], [0.1, 2.0, depth]]
         assert levels([wall, point], [[0, 1]])[1, 0, 0] == expected
+
+
+def test_only_people_that_are_asked_for_have_a_level():
+    wall, point = [[-0.5, 0, 2], [0.5, 0, 2]], [[0.1, 0.0, 3.0], [0.1, 0.0, 3.5]]
+    people, asked = [wall, point, point], [[False], [True], [False]]
+    assert levels(people, [[0, 1]], asked=asked)[:, 0].tolist() == [[0, 0], [2, 2], [0, 0]]
 
 
 def test_levels_follow_the_distance_from_the_bone():
@@ -86,7 +93,7 @@ def test_people_behind_one_another(scenes):
     away = stack.centres[0] * [1, 1, 0]
     people[1] -= 0.8 * away / np.linalg.norm(away)  # behind the first, seen from camera 0
     hidden = hidden_joints(
-        people, np.zeros_like(people), bones, radii,
+        people, np.zeros_like(people), np.ones((2, 4), bool), bones, radii,
         Cameras(stack.rotations, stack.translations, np.zeros(4)),
     )
     assert hidden[1, 0].mean() > hidden[0, 0].mean()
