@@ -1,4 +1,5 @@
 """What setup.cfg cannot say: installed files, and the executables of `ros2 run`."""
+
 from __future__ import annotations
 
 import sys

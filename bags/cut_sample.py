@@ -1,7 +1,8 @@
 """Cut a small bag from that of a run: rig, skeleton model, and the 2D people of its first second.
 
-    python bags/cut_sample.py RUN/bag SAMPLE [--maps] [--seconds S] [--sound-rate HZ]
+python bags/cut_sample.py RUN/bag SAMPLE [--maps] [--seconds S] [--sound-rate HZ]
 """
+
 from __future__ import annotations
 
 import argparse
@@ -46,7 +47,8 @@ def cut(source: Path, target: Path, maps: bool, seconds: float, sound_rate: int)
             ]
             rows += [
                 (stamp, topic, to_message(block, bag_messages()))
-                for stamp, block in _slower(blocks, sound_rate) if stamp < until
+                for stamp, block in _slower(blocks, sound_rate)
+                if stamp < until
             ]
         for stamp, topic, message in sorted(rows, key=lambda row: row[0]):
             sample.write(topic, stamp, message)
@@ -54,9 +56,15 @@ def cut(source: Path, target: Path, maps: bool, seconds: float, sound_rate: int)
 
 def _bare(view: ViewDetections) -> ViewDetections:
     return ViewDetections(
-        view.camera, view.stamp_ns, view.frame_number, view.image_size, view.skeleton_hash,
-        view.points, view.scores, view.person_scores,
-    )  # fmt: skip
+        view.camera,
+        view.stamp_ns,
+        view.frame_number,
+        view.image_size,
+        view.skeleton_hash,
+        view.points,
+        view.scores,
+        view.person_scores,
+    )
 
 
 def _slower(blocks: list[tuple[int, AudioBlock]], rate: int) -> list[tuple[int, AudioBlock]]:
@@ -69,12 +77,15 @@ def _slower(blocks: list[tuple[int, AudioBlock]], rate: int) -> list[tuple[int, 
         (
             stamp,
             replace(
-                block, stamp_ns=first.stamp_ns + begin * SECOND // rate, first_sample=begin, sample_rate=rate,
+                block,
+                stamp_ns=first.stamp_ns + begin * SECOND // rate,
+                first_sample=begin,
+                sample_rate=rate,
                 samples=coarse[begin:end],
             ),
         )
         for (stamp, block), begin, end in zip(blocks, bounds, [*bounds[1:], len(coarse)])
-    ]  # fmt: skip
+    ]
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
 """A bag with small images and depth maps from a rendered capture, as drivers publish them.
 
-    panoptic simulate rendered-2p4v --seed 5 --frames 12 --images --depth --out TAKE
-    python bags/small_images.py TAKE SAMPLE
+panoptic simulate rendered-2p4v --seed 5 --frames 12 --images --depth --out TAKE
+python bags/small_images.py TAKE SAMPLE
 """
+
 from __future__ import annotations
 
 import argparse
@@ -64,9 +65,11 @@ def _smaller(camera: Camera) -> Camera:
     lens = camera.intrinsics
     width, height = camera.image_size
     return replace(
-        camera, image_size=(width // SMALLER, height // SMALLER),
-        intrinsics=Intrinsics(matrix, lens.distortion, lens.lens), covariance=None,
-    )  # fmt: skip
+        camera,
+        image_size=(width // SMALLER, height // SMALLER),
+        intrinsics=Intrinsics(matrix, lens.distortion, lens.lens),
+        covariance=None,
+    )
 
 
 def _packed(camera: Camera, stamp_ns: int, millimetres: Any) -> Any:

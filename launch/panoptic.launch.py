@@ -5,6 +5,7 @@
 
 Where ROS comes from the wheels there is no launch system: `panoptic run` starts the same nodes.
 """
+
 from functools import partial
 from pathlib import Path
 
@@ -142,6 +143,11 @@ def node(executable, name, parameters, respawn):
     """One process; empty lists are left out, as ROS cannot tell their type."""
     filled = {key: value for key, value in parameters.items() if value != []}
     return Node(
-        package="panoptic_ros", executable=executable, name=name, output="screen", parameters=[filled],
-        respawn=respawn, respawn_delay=2.0,
-    )  # fmt: skip
+        package="panoptic_ros",
+        executable=executable,
+        name=name,
+        output="screen",
+        parameters=[filled],
+        respawn=respawn,
+        respawn_delay=2.0,
+    )

@@ -12,6 +12,7 @@ package.xml names the package and those it depends on. foreign/ holds packages o
 
 A colcon workspace never runs this file: package.xml names ament_cmake, so CMakeLists.txt is used.
 """
+
 from __future__ import annotations
 
 import importlib
@@ -41,8 +42,16 @@ DISPATCH = "rosidl_typesupport_c"
 STRUCTS = "rosidl_generator_c"
 PYTHON = "rosidl_generator_py"
 HASHES = "rosidl_generator_type_description"
-RUNTIME_LIBRARIES = (FASTRTPS, "rosidl_typesupport_fastrtps_cpp", INTROSPECTION, DISPATCH,
-                     "rosidl_runtime_c", "rmw", "rcutils", "fastcdr")
+RUNTIME_LIBRARIES = (
+    FASTRTPS,
+    "rosidl_typesupport_fastrtps_cpp",
+    INTROSPECTION,
+    DISPATCH,
+    "rosidl_runtime_c",
+    "rmw",
+    "rcutils",
+    "fastcdr",
+)
 
 
 def wheels_prefix() -> Path:
@@ -56,8 +65,10 @@ def wheels_prefix() -> Path:
     for folder in Path(found.origin).parents:
         if (folder / "share" / STRUCTS / "resource").is_dir():
             return folder
-    sys.exit(f"{PACKAGE}: no templates beside the generators in {Path(found.origin).parent}; "
-             "the ROS wheels are broken, install them again")
+    sys.exit(
+        f"{PACKAGE}: no templates beside the generators in {Path(found.origin).parent}; "
+        "the ROS wheels are broken, install them again"
+    )
 
 
 class Generators:
@@ -76,7 +87,8 @@ class Generators:
         self._call(HASHES, "generate_type_hash", include_paths=interfaces)
         hashes = self.output / HASHES / PACKAGE
         self._call(
-            STRUCTS, "generate_c",
+            STRUCTS,
+            "generate_c",
             type_description_tuples=[f"{file}:{hashes / file[:-4]}.json" for file in self.idl_files],
             ros_interface_files=[str(SOURCE / message) for message in MESSAGES],
         )
@@ -94,14 +106,18 @@ class Generators:
             header = target / "msg" / template.name.removesuffix(".in")
             header.write_text(text.replace("@PROJECT_NAME@", PACKAGE))
         arguments = self.output / f"{generator}.json"
-        arguments.write_text(json.dumps({
-            "package_name": PACKAGE,
-            "output_dir": str(target),
-            "template_dir": str(templates),
-            "idl_tuples": [f"{self.idl}:{file}" for file in self.idl_files],
-            "target_dependencies": [],
-            **settings,
-        }))
+        arguments.write_text(
+            json.dumps(
+                {
+                    "package_name": PACKAGE,
+                    "output_dir": str(target),
+                    "template_dir": str(templates),
+                    "idl_tuples": [f"{self.idl}:{file}" for file in self.idl_files],
+                    "target_dependencies": [],
+                    **settings,
+                }
+            )
+        )
         getattr(importlib.import_module(generator), function)(str(arguments), *more)
 
     def sources(self, *generators: str) -> list[str]:
@@ -142,16 +158,24 @@ class BuildExtension(build_ext):
         # beside the module, and <prefix>/lib as seen from <prefix>/lib/pythonX.Y/site-packages/<package>
         ext.runtime_library_dirs = ["$ORIGIN", "$ORIGIN/../../.."]
         own: list[str] = []
-        for kind, sources in ((FASTRTPS, generators.sources(STRUCTS, FASTRTPS)),
-                              (INTROSPECTION, generators.sources(INTROSPECTION))):
+        for kind, sources in (
+            (FASTRTPS, generators.sources(STRUCTS, FASTRTPS)),
+            (INTROSPECTION, generators.sources(INTROSPECTION)),
+        ):
             objects = self.compiler.compile(
-                sources, output_dir=self.build_temp, include_dirs=includes,
+                sources,
+                output_dir=self.build_temp,
+                include_dirs=includes,
                 extra_postargs=ext.extra_compile_args,
             )
             file = f"lib{PACKAGE}__{kind}.so"
             self.compiler.link_shared_object(
-                objects, str(package / file), libraries=[*own, *libraries], target_lang="c++",
-                library_dirs=ext.library_dirs, runtime_library_dirs=ext.runtime_library_dirs,
+                objects,
+                str(package / file),
+                libraries=[*own, *libraries],
+                target_lang="c++",
+                library_dirs=ext.library_dirs,
+                runtime_library_dirs=ext.runtime_library_dirs,
                 extra_postargs=[f"-Wl,-soname,{file}"],
             )
             own.append(f"{PACKAGE}__{kind}")
@@ -196,8 +220,12 @@ setup(
     package_dir={PACKAGE: "resource"},  # holds no Python file: BuildExtension writes them all
     include_package_data=False,
     ext_modules=[
-        Extension(f"{PACKAGE}.{PACKAGE}_s__{DISPATCH}", sources=[], language="c++",
-                  extra_compile_args=["-O1", "-g0", "-w"])
+        Extension(
+            f"{PACKAGE}.{PACKAGE}_s__{DISPATCH}",
+            sources=[],
+            language="c++",
+            extra_compile_args=["-O1", "-g0", "-w"],
+        )
     ],
     cmdclass={"build_ext": BuildExtension, "build_py": BuildPython},
     data_files=[

@@ -14,6 +14,7 @@ PanopticError (1, our own fault)
 Messages are one line that says what was found, where, and what to do. The command line catches
 the family once, in `cli/main.py`; a node drops the item on DataError and ends on all others.
 """
+
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping

@@ -5,6 +5,7 @@ identical output. A stage is deterministic: the same configuration and inputs gi
 outputs; time comes from the stamps of its inputs. It does not log: a `Notice` is data, and the
 caller decides what to print.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,4 +1,5 @@
 """What all tests share: builders in test/support, and settings that disturb nobody."""
+
 import os
 import sys
 import tempfile
@@ -21,9 +22,11 @@ os.environ["XDG_STATE_HOME"] = STATE.name
 # Time is not what these tests assert: a kernel's first call compiles it. On a machine that decides about a
 # change, the examples are the same every time.
 settings.register_profile(
-    "panoptic", deadline=None, suppress_health_check=[HealthCheck.too_slow],
+    "panoptic",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
     derandomize=bool(os.environ.get("CI")),
-)  # fmt: skip
+)
 settings.load_profile("panoptic")
 
 
@@ -43,6 +46,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
     graphs = {
         path.relative_to(config.rootpath).as_posix()
-        for path in Path(__file__).parent.rglob("test_*.py") if "pytest.mark.ros" in path.read_text()
-    }  # fmt: skip
+        for path in Path(__file__).parent.rglob("test_*.py")
+        if "pytest.mark.ros" in path.read_text()
+    }
     return ByFile(config, log)

@@ -1,4 +1,5 @@
 """Prints where the hips of everybody are: panoptic run ... --subject FILE --publish stream."""
+
 import json
 
 from websockets.sync.client import connect

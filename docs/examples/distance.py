@@ -1,4 +1,5 @@
 """How far two people are apart: python distance.py"""
+
 import numpy as np
 import rclpy
 from panoptic_msgs.msg import Skeletons

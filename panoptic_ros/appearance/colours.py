@@ -4,6 +4,7 @@ A fixed pattern of points within torso and legs, away from their outlines, as th
 the box of another 2D person may be that one's, and is left out. The colour is the median over the points,
 channel by channel: an arm in front of the body, a belt or a print hides some.
 """
+
 from __future__ import annotations
 
 import numpy as np
@@ -30,10 +31,17 @@ class Pattern:
         if None not in (left, right, left_hip, right_hip):
             for down in DOWN:
                 for across in ACROSS:
-                    rows.append(_weights(len(names), {
-                        left: (1 - down) * (1 - across), right: (1 - down) * across,
-                        left_hip: down * (1 - across), right_hip: down * across,
-                    }))  # fmt: skip
+                    rows.append(
+                        _weights(
+                            len(names),
+                            {
+                                left: (1 - down) * (1 - across),
+                                right: (1 - down) * across,
+                                left_hip: down * (1 - across),
+                                right_hip: down * across,
+                            },
+                        )
+                    )
         torso = len(rows)
         for _, hip, knee, ankle in sides:
             for first, last, shares in ((hip, knee, THIGH), (knee, ankle, SHIN)):

@@ -1,4 +1,5 @@
 """Parameters of appearance."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,4 +1,5 @@
 """The stage: images and their 2D people in, the colours of what these wear out."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -9,6 +9,7 @@ joint that they put outside, and lies within a share of the person's size of it.
 The view itself is left out of the joint's place: a view that the others do not control pulls the joint into
 its image, and no residual shows it.
 """
+
 from __future__ import annotations
 
 import math

@@ -5,6 +5,7 @@ are parts that skip a joint, which the paper has not (`lost_people` has), a join
 children hang on its parent, so that one missing joint does not cut off a limb; a missing root is replaced by
 one of its children.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -34,9 +35,7 @@ class Hypothesis:
     claims: Array
 
 
-def assemble(
-    proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, gate_px: float
-) -> list[Hypothesis]:
+def assemble(proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, gate_px: float) -> list[Hypothesis]:
     """Skeletons in the order of their scores, until no part is left; no 2D joint belongs to two of them.
 
     A skeleton claims the closest free 2D joint in every view, for each of its joints. Those whose head has
@@ -114,9 +113,7 @@ class PartTree:
             message[child, parent] = self._send(child, parent, below, skipped)
         return self._pick(message, below)
 
-    def _send(
-        self, joint: int, to: int, below: list[Array], skipped: list[Array]
-    ) -> tuple[Array, Array]:
+    def _send(self, joint: int, to: int, below: list[Array], skipped: list[Array]) -> tuple[Array, Array]:
         """Best score of the branch that begins at a joint, for each node of the joint that it hangs on.
 
         Args:

@@ -9,6 +9,7 @@ Of somebody who is followed more is known: where every joint should be now and h
 many views saw the person, how long the bones are. Then the rays of one view are enough. Depth that nothing
 but the prediction tells becomes less and less certain, until the joint is given up.
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -63,9 +64,15 @@ class Shown(NamedTuple):
         """In a scene; tails: (D, J) of the 2D joints."""
         guide, scores = found.guide, scene.evidence.scores
         return cls(
-            found.member, found.source, found.who, guide.positions, guide.shifts, scores, tails,
+            found.member,
+            found.source,
+            found.who,
+            guide.positions,
+            guide.shifts,
+            scores,
+            tails,
             scene.observations,
-        )  # fmt: skip
+        )
 
 
 class Followed(NamedTuple):
@@ -80,9 +87,13 @@ class Followed(NamedTuple):
 
 
 def hold_people(
-    people: tuple[Array, Array, Joints], scene: Scene, shown: Shown, prediction: Prediction, body: Body,
+    people: tuple[Array, Array, Joints],
+    scene: Scene,
+    shown: Shown,
+    prediction: Prediction,
+    body: Body,
     worst: float,
-) -> tuple[Array, Joints, Array]:  # fmt: skip
+) -> tuple[Array, Joints, Array]:
     """The people that were kept and those who can be held besides, with joints that are placed.
 
     Args:
@@ -219,9 +230,16 @@ def _of_solved(joints, row, body):
     """The joints of a person that are solved, and nothing else."""
     count, bones = joints.positions.shape[1], len(body.bones)
     known = Known(
-        np.full((count, 3), np.nan), np.zeros((count, 3, 3)), np.zeros((bones, 3)), np.full(bones, np.inf),
-        np.full(bones, np.nan), np.full(bones, SIDES), np.zeros((count, 3)), np.zeros(3), np.inf,
-    )  # fmt: skip
+        np.full((count, 3), np.nan),
+        np.zeros((count, 3, 3)),
+        np.zeros((bones, 3)),
+        np.full(bones, np.inf),
+        np.full(bones, np.nan),
+        np.full(bones, SIDES),
+        np.zeros((count, 3)),
+        np.zeros(3),
+        np.inf,
+    )
     _take_solved(known, joints, row)
     return known
 
@@ -266,6 +284,13 @@ def _expected(followed, who, shown, body):
             slack[b] = (TURNING if both else straying) * passed + 0.5 * PLACE
     bone = BONE * np.sqrt(max(1.0, BONE_MEMORY / passed))
     return Known(
-        places, information, vectors, slack, followed.lengths[who].copy(), np.full(len(bones), bone), still,
-        followed.up, RISING * passed,
-    )  # fmt: skip
+        places,
+        information,
+        vectors,
+        slack,
+        followed.lengths[who].copy(),
+        np.full(len(bones), bone),
+        still,
+        followed.up,
+        RISING * passed,
+    )

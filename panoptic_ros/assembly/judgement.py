@@ -4,6 +4,7 @@ A person in the fields of view of two cameras alone, where four or more look at 
 behind another camera, or at the far wall. (One whom two views see although more could is inside.)
 This applies to new people: who is followed stays until no view shows them.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -57,9 +58,12 @@ class Joints(NamedTuple):
         """None is known."""
         shape = (people, joints)
         return cls(
-            np.full((*shape, 3), np.nan), np.full((*shape, 3, 3), np.nan), np.zeros(shape),
-            np.zeros(shape, np.int64), np.zeros(shape),
-        )  # fmt: skip
+            np.full((*shape, 3), np.nan),
+            np.full((*shape, 3, 3), np.nan),
+            np.zeros(shape),
+            np.zeros(shape, np.int64),
+            np.zeros(shape),
+        )
 
     def derive(self, skeleton: SkeletonModel) -> None:
         """Fill missing joints that are means of others, with the covariance of the mean."""
@@ -90,9 +94,11 @@ class People:
     def rows(self, which: Array) -> People:
         """Some of the people, by a mask (P,)."""
         return People(
-            self.kept[which], selected(self.joints, which), self.sources.rows(np.flatnonzero(which)),
+            self.kept[which],
+            selected(self.joints, which),
+            self.sources.rows(np.flatnonzero(which)),
             self.placed[which],
-        )  # fmt: skip
+        )
 
     def pose_set(
         self, item: ProposalSet, votes: Array | None = None, shift: TimeShift | None = None
@@ -104,15 +110,25 @@ class People:
         newest = max((view.stamp_ns for view in item.detections.views), default=-1)
         person = joints.scores.sum(axis=1) / np.maximum(measured.sum(axis=1), 1)
         covariances = joints.covariances + joints.doubts[..., None, None] * np.eye(3)
-        return known_good(PoseSet, {
-            "index": item.index, "stamp_ns": item.stamp_ns, "skeleton_hash": item.detections.skeleton_hash,
-            "positions": joints.positions, "covariances": covariances, "scores": joints.scores,
-            "views": joints.views.astype(np.int32), "states": states.astype(np.uint8),
-            "person_scores": person, "newest_ns": max(newest, item.stamp_ns),
-            "time_shift": shift if len(states) else None,
-            "sources": self.sources if self.sources.cameras else None, "side_votes": votes,
-            "corrections": None,
-        })  # fmt: skip
+        return known_good(
+            PoseSet,
+            {
+                "index": item.index,
+                "stamp_ns": item.stamp_ns,
+                "skeleton_hash": item.detections.skeleton_hash,
+                "positions": joints.positions,
+                "covariances": covariances,
+                "scores": joints.scores,
+                "views": joints.views.astype(np.int32),
+                "states": states.astype(np.uint8),
+                "person_scores": person,
+                "newest_ns": max(newest, item.stamp_ns),
+                "time_shift": shift if len(states) else None,
+                "sources": self.sources if self.sources.cameras else None,
+                "side_votes": votes,
+                "corrections": None,
+            },
+        )
 
 
 class Standards(NamedTuple):

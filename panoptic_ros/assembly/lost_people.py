@@ -5,6 +5,7 @@ heap). Such a person is a set of nodes, seen by three and more views, that hang 
 length; they are joined by the dynamic program of the paper (5.3), with votes in place of part scores, as
 parts need 2D people. The final solve has no 2D joints for them: they stay at their nodes.
 """
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -109,9 +110,12 @@ def _with_derived(
 
 
 def _with_parts(
-    item: ProposalSet, found: tuple[Array, Array, Array, Array], known: Array, skeleton: SkeletonModel,
+    item: ProposalSet,
+    found: tuple[Array, Array, Array, Array],
+    known: Array,
+    skeleton: SkeletonModel,
     max_bone: float,
-) -> ProposalSet:  # fmt: skip
+) -> ProposalSet:
     """The nodes of `_with_derived` with parts between all that may be bones, scored by votes and by length.
 
     Args:
@@ -121,9 +125,15 @@ def _with_parts(
     kinds = _kinds_of_parts(skeleton)
     parts, bones, scores = likely_parts(nodes, joints, votes, kinds, typical_lengths(known, kinds), max_bone)
     return replace(
-        item, nodes=nodes, node_joints=joints, node_scores=votes, node_views=views, parts=parts,
-        part_bones=bones, part_scores=scores,
-    )  # fmt: skip
+        item,
+        nodes=nodes,
+        node_joints=joints,
+        node_scores=votes,
+        node_views=views,
+        parts=parts,
+        part_bones=bones,
+        part_scores=scores,
+    )
 
 
 @cache

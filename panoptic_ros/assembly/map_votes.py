@@ -9,6 +9,7 @@ the triangulated position has, more where few views show the joint. That is larg
 have no point on the surface that all views could show. Joints that no map shows keep their triangulated
 position.
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -123,9 +124,14 @@ def chosen_nodes(
     chosen = np.full(positions.shape[:2], -1, np.int64)
     if len(item.nodes) and len(positions):
         choice = _Choice(
-            positions, expected, item.nodes.copy(), item.node_joints, item.node_scores, item.node_views,
+            positions,
+            expected,
+            item.nodes.copy(),
+            item.node_joints,
+            item.node_scores,
+            item.node_views,
             float(gate),
-        )  # fmt: skip
+        )
         bones, mirror = np.array(skeleton.bones, np.int64).reshape(-1, 2), np.array(skeleton.mirror, np.int64)
         choose(choice, _mapped_joints(item, len(skeleton)), bones, mirror, chosen)
     return chosen

@@ -2,6 +2,7 @@
 
 Residuals are of well-supported joints, and their leverage is taken out (`residuals`).
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple

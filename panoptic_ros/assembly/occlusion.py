@@ -3,6 +3,7 @@
 Detectors guess hidden joints, with several times the noise of visible ones and often a high score. How
 much noisier they are is learnt online (see `noise`); here is only geometry: a body is its bones, thickened.
 """
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Which residuals tell how noisy 2D joints are: of well-supported joints, with their leverage taken out."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -3,6 +3,7 @@
 Joints that two or more 2D joints correspond to are refined by minimising the squared reprojection error, in
 which all 2D joints count alike; the others stay at their nodes.
 """
+
 from __future__ import annotations
 
 import math
@@ -59,10 +60,13 @@ def _refined(detections: DetectionSet, rig: Rig, claims: Array, start: Array, no
     sigmas = np.array([noise * math.hypot(*camera.image_size) for camera in cameras])
     count = claims.shape[0] * claims.shape[1]
     return triangulate_robust(
-        _stack(rig, [camera.name for camera in cameras]), plane.reshape(count, len(cameras), 2),
-        np.broadcast_to(sigmas, (count, len(cameras))), start.reshape(count, 3),
-        cauchy=PLAIN, gate=PLAIN,
-    )  # fmt: skip
+        _stack(rig, [camera.name for camera in cameras]),
+        plane.reshape(count, len(cameras), 2),
+        np.broadcast_to(sigmas, (count, len(cameras))),
+        start.reshape(count, 3),
+        cauchy=PLAIN,
+        gate=PLAIN,
+    )
 
 
 def _stack(rig: Rig, names: Sequence[str]) -> ProjectionStack:

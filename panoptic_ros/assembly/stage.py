@@ -1,4 +1,5 @@
 """The assembly stage."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -49,10 +50,11 @@ class AssemblyStage(Stateful):
     """
 
     LAYOUT = StateLayout(
-        "assembly", ("_noise",),
+        "assembly",
+        ("_noise",),
         (Fields.named(NoiseTable, "_initial _memory _learnt learnt"), Shares),
         same={"configuration": "_config", "cameras": "_context.rig.names", "skeleton": "_hash"},
-    )  # fmt: skip
+    )
 
     def __init__(self, config: AssemblyConfig, context: StageContext):
         self._config, self._context, self._skeleton = config, context, context.skeleton
@@ -69,9 +71,14 @@ class AssemblyStage(Stateful):
         sigmas = vote_sigmas(context.skeleton, config.vote_sigma, config.torso_vote_sigma)
         self._votes = VoteNoise(config.vote_distance, sigmas, config.node_sigma)
         self._standards = Standards(
-            covariance_correction(config.cauchy), config.covariance_inflation, config.max_joint_sigma,
-            config.max_bone, config.min_agreed_share, config.min_person_joints, config.lowest,
-        )  # fmt: skip
+            covariance_correction(config.cauchy),
+            config.covariance_inflation,
+            config.max_joint_sigma,
+            config.max_bone,
+            config.min_agreed_share,
+            config.min_person_joints,
+            config.lowest,
+        )
         self._sides = Sides(context.skeleton, self._limbs.groups)
         self._hiding, self._body = body_bones(context.skeleton, self._sides.torso), Body.of(context.skeleton)
         self.reset()
@@ -159,9 +166,13 @@ class AssemblyStage(Stateful):
         return solved
 
     def _finish(
-        self, scene: Scene, item: ProposalSet, solution: tuple[SolvedJoints, Candidates, Motion | None],
-        observed: Array, tails: Array,
-    ) -> People:  # fmt: skip
+        self,
+        scene: Scene,
+        item: ProposalSet,
+        solution: tuple[SolvedJoints, Candidates, Motion | None],
+        observed: Array,
+        tails: Array,
+    ) -> People:
         """Covariances and scores, joints that maps or few views tell, derived joints; only possible people.
 
         Args:

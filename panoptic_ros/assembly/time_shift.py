@@ -8,6 +8,7 @@ with information W = sum w t^2 A^T A - (sum w t A^T A) G.
 The innovation of a joint corrects its predicted velocity. Views are then moved a second time, by the
 corrected velocity. Apart from that, positions remain functions of the images of this instant.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass

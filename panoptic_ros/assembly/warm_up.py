@@ -1,4 +1,5 @@
 """An example to compile the kernels with, so that the first real instant does not wait for it."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -21,9 +22,13 @@ def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
     _, few = easy_associations(rig.subset(rig.names[:2]), skeleton)
     member, lengths = few.groups.member.copy(), np.full((1, len(skeleton.bones)), np.nan)
     member[:, 1:] = -1
-    yield ProposalSet.of_nothing(replace(
-        few, groups=replace(few.groups, member=member), prediction=replace(few.prediction, lengths=lengths)
-    ))  # fmt: skip
+    yield ProposalSet.of_nothing(
+        replace(
+            few,
+            groups=replace(few.groups, member=member),
+            prediction=replace(few.prediction, lengths=lengths),
+        )
+    )
     joints = np.arange(len(skeleton))
     cells = np.zeros((len(joints), 2))
     maps = ScoreMaps((1, 1), np.eye(2, 3), joints, 0 * joints - 1, cells, cells + 1, np.full(len(joints), 9))
@@ -35,6 +40,12 @@ def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
     views = tuple(replace(view, maps=maps) for view in second.detections.views)
     second = replace(second, detections=replace(second.detections, views=views))
     yield ProposalSet(
-        second, nodes, np.tile(joints, 2), 0.9 * ones, 4 * ones, parts, np.arange(len(parts)),
+        second,
+        nodes,
+        np.tile(joints, 2),
+        0.9 * ones,
+        4 * ones,
+        parts,
+        np.arange(len(parts)),
         np.full(len(parts), 0.9),
-    )  # fmt: skip
+    )

@@ -3,6 +3,7 @@
 Pairs of free 2D people whose rays meet are triangulated, and the support of all views is counted. The best
 supported pair becomes a person. This repeats until no pair is left.
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -42,9 +43,14 @@ def assign(
     """
     # read-only arrays are a type of their own: kernels are compiled for the other alone
     member, mirrored, left, _, _ = assign_greedily(
-        positions.copy(), shifts.copy(), scene.observations, scene.mirror, free, scale,
+        positions.copy(),
+        shifts.copy(),
+        scene.observations,
+        scene.mirror,
+        free,
+        scale,
         config.person_agreement,
-    )  # fmt: skip
+    )
     return Groups(member, mirrored), left
 
 
@@ -109,9 +115,13 @@ class NewcomerRules(NamedTuple):
     def of(cls, config: AssociationConfig) -> NewcomerRules:
         """Those of a configuration."""
         return cls(
-            config.agreement, config.person_agreement, float(config.min_views), config.view_share,
-            config.few_views_share, config.few_views_agreement,
-        )  # fmt: skip
+            config.agreement,
+            config.person_agreement,
+            float(config.min_views),
+            config.view_share,
+            config.few_views_share,
+            config.few_views_agreement,
+        )
 
 
 class Room(NamedTuple):

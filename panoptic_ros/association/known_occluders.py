@@ -1,4 +1,5 @@
 """How far the cameras of a rig see past the fixed things in the room."""
+
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,4 +1,5 @@
 """The association stage."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -34,9 +35,11 @@ class AssociationStage(Stateful):
     """
 
     LAYOUT = StateLayout(
-        "association", ("_tracks", "_last_ns"), (TrackSet,),
+        "association",
+        ("_tracks", "_last_ns"),
+        (TrackSet,),
         same={"configuration": "_config", "cameras": "_names", "skeleton": "_hash"},
-    )  # fmt: skip
+    )
 
     def __init__(self, config: AssociationConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton
@@ -89,17 +92,19 @@ class AssociationStage(Stateful):
     def _associate(self, item: DetectionSet, evidence: Evidence) -> AssociationSet:
         """Those who are followed first, then new people among the 2D people that are left."""
         precision = even_precision(evidence, self._rig, NOISE)
-        scene = scene_of(
-            item, evidence, precision, self._mirror, self._rig, self._config.image_borders
-        )
+        scene = scene_of(item, evidence, precision, self._mirror, self._rig, self._config.image_borders)
         prediction = self._predict(item.stamp_ns)
         known, who, free = self._known(scene, prediction)
         free &= carried_ages(item, evidence) == 0.0  # who is only carried is nobody new
         fresh, places = self._new(scene, free)
         return AssociationSet(
-            item, evidence, known.joined(fresh), np.concatenate([who, np.full(len(places), -1)]),
-            np.concatenate([prediction.positions[who], places]), prediction,
-        )  # fmt: skip
+            item,
+            evidence,
+            known.joined(fresh),
+            np.concatenate([who, np.full(len(places), -1)]),
+            np.concatenate([prediction.positions[who], places]),
+            prediction,
+        )
 
     def _predict(self, stamp_ns: int) -> Prediction:
         """Where those should be now who were seen lately."""
@@ -140,6 +145,13 @@ def _followed(item: AssociationSet) -> TrackSet:
     states = np.concatenate([item.places, np.zeros((people, joints, 3))], axis=-1)
     numbers = np.zeros((people, joints))
     return TrackSet(
-        item.index, item.stamp_ns, item.detections.skeleton_hash, np.zeros(people, np.int64), states,
-        np.full((people, joints, 3), 1e-3), numbers, numbers, np.zeros(people),
-    )  # fmt: skip
+        item.index,
+        item.stamp_ns,
+        item.detections.skeleton_hash,
+        np.zeros(people, np.int64),
+        states,
+        np.full((people, joints, 3), 1e-3),
+        numbers,
+        numbers,
+        np.zeros(people),
+    )

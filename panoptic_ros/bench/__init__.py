@@ -5,6 +5,7 @@ the names) and `lines(result) -> list[str]` (the table), and is named in `BENCHE
 graph need processes, and are `running.graph_bench` and `running.view_bench`. Times of the others are those
 of one thread, inputs already in arrays, first call excluded. Benches only measure: tests never assert a time.
 """
+
 from __future__ import annotations
 
 BENCHES: dict[str, str] = {

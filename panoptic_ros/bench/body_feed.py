@@ -1,4 +1,5 @@
 """2D people and samples of their IMUs for the live graph: simulated bodies, played forth and back."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -65,11 +66,13 @@ def body_feed(
     radius = APART if people > 1 else 0.0
     scenes = [
         BodyScene(
-            (CLIPS[k % len(CLIPS)],), seconds=seconds, facing=float(np.degrees(angle)),
+            (CLIPS[k % len(CLIPS)],),
+            seconds=seconds,
+            facing=float(np.degrees(angle)),
             at=(radius * float(np.cos(angle)), radius * float(np.sin(angle))),
         )
         for k, angle in enumerate(angles)
-    ]  # fmt: skip
+    ]
     take = simulate_group(replace(scenes[0], others=tuple(scenes[1:])), seed, model, clips)
     sets, count = _sets(take, round(scenes[0].rate / rate))
     devices = {name: _first(series, count) for name, series in take.devices.items()}

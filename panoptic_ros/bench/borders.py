@@ -2,6 +2,7 @@
 
 The oracle solves without the model, but without every 2D joint that lies far from its true projection.
 """
+
 from __future__ import annotations
 
 import argparse
@@ -36,19 +37,31 @@ FIGURES = ("MPJPE mm", "PCK 5 cm", "PCK 10 cm", "people found", "within 95 %")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the bench."""
     parser.add_argument(
-        "--scenes", default="rendered-6p8v", metavar="NAME,NAME",
+        "--scenes",
+        default="rendered-6p8v",
+        metavar="NAME,NAME",
         help="rendered ones of `panoptic simulate`; empty = none; default rendered-6p8v",
-    )  # fmt: skip
+    )
     parser.add_argument("--seed", type=int, default=51, metavar="N", help="of the scenes; default 51")
     parser.add_argument("--frames", type=int, metavar="N", help="of each scene at most")
-    parser.add_argument("--width", type=float, default=0.5, metavar="SHARE",
-                        help="of the images of scenes, in the middle; default 0.5")  # fmt: skip
+    parser.add_argument(
+        "--width",
+        type=float,
+        default=0.5,
+        metavar="SHARE",
+        help="of the images of scenes, in the middle; default 0.5",
+    )
     parser.add_argument("--height", type=float, default=1.0, metavar="SHARE", help="the same; default 1")
     parser.add_argument("--model", default="movenet-multipose", help="detector of scenes")
     parser.add_argument(
-        "--capture", nargs=2, action="append", default=[], metavar=("BAG", "TRUTH"), dest="captures",
+        "--capture",
+        nargs=2,
+        action="append",
+        default=[],
+        metavar=("BAG", "TRUTH"),
+        dest="captures",
         help="a bag (or folder) of `panoptic run`, as it is, and its truth. May be given several times",
-    )  # fmt: skip
+    )
 
 
 def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, Any]:

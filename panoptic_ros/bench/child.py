@@ -1,4 +1,5 @@
 """Measurements in a fresh process of one thread: threads and memory of others do not count there."""
+
 from __future__ import annotations
 
 import json
@@ -15,10 +16,13 @@ from panoptic_ros.errors import EnvironmentProblem, UserError
 ONE_THREAD = {
     name: "1"
     for name in (
-        "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS",
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "NUMBA_NUM_THREADS",
         "NUMEXPR_NUM_THREADS",
     )
-} | {"XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"}  # fmt: skip
+} | {"XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"}
 
 
 def run_child(module: str, request: dict[str, Any]) -> dict[str, Any]:
@@ -31,9 +35,13 @@ def run_child(module: str, request: dict[str, Any]) -> dict[str, Any]:
     package = str(Path(panoptic_ros.__file__).parents[1])
     paths = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
     done = subprocess.run(
-        [sys.executable, "-m", module], input=json.dumps(request), text=True, capture_output=True,
-        env={**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(paths)}, check=False,
-    )  # fmt: skip
+        [sys.executable, "-m", module],
+        input=json.dumps(request),
+        text=True,
+        capture_output=True,
+        env={**os.environ, **ONE_THREAD, "PYTHONPATH": os.pathsep.join(paths)},
+        check=False,
+    )
     answer: dict[str, Any] = json.loads(answer_of(done, module))
     if "error" in answer:
         raise UserError(answer["error"])

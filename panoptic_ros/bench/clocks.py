@@ -1,4 +1,5 @@
 """How far corrected stamps are from the truth, over an hour and over what clocks do."""
+
 from __future__ import annotations
 
 import argparse
@@ -107,9 +108,15 @@ def _context(names: list[str]) -> StageContext:
 
 def _view(frame: CameraFrame) -> ViewDetections:
     return ViewDetections(
-        frame.camera, frame.stamp_ns, frame.number, (100, 100), SKELETON.hash,
-        np.zeros((0, 2, 2)), np.zeros((0, 2)), np.zeros(0),
-    )  # fmt: skip
+        frame.camera,
+        frame.stamp_ns,
+        frame.number,
+        (100, 100),
+        SKELETON.hash,
+        np.zeros((0, 2, 2)),
+        np.zeros((0, 2)),
+        np.zeros(0),
+    )
 
 
 def mixed_world(seconds: float, seed: int = 0) -> ClockWorld:
@@ -152,7 +159,8 @@ def events(seconds: float = 40.0, at: int = 20) -> dict[str, ClockWorld]:
         "clock forward 1 h": stepped(3600.0),
         "clock back 1 day": stepped(-86_400.0),
         "device stops and resumes": replace(
-            calm, devices=(host, replace(one, silent=off), two),
+            calm,
+            devices=(host, replace(one, silent=off), two),
             cameras=[replace(c, off=off) if c.name == "kinect1" else c for c in calm.cameras],
         ),
         "timecode jumps by 10 s": replace(calm, jumps=((float(at), Fraction(10)),)),
@@ -163,7 +171,7 @@ def events(seconds: float = 40.0, at: int = 20) -> dict[str, ClockWorld]:
         "0.1 s of audio lost": replace(
             calm, devices=(host, replace(one, silent=((float(at), at + 0.1),)), two)
         ),
-    }  # fmt: skip
+    }
 
 
 def audio_error_s(seconds: float = 20.0) -> dict[str, float]:

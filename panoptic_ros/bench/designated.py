@@ -1,4 +1,5 @@
 """Whether somebody who is designated is ever lost to a bystander: one of five who come and go."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -24,13 +25,16 @@ def designated_figures(instants: Sequence[Instant], person: int) -> dict[str, in
             any(match.number == SUBJECT for other, match in now.found.items() if other != person)
             for now in instants
         ),
-    }  # fmt: skip
+    }
 
 
 def designated(
-    takes: int, seed: int, settings: Settings = NO_SETTINGS, seconds: float = VISITS_S,
+    takes: int,
+    seed: int,
+    settings: Settings = NO_SETTINGS,
+    seconds: float = VISITS_S,
     progress: Progress = untold,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """`designated_figures` of several takes together; the subject is told by the place at the beginning."""
     total = {"there": 0, "followed": 0, "taken": 0}
     for k in range(takes):

@@ -1,4 +1,5 @@
 """Detection under several settings on one capture: processor time, and the accuracy of what comes of it."""
+
 from __future__ import annotations
 
 import time
@@ -105,9 +106,13 @@ def measured(
             taken[stage] += duration_ns
 
     pipeline = Pipeline(
-        configs, StageContext(rig, skeleton, {**extras, "costs": costs}), on_record=saw, on_step=stepped,
-        clock=time.thread_time_ns, table=TABLE,
-    )  # fmt: skip
+        configs,
+        StageContext(rig, skeleton, {**extras, "costs": costs}),
+        on_record=saw,
+        on_step=stepped,
+        clock=time.thread_time_ns,
+        table=TABLE,
+    )
     stamps = []  # of the first camera
     with one_thread():
         for frame in footage.images():
@@ -122,10 +127,12 @@ def measured(
     return {
         "cpu_ms": 1e-6 * taken["detection"] / counted,
         "after_ms": 1e-6 * (sum(taken.values()) - taken["detection"]) / counted,
-        "beside_ms": costs.beside_ms, "carry_ms": costs.carry_ms,
-        "carried": carried / max(images, 1), "instants": instants,
+        "beside_ms": costs.beside_ms,
+        "carry_ms": costs.carry_ms,
+        "carried": carried / max(images, 1),
+        "instants": instants,
         **_scores(truth, SkeletonSequence(skeleton.joint_names, tuple(map(of_poses, poses))), stamps, skip),
-    }  # fmt: skip
+    }
 
 
 def _scores(

@@ -1,4 +1,5 @@
 """Where the processor time of detection goes: the network, what is beside it, carrying."""
+
 from __future__ import annotations
 
 import time
@@ -15,8 +16,9 @@ from panoptic_ros.graph.nodes import NODES, NodeSpec
 from panoptic_ros.stage import StageContext, StepResult
 
 TABLE: Mapping[str, NodeSpec] = {
-    **NODES, "detection": replace(NODES["detection"], stage=f"{__name__}:TimedStage")
-}  # fmt: skip
+    **NODES,
+    "detection": replace(NODES["detection"], stage=f"{__name__}:TimedStage"),
+}
 
 
 @dataclass

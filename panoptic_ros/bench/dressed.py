@@ -3,6 +3,7 @@
 Images are rendered at every third instant and small, as colours need no more; the 2D people are those of a
 simulated detector, which misses, mistakes and melts them.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -48,12 +49,21 @@ class Visitor(Person):
 
 def visitors(take: Simulation) -> Simulation:
     """The take with people who are not in the images while they are away."""
-    return replace(take, people=tuple(
-        Visitor(
-            person.id, person.body, person.motion, person.gesture, person.present, person.bystander,
-            tuple(absence for absence in take.scene.absences if absence.person == person.id),
-        ) for person in take.people
-    ))  # fmt: skip
+    return replace(
+        take,
+        people=tuple(
+            Visitor(
+                person.id,
+                person.body,
+                person.motion,
+                person.gesture,
+                person.present,
+                person.bystander,
+                tuple(absence for absence in take.scene.absences if absence.person == person.id),
+            )
+            for person in take.people
+        ),
+    )
 
 
 def looks_of(take: Simulation, sets: Sequence[DetectionSet]) -> Looks:

@@ -1,4 +1,5 @@
 """2D people for the live graph: simulated or recorded instants, played forth and back without an end."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,4 +1,5 @@
 """From what a feeder of the live graph saw to numbers: what is lost, latencies, processor time, memory."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -80,26 +81,35 @@ def figures_of(seen: Observation) -> dict[str, Any]:
     duration_s = 1e-9 * (seen.after.at_ns - seen.before.at_ns)
     return {
         "restarts": [
-            {"process": each.process, "silence_s": each.silence_s, "people": len(each.before),
-             "kept": len(each.before & each.after)}
+            {
+                "process": each.process,
+                "silence_s": each.silence_s,
+                "people": len(each.before),
+                "kept": len(each.before & each.after),
+            }
             for each in seen.restarts
         ],
         "floods": [_flood_figures(flood, seen, came) for flood in seen.floods],
-        "sent": len(measured), "received": len(latencies), "lost": len(measured) - len(latencies),
+        "sent": len(measured),
+        "received": len(latencies),
+        "lost": len(measured) - len(latencies),
         **{f"latency_{name}_ms": value for name, value in _percentiles(latencies).items()},
         "first_skeletons_s": 1e-9 * (min(when for _, when in seen.received) - seen.started_ns),
         "cpu_percent": 100.0 * (seen.after.cpu_s - seen.before.cpu_s) / duration_s,
         "resident_mb": seen.after.resident_mb,
         "growth_mb": seen.after.resident_mb - seen.before.resident_mb,
         "steps_ms": {
-            stage: float(values["step_p50_ms"]) for stage, values in seen.stages.items()
+            stage: float(values["step_p50_ms"])
+            for stage, values in seen.stages.items()
             if values.get("step_p50_ms", "nan") != "nan"
         },
         "dropped": {
-            f"{stage}.{key.removeprefix('dropped.')}": int(count) for stage, values in seen.stages.items()
-            for key, count in values.items() if key.startswith("dropped.")
+            f"{stage}.{key.removeprefix('dropped.')}": int(count)
+            for stage, values in seen.stages.items()
+            for key, count in values.items()
+            if key.startswith("dropped.")
         },
-    }  # fmt: skip
+    }
 
 
 def _flood_figures(flood: Flooded, seen: Observation, came: Mapping[int, int]) -> dict[str, Any]:
@@ -109,14 +119,19 @@ def _flood_figures(flood: Flooded, seen: Observation, came: Mapping[int, int]) -
     inside = [when for when in moments if flood.begun_ns <= when <= flood.ended_ns]
     stamps = np.array([stamp for stamp, _ in seen.sent])
     odd = [
-        stamp for stamp, when in seen.received if flood.begun_ns <= when <= flood.ended_ns
+        stamp
+        for stamp, when in seen.received
+        if flood.begun_ns <= when <= flood.ended_ns
         and int(np.abs(stamps - stamp).min()) > seen.period_ns // 2
-    ]  # fmt: skip
+    ]
     return {
-        "title": flood.title, "messages": flood.messages, "instants": len(meanwhile),
+        "title": flood.title,
+        "messages": flood.messages,
+        "instants": len(meanwhile),
         "lost": sum(k not in came for k in meanwhile),
-        "longest_gap_s": 1e-9 * float(np.diff(inside).max()), "odd_stamps": len(odd),
-    }  # fmt: skip
+        "longest_gap_s": 1e-9 * float(np.diff(inside).max()),
+        "odd_stamps": len(odd),
+    }
 
 
 def arrivals(

@@ -1,4 +1,5 @@
 """How time grows: the exponent of a power law, by least squares on the logarithms."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

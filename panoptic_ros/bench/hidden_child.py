@@ -1,4 +1,5 @@
 """For how long a child whom adults hide is lost, whether it keeps its id, and which stage loses it."""
+
 from __future__ import annotations
 
 from collections import Counter
@@ -58,9 +59,11 @@ def follow_child(
     """Solve the 2D people of a take, and find the child after every stage."""
     records: dict[str, list[Any]] = {topic: [] for topic in RECORDS}
     pipeline = Pipeline(
-        configure(settings), StageContext(take.rig, skeleton), FUSION,
+        configure(settings),
+        StageContext(take.rig, skeleton),
+        FUSION,
         on_record=lambda topic, record: records[topic].append(record) if topic in records else None,
-    )  # fmt: skip
+    )
     for item in sets:
         pipeline.push("detection_sets", item)
     pipeline.flush()
@@ -127,20 +130,25 @@ def child_figures(instants: Sequence[ChildInstant]) -> dict[str, Any]:
         for person, number in now.others.items():
             adults.setdefault(person, set()).add(number)
     return {
-        "lost_s": period * len(lost), "longest_s": period * longest, "kept": len(numbers) == 1,
+        "lost_s": period * len(lost),
+        "longest_s": period * longest,
+        "kept": len(numbers) == 1,
         "far_s": period * sum(now.gap >= FOUND for now in counted),
         "losers": dict(Counter(now.loser for now in lost)),
         "least_views": min(now.shown for now in counted),
         "ghosts": sum(now.ghosts for now in counted) / len(counted),
         "adults_kept": [len(ids) for ids in adults.values()] == [1] * ADULTS,
         "adults_missed": sum(ADULTS - len(now.others) for now in counted) / len(counted),
-    }  # fmt: skip
+    }
 
 
 def study_child(
-    count: int, seed: int, kind: str = "usual", settings: Settings = MappingProxyType({}),
+    count: int,
+    seed: int,
+    kind: str = "usual",
+    settings: Settings = MappingProxyType({}),
     progress: Progress = untold,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Render `count` takes of a kind from a seed on, detect, solve, and tell what became of the child.
 
     Raises:

@@ -2,6 +2,7 @@
 
 A child stands in the middle of three adults. They stand, crouch, bend or reach, and for a while all at once.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
@@ -88,16 +89,24 @@ def child_take(seed: int, kind: ChildKind = USUAL) -> Simulation:
     focal = min(float(rng.uniform(*kind.focal)) * size[0], size[1] * radius / TALLEST)
     heights = float(rng.uniform(*kind.low)), float(rng.uniform(*kind.high))
     rig = Ring(
-        int(rng.integers(kind.cameras[0], kind.cameras[1] + 1)), radius, heights,
-        look_at=float(rng.uniform(0.6, 0.9)), lens=Lens(size, (0.95 * focal, focal), distorted_every=2),
-    )  # fmt: skip
+        int(rng.integers(kind.cameras[0], kind.cameras[1] + 1)),
+        radius,
+        heights,
+        look_at=float(rng.uniform(0.6, 0.9)),
+        lens=Lens(size, (0.95 * focal, focal), distorted_every=2),
+    )
     phase = float(rng.choice([0.0, rng.uniform(0.0, 0.5)])) / rate
     doings = ("stand", *(DOINGS[int(k)] for k in rng.integers(len(DOINGS), size=ADULTS)))
     seconds = float(rng.uniform(*kind.seconds))
     what = Scene(
-        "a child whom adults hide", doings, rig, staging="among", rendered=True,
-        timing=Timing(rate=rate, phase=phase), frames=round(rate * seconds),
-    )  # fmt: skip
+        "a child whom adults hide",
+        doings,
+        rig,
+        staging="among",
+        rendered=True,
+        timing=Timing(rate=rate, phase=phase),
+        frames=round(rate * seconds),
+    )
     people = tuple(_draw_people(rng, kind, doings))
     return replace(simulate(replace(what, activities=("stand",) * len(doings)), seed), people=people)
 
@@ -113,9 +122,10 @@ def _draw_people(rng: np.random.Generator, kind: ChildKind, doings: tuple[str, .
         x, y = middle + away * np.array([np.cos(angle), np.sin(angle)])
         standing = Standing((float(x), float(y)), float(angle + np.pi), draw_sway(rng))
         down = Huddle(
-            Pulses.draw(rng, 3.0, 4.5), float(begin + rng.uniform(-0.3, 0.3)),
+            Pulses.draw(rng, 3.0, 4.5),
+            float(begin + rng.uniform(-0.3, 0.3)),
             float(end + rng.uniform(-0.3, 0.3)),
-        )  # fmt: skip
+        )
         motion: Motion = standing
         if doing == "crouch":
             motion = replace(standing, crouch=down)

@@ -1,4 +1,5 @@
 """Who stays who: simulated people who are hidden, cross, come and go, and whom few views see."""
+
 from __future__ import annotations
 
 from collections import Counter
@@ -55,9 +56,11 @@ def follow(
     take = simulate(what, seed)
     results: list[Any] = []
     pipeline = Pipeline(
-        configure(settings), StageContext(take.rig, SKELETON), FUSION,
+        configure(settings),
+        StageContext(take.rig, SKELETON),
+        FUSION,
         on_record=lambda topic, record: results.append(record) if topic == "skeletons" else None,
-    )  # fmt: skip
+    )
     sets = list(take.detection_sets())
     seen = {} if looks is None else looks(take, sets)
     for number, item in enumerate(sets):
@@ -73,9 +76,11 @@ def follow(
         rows = [p.id for p in people]
         matches, _ = match_people(truth[rows], result.positions)
         there = frozenset(p.id for p in people if not take.is_ignored(p, tick))
-        found.append(Instant(float(tick), there, {
-            rows[t]: _match(result, r, truth[rows[t]]) for t, r in matches.tolist()
-        }))  # fmt: skip
+        found.append(
+            Instant(
+                float(tick), there, {rows[t]: _match(result, r, truth[rows[t]]) for t, r in matches.tolist()}
+            )
+        )
     return found
 
 
@@ -140,8 +145,10 @@ def told_apart(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
     owners = {m.number: p for now in instants if now.seconds < event[0] for p, m in now.found.items()}
     return all(
         owners.get(match.number, person) == person
-        for now in instants if now.seconds >= event[1] + SETTLED for person, match in now.found.items()
-    )  # fmt: skip
+        for now in instants
+        if now.seconds >= event[1] + SETTLED
+        for person, match in now.found.items()
+    )
 
 
 def kept_ids(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
@@ -164,10 +171,12 @@ def trials(
 ) -> dict[str, Any]:
     """Shares of trials in which everybody kept the id, and nobody got somebody else's."""
     kinds = {
-        "hidden for 1 s": (hidden_trial, kept_ids), "crossing at 0.5 m": (crossing_trial, kept_ids),
-        "all after a pause": (pause_trial, kept_ids), "2 to 5 images/s": (slow_trial, kept_ids),
+        "hidden for 1 s": (hidden_trial, kept_ids),
+        "crossing at 0.5 m": (crossing_trial, kept_ids),
+        "all after a pause": (pause_trial, kept_ids),
+        "2 to 5 images/s": (slow_trial, kept_ids),
         "somebody else comes": (stranger_trial, told_apart),
-    }  # fmt: skip
+    }
     kept: dict[str, int] = dict.fromkeys(kinds, 0)
     lost: dict[str, list[int]] = {kind: [] for kind in kinds}
     for k in range(count):
@@ -218,13 +227,16 @@ def few_views(
         gaps = np.concatenate(errors[name]) if errors[name] else np.array([np.nan])
         hits = np.concatenate(inside[name]) if inside[name] else np.array([False])
         rows[name] = {
-            "joints_given": float(np.mean(present[name])), "mean_mm": 1e3 * float(gaps.mean()),
-            "p95_mm": 1e3 * float(np.quantile(gaps, 0.95)), "in_ellipsoid": float(hits.mean()),
-        }  # fmt: skip
+            "joints_given": float(np.mean(present[name])),
+            "mean_mm": 1e3 * float(gaps.mean()),
+            "p95_mm": 1e3 * float(np.quantile(gaps, 0.95)),
+            "in_ellipsoid": float(hits.mean()),
+        }
     return {
-        "takes": count, "phases": rows,
+        "takes": count,
+        "phases": rows,
         "child": {"lost_s": float(np.mean(lost)), "most_lost_s": max(lost), "kept": children / count},
-    }  # fmt: skip
+    }
 
 
 # ------------------------------------------------------------------ people who come and go
@@ -241,9 +253,14 @@ def visits_scene(seed: int, seconds: float = VISITS_S) -> Scene:
             absences.append(Absence(person, now, now + away))
             now += away + rng.uniform(*STAYS)
     return Scene(
-        "five people who come and go", ("walk", "walk", "walk", "talk", "walk"), Ring(5), degradation=MILD,
-        timing=Timing(rate=VISITS_HZ), absences=tuple(absences), frames=round(seconds * VISITS_HZ),
-    )  # fmt: skip
+        "five people who come and go",
+        ("walk", "walk", "walk", "talk", "walk"),
+        Ring(5),
+        degradation=MILD,
+        timing=Timing(rate=VISITS_HZ),
+        absences=tuple(absences),
+        frames=round(seconds * VISITS_HZ),
+    )
 
 
 def visit_figures(instants: Sequence[Instant]) -> dict[str, Any]:

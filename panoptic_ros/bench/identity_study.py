@@ -1,4 +1,5 @@
 """The study of identities: all of its figures."""
+
 from __future__ import annotations
 
 from typing import Any
@@ -19,11 +20,12 @@ def study_identity(
     3 s of people in clothes, and of 3 s with a designated person."""
     takes = max(1, count // TRIALS_PER_TAKE)
     found = {
-        "study": "identity", "seed": seed,
+        "study": "identity",
+        "seed": seed,
         "trials": trials(count, seed, settings, part_of(progress, 0.0, 0.4)),
         "few_views": few_views(takes, seed, settings, part_of(progress, 0.4, 0.6)),
         "visits": visits(seed, settings, VISITS_S * count / 100),
-    }  # fmt: skip
+    }
     part = part_of(progress, 0.7, 0.8)
     found["designated"] = designated(max(1, takes // 2), seed, settings, DESIGNATED_S, part)
     progress(0.8, "visits in clothes")

@@ -1,4 +1,5 @@
 """A user's libltc through ctypes, to stand beside our decoder; nothing of it is part of this package."""
+
 from __future__ import annotations
 
 import ctypes
@@ -18,10 +19,15 @@ class _Frame(ctypes.Structure):
     """LTCFrameExt of ltc.h, version 1.3."""
 
     _fields_ = [
-        ("bits", ctypes.c_uint8 * 12), ("first", ctypes.c_longlong), ("last", ctypes.c_longlong),
-        ("reverse", ctypes.c_int), ("periods", ctypes.c_float * 80), ("low", ctypes.c_uint8),
-        ("high", ctypes.c_uint8), ("volume", ctypes.c_double),
-    ]  # fmt: skip
+        ("bits", ctypes.c_uint8 * 12),
+        ("first", ctypes.c_longlong),
+        ("last", ctypes.c_longlong),
+        ("reverse", ctypes.c_int),
+        ("periods", ctypes.c_float * 80),
+        ("low", ctypes.c_uint8),
+        ("high", ctypes.c_uint8),
+        ("volume", ctypes.c_double),
+    ]
 
 
 def load_libltc() -> Callable[[Array, int], list[DecodedWord]] | None:
@@ -39,8 +45,11 @@ def load_libltc() -> Callable[[Array, int], list[DecodedWord]] | None:
     library.ltc_decoder_create.argtypes = [ctypes.c_int, ctypes.c_int]
     library.ltc_decoder_free.argtypes = [ctypes.c_void_p]
     library.ltc_decoder_write_float.argtypes = [
-        ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_longlong,
-    ]  # fmt: skip
+        ctypes.c_void_p,
+        ctypes.c_void_p,
+        ctypes.c_size_t,
+        ctypes.c_longlong,
+    ]
     library.ltc_decoder_read.argtypes = [ctypes.c_void_p, ctypes.POINTER(_Frame)]
     return lambda samples, rate: _decode(library, samples, rate)
 

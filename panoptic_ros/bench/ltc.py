@@ -4,6 +4,7 @@ Clips are made with exact truth (`simulation.ltc_channel`). Times are in microse
 `bound` is that of Cramer and Rao for one word, known bits and the noise of the clip; `honest` is the standard
 deviation of errors over stated deviations, without their mean, which a delay common to all words makes.
 """
+
 from __future__ import annotations
 
 import argparse
@@ -38,17 +39,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--only", metavar="TEXT", default="", help="conditions whose names contain this")
     parser.add_argument("--no-libltc", action="store_true", help="do not look for libltc")
     parser.add_argument(
-        "--false-codes", type=float, default=0.0, metavar="SECONDS",
+        "--false-codes",
+        type=float,
+        default=0.0,
+        metavar="SECONDS",
         help="only play sounds without timecode, half of the time at 48 and half at 16 kHz",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--starts", type=int, default=0, metavar="N",
+        "--starts",
+        type=int,
+        default=0,
+        metavar="N",
         help="only count the starts after noise, silence, tones or clicks that are never decoded",
     )
     parser.add_argument(
-        "--impairments", type=int, default=0, metavar="N",
+        "--impairments",
+        type=int,
+        default=0,
+        metavar="N",
         help="only decode clips with random combinations of impairments; counts exceptions and wrong labels",
-    )  # fmt: skip
+    )
     parser.add_argument("--seed", type=int, default=1, help="of the clips (default 1)")
 
 
@@ -138,9 +148,11 @@ def _speed(rate: int) -> dict[str, Any]:
     live = _cpu_share(lambda: _decode(clean, rate), len(clean) / rate)
     searching = _cpu_share(lambda: _decode(noise, rate), len(noise) / rate)
     return {
-        "rate_hz": rate, "following_x": 1.0 / offline, "searching_x": 1.0 / searching,
+        "rate_hz": rate,
+        "following_x": 1.0 / offline,
+        "searching_x": 1.0 / searching,
         "live_percent": 200.0 * live,
-    }  # fmt: skip
+    }
 
 
 def _cpu_share(work: Callable[[], object], seconds: float) -> float:

@@ -1,4 +1,5 @@
 """The clips of the timecode bench: noise, and everything that lines, tapes and rooms do."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -76,8 +77,9 @@ def noise_bound_us(condition: Condition) -> float:
 def _table() -> tuple[Condition, ...]:
     noise = [
         Condition(f"{rate // 1000} kHz, noise {snr:+d} dB", rate, {"snr_db": float(snr)})
-        for rate, ratios in ((48000, (30, 20, 10, 0, -3, -6)), (16000, (30, 20, 10, 0, -3))) for snr in ratios
-    ]  # fmt: skip
+        for rate, ratios in ((48000, (30, 20, 10, 0, -3, -6)), (16000, (30, 20, 10, 0, -3)))
+        for snr in ratios
+    ]
     names = ("23.976", "24", "25", "29.97", "29.97df")
     counting = [Condition(f"{name} frames/s", 48000, {}, rate=name) for name in names]
     sampling = [Condition(f"{rate} Hz sampling", rate) for rate in (8000, 22050, 44100, 96000)]
@@ -103,9 +105,19 @@ def _fluttering() -> Iterator[Condition]:
 
 FLUTTER, SLIGHT, FLUTTER_DB = 0.005, 0.0002, 18.0
 FLUTTERS = (
-    (0.5,), (1.0,), (3.0,), (9.0,), (15.0,), (30.0,),
-    (0.5, 9.0), (0.5, 30.0), (1.0, 15.0), (3.0, 9.0), (3.0, 30.0), (9.0, 30.0),
-)  # fmt: skip
+    (0.5,),
+    (1.0,),
+    (3.0,),
+    (9.0,),
+    (15.0,),
+    (30.0,),
+    (0.5, 9.0),
+    (0.5, 30.0),
+    (1.0, 15.0),
+    (3.0, 9.0),
+    (3.0, 30.0),
+    (9.0, 30.0),
+)
 FLUTTER_RATES = ("24", "25", "29.97df", "30")
 MICROPHONE = {"low_pass_hz": 7000.0, "high_pass_hz": 100.0, "snr_db": 20.0, "echo_s": 0.2, "direct_db": 12.0}
 IMPAIRMENTS: tuple[tuple[str, int, dict[str, Any]], ...] = (

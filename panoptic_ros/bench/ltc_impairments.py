@@ -4,6 +4,7 @@ A clip is one to three pieces of tape, spliced with or without silence, or a sou
 piece has its own label, speed, direction, wow, flutter and channel. Noise, dropouts, gain control, crosstalk,
 conversion of the sample rate, clipping, resolution and cuts follow for the whole clip.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -82,14 +83,15 @@ def _piece(rng: np.random.Generator, sample_rate: int, seconds: float) -> Impair
     options: dict[str, tuple[float, dict[str, Any]]] = {
         "wow": (0.25, {"wow": rng.uniform(0.0, 0.05), "wow_hz": float(np.exp(rng.uniform(-2.3, 0.7)))}),
         "flutter": (
-            0.3, {"flutter": rng.uniform(0.0, 0.03), "flutter_hz": float(np.exp(rng.uniform(0.7, 3.0)))},
+            0.3,
+            {"flutter": rng.uniform(0.0, 0.03), "flutter_hz": float(np.exp(rng.uniform(0.7, 3.0)))},
         ),
         "ramp": (0.1, {"ramp": rng.uniform(0.0, 0.3)}),
         "jitter": (0.15, {"jitter_s": 10.0 ** rng.uniform(-6.5, -4.5)}),
         "low pass": (0.2, {"low_pass_hz": rng.uniform(1800.0, 8000.0)}),
         "high pass": (0.2, {"high_pass_hz": 10.0 ** rng.uniform(0.5, 3.3)}),
         "echo": (0.15, {"echo_s": rng.uniform(0.05, 0.8), "direct_db": rng.uniform(3.0, 25.0)}),
-    }  # fmt: skip
+    }
     given: dict[str, Any] = {}
     for name, (share, fields) in options.items():
         if rng.random() < share:
@@ -144,10 +146,13 @@ def _joined(pieces: list[Impaired], rng: np.random.Generator) -> Impaired:
         starts.append(piece.starts + place)
         place += len(samples)
     clip = Impaired(
-        np.concatenate(parts), pieces[0].sample_rate,
-        tuple(label for piece in pieces for label in piece.labels), np.concatenate(starts),
-        np.concatenate([piece.lengths for piece in pieces]), tuple(kinds),
-    )  # fmt: skip
+        np.concatenate(parts),
+        pieces[0].sample_rate,
+        tuple(label for piece in pieces for label in piece.labels),
+        np.concatenate(starts),
+        np.concatenate([piece.lengths for piece in pieces]),
+        tuple(kinds),
+    )
     return clip
 
 
@@ -272,9 +277,19 @@ def _cut(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 CHANGES: dict[str, tuple[float, Change]] = {  # by name: share of the clips, and what it does
-    "gain": (0.15, _gain), "crosstalk": (0.15, _crosstalk), "dropouts": (0.2, _dropouts),
-    "lost samples": (0.1, _lost), "inverted": (0.2, _inverted), "converted": (0.15, _converted),
-    "hum": (0.2, _hum), "noise": (0.5, _noise), "clicks": (0.15, _clicks), "level": (0.25, _level),
-    "clipped": (0.15, _clipped), "square": (0.08, _square), "offset": (0.15, _offset),
-    "bits": (0.3, _resolution), "cut": (0.15, _cut),
-}  # fmt: skip
+    "gain": (0.15, _gain),
+    "crosstalk": (0.15, _crosstalk),
+    "dropouts": (0.2, _dropouts),
+    "lost samples": (0.1, _lost),
+    "inverted": (0.2, _inverted),
+    "converted": (0.15, _converted),
+    "hum": (0.2, _hum),
+    "noise": (0.5, _noise),
+    "clicks": (0.15, _clicks),
+    "level": (0.25, _level),
+    "clipped": (0.15, _clipped),
+    "square": (0.08, _square),
+    "offset": (0.15, _offset),
+    "bits": (0.3, _resolution),
+    "cut": (0.15, _cut),
+}

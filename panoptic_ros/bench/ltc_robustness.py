@@ -3,6 +3,7 @@
 Each clip is decoded as a recording and as a live stream of blocks. A reading is wrong unless a word of its
 label lies within half a word of its start, or a crosstalk of the clip has that label.
 """
+
 from __future__ import annotations
 
 import traceback

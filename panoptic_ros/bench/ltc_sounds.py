@@ -1,4 +1,5 @@
 """Sounds without timecode, piece by piece: whatever a decoder reads there is false."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
@@ -89,6 +90,10 @@ def _biphase(rng: np.random.Generator, count: int, rate: int) -> Array:
 
 
 KINDS: dict[str, Sound] = {
-    "white noise": _white, "pink noise": _pink, "speech-like": _speech, "music-like": _music,
-    "square FM": _square_fm, "random biphase": _biphase,
-}  # fmt: skip
+    "white noise": _white,
+    "pink noise": _pink,
+    "speech-like": _speech,
+    "music-like": _music,
+    "square FM": _square_fm,
+    "random biphase": _biphase,
+}

@@ -1,4 +1,5 @@
 """Clocks from motion: how far found offsets are from the truth, how honest, and what they do for poses."""
+
 from __future__ import annotations
 
 import argparse
@@ -149,9 +150,11 @@ def _take(case: _Case, seed: int, frames: int, poses: bool) -> dict[str, Any]:
         "error": error - error.mean() if known[0] else error,
         "stated": found.clocks.deviations[others],
         "ratio": np.linalg.solve(root, (found.clocks.offsets - offsets)[others]),
-        "drift": (found.clocks.drifts - drifts)[known], "known": int(known[1:].sum()),
-        "cameras": len(known) - 1, "cpu": spent,
-    }  # fmt: skip
+        "drift": (found.clocks.drifts - drifts)[known],
+        "known": int(known[1:].sum()),
+        "cameras": len(known) - 1,
+        "cpu": spent,
+    }
     if poses:
         truth = sequence_of(take)
         right = regroup(wrong, true.corrections(wrong, every=True))  # without the frames that `wrong` lost
@@ -165,11 +168,15 @@ def _summary(takes: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
     error, ratio = joined("error"), joined("ratio")
     row = {
-        "known": sum(take["known"] for take in takes), "cameras": sum(take["cameras"] for take in takes),
-        "rms_s": _rms(error), "worst_s": float(np.abs(error).max(initial=0.0)),
-        "stated_s": _rms(joined("stated")), "z2": _rms(ratio) ** 2, "drift_rms": _rms(joined("drift")),
+        "known": sum(take["known"] for take in takes),
+        "cameras": sum(take["cameras"] for take in takes),
+        "rms_s": _rms(error),
+        "worst_s": float(np.abs(error).max(initial=0.0)),
+        "stated_s": _rms(joined("stated")),
+        "z2": _rms(ratio) ** 2,
+        "drift_rms": _rms(joined("drift")),
         "cpu_s": float(np.mean([take["cpu"] for take in takes])),
-    }  # fmt: skip
+    }
     if "mpjpe" in takes[0]:
         row["mpjpe_m"] = np.mean([take["mpjpe"] for take in takes], axis=0).tolist()
     return row

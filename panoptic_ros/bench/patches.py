@@ -1,4 +1,5 @@
 """The bench `patches`: what the motion of the surface costs, by the number of views."""
+
 from __future__ import annotations
 
 import argparse
@@ -15,9 +16,7 @@ FEWEST = 20  # frames
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the bench."""
-    parser.add_argument(
-        "--views", default=VIEWS, metavar="N,N", help=f"VGA views in a ring; default {VIEWS}"
-    )
+    parser.add_argument("--views", default=VIEWS, metavar="N,N", help=f"VGA views in a ring; default {VIEWS}")
     parser.add_argument("--frames", type=int, default=40, metavar="N", help="of each; default 40")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the scene")
 

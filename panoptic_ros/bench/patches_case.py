@@ -1,4 +1,5 @@
 """One case of `bench patches` in a process of its own: what stage two costs with so many views."""
+
 from __future__ import annotations
 
 import time
@@ -29,16 +30,21 @@ def measure(request: dict[str, Any]) -> dict[str, Any]:
     """
     rig = SCENES[SCENE].rig
     assert isinstance(rig, Ring)
-    take = simulate(replace(SCENES[SCENE], rig=replace(rig, cameras=request["views"])), request["seed"],
-                    request["frames"])  # fmt: skip
+    take = simulate(
+        replace(SCENES[SCENE], rig=replace(rig, cameras=request["views"])), request["seed"], request["frames"]
+    )
     instants = list(zip(instants_of(take, take.rig.names), take.detection_sets()))
     spent, patches = _spent(take.rig, instants, True)
     without, _ = _spent(take.rig, instants, False)
     return {
-        "views": request["views"], "people": len(take.people), "patches": patches,
-        "flow_ms": spent["flow"], "patches_ms": spent["patches"], "refinement_ms": spent["refinement"],
+        "views": request["views"],
+        "people": len(take.people),
+        "patches": patches,
+        "flow_ms": spent["flow"],
+        "patches_ms": spent["patches"],
+        "refinement_ms": spent["refinement"],
         "refinement_without_ms": without["refinement"],
-    }  # fmt: skip
+    }
 
 
 def _spent(rig: Any, instants: list[Any], active: bool) -> tuple[dict[str, float], float]:
@@ -54,9 +60,13 @@ def _spent(rig: Any, instants: list[Any], active: bool) -> tuple[dict[str, float
         spent[stage] += duration_ns
 
     pipeline = Pipeline(
-        configure({"patches": {"active": active}}), StageContext(rig, SKELETON), ("flow", *AFTER_DETECTION),
-        on_record=gave, on_cpu=used, cpu_clock=time.thread_time_ns,
-    )  # fmt: skip
+        configure({"patches": {"active": active}}),
+        StageContext(rig, SKELETON),
+        ("flow", *AFTER_DETECTION),
+        on_record=gave,
+        on_cpu=used,
+        cpu_clock=time.thread_time_ns,
+    )
     for number, (frames, views) in enumerate(instants):
         if number == WARM:
             spent.clear()

@@ -1,4 +1,5 @@
 """Rendered images through a detector: 2D people with the faults and the score maps of a real one."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence

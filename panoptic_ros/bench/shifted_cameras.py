@@ -1,4 +1,5 @@
 """Clocks from motion on a recording: two cameras are shifted by known amounts, to be found again."""
+
 from __future__ import annotations
 
 import argparse
@@ -36,11 +37,13 @@ def measure_shifts(args: argparse.Namespace) -> dict[str, Any]:
         late = clocks.offsets + 1e-9 * period * shifts
         rows.append(
             {
-                "frames": shifts.tolist(), "offsets_s": clocks.offsets.tolist(),
-                "stated_s": clocks.deviations.tolist(), "corrected": clocks.applied.tolist(),
+                "frames": shifts.tolist(),
+                "offsets_s": clocks.offsets.tolist(),
+                "stated_s": clocks.deviations.tolist(),
+                "corrected": clocks.applied.tolist(),
                 "late_s": (late - late.mean()).tolist(),
             }
-        )  # fmt: skip
+        )
     for row in rows:
         row["from_unshifted_s"] = (np.array(row["late_s"]) - rows[0]["late_s"]).tolist()
     return {"cameras": list(rig.names), "period_s": 1e-9 * period, "shifts": rows}

@@ -1,4 +1,5 @@
 """What a long live run with failures comes to: lost instants by cause, identities, memory."""
+
 from __future__ import annotations
 
 from collections import Counter
@@ -60,11 +61,17 @@ def soak_figures(run: Soaked) -> dict[str, Any]:
             lost[_cause(when, run)] += 1
     half = run.memory_mb[len(run.memory_mb) // 2 :] or run.memory_mb
     return {
-        "instants": len(run.sent), "lost": sum(lost.values()), "lost_by_cause": dict(sorted(lost.items())),
-        "failures": len(run.failures), "people": len(run.people), "kept": len(run.people & run.at_end),
-        "identities": len(run.seen), "memory_mb": list(run.memory_mb),
-        "growth_mb": float(half[-1] - half[0]) if half else 0.0, "dropped": dict(run.dropped),
-    }  # fmt: skip
+        "instants": len(run.sent),
+        "lost": sum(lost.values()),
+        "lost_by_cause": dict(sorted(lost.items())),
+        "failures": len(run.failures),
+        "people": len(run.people),
+        "kept": len(run.people & run.at_end),
+        "identities": len(run.seen),
+        "memory_mb": list(run.memory_mb),
+        "growth_mb": float(half[-1] - half[0]) if half else 0.0,
+        "dropped": dict(run.dropped),
+    }
 
 
 def _cause(when_ns: int, run: Soaked) -> str:

@@ -1,4 +1,5 @@
 """The bench `solve`: all stages from 2D people to skeletons, one thread: time of each, joints far off."""
+
 from __future__ import annotations
 
 import argparse
@@ -18,15 +19,22 @@ STAGES = ("association", "voting", "assembly", "tracking", "refinement")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the bench."""
     parser.add_argument(
-        "--scenes", default=SCENES, metavar="NAME,NAME",
+        "--scenes",
+        default=SCENES,
+        metavar="NAME,NAME",
         help=f"of `panoptic simulate`, none that is rendered; empty = none; default {SCENES}",
-    )  # fmt: skip
+    )
     parser.add_argument("--seeds", default="0:1", metavar="FROM:TO", help="takes of each scene; default 0:1")
     parser.add_argument("--frames", type=int, metavar="N", help="of each scene at most")
     parser.add_argument(
-        "--capture", nargs="+", action="append", default=[], metavar="PATH", dest="captures",
+        "--capture",
+        nargs="+",
+        action="append",
+        default=[],
+        metavar="PATH",
+        dest="captures",
         help="a recording with its truth, as for `bench ablation`. May be given several times",
-    )  # fmt: skip
+    )
 
 
 def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, Any]:
@@ -76,6 +84,8 @@ def lines(result: dict[str, Any]) -> list[str]:
             f"{row['recall']:9.2f} {row['far']:8} {row['joints']:10} {row['id_switches']:12.0f}"
         )
     far, joints = (sum(row[key] for row in result["rows"]) for key in ("far", "joints"))
-    text.append(f"processor time of one thread, medians of the quickest of three passes; "
-                f"{far} of {joints} joints are off by more than 10 cm")  # fmt: skip
+    text.append(
+        f"processor time of one thread, medians of the quickest of three passes; "
+        f"{far} of {joints} joints are off by more than 10 cm"
+    )
     return text

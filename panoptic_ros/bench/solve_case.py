@@ -1,4 +1,5 @@
 """One case of `bench solve` in a process of its own: what each stage takes, and which joints are far off."""
+
 from __future__ import annotations
 
 from typing import Any
@@ -34,12 +35,16 @@ def measure(request: dict[str, Any]) -> dict[str, Any]:
     pairs = pair_sequences(truth, spelt_alike(best.skeletons, truth))
     errors = matched_distances(pairs, len(truth.joint_names))
     return {
-        "frames": len(case.world.sets), "views": len(case.world.rig),
+        "frames": len(case.world.sets),
+        "views": len(case.world.rig),
         "stages_ms": {stage: float(np.median(times)) for stage, times in best.steps_ms.items()},
-        "whole_ms": float(np.median(best.spent_ms)), "mpjpe_mm": figures["mpjpe_mm"],
-        "recall": figures["recall"], "id_switches": figures["id_switches"],
-        "joints": int(np.isfinite(errors).sum()), "far": int((errors >= HIT).sum()),
-    }  # fmt: skip
+        "whole_ms": float(np.median(best.spent_ms)),
+        "mpjpe_mm": figures["mpjpe_mm"],
+        "recall": figures["recall"],
+        "id_switches": figures["id_switches"],
+        "joints": int(np.isfinite(errors).sum()),
+        "far": int((errors >= HIT).sum()),
+    }
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
 """Clocks from sound: errors beside stated deviations, and controls in which nothing may be known."""
+
 from __future__ import annotations
 
 import argparse
@@ -89,10 +90,15 @@ def _room(name: str, count: int, seed: int, args: argparse.Namespace) -> dict[st
     speeds = np.array([recorder.drift for recorder in heard.recorders.values()])
     drift = (clocks.drifts - ((1.0 + speeds[0]) / (1.0 + speeds) - 1.0))[known]
     return {
-        "error": error, "stated": stated[known], "largest": largest, "known": int(known.sum()),
+        "error": error,
+        "stated": stated[known],
+        "largest": largest,
+        "known": int(known.sum()),
         "beyond": largest - ways[known],
-        "drift": drift / clocks.drift_deviations[known], "devices": count - 1, "cpu": spent,
-    }  # fmt: skip
+        "drift": drift / clocks.drift_deviations[known],
+        "devices": count - 1,
+        "cpu": spent,
+    }
 
 
 def _summary(takes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -101,16 +107,20 @@ def _summary(takes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
     error = joined("largest")
     row: dict[str, Any] = {
-        "known": sum(take["known"] for take in takes), "devices": sum(take["devices"] for take in takes),
+        "known": sum(take["known"] for take in takes),
+        "devices": sum(take["devices"] for take in takes),
         "cpu_s": float(np.mean([take["cpu"] for take in takes])),
-    }  # fmt: skip
+    }
     if len(error):
         row |= {
-            "median_s": float(np.median(error)), "p95_s": float(np.quantile(error, 0.95)),
-            "worst_s": float(error.max()), "stated_s": _rms(joined("stated")),
-            "z2": _rms(joined("error") / joined("stated")) ** 2, "drift_z2": _rms(joined("drift")) ** 2,
+            "median_s": float(np.median(error)),
+            "p95_s": float(np.quantile(error, 0.95)),
+            "worst_s": float(error.max()),
+            "stated_s": _rms(joined("stated")),
+            "z2": _rms(joined("error") / joined("stated")) ** 2,
+            "drift_z2": _rms(joined("drift")) ** 2,
             "wrong": int((joined("beyond") > ALLOWED_S).sum()),
-        }  # fmt: skip
+        }
     return row
 
 
@@ -118,11 +128,14 @@ def _after(seeds: Sequence[int]) -> dict[str, Any]:
     """Cameras whose clocks are seconds apart: sound, motion after it, and motion of stamps 60 ms off."""
     takes = [_take(simulate(SCENES[MOTION_SCENE], seed)) for seed in seeds]
     names = takes[0].keys()
-    return {name: {
-        "rms_s": _rms(np.concatenate([take[name][0] for take in takes])),
-        "worst_s": float(max(np.abs(take[name][0]).max() for take in takes)),
-        "mpjpe_m": float(np.mean([take[name][1] for take in takes])),
-    } for name in names}  # fmt: skip
+    return {
+        name: {
+            "rms_s": _rms(np.concatenate([take[name][0] for take in takes])),
+            "worst_s": float(max(np.abs(take[name][0]).max() for take in takes)),
+            "mpjpe_m": float(np.mean([take[name][1] for take in takes])),
+        }
+        for name in names
+    }
 
 
 def _take(take: Simulation) -> dict[str, tuple[Array, float]]:
@@ -134,9 +147,9 @@ def _take(take: Simulation) -> dict[str, tuple[Array, float]]:
     for _, block in heard_blocks(take):
         blocks["audio", block.device].append(block)
     places = {camera.name: camera.centre for camera in take.rig.cameras}
-    sound = SoundClocks(SoundClocksConfig(
-        {name: name for name in names}, places, trusted_camera=names[0]
-    )).run(HeldRecording(blocks), untold)  # fmt: skip
+    sound = SoundClocks(
+        SoundClocksConfig({name: name for name in names}, places, trusted_camera=names[0])
+    ).run(HeldRecording(blocks), untold)
     heard = regroup(sets, sound.clocks.corrections(sets))
     refined = find_clocks(heard, context, configs, names[0])
     right = _right(take)
@@ -150,12 +163,11 @@ def _take(take: Simulation) -> dict[str, tuple[Array, float]]:
         return _errors(take, clocks), mpjpe_of(truth, result, context, configs)
 
     return {
-        "sound": outcome(sound.clocks, heard), "sound, then motion": outcome(
-            sound.clocks.then(refined.clocks), refined.sets
-        ),
+        "sound": outcome(sound.clocks, heard),
+        "sound, then motion": outcome(sound.clocks.then(refined.clocks), refined.sets),
         "motion, 60 ms off": outcome(_everywhere(late).then(alone.clocks), alone.sets),
         "good stamps": outcome(_everywhere(right), good),
-    }  # fmt: skip
+    }
 
 
 def _right(take: Simulation) -> CameraClocks:

@@ -1,4 +1,5 @@
 """Rooms with microphones for `bench sound`: what is heard in them, and controls with nothing in common."""
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -138,8 +139,14 @@ def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: f
     angles += 0.2 * rng.standard_normal(microphones)
     radius = rng.uniform(*RADIUS, microphones)
     middle = 0.5 * np.array(SIZE)
-    places = np.stack([middle[0] + radius * np.cos(angles), middle[1] + radius * np.sin(angles),
-                       rng.uniform(1.0, 2.5, microphones)], axis=1)  # fmt: skip
+    places = np.stack(
+        [
+            middle[0] + radius * np.cos(angles),
+            middle[1] + radius * np.sin(angles),
+            rng.uniform(1.0, 2.5, microphones),
+        ],
+        axis=1,
+    )
     sounds = case.sounds(np.random.default_rng([seed, 12]), seconds)
     recorders: dict[str, Recorder] = {}
     lengths: dict[str, float] = {}
@@ -147,10 +154,13 @@ def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: f
     for k in range(microphones):
         x, y, z = np.clip(places[k], 0.1, np.array(SIZE) - 0.1)
         recorder = Recorder(
-            (float(x), float(y), float(z)), RATES[int(rng.integers(len(RATES)))],
-            float(rng.uniform(0.0, 5.0)), float(rng.uniform(0.0, 100.0)),
-            float(np.clip(DRIFT * rng.standard_normal(), -MOST_DRIFT, MOST_DRIFT)), snr_db,
-        )  # fmt: skip
+            (float(x), float(y), float(z)),
+            RATES[int(rng.integers(len(RATES)))],
+            float(rng.uniform(0.0, 5.0)),
+            float(rng.uniform(0.0, 100.0)),
+            float(np.clip(DRIFT * rng.standard_normal(), -MOST_DRIFT, MOST_DRIFT)),
+            snr_db,
+        )
         if case.apart:
             sounds = case.sounds(np.random.default_rng([seed, 12, k]), seconds)
         length = seconds + float(rng.uniform(-3.0, 3.0))

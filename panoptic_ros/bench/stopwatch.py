@@ -1,4 +1,5 @@
 """Times and memory of calls, first call excluded."""
+
 from __future__ import annotations
 
 import gc

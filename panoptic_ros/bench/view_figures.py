@@ -54,15 +54,23 @@ def table_of(phases: Sequence[Phase], seed: int = 0) -> list[dict[str, Any]]:
         pair = (nobody[1::2], nobody[::2]) if name == NOBODY else (found, nobody)
         ratio, low, high = ratio_of_p99(_blocks(pair[0]), _blocks(pair[1]), rng)
         ages, published = np.concatenate(_blocks(found)), np.concatenate([each.published for each in found])
-        rows.append({
-            "audience": name, "messages": len(ages), "lost": sum(each.lost for each in found),
-            "skeletons_p50_ms": _percentile(ages, 50), "skeletons_p99_ms": _percentile(ages, 99),
-            "p99_ratio": ratio, "ratio_low": low, "ratio_high": high,
-            "publish_p50_ms": _percentile(published, 50), "publish_p99_ms": _percentile(published, 99),
-            "viewer_cpu_percent": float(np.mean([each.cpu_percent for each in found])),
-            "viewer_mb": max(each.resident_mb for each in found),
-            "clients": _clients(found),
-        })  # fmt: skip
+        rows.append(
+            {
+                "audience": name,
+                "messages": len(ages),
+                "lost": sum(each.lost for each in found),
+                "skeletons_p50_ms": _percentile(ages, 50),
+                "skeletons_p99_ms": _percentile(ages, 99),
+                "p99_ratio": ratio,
+                "ratio_low": low,
+                "ratio_high": high,
+                "publish_p50_ms": _percentile(published, 50),
+                "publish_p99_ms": _percentile(published, 99),
+                "viewer_cpu_percent": float(np.mean([each.cpu_percent for each in found])),
+                "viewer_mb": max(each.resident_mb for each in found),
+                "clients": _clients(found),
+            }
+        )
     return rows
 
 
@@ -74,9 +82,15 @@ def ages_of(client: Mapping[str, Any], published: Mapping[int, int]) -> dict[str
     """
     ages = [1e-6 * (when - published[stamp]) for stamp, when in client["came"] if stamp in published]
     p50, p99, most = np.percentile(ages, (50, 99, 100)).tolist() if ages else (None, None, None)
-    return {"kind": client["kind"], "packets": len(ages), "age_p50_ms": p50, "age_p99_ms": p99,
-            "age_max_ms": most, "megabytes_per_s": client["megabytes_per_s"],
-            "skipped": client["skipped"]}  # fmt: skip
+    return {
+        "kind": client["kind"],
+        "packets": len(ages),
+        "age_p50_ms": p50,
+        "age_p99_ms": p99,
+        "age_max_ms": most,
+        "megabytes_per_s": client["megabytes_per_s"],
+        "skipped": client["skipped"],
+    }
 
 
 def ratio_of_p99(
@@ -114,7 +128,13 @@ def _clients(phases: Sequence[Phase]) -> list[dict[str, Any]]:
             if client["packets"]:
                 rows.setdefault(client["kind"], []).append(client)
     return [
-        {"kind": kind, **{key: (sum if key == "packets" else max)(row[key] for row in found)
-                          for key in found[0] if key != "kind"}}
+        {
+            "kind": kind,
+            **{
+                key: (sum if key == "packets" else max)(row[key] for row in found)
+                for key in found[0]
+                if key != "kind"
+            },
+        }
         for kind, found in rows.items()
-    ]  # fmt: skip
+    ]

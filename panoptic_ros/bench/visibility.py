@@ -1,4 +1,5 @@
 """What known occluders and depth maps are worth: votes of true joints, nodes and people, with and without."""
+
 from __future__ import annotations
 
 import argparse
@@ -25,14 +26,19 @@ SIMULATED = "rooms-4p31v"
 NEAR = 0.1  # m, a node so near to a true joint of its kind is right
 # Every instant by itself, and all nodes: with guidance, a person who was found once is found again anyhow.
 ALONE = {
-    "voting": {"explain_away": False, "without_maps": True}, "association": {"temporal_guidance": False},
-}  # fmt: skip
+    "voting": {"explain_away": False, "without_maps": True},
+    "association": {"temporal_guidance": False},
+}
 TABLE = (
-    ("vote of true joints", "vote", 3), ("  of their lowest tenth", "vote_low", 3),
-    ("joints with a node", "node_recall", 3), ("nodes of no joint", "node_ghosts", 1),
-    ("person recall", "person_recall", 3), ("person precision", "person_precision", 3),
-    ("joint recall", "joint_recall", 3), ("MPJPE, mm", "mpjpe_mm", 2),
-)  # fmt: skip
+    ("vote of true joints", "vote", 3),
+    ("  of their lowest tenth", "vote_low", 3),
+    ("joints with a node", "node_recall", 3),
+    ("nodes of no joint", "node_ghosts", 1),
+    ("person recall", "person_recall", 3),
+    ("person precision", "person_precision", 3),
+    ("joint recall", "joint_recall", 3),
+    ("MPJPE, mm", "mpjpe_mm", 2),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,12 +66,14 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
     blind = replace(world, rig=replace(world.rig, occluders=None), sets=bare)
     kinds = (("unknown", blind), ("known", world))
     return {
-        "bench": "visibility", "source": args.bag or f"{SIMULATED}, seed {args.seed}",
-        "frames": len(world.sets), "views": len(world.rig),
+        "bench": "visibility",
+        "source": args.bag or f"{SIMULATED}, seed {args.seed}",
+        "frames": len(world.sets),
+        "views": len(world.rig),
         "rows": [
             {"occlusion": name, **_row(kind)} for name, kind in each(kinds, len(kinds), progress, "solving")
         ],
-    }  # fmt: skip
+    }
 
 
 def lines(result: dict[str, Any]) -> list[str]:
@@ -101,11 +109,12 @@ def _row(world: World) -> dict[str, float]:
     hits = [_hits(item, frame) for item, frame in pairs]
     scores = evaluate(truth, SkeletonSequence(names, tuple(map(of_poses, poses)))).to_mapping()
     return {
-        "vote": float(votes.mean()), "vote_low": float(np.quantile(votes, 0.1)),
+        "vote": float(votes.mean()),
+        "vote_low": float(np.quantile(votes, 0.1)),
         "node_recall": float(np.concatenate([found for found, _ in hits]).mean()),
         "node_ghosts": float(np.mean([ghosts for _, ghosts in hits])),
         **{key: scores[key] for _, key, _ in TABLE[4:]},
-    }  # fmt: skip
+    }
 
 
 def _joints(frame: SkeletonFrame) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ Sound has a room of its own, `capture.sound`.
 Limits: no hardware trigger, no depth from devices; a capture folder holds one file or folder
 of images per camera.
 """
+
 from panoptic_ros.capture.demo import demo_capture
 from panoptic_ros.capture.depth_folder import DepthSource, depth_files
 from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors

@@ -1,4 +1,5 @@
 """Opening files of several cameras at a time: FFmpeg reads and decodes outside of Python's lock."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable

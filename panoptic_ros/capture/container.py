@@ -3,6 +3,7 @@
 ISO/IEC 14496-12 (boxes of MP4 and QuickTime), Microsoft RIFF (AVI), RFC 8794 (EBML of Matroska). Other
 containers are left to FFmpeg.
 """
+
 from __future__ import annotations
 
 import math
@@ -14,8 +15,18 @@ from typing import BinaryIO
 from panoptic_ros.io.files import file_errors
 
 _TOP_BOXES = {
-    b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot", b"moof", b"sidx", b"uuid", b"styp",
-}  # fmt: skip
+    b"ftyp",
+    b"moov",
+    b"mdat",
+    b"free",
+    b"skip",
+    b"wide",
+    b"pnot",
+    b"moof",
+    b"sidx",
+    b"uuid",
+    b"styp",
+}
 _EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 _HEAD = 4096  # bytes in which the segment of a Matroska file begins
 _BIG_BOX = 1 << 26  # bytes; an index of frames larger than this is not searched

@@ -1,4 +1,5 @@
 """A source whose stamps are corrected by what is known of its camera's clock, or that ends early."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
@@ -25,9 +26,11 @@ class CorrectedSource:
     """
 
     def __init__(
-        self, source: VideoSource | ImageFolderSource | TimedSource, line: Mapping[str, Any] | None,
+        self,
+        source: VideoSource | ImageFolderSource | TimedSource,
+        line: Mapping[str, Any] | None,
         until_ns: int | None = None,
-    ):  # fmt: skip
+    ):
         try:
             self._line = None if line is None else StampLine.from_words(line)
         except DataError as error:

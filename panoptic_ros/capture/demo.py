@@ -1,4 +1,5 @@
 """The demo captures: real people before four cameras, from the PyPI wheel pose2sim (BSD-3-Clause)."""
+
 from __future__ import annotations
 
 import hashlib
@@ -147,9 +148,20 @@ def _fetch_all(parent: Path) -> None:
 
 def _download(folder: Path) -> Path:
     command = [
-        sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:", "--no-input",
-        "--disable-pip-version-check", "--ignore-requires-python", "--quiet", "--dest", str(folder), PACKAGE,
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "pip",
+        "download",
+        "--no-deps",
+        "--only-binary=:all:",
+        "--no-input",
+        "--disable-pip-version-check",
+        "--ignore-requires-python",
+        "--quiet",
+        "--dest",
+        str(folder),
+        PACKAGE,
+    ]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
     except subprocess.TimeoutExpired:

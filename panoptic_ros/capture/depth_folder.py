@@ -1,4 +1,5 @@
 """Depth maps beside a camera's images, registered to them: a folder of 16-bit PNGs."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -46,9 +47,11 @@ class DepthSource:
     """
 
     def __init__(
-        self, source: VideoSource | ImageFolderSource | TimedSource | CorrectedSource,
-        files: tuple[Path, ...], frames: int | None,
-    ):  # fmt: skip
+        self,
+        source: VideoSource | ImageFolderSource | TimedSource | CorrectedSource,
+        files: tuple[Path, ...],
+        frames: int | None,
+    ):
         self._source, self._files = source, files
         self.camera, self.path, self.image_size = source.camera, source.path, source.image_size
         self.frame_rate, self.frame_count = source.frame_rate, source.frame_count

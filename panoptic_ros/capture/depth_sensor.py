@@ -1,4 +1,5 @@
 """The recorded maps of depth sensors that have intrinsics, a pose and a clock of their own."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,5 @@
 """Opening a source from a plain description, as it stands in a run's plan and in a launcher's file."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping

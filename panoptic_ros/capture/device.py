@@ -1,4 +1,5 @@
 """Live cameras: V4L2 devices and RTSP or HTTP streams, through OpenCV."""
+
 from __future__ import annotations
 
 import threading

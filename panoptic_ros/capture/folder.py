@@ -1,4 +1,5 @@
 """Capture folders: a rig and one video or folder of images per camera, checked against each other."""
+
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
@@ -132,14 +133,26 @@ def open_capture_folder(
     by_studio = not stamps and not times and bool(table_files(path))
     times = table_times(path, rig) if by_studio else times
     opened = open_files(
-        rig, files, size_policy=size_policy, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps,
-        times=times, corrections=corrections, starts=starts, hardware=hardware, depth=depth,
-        skip_damaged=skip_damaged, until_ns=until_ns,
-    )  # fmt: skip
+        rig,
+        files,
+        size_policy=size_policy,
+        start_ns=start_ns,
+        frame_rate=frame_rate,
+        stamps=stamps,
+        times=times,
+        corrections=corrections,
+        starts=starts,
+        hardware=hardware,
+        depth=depth,
+        skip_damaged=skip_damaged,
+        until_ns=until_ns,
+    )
     told = tabled_notices(rig) if by_studio else ()
     stamps = stamps or {name: tuple(own.values()) for name, own in times.items()}
-    begins = {name: stamps[name][0] if name in stamps else start_ns + opened.starts.get(name, 0)
-              for name in rig.names}  # fmt: skip
+    begins = {
+        name: stamps[name][0] if name in stamps else start_ns + opened.starts.get(name, 0)
+        for name in rig.names
+    }
     tracks = {Path(sound["path"]).name: sound for sound in opened.sounds}
     videos = {**media.others, **{name: file for name, file in media.files.items() if file.is_file()}}
     others = _others(videos, rig, start_ns) if (path / SOUND_NAMES).exists() else {}
@@ -148,9 +161,7 @@ def open_capture_folder(
     except BaseException:
         opened.close()
         raise
-    return replace(
-        opened, sounds=sounds, stamps=stamps, notices=(*media.notices, *opened.notices, *told)
-    )
+    return replace(opened, sounds=sounds, stamps=stamps, notices=(*media.notices, *opened.notices, *told))
 
 
 def open_files(
@@ -197,9 +208,15 @@ def open_files(
 
     def open_one(name: str) -> VideoSource | ImageFolderSource:
         return _open(
-            name, Path(files[name]), start_ns, frame_rate, own_stamps[name], hardware, skip_damaged,
+            name,
+            Path(files[name]),
+            start_ns,
+            frame_rate,
+            own_stamps[name],
+            hardware,
+            skip_damaged,
             bool(times),
-        )  # fmt: skip
+        )
 
     sources += (first := opened_at_once(open_one, chosen.names))
     try:
@@ -220,9 +237,7 @@ def open_files(
         notices += [_told(text, names) for text, names in said.items()]
         fitted, changes = fit_rig(rig, sources, size_policy)
         parent = Path(files[chosen.names[0]]).parent
-        sensors = open_depth_sensors(
-            parent, chosen, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps
-        )
+        sensors = open_depth_sensors(parent, chosen, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps)
     except BaseException:
         for source in sources:
             source.close()
@@ -232,9 +247,15 @@ def open_files(
         if sensor.name not in mapped:
             notices.append(f"depth sensor {sensor.name} of the rig has no maps")
     return CaptureFolder(
-        parent, fitted, tuple(sources), (*notices, *told, *changes), sensors, tuple(sounds), stamps or {},
+        parent,
+        fitted,
+        tuple(sources),
+        (*notices, *told, *changes),
+        sensors,
+        tuple(sounds),
+        stamps or {},
         starts,
-    )  # fmt: skip
+    )
 
 
 def fit_rig(
@@ -255,9 +276,7 @@ def fit_rig(
     return replace(rig, cameras=tuple(fitted)), lines_of(changes)
 
 
-def _sound(
-    video: VideoSource, frame_rate: float | None, stamps: Sequence[int] | None
-) -> dict[str, Any]:
+def _sound(video: VideoSource, frame_rate: float | None, stamps: Sequence[int] | None) -> dict[str, Any]:
     """The description of a video's sound, on the time line of its frames."""
     if stamps is None and frame_rate is not None:
         rate = exact_rate(frame_rate, f"video {video.path}")
@@ -272,19 +291,35 @@ def _others(videos: Mapping[str, Path], rig: Rig, start_ns: int) -> dict[str, di
 
 
 def _open(
-    camera: str, path: Path, start_ns: int, frame_rate: float | None, stamps: Sequence[int] | None,
-    hardware: str, skip_damaged: bool, tabled: bool = False,
-) -> VideoSource | ImageFolderSource:  # fmt: skip
+    camera: str,
+    path: Path,
+    start_ns: int,
+    frame_rate: float | None,
+    stamps: Sequence[int] | None,
+    hardware: str,
+    skip_damaged: bool,
+    tabled: bool = False,
+) -> VideoSource | ImageFolderSource:
     if path.is_dir():
         rate = 30.0 if frame_rate is None else frame_rate
         return ImageFolderSource(
-            camera, path, start_ns=start_ns, frame_rate=rate, stamps=stamps, tabled=tabled,
+            camera,
+            path,
+            start_ns=start_ns,
+            frame_rate=rate,
+            stamps=stamps,
+            tabled=tabled,
             skip_damaged=skip_damaged,
-        )  # fmt: skip
+        )
     return VideoSource(
-        camera, path, start_ns=start_ns, frame_rate=frame_rate, stamps=stamps, hardware=hardware,
+        camera,
+        path,
+        start_ns=start_ns,
+        frame_rate=frame_rate,
+        stamps=stamps,
+        hardware=hardware,
         skip_damaged=skip_damaged,
-    )  # fmt: skip
+    )
 
 
 def _told(text: str, cameras: Sequence[str]) -> str:

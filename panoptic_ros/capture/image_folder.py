@@ -1,4 +1,5 @@
 """Folders of numbered images."""
+
 from __future__ import annotations
 
 import re

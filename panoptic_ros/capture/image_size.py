@@ -1,4 +1,5 @@
 """Does a rig fit the images, and what can be done where it does not."""
+
 from __future__ import annotations
 
 from dataclasses import replace

@@ -28,9 +28,7 @@ def imu_devices(path: Path) -> tuple[str, ...]:
     return tuple(_series(path))
 
 
-def imu_samples(
-    path: Path, devices: Collection[str], until_ns: int | None = None
-) -> Iterator[ImuSample]:
+def imu_samples(path: Path, devices: Collection[str], until_ns: int | None = None) -> Iterator[ImuSample]:
     """Samples of some devices of a file, by their stamps.
 
     Args:

@@ -1,4 +1,5 @@
 """Where the images of each camera lie in a capture folder, and which camera of the rig a file belongs to."""
+
 from __future__ import annotations
 
 import re
@@ -14,13 +15,49 @@ from panoptic_ros.errors import CalibrationError, DataError
 
 # containers, and raw streams, which need a frame rate
 VIDEO_SUFFIXES = (
-    ".mp4", ".avi", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".m2t", ".mxf",
-    ".wmv", ".asf", ".flv", ".3gp", ".3g2", ".ogv", ".vob", ".dv", ".h264", ".264", ".h265", ".265", ".hevc",
-    ".mjpeg", ".mjpg",
-)  # fmt: skip
+    ".mp4",
+    ".avi",
+    ".mkv",
+    ".mov",
+    ".m4v",
+    ".webm",
+    ".mpg",
+    ".mpeg",
+    ".ts",
+    ".mts",
+    ".m2ts",
+    ".m2t",
+    ".mxf",
+    ".wmv",
+    ".asf",
+    ".flv",
+    ".3gp",
+    ".3g2",
+    ".ogv",
+    ".vob",
+    ".dv",
+    ".h264",
+    ".264",
+    ".h265",
+    ".265",
+    ".hevc",
+    ".mjpeg",
+    ".mjpg",
+)
 # folders of videos or images in other programs' layouts, the best first
-PLACES = ("videos", "video", "hdvideos", "vgavideos", "kinectvideos", "synchronized_videos", "images", "imgs",
-          "hdimgs", "vgaimgs", "kinectimgs")  # fmt: skip
+PLACES = (
+    "videos",
+    "video",
+    "hdvideos",
+    "vgavideos",
+    "kinectvideos",
+    "synchronized_videos",
+    "images",
+    "imgs",
+    "hdimgs",
+    "vgaimgs",
+    "kinectimgs",
+)
 # types of CMU's cameras, with which the names of its folders begin
 KINDS = ("hd", "vga", "kinect")
 MOST_OFFERED = 6  # names in a message
@@ -118,17 +155,19 @@ def check_cameras(path: Path, media: Media, names: Sequence[str], every: bool) -
         lacking = [name for name in names if name not in media.files]
         raise CalibrationError(
             f"{path}: the rig has no camera for the videos {', '.join(others)}; it has "
-            f"{', '.join(names)}" + (f", of which {', '.join(lacking)} lack a video" if lacking else "")
+            f"{', '.join(names)}"
+            + (f", of which {', '.join(lacking)} lack a video" if lacking else "")
             + f"; {_offer(others, lacking)}"
-        )  # fmt: skip
+        )
     for name in names:
         if name not in media.files:
             there = ",".join(other for other in names if other in media.files)
             raise DataError(
                 f"{path} has no video {name}.mp4 and no images {name}/ for camera {name} of the rig; "
-                "add them or choose cameras that are there" + (f" (--cameras {there})" if there else "")
+                "add them or choose cameras that are there"
+                + (f" (--cameras {there})" if there else "")
                 + _deeper(path, name)
-            )  # fmt: skip
+            )
 
 
 def _deeper(path: Path, name: str) -> str:
@@ -217,8 +256,12 @@ def _of_kinds(rig: Rig, places: Sequence[str], files: Collection[str]) -> tuple[
 
 def _offer(others: Mapping[str, Path], lacking: Sequence[str]) -> str:
     """Return the cameras that names may mean, for a message."""
-    pairs = [f"{file.name} may be {camera}" for name, file in others.items() for camera in lacking
-             if _fits(name, camera) or (_numbers(name) and _numbers(name) == _numbers(camera))]  # fmt: skip
+    pairs = [
+        f"{file.name} may be {camera}"
+        for name, file in others.items()
+        for camera in lacking
+        if _fits(name, camera) or (_numbers(name) and _numbers(name) == _numbers(camera))
+    ]
     if not pairs:
         return "names must be equal"
     return f"{', '.join(pairs[:MOST_OFFERED])}: rename files, or say --video CAMERA=FILE with --rig"

@@ -1,4 +1,5 @@
 """Opening a live camera of a rig."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -1,4 +1,5 @@
 """Decoding of video files through PyAV (FFmpeg): frames, and where they lie in time."""
+
 from __future__ import annotations
 
 import heapq
@@ -275,4 +276,3 @@ def open_media(path: Path, what: str, hardware: str = "") -> InputContainer:
         raise EnvironmentProblem(
             f"{what}: {hardware} does not decode it on this machine ({reason(error)}); leave --hardware out"
         ) from None
-

@@ -1,4 +1,5 @@
 """Opening OpenCV's captures without its chatter: our errors are one line, FFmpeg's are many."""
+
 from __future__ import annotations
 
 import os

@@ -1,4 +1,5 @@
 """A stream of a media file, packet by packet."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator

@@ -4,6 +4,7 @@ A short one is decoded once and played forth and back, so that nobody jumps. Its
 give them (YUV 4:2:0): to turn them into BGR is what is left of reading a camera. Of a long one every frame is
 decoded when it is due, which costs what no camera costs, and after the last frame comes the first one.
 """
+
 from __future__ import annotations
 
 import math
@@ -39,10 +40,14 @@ class PlayedSource:
     frame_count: int | None = None
 
     def __init__(
-        self, source: FrameSource, rate_hz: float, start_ns: int,
-        clock: Callable[[], int] = time.time_ns, wait: Callable[[float], None] = time.sleep,
+        self,
+        source: FrameSource,
+        rate_hz: float,
+        start_ns: int,
+        clock: Callable[[], int] = time.time_ns,
+        wait: Callable[[float], None] = time.sleep,
         most_kept: int = MOST_KEPT,
-    ):  # fmt: skip
+    ):
         self._source, self._clock, self._wait = source, clock, wait
         self.camera, self.image_size, self.frame_rate = source.camera, source.image_size, rate_hz
         self._start_ns, self._period_ns = start_ns, SECOND_NS / rate_hz

@@ -1,4 +1,5 @@
 """The cameras of a recording, opened together: frames of each, and depth maps where there are any."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping

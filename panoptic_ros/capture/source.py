@@ -1,4 +1,5 @@
 """What every source of frames offers, and the stamps of recorded ones."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence

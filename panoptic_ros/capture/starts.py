@@ -1,4 +1,5 @@
 """When the recordings of several cameras began, by what their files say: timecode, late starts, numbers."""
+
 from __future__ import annotations
 
 import re
@@ -116,10 +117,11 @@ def _by_files(sources: Sequence[Begins]) -> tuple[dict[str, Fraction], list[str]
     numbers = {s.camera: s.first for s in sources if s.first is not None}
     least = min(numbers.values(), default=0)
     begins = {
-        source.camera: source.late if source.first is None
+        source.camera: source.late
+        if source.first is None
         else Fraction(source.first - least, source.step) / exact_rate(source.frame_rate, source.camera)
         for source in sources
-    }  # fmt: skip
+    }
     first = min(begins.values(), default=Fraction(0))
     late = {name: begin - first for name, begin in begins.items() if begin > first}
     said = [

@@ -1,4 +1,5 @@
 """Sync tables of CMU's studio in a capture folder: when each frame of each camera was taken."""
+
 from __future__ import annotations
 
 import re

@@ -1,4 +1,5 @@
 """A source whose frames are stamped by a table: frames without a time are left out."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping

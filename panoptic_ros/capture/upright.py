@@ -2,6 +2,7 @@
 
 Images are the bytes that OpenCV gives for the same file: FFmpeg's bicubic conversion to BGR.
 """
+
 from __future__ import annotations
 
 import math

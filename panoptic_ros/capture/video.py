@@ -1,4 +1,5 @@
 """Video files as sources of frames: every frame once, upright, at its presentation time."""
+
 from __future__ import annotations
 
 import bisect
@@ -215,9 +216,7 @@ class VideoSource:
         finally:
             self._release(movie)
 
-    def _next(
-        self, frames: Iterator[VideoFrame], number: int, timeline: _Timeline
-    ) -> VideoFrame | None:
+    def _next(self, frames: Iterator[VideoFrame], number: int, timeline: _Timeline) -> VideoFrame | None:
         """Return the next frame; None at the end, if no frame is missing or damage is allowed."""
         try:
             frame = next(frames, None)
@@ -291,14 +290,22 @@ class VideoSource:
         told = [
             ("damaged", lost, f"of {given + lost} frames are damaged and left out"),
             ("patched", 0 if self._skip else movie.patched, f"frames are damaged in parts; {SKIP}"),
-            ("repaired", self.repaired_stamps,
-             "frames have no times that increase; each comes a period after the one before"),
-        ]  # fmt: skip
+            (
+                "repaired",
+                self.repaired_stamps,
+                "frames have no times that increase; each comes a period after the one before",
+            ),
+        ]
         self.after = tuple(
-            Notice(f"source.{code}", "warning", f"video {self.path.name}: {count} {text}",
-                   {"device": self.camera})
-            for code, count, text in told if count
-        )  # fmt: skip
+            Notice(
+                f"source.{code}",
+                "warning",
+                f"video {self.path.name}: {count} {text}",
+                {"device": self.camera},
+            )
+            for code, count, text in told
+            if count
+        )
 
 
 def _place(places: Sequence[Fraction], shown: Fraction | None, number: int) -> int:

@@ -1,4 +1,5 @@
 """`panoptic bag`: save what is whole in a cut bag, bring an older version's bag up to date."""
+
 from __future__ import annotations
 
 import argparse
@@ -17,8 +18,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for action, text in texts.items():
         usual = "BAG" + ENDINGS[action]
         sub = actions.add_parser(action, help=text, description=text[0].upper() + text[1:] + ".")
-        sub.add_argument("bag", type=Path, metavar="BAG",
-                         help="folder of the bag, or its file; to repair, also the folder of a live run")
+        sub.add_argument(
+            "bag",
+            type=Path,
+            metavar="BAG",
+            help="folder of the bag, or its file; to repair, also the folder of a live run",
+        )
         sub.add_argument("--out", type=Path, metavar="NEW", help=f"the new bag; default: {usual} beside it")
 
 

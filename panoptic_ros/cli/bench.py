@@ -1,4 +1,5 @@
 """`panoptic bench NAME`: measure this machine and this code."""
+
 from __future__ import annotations
 
 import argparse
@@ -21,9 +22,16 @@ from panoptic_ros.running.benches import (
 from panoptic_ros.view.progress import PassBar
 
 BENCHES_OF_RUNS = {  # of more than a stage
-    "detection": detection, "graph": graph, "kinematics": kinematics, "live": live, "recording": recording,
-    "view": view, "soak": soak, "network": network, "faults": faults,
-}  # fmt: skip
+    "detection": detection,
+    "graph": graph,
+    "kinematics": kinematics,
+    "live": live,
+    "recording": recording,
+    "view": view,
+    "soak": soak,
+    "network": network,
+    "faults": faults,
+}
 TITLES = {**BENCHES, **{name: bench.ABOUT for name, bench in BENCHES_OF_RUNS.items()}}
 
 

@@ -1,4 +1,5 @@
 """`panoptic bias measure TRUTH RESULT --out FILE`: the constant biases of a detector's joints."""
+
 from __future__ import annotations
 
 import argparse
@@ -13,26 +14,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("action", choices=("measure",), help="compare a result with a reference")
     parser.add_argument(
-        "truth", type=Path,
+        "truth",
+        type=Path,
         help="true skeletons, or those of another system; with --segments also bodies, known or our own",
-    )  # fmt: skip
+    )
     parser.add_argument("result", type=Path, help="skeletons of this detector, without a bias table")
-    parser.add_argument("--out", type=output_file, required=True, metavar="FILE",
-                        help="table (YAML) to write")  # fmt: skip
+    parser.add_argument(
+        "--out", type=output_file, required=True, metavar="FILE", help="table (YAML) to write"
+    )
     parser.add_argument("--detector", default="", metavar="NAME", help="whose joints these are, for the file")
     parser.add_argument(
-        "--leave-out", type=int, action="append", default=[], metavar="ID",
+        "--leave-out",
+        type=int,
+        action="append",
+        default=[],
+        metavar="ID",
         help="do not measure on this person of the truth; repeatable",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--segments", action="store_true",
+        "--segments",
+        action="store_true",
         help="in the frames of a body's segments, m, for kinematics.offsets; else in the torso's frame",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--bodies", type=Path, metavar="FILE",
+        "--bodies",
+        type=Path,
+        metavar="FILE",
         help="with --segments, where TRUTH has no bodies: those of RESULT (default: kinematics.json.gz "
         "beside it)",
-    )  # fmt: skip
+    )
 
 
 def run(args: argparse.Namespace) -> int:

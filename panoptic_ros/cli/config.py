@@ -1,4 +1,5 @@
 """`panoptic config`: show all parameters; write the files that are generated from them."""
+
 from __future__ import annotations
 
 import argparse

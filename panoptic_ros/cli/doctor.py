@@ -1,4 +1,5 @@
 """`panoptic doctor`: what works on this machine, and what to do about what does not."""
+
 from __future__ import annotations
 
 import argparse

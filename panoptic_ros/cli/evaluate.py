@@ -1,4 +1,5 @@
 """`panoptic evaluate TRUTH RESULT`: scores of skeletons against the truth."""
+
 from __future__ import annotations
 
 import argparse
@@ -19,23 +20,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="also draw the plots into DIR")
     parser.add_argument(
-        "--joints", metavar="WHICH",
+        "--joints",
+        metavar="WHICH",
         help="compare only these: a skeleton (coco17, ..., or a YAML file) or names separated by commas",
-    )  # fmt: skip
+    )
     parser.add_argument("--skip", type=int, default=0, metavar="N", help="leave out the first N truth frames")
     parser.add_argument(
-        "--align-time", action="store_true",
+        "--align-time",
+        action="store_true",
         help="first remove a constant offset of the result's stamps, found from the motion",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--protocol", choices=PROTOCOLS, default=PROTOCOLS[0],
+        "--protocol",
+        choices=PROTOCOLS,
+        default=PROTOCOLS[0],
         help="count right limbs (PCP) as papers on Shelf and Campus do",
-    )  # fmt: skip
+    )
     for flag, word in (("--minimum", "least"), ("--maximum", "most")):
         parser.add_argument(
-            flag, action="append", default=[], metavar="SCORE=NUMBER",
+            flag,
+            action="append",
+            default=[],
+            metavar="SCORE=NUMBER",
             help=f"exit with 2 unless the score (as named by --json) is at {word} this; repeatable",
-        )  # fmt: skip
+        )
     add_study_arguments(parser)
 
 
@@ -49,9 +57,14 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("name the truth and the result: panoptic evaluate TRUTH RESULT, or --study NAME")
     limits = read_limits(args.minimum, args.maximum)
     scores = evaluate(
-        args.truth, args.result, joints=args.joints, skip=args.skip, align_time=args.align_time,
-        protocol=args.protocol, plots=args.plots,
-    )  # fmt: skip
+        args.truth,
+        args.result,
+        joints=args.joints,
+        skip=args.skip,
+        align_time=args.align_time,
+        protocol=args.protocol,
+        plots=args.plots,
+    )
     print(json.dumps(known(scores.values), indent=1) if args.json else scores.table)
     missed = scores.missed(limits)
     if missed:

@@ -1,5 +1,6 @@
 """`panoptic evaluate --study refine`, `fill` and `walkout`: what the surface and bodies are worth to
 skeletons, and people whom few views see."""
+
 from __future__ import annotations
 
 import argparse

@@ -1,4 +1,5 @@
 """`panoptic evaluate --study NAME`: how accuracy depends on the number and kind of cameras of a rig."""
+
 from __future__ import annotations
 
 import argparse
@@ -28,7 +29,8 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
     """Options that only studies have."""
     group = parser.add_argument_group("studies, in place of TRUTH and RESULT")
     group.add_argument(
-        "--study", choices=(*studies.STUDIES, *WITHOUT_RIG),
+        "--study",
+        choices=(*studies.STUDIES, *WITHOUT_RIG),
         help="simulate people in a rig: PCK by number of cameras; node and skeleton accuracy; rendered HD, "
         "VGA and QVGA images; time for a minute of capture. Without --rig: kinematics: bodies beside the "
         "paper's solver, -inputs: by cameras and IMUs; terms: each left out; alignment: heading and clock "
@@ -40,15 +42,21 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "capture without truth, the same (--capture, demo or demo-single); fill: how bodies fit, and joints "
         "that few views see with and without them (--capture, also results of a run, with TRUTH if it is "
         "elsewhere); walkout: people whom two cameras, then one see, of a capture, or simulated (--seeds)",
-    )  # fmt: skip
+    )
     group.add_argument("--rig", type=Path, help="calibration of the cameras, e.g. of the Panoptic Studio")
     group.add_argument(
-        "--capture", type=Path, metavar="DIR", action="append", default=[],
+        "--capture",
+        type=Path,
+        metavar="DIR",
+        action="append",
+        default=[],
         help="refine, refine-faults, fill, walkout, kinematics: capture folder with its truth; the last: "
         "repeatable",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--depth", choices=("none", "given", "kinect"), default="given",
+        "--depth",
+        choices=("none", "given", "kinect"),
+        default="given",
         help="refine: the capture's depth maps besides: not at all, as they are (default), or, for simulated "
         "ones, with the noise of a sensor",
     )
@@ -60,28 +68,44 @@ def add_study_arguments(parser: argparse.ArgumentParser) -> None:
         "--cameras", default="", metavar="N,N", help="default 480,240,160,80,40,20,10 (resolution: 19)"
     )
     group.add_argument(
-        "--frames", type=int, metavar="N", help="per number of people; default 12 (resolution, time: 5); "
-        "identity: trials of each kind, default 100; child: takes, default 20"
+        "--frames",
+        type=int,
+        metavar="N",
+        help="per number of people; default 12 (resolution, time: 5); "
+        "identity: trials of each kind, default 100; child: takes, default 20",
     )
     group.add_argument(
-        "--person", type=int, metavar="ID", action="append", default=[],
+        "--person",
+        type=int,
+        metavar="ID",
+        action="append",
+        default=[],
         help="fill: score only this person of the truth, on whom nothing was measured; repeatable",
-    )  # fmt: skip
+    )
     group.add_argument("--seed", type=int, default=0, metavar="N", help="of the simulation")
     group.add_argument("--seeds", default="", metavar="FROM:TO", help="of it; studies that take several")
     group.add_argument("--scenes", default="", metavar="NAME,NAME", help="of bodies; captures: also drawn")
     group.add_argument(
-        "--noise", type=float, default=0.012, metavar="SHARE",
+        "--noise",
+        type=float,
+        default=0.012,
+        metavar="SHARE",
         help="standard deviation of 2D joints, a share of the diagonal of the person's box (default 0.012)",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--set", action="append", default=[], metavar="STAGE.NAME=VALUE", dest="settings",
+        "--set",
+        action="append",
+        default=[],
+        metavar="STAGE.NAME=VALUE",
+        dest="settings",
         help="a parameter of voting or assembly, for every method",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--preset", default=PAPER, metavar="NAME",
+        "--preset",
+        default=PAPER,
+        metavar="NAME",
         help=f"is put beside the default: a preset or a YAML file (default {PAPER}); {NOTHING} = nothing",
-    )  # fmt: skip
+    )
 
 
 def run_study(args: argparse.Namespace) -> int:
@@ -107,9 +131,13 @@ def _request(args: argparse.Namespace) -> studies.StudyRequest:
     people, cameras, frames = DEFAULTS[args.study]
     takes = Takes(_numbers(args.people or people, "--people"), args.frames or frames, args.seed, args.noise)
     return studies.StudyRequest(
-        args.study, args.rig, takes, _numbers(args.cameras or cameras, "--cameras"),
-        read_parameters(None, args.settings), read_preset("" if args.preset == NOTHING else args.preset),
-    )  # fmt: skip
+        args.study,
+        args.rig,
+        takes,
+        _numbers(args.cameras or cameras, "--cameras"),
+        read_parameters(None, args.settings),
+        read_preset("" if args.preset == NOTHING else args.preset),
+    )
 
 
 def _numbers(text: str, option: str) -> tuple[int, ...]:

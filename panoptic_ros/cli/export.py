@@ -10,18 +10,33 @@ from panoptic_ros.cli.options import number, output_file
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.add_argument("path", type=Path, metavar="RESULTS|BAG",
-                        help="what `panoptic run` or `solve` left, or a bag")  # fmt: skip
+    parser.add_argument(
+        "path", type=Path, metavar="RESULTS|BAG", help="what `panoptic run` or `solve` left, or a bag"
+    )
     parser.add_argument("--rig", type=Path, help="calibration, where none is beside skeletons.json")
-    parser.add_argument("--out", type=output_file, required=True, metavar="FILE.html|.bvh|...",
-                        help="one page with all data and images; bodies: .bvh, .glb (glTF animation), "
-                        ".trc and .mot (OpenSim), .urdf")  # fmt: skip
-    parser.add_argument("--from", dest="begin", type=number(float, 0, 1e9), default=0.0, metavar="S",
-                        help="seconds from the beginning")  # fmt: skip
+    parser.add_argument(
+        "--out",
+        type=output_file,
+        required=True,
+        metavar="FILE.html|.bvh|...",
+        help="one page with all data and images; bodies: .bvh, .glb (glTF animation), "
+        ".trc and .mot (OpenSim), .urdf",
+    )
+    parser.add_argument(
+        "--from",
+        dest="begin",
+        type=number(float, 0, 1e9),
+        default=0.0,
+        metavar="S",
+        help="seconds from the beginning",
+    )
     parser.add_argument("--to", dest="end", type=number(float, 0, 1e9), metavar="S", help="default: the end")
-    parser.add_argument("--segments", default="segments21", metavar="NAME",
-                        help="skeleton of the bodies: an installed one (default segments21), or a "
-                        "YAML file")  # fmt: skip
+    parser.add_argument(
+        "--segments",
+        default="segments21",
+        metavar="NAME",
+        help="skeleton of the bodies: an installed one (default segments21), or a YAML file",
+    )
 
 
 def run(args: argparse.Namespace) -> int:

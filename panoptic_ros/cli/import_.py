@@ -15,8 +15,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("dataset", choices=DATASETS, help="which data set the folder holds")
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="its unpacked archives")
     parser.add_argument("--take", required=True, metavar="SUBJECT/TAKE", help="e.g. s1/acting1, S9/Walking")
-    parser.add_argument("--out", type=output_folder, required=True, metavar="CAPTURE",
-                        help="capture folder to write")  # fmt: skip
+    parser.add_argument(
+        "--out", type=output_folder, required=True, metavar="CAPTURE", help="capture folder to write"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

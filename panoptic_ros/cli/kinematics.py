@@ -15,9 +15,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--detections", type=Path, help="detections.json(.gz)")
     parser.add_argument("--imu", type=Path, metavar="I", help="imu.csv(.gz); with or without cameras")
     parser.add_argument(
-        "--subject", type=Path, required=True, action="append", metavar="FILE",
+        "--subject",
+        type=Path,
+        required=True,
+        action="append",
+        metavar="FILE",
         help="subject.json of a designated person; once for each",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--lag", type=float, metavar="S", help="delay over which poses are smoothed, 0 to 0.2"
     )
@@ -27,11 +31,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--prior", default="", metavar="FILE", help="pose prior, default: the installed one")
     parser.add_argument(
-        "--set", action="append", default=[], dest="settings", metavar="NAME=VALUE",
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="NAME=VALUE",
         help="a parameter of kinematics",
-    )  # fmt: skip
-    parser.add_argument("--out", type=output_file, required=True, metavar="K",
-                        help="kinematics.json(.gz) to write")  # fmt: skip
+    )
+    parser.add_argument(
+        "--out", type=output_file, required=True, metavar="K", help="kinematics.json(.gz) to write"
+    )
     parser.add_argument("--quiet", action="store_true", help="no summary")
 
 

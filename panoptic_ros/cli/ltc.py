@@ -1,4 +1,5 @@
 """`panoptic ltc`: decode and make linear timecode."""
+
 from __future__ import annotations
 
 import argparse
@@ -22,9 +23,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     encode = actions.add_parser("encode", help="make a WAV file with timecode")
     encode.add_argument("out", type=Path, metavar="OUT.wav")
     encode.add_argument(
-        "--start", default="00:00:00:00", metavar="HH:MM:SS:FF",
+        "--start",
+        default="00:00:00:00",
+        metavar="HH:MM:SS:FF",
         help="first label; HH:MM:SS;FF for drop-frame",
-    )  # fmt: skip
+    )
     encode.add_argument("--rate", default="25", choices=RATES, help="frames per second (default 25)")
     encode.add_argument("--seconds", type=float, default=10.0, help="length (default 10)")
     encode.add_argument("--sample-rate", type=int, default=48000, help="Hz (default 48000)")
@@ -57,8 +60,13 @@ def _encode(args: argparse.Namespace) -> int:
     from panoptic_ros.running.ltc import encode_file
 
     words, first, last = encode_file(
-        args.out, args.start, args.rate, seconds=args.seconds, sample_rate=args.sample_rate,
-        user_bits=args.user_bits, reverse=args.reverse,
-    )  # fmt: skip
+        args.out,
+        args.start,
+        args.rate,
+        seconds=args.seconds,
+        sample_rate=args.sample_rate,
+        user_bits=args.user_bits,
+        reverse=args.reverse,
+    )
     print(f"{args.out}: {words} words, {first} to {last}")
     return 0

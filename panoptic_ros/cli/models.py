@@ -1,4 +1,5 @@
 """`panoptic models`: list, fetch and check pose models."""
+
 from __future__ import annotations
 
 import argparse

@@ -1,4 +1,5 @@
 """Options about the clocks of cameras, for the verbs that solve recorded captures."""
+
 from __future__ import annotations
 
 import argparse
@@ -10,37 +11,49 @@ from panoptic_ros.cli.options import number, output_file
 def add_saved_option(parser: argparse.ArgumentParser) -> None:
     """Offsets that were found before."""
     parser.add_argument(
-        "--offsets", type=Path, metavar="FILE",
+        "--offsets",
+        type=Path,
+        metavar="FILE",
         help="add these offsets, found before, to the stamps; for latencies that last (see docs/offsets.md)",
-    )  # fmt: skip
+    )
 
 
 def add_apart_option(parser: argparse.ArgumentParser) -> None:
     """How far apart microphones are."""
     parser.add_argument(
-        "--apart", type=number(float, 0.0, 1000.0), default=6.0, metavar="M",
+        "--apart",
+        type=number(float, 0.0, 1000.0),
+        default=6.0,
+        metavar="M",
         help="how far apart microphones are at most, where no calibration tells (default 6)",
-    )  # fmt: skip
+    )
 
 
 def add_offset_options(parser: argparse.ArgumentParser) -> None:
     """The options of a verb that solves a recording."""
     add_saved_option(parser)
     parser.add_argument(
-        "--offsets-from-motion", action="store_true",
+        "--offsets-from-motion",
+        action="store_true",
         help="find the cameras' clock offsets and drifts from the motion of people, and correct the stamps",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--offsets-from-sound", type=Path, metavar="DIR",
+        "--offsets-from-sound",
+        type=Path,
+        metavar="DIR",
         help="find them from what cameras hear, of which a capture folder or bag has recordings; with "
         "--offsets-from-motion as its first guess",
-    )  # fmt: skip
+    )
     add_apart_option(parser)
     parser.add_argument(
-        "--offsets-out", type=output_file, metavar="FILE",
+        "--offsets-out",
+        type=output_file,
+        metavar="FILE",
         help="write the offsets, with standard deviations, as JSON",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--trusted-camera", default="", metavar="NAME",
+        "--trusted-camera",
+        default="",
+        metavar="NAME",
         help="its stamps are right; default: those of most cameras if they agree, else offsets have mean 0",
-    )  # fmt: skip
+    )

@@ -1,4 +1,5 @@
 """Options that several verbs share."""
+
 from __future__ import annotations
 
 import argparse
@@ -12,8 +13,12 @@ from panoptic_ros.errors import UsageError
 
 def add_occluder_option(parser: argparse.ArgumentParser) -> None:
     """What stands between cameras and people."""
-    parser.add_argument("--occluders", type=Path, metavar="FILE",
-                        help="fixed things that hide people: occluders.json, PLY or OBJ")  # fmt: skip
+    parser.add_argument(
+        "--occluders",
+        type=Path,
+        metavar="FILE",
+        help="fixed things that hide people: occluders.json, PLY or OBJ",
+    )
 
 
 def program_shown() -> str:
@@ -27,17 +32,25 @@ def program_shown() -> str:
 def add_parameter_options(parser: argparse.ArgumentParser) -> None:
     """--preset NAME, --config FILE and --set stage.name=value; of the three the last counts most."""
     parser.add_argument(
-        "--preset", metavar="NAME", default="",
+        "--preset",
+        metavar="NAME",
+        default="",
         help="parameters that belong together: panoptic-studio (the paper's method), or a YAML file",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--config", type=Path, metavar="FILE",
+        "--config",
+        type=Path,
+        metavar="FILE",
         help="YAML with parameters, {stage: {name: value}}, or a ROS parameter file",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--set", action="append", default=[], metavar="STAGE.NAME=VALUE", dest="settings",
+        "--set",
+        action="append",
+        default=[],
+        metavar="STAGE.NAME=VALUE",
+        dest="settings",
         help="one parameter; may be given several times (see docs/parameters.md)",
-    )  # fmt: skip
+    )
 
 
 def output_file(text: str) -> Path:

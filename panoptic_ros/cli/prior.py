@@ -15,8 +15,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "motion", type=Path, nargs="+", help=".bvh, .c3d, .npz of clips, or kinematics.json.gz of our own"
     )
-    parser.add_argument("--out", type=output_file, required=True, metavar="FILE",
-                        help="prior (.npz) to write")  # fmt: skip
+    parser.add_argument(
+        "--out", type=output_file, required=True, metavar="FILE", help="prior (.npz) to write"
+    )
     parser.add_argument(
         "--leave-out", action="append", default=[], metavar="NAME", help="clip that is not used; repeatable"
     )
@@ -24,9 +25,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--unit", type=float, default=0.01, metavar="M", help="of BVH files, m (default 0.01)"
     )
     parser.add_argument(
-        "--segments", default="segments21", metavar="NAME",
+        "--segments",
+        default="segments21",
+        metavar="NAME",
         help="skeleton of segments: an installed one (default segments21), or a YAML file",
-    )  # fmt: skip
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -34,8 +37,6 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.running.prior_training import train_from_files  # only now: --help must be quick
 
     with PassBar("prior") as bar:
-        lines = train_from_files(
-            args.motion, args.out, args.leave_out, args.unit, bar.show, args.segments
-        )  # fmt: skip
+        lines = train_from_files(args.motion, args.out, args.leave_out, args.unit, bar.show, args.segments)
     print("\n".join(lines))
     return 0

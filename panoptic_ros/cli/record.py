@@ -1,4 +1,5 @@
 """`panoptic record`: a live graph to a self-contained bag."""
+
 from __future__ import annotations
 
 import argparse
@@ -13,22 +14,44 @@ from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.add_argument("--out", type=Path, metavar="BAG",
-                        help="the bag; with --standby, a folder for bags named by their time")  # fmt: skip
-    parser.add_argument("--topic", action="append", default=[], metavar="PATTERN",
-                        help="record topics of this name, e.g. '/cam*/image_raw', in place of all that "
-                        "a run needs and gives; may be given several times")  # fmt: skip
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="BAG",
+        help="the bag; with --standby, a folder for bags named by their time",
+    )
+    parser.add_argument(
+        "--topic",
+        action="append",
+        default=[],
+        metavar="PATTERN",
+        help="record topics of this name, e.g. '/cam*/image_raw', in place of all that "
+        "a run needs and gives; may be given several times",
+    )
     parser.add_argument("--no-images", action="store_true", help="leave out images and depth maps")
     parser.add_argument("--rig", type=Path, help="calibration for the bag, where no /rig is published")
-    parser.add_argument("--duration", type=number(float, 0.1, 1e9), metavar="S",
-                        help="end after so many seconds")  # fmt: skip
-    parser.add_argument("--budget", type=number(float, 0.001, 1e6), default=0.0, metavar="GB",
-                        help="end when the messages have so many GB")  # fmt: skip
-    parser.add_argument("--keep-free", type=number(float, 0, 1e6), default=1.0, metavar="GB",
-                        help="end when the disk has less room; default 1")  # fmt: skip
-    parser.add_argument("--split", metavar="30m|2GB",
-                        help="go on in another bag, BAG/000, BAG/001, ..., after so long (s, m, h) or "
-                        "so much (MB, GB)")  # fmt: skip
+    parser.add_argument(
+        "--duration", type=number(float, 0.1, 1e9), metavar="S", help="end after so many seconds"
+    )
+    parser.add_argument(
+        "--budget",
+        type=number(float, 0.001, 1e6),
+        default=0.0,
+        metavar="GB",
+        help="end when the messages have so many GB",
+    )
+    parser.add_argument(
+        "--keep-free",
+        type=number(float, 0, 1e6),
+        default=1.0,
+        metavar="GB",
+        help="end when the disk has less room; default 1",
+    )
+    parser.add_argument(
+        "--split",
+        metavar="30m|2GB",
+        help="go on in another bag, BAG/000, BAG/001, ..., after so long (s, m, h) or so much (MB, GB)",
+    )
     parser.add_argument("--standby", action="store_true", help="wait for --start and --stop, on every host")
     parser.add_argument("--start", action="store_true", help="let the recorders of all hosts start")
     parser.add_argument("--stop", action="store_true", help="let the recorders of all hosts stop")
@@ -48,7 +71,11 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.running.recordings.selection import Selection
 
     options = RecordOptions(
-        Selection(args.topic, not args.no_images), args.duration, args.budget, args.keep_free, args.rig,
+        Selection(args.topic, not args.no_images),
+        args.duration,
+        args.budget,
+        args.keep_free,
+        args.rig,
         split_of(args.split) if args.split else None,
     )
     with lossy_output():

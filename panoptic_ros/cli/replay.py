@@ -1,4 +1,5 @@
 """`panoptic replay`: a bag onto the live graph."""
+
 from __future__ import annotations
 
 import argparse
@@ -11,22 +12,52 @@ from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.add_argument("bag", nargs="+", type=Path, metavar="BAG", help="a rosbag2; several are merged")
-    parser.add_argument("--from", dest="begin", default="", metavar="TOPIC",
-                        help="only what the graph needs from there on: image, detections, detection_sets, "
-                        "associations, proposals, poses, skeletons_raw, or a stage giving it")  # fmt: skip
-    parser.add_argument("--topic", action="append", default=[], metavar="PATTERN",
-                        help="only topics of this name, e.g. '/cam*/detections'")  # fmt: skip
-    parser.add_argument("--rate", type=number(float, 0.01, 100), default=1.0, metavar="X",
-                        help="seconds of the bag per second; default 1")  # fmt: skip
+    parser.add_argument(
+        "--from",
+        dest="begin",
+        default="",
+        metavar="TOPIC",
+        help="only what the graph needs from there on: image, detections, detection_sets, "
+        "associations, proposals, poses, skeletons_raw, or a stage giving it",
+    )
+    parser.add_argument(
+        "--topic",
+        action="append",
+        default=[],
+        metavar="PATTERN",
+        help="only topics of this name, e.g. '/cam*/detections'",
+    )
+    parser.add_argument(
+        "--rate",
+        type=number(float, 0.01, 100),
+        default=1.0,
+        metavar="X",
+        help="seconds of the bag per second; default 1",
+    )
     parser.add_argument("--clock", action="store_true", help="publish /clock, for nodes with use_sim_time")
-    parser.add_argument("--start", type=number(float, 0, 1e9), default=0.0, metavar="S",
-                        help="of the bag to leave out at its beginning")  # fmt: skip
+    parser.add_argument(
+        "--start",
+        type=number(float, 0, 1e9),
+        default=0.0,
+        metavar="S",
+        help="of the bag to leave out at its beginning",
+    )
     parser.add_argument("--duration", type=number(float, 0.01, 1e9), metavar="S", help="of the bag to replay")
     parser.add_argument("--namespace", default="", metavar="NAME", help="before all topics, e.g. /hall")
-    parser.add_argument("--loops", type=number(int, 0, 1_000_000), default=1, metavar="N",
-                        help="how often, with stamps that run on; 0: until Ctrl-C")  # fmt: skip
-    parser.add_argument("--wait", type=number(float, 0, 3600), default=0.0, metavar="S",
-                        help="for a subscriber, so long at most")  # fmt: skip
+    parser.add_argument(
+        "--loops",
+        type=number(int, 0, 1_000_000),
+        default=1,
+        metavar="N",
+        help="how often, with stamps that run on; 0: until Ctrl-C",
+    )
+    parser.add_argument(
+        "--wait",
+        type=number(float, 0, 3600),
+        default=0.0,
+        metavar="S",
+        help="for a subscriber, so long at most",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -35,9 +66,16 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.running.recordings.replay import ReplayOptions, replay  # only now: --help must be quick
 
     options = ReplayOptions(
-        args.rate, args.begin, args.topic, args.start, args.duration, args.clock, args.namespace,
-        int(args.loops), args.wait,
-    )  # fmt: skip
+        args.rate,
+        args.begin,
+        args.topic,
+        args.start,
+        args.duration,
+        args.clock,
+        args.namespace,
+        int(args.loops),
+        args.wait,
+    )
     done = replay(args.bag, options, lambda line: print(line, flush=True))
     print(f"replayed {done.count} messages on {len(done.topics)} topics")
     return 0

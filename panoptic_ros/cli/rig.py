@@ -1,4 +1,5 @@
 """`panoptic rig`: check whether the views of a calibration agree, convert between formats."""
+
 from __future__ import annotations
 
 import argparse
@@ -23,9 +24,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     convert.add_argument("target", type=Path, metavar="OUT", help="file or, for camera_info, folder to write")
     convert.add_argument("--format", choices=WRITABLE, help="default: from the name of OUT")
     convert.add_argument("--cameras", help="only these, names separated by commas")
-    convert.add_argument("--up", metavar="DIRECTION",
-                         help="up direction of the world of IN, which is turned so that +z is up: --up=-y or "
-                         "--up=0.1,-0.9,0.2; `rig check` finds it from people")  # fmt: skip
+    convert.add_argument(
+        "--up",
+        metavar="DIRECTION",
+        help="up direction of the world of IN, which is turned so that +z is up: --up=-y or "
+        "--up=0.1,-0.9,0.2; `rig check` finds it from people",
+    )
     for sub in (check, convert):
         sub.add_argument("--unit", choices=("m", "cm", "mm"), help="of a TOML file that does not state it")
         sub.add_argument("--types", default="", help="rig.json, CMU Panoptic: vga, hd, kinect-color, ...")

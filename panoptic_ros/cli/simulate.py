@@ -1,4 +1,5 @@
 """`panoptic simulate SCENE`: 2D people or a capture folder, with exact truth."""
+
 from __future__ import annotations
 
 import argparse
@@ -21,9 +22,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--images", action="store_true", help="rendered scenes: PNG folders, not videos")
     parser.add_argument("--bag", action="store_true", help="2D people, sound, IMUs also as a bag")
     parser.add_argument(
-        "--tracks", action="store_true",
+        "--tracks",
+        action="store_true",
         help="rendered scenes with timecode: as sound tracks of the videos, which are all that stamps them",
-    )  # fmt: skip
+    )
     parser.add_argument("--depth", action="store_true", help="rendered scenes: depth and person ids as PNG")
 
 
@@ -39,9 +41,16 @@ def run(args: argparse.Namespace) -> int:
         print(f"{args.out}: {write_body_take(args.scene, args.out, args.seed, args.bag, args.frames)}")
         return 0
     take = write_take(
-        args.scene, args.out, seed=args.seed, frames=args.frames, images=args.images, depth=args.depth,
-        bag=args.bag, tracks=args.tracks, on_camera=_progress,
-    )  # fmt: skip
+        args.scene,
+        args.out,
+        seed=args.seed,
+        frames=args.frames,
+        images=args.images,
+        depth=args.depth,
+        bag=args.bag,
+        tracks=args.tracks,
+        on_camera=_progress,
+    )
     size = f"{len(take.schedule.ticks)} frames, {len(take.rig)} cameras, {len(take.people)} people"
     print(f"{args.out}: {args.scene}, {size}")
     return 0

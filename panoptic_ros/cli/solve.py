@@ -1,4 +1,5 @@
 """`panoptic solve`: 2D people to skeletons, with the stages of the graph but without ROS."""
+
 from __future__ import annotations
 
 import argparse
@@ -25,13 +26,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
     parser.add_argument("--rig", type=Path, required=True, help="calibration, any format that `rig` reads")
     parser.add_argument("--detections", type=Path, required=True, help="detections.json(.gz)")
-    parser.add_argument("--out", type=output_file, required=True, metavar="S",
-                        help="skeletons.json(.gz) to write")  # fmt: skip
     parser.add_argument(
-        "--skeleton", default="",
+        "--out", type=output_file, required=True, metavar="S", help="skeletons.json(.gz) to write"
+    )
+    parser.add_argument(
+        "--skeleton",
+        default="",
         help="skeleton model; auto: that with most joints of the file, panoptic19 for COCO's; default: the "
         "preset's, or auto",
-    )  # fmt: skip
+    )
     parser.add_argument("--cameras", help="use only these, names separated by commas")
     parser.add_argument("--quiet", action="store_true", help="no summary")
     add_occluder_option(parser)
@@ -49,10 +52,13 @@ def run(args: argparse.Namespace) -> int:
 
     preset = read_preset(args.preset)
     task = read_task(
-        args.rig, args.detections, read_parameters(args.config, args.settings, preset.parameters),
-        skeleton=args.skeleton or preset.skeleton or AUTO, cameras=names(args.cameras),
+        args.rig,
+        args.detections,
+        read_parameters(args.config, args.settings, preset.parameters),
+        skeleton=args.skeleton or preset.skeleton or AUTO,
+        cameras=names(args.cameras),
         occluders=args.occluders,
-    )  # fmt: skip
+    )
     for line in task.context.rig.notices:
         print(f"warning: {line}", file=sys.stderr)
     task = _corrected(task, args)
@@ -73,9 +79,13 @@ def _corrected(task: SolveTask, args: argparse.Namespace) -> SolveTask:
     from panoptic_ros.running.sound.correction import Correction, corrected
 
     correction = Correction(
-        args.offsets, args.offsets_from_motion, args.offsets_from_sound, args.apart,
-        args.offsets_out, args.trusted_camera,
-    )  # fmt: skip
+        args.offsets,
+        args.offsets_from_motion,
+        args.offsets_from_sound,
+        args.apart,
+        args.offsets_out,
+        args.trusted_camera,
+    )
     found = correction.from_motion or correction.from_sound
     with PassBar("clocks") if found else nullcontext() as bar:
         task, told = corrected(task, correction, bar.show if bar else untold)

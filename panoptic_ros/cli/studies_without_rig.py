@@ -1,4 +1,5 @@
 """Studies of `panoptic evaluate` that bring their own cameras."""
+
 from __future__ import annotations
 
 import argparse
@@ -46,7 +47,11 @@ def _run_child(args: argparse.Namespace) -> int:
 
 
 WITHOUT_RIG = {
-    **dict.fromkeys(BODY_STUDIES, run_bodies), "identity": _run_identity, "child": _run_child,
-    **dict.fromkeys(REFINEMENT_STUDIES, run_refinement), "fill": run_fill,
-    "walkout": run_walkout, "steady": run_steady,
-}  # fmt: skip
+    **dict.fromkeys(BODY_STUDIES, run_bodies),
+    "identity": _run_identity,
+    "child": _run_child,
+    **dict.fromkeys(REFINEMENT_STUDIES, run_refinement),
+    "fill": run_fill,
+    "walkout": run_walkout,
+    "steady": run_steady,
+}

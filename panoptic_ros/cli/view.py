@@ -16,17 +16,25 @@ SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the verb."""
-    parser.add_argument("path", nargs="?", type=Path, metavar="RESULTS|BAG|FOLDER",
-                        help="what `panoptic run` or `solve` left, a bag, or a capture folder")  # fmt: skip
+    parser.add_argument(
+        "path",
+        nargs="?",
+        type=Path,
+        metavar="RESULTS|BAG|FOLDER",
+        help="what `panoptic run` or `solve` left, a bag, or a capture folder",
+    )
     parser.add_argument("--live", action="store_true", help="the graph that runs now, in this ROS domain")
     parser.add_argument("--namespace", default="", help="with --live: of the graph")
     parser.add_argument("--rig", type=Path, help="calibration, for bags without /rig and skeletons.json")
     parser.add_argument("--skeleton", default="", help="skeleton model, for bags without /skeleton_model")
-    parser.add_argument("--truth", type=Path, metavar="FILE",
-                        help="who was really there, e.g. truth.json.gz of a simulation")  # fmt: skip
-    parser.add_argument("--host", default="127.0.0.1",
-                        help="where to listen: 0.0.0.0 lets other machines see the page, with the token that "
-                        "is printed")  # fmt: skip
+    parser.add_argument(
+        "--truth", type=Path, metavar="FILE", help="who was really there, e.g. truth.json.gz of a simulation"
+    )
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        help="where to listen: 0.0.0.0 lets other machines see the page, with the token that is printed",
+    )
     parser.add_argument("--port", type=number(int, 0, 65535), default=8765, help="0: any that is free")
     parser.add_argument("--no-browser", action="store_true", help="print the address only")
 

@@ -1,4 +1,5 @@
 """`panoptic warm-up`: compile everything ahead."""
+
 from __future__ import annotations
 
 import argparse

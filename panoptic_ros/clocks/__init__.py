@@ -19,6 +19,7 @@ Limits: a constant delay between a sample and its stamp is not visible (paramete
 runs backwards gives no clock. Jumps below `jump_s`, or below eight times the scatter of the stamps, are not
 detected.
 """
+
 from panoptic_ros.clocks.config import ClocksConfig
 from panoptic_ros.clocks.stage import ClocksStage
 

@@ -3,6 +3,7 @@
 A `ClockModel` is a line y = x + offset + drift (x - reference), whatever its two clocks are. Offsets stay
 whole nanoseconds, so that times since 1970 lose nothing.
 """
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -27,10 +28,16 @@ def inverse(line: ClockModel, clock: str) -> ClockModel:
     """
     slope = 1.0 + line.drift
     return ClockModel(
-        clock, max(0, line.reference_ns + line.offset_ns), -line.offset_ns, -line.drift / slope,
-        line.covariance, -line.residual_ns / slope, max(0, line.master_from_device(line.from_ns)[0]),
-        max(0, line.master_from_device(line.until_ns)[0]), line.wander,
-    )  # fmt: skip
+        clock,
+        max(0, line.reference_ns + line.offset_ns),
+        -line.offset_ns,
+        -line.drift / slope,
+        line.covariance,
+        -line.residual_ns / slope,
+        max(0, line.master_from_device(line.from_ns)[0]),
+        max(0, line.master_from_device(line.until_ns)[0]),
+        line.wander,
+    )
 
 
 def behind(first: ClockModel, second: ClockModel) -> ClockModel:
@@ -60,6 +67,9 @@ def behind(first: ClockModel, second: ClockModel) -> ClockModel:
 def by_labels(line: ClockModel, shift_ns: int) -> ClockModel:
     """A line from times of a timecode that run on, as one from its labels: times less the shift."""
     return replace(
-        line, reference_ns=max(0, line.reference_ns - shift_ns), offset_ns=line.offset_ns + shift_ns,
-        from_ns=max(0, line.from_ns - shift_ns), until_ns=max(0, line.until_ns - shift_ns),
-    )  # fmt: skip
+        line,
+        reference_ns=max(0, line.reference_ns - shift_ns),
+        offset_ns=line.offset_ns + shift_ns,
+        from_ns=max(0, line.from_ns - shift_ns),
+        until_ns=max(0, line.until_ns - shift_ns),
+    )

@@ -1,4 +1,5 @@
 """The clock of one device: which readings are on its line, and what has jumped where they are not."""
+
 from __future__ import annotations
 
 from collections import deque

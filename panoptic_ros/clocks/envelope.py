@@ -5,6 +5,7 @@ load. The line that lies under all points and nearest to them does not. It is th
 hull below the mean of x (Moon, Skelly, Towsley, INFOCOM 1999; Zhang, Liu, Xia, INFOCOM 2002). One stamp
 that is too early would pull the line down, so outliers far below all other points are removed first.
 """
+
 from __future__ import annotations
 
 import numpy as np
@@ -89,7 +90,9 @@ def _with_covariance(solution: tuple[float, float], x: Array, y: Array) -> Line:
     middle, span = float(x.mean()), max(float(np.ptp(x)), 1e-9)
     slope_deviation = deviation / (0.25 * span)
     covariance = np.array(
-        [[deviation**2 + (middle * slope_deviation) ** 2, -middle * slope_deviation**2],
-         [-middle * slope_deviation**2, slope_deviation**2]]
-    )  # fmt: skip
+        [
+            [deviation**2 + (middle * slope_deviation) ** 2, -middle * slope_deviation**2],
+            [-middle * slope_deviation**2, slope_deviation**2],
+        ]
+    )
     return Line(*solution, covariance, noise)

@@ -1,4 +1,5 @@
 """From points of device and master time to a clock model."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -41,7 +42,11 @@ class Estimate:
 
 
 def estimate(
-    device: str, points: Sequence[Point], stamps: str, one_way: bool, before: ClockModel | None,
+    device: str,
+    points: Sequence[Point],
+    stamps: str,
+    one_way: bool,
+    before: ClockModel | None,
     least_noise: float,
 ) -> Estimate:
     """The line through the points, stated about their middle.
@@ -69,9 +74,15 @@ def estimate(
         line = _with_drift(line, before)
     noise = 1.4826 * float(np.median(np.abs(error - np.median(error))))
     model = ClockModel(
-        device, reference.device_ns, base, line.slope, line.covariance, SECOND * line.offset,
-        points[0].device_ns, points[-1].device_ns,
-    )  # fmt: skip
+        device,
+        reference.device_ns,
+        base,
+        line.slope,
+        line.covariance,
+        SECOND * line.offset,
+        points[0].device_ns,
+        points[-1].device_ns,
+    )
     return Estimate(model, one_way, noise)
 
 

@@ -4,6 +4,7 @@ Two signs tell it. A word has another frame rate than all of its clock before: n
 word is off the line of its own clock and on that of another clock of the recorder, whose own channel has none
 of its words any more. If it has, the generator was set to the time of the other: that is a jump.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -29,9 +30,12 @@ class ExchangedChannels:
         self._told: set[str] = set()
 
     def owner(
-        self, reading: TimecodeReading, sample_ns: int, lines: Mapping[str, ClockModel | None],
+        self,
+        reading: TimecodeReading,
+        sample_ns: int,
+        lines: Mapping[str, ClockModel | None],
         shifts: Mapping[str, int],
-    ) -> str | None:  # fmt: skip
+    ) -> str | None:
         """Whose word it may be instead; "" = nobody knows whose. None: it is taken for its own clock's.
 
         Args:
@@ -91,4 +95,3 @@ def _is_on(reading: TimecodeReading, sample_ns: int, line: ClockModel, shift_ns:
     day = day_length_ns(reading.timecode)
     miss = day_ns(reading.timecode) + shift_ns - line.master_from_device(sample_ns)[0]
     return abs((miss + day // 2) % day - day // 2) < NEAR_NS
-

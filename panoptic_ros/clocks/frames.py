@@ -4,6 +4,7 @@ Frames are exposed at even times, and stamps of the host are late by a transport
 count of frames, dropped ones included. The line under the stamps (`envelope`) is the clock of the camera, up
 to a constant that stamps cannot show.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence

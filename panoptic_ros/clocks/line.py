@@ -1,4 +1,5 @@
 """A straight line through points with outliers."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -5,6 +5,7 @@ recorder hears of two timecodes has one axis, its samples. So the line from one 
 stamp of any computer, and the recorder's own rate cancels (Joo et al. 2017, 3.3). Where one recorder hears A
 and B, and another B and C, the lines follow each other.
 """
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -58,9 +59,11 @@ class NamedClocks:
             self._own[recorder] = clock, DeviceClock(recorder, self._config, timeline)
         sample_ns = _sample_ns(reading)
         owner = self._exchanged.owner(
-            reading, sample_ns, {name: own.line for name, own in lines.items()},
+            reading,
+            sample_ns,
+            {name: own.line for name, own in lines.items()},
             {name: self._timelines[name].shift_of(f"{name} in {recorder}") for name in lines},
-        )  # fmt: skip
+        )
         if owner is not None:
             return [], self._exchanged.notices(reading, sample_ns, owner)
         notices = lines[clock].take(replace(reading, stamp_ns=sample_ns))
@@ -107,9 +110,11 @@ class NamedClocks:
     def _to_master(self) -> dict[str, ClockModel]:
         """Lines from the times of clocks to that of the master, of all that are connected to it."""
         heard = [
-            (line.newest_ns, line.line) for lines in self._lines.values()
-            for clock, line in lines.items() if clock == self._master
-        ]  # fmt: skip
+            (line.newest_ns, line.line)
+            for lines in self._lines.values()
+            for clock, line in lines.items()
+            if clock == self._master
+        ]
         spans = [inverse(line, self._master) for newest, line in heard if newest is not None and line]
         if not spans:
             return {}

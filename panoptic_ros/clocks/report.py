@@ -1,4 +1,5 @@
 """What is wrong with the clocks of a capture, in plain words, and what to do."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -14,9 +15,28 @@ from panoptic_ros.stage import Notice
 Array = np.ndarray
 SECOND = 1_000_000_000
 USUAL_RATES = (
-    5.0, 6.0, 10.0, 12.0, 12.5, 15.0, 20.0, 24000 / 1001, 24.0, 25.0, 30000 / 1001, 30.0, 48.0, 50.0,
-    60000 / 1001, 60.0, 90.0, 100.0, 120.0, 200.0, 240.0,
-)  # fmt: skip
+    5.0,
+    6.0,
+    10.0,
+    12.0,
+    12.5,
+    15.0,
+    20.0,
+    24000 / 1001,
+    24.0,
+    25.0,
+    30000 / 1001,
+    30.0,
+    48.0,
+    50.0,
+    60000 / 1001,
+    60.0,
+    90.0,
+    100.0,
+    120.0,
+    200.0,
+    240.0,
+)
 MANY_LOST = 0.005
 PACED = 0.6  # concentration of stamps on the host's grid
 PACED_JITTER_S = 3e-4  # hardware stamps may lie on a grid as well, but scatter less
@@ -56,9 +76,7 @@ class CameraClock:
         return self.timing.lost / (len(self.timing.counts) + self.timing.lost)
 
 
-def measure_camera(
-    name: str, stamps_ns: Sequence[int], numbers: Sequence[int] | None = None
-) -> CameraClock:
+def measure_camera(name: str, stamps_ns: Sequence[int], numbers: Sequence[int] | None = None) -> CameraClock:
     """See `frames.measure_frames`.
 
     Raises:
@@ -118,41 +136,54 @@ def _of_camera(camera: CameraClock) -> list[Notice]:
     off, unsure = abs(camera.off_ppm) * 1e-6, 4.0 * timing.rate_std_hz / timing.rate_hz
     notices: list[Notice] = []
     if camera.lost_share > MANY_LOST:
-        notices.append(_warning(
-            "dropped", camera,
-            f"camera {name} drops {100 * camera.lost_share:.1f} % of its frames ({timing.lost} in "
-            f"{timing.gaps} gaps): give it a USB controller of its own, a lower resolution, or a "
-            "compressed format",
-        ))
+        notices.append(
+            _warning(
+                "dropped",
+                camera,
+                f"camera {name} drops {100 * camera.lost_share:.1f} % of its frames ({timing.lost} in "
+                f"{timing.gaps} gaps): give it a USB controller of its own, a lower resolution, or a "
+                "compressed format",
+            )
+        )
     if timing.not_later:
-        notices.append(_warning(
-            "stamps_back", camera,
-            f"{timing.not_later} stamps of camera {name} are not later than the one before: its clock was "
-            "set back, or frames are stamped out of order; use a monotonic clock",
-        ))
+        notices.append(
+            _warning(
+                "stamps_back",
+                camera,
+                f"{timing.not_later} stamps of camera {name} are not later than the one before: its clock "
+                "was set back, or frames are stamped out of order; use a monotonic clock",
+            )
+        )
         return notices  # no single line holds
     if off > max(RATE_OFF, unsure):
-        notices.append(_warning(
-            "odd_rate", camera,
-            f"camera {name} gives {timing.rate_hz:.3f} frames a second, which is no usual rate (the "
-            f"nearest is {camera.nominal_hz:.5g}): its exposure may be longer than a frame, or the "
-            "link too slow",
-        ))
+        notices.append(
+            _warning(
+                "odd_rate",
+                camera,
+                f"camera {name} gives {timing.rate_hz:.3f} frames a second, which is no usual rate (the "
+                f"nearest is {camera.nominal_hz:.5g}): its exposure may be longer than a frame, or the "
+                "link too slow",
+            )
+        )
     if camera.beat_s > BEAT * camera.period_s:
-        notices.append(_warning(
-            "beats", camera,
-            f"frames of camera {name} wander by {1e3 * camera.beat_s:.0f} ms about an even clock: the "
-            "camera's rate beats with that at which it is read; wait for frames in place of polling, or "
-            "trigger it",
-        ))
+        notices.append(
+            _warning(
+                "beats",
+                camera,
+                f"frames of camera {name} wander by {1e3 * camera.beat_s:.0f} ms about an even clock: the "
+                "camera's rate beats with that at which it is read; wait for frames in place of polling, or "
+                "trigger it",
+            )
+        )
     return notices
 
 
 def _paced(cameras: Sequence[CameraClock]) -> list[Notice]:
     paced = [
-        c for c in cameras
+        c
+        for c in cameras
         if c.paced > PACED and not c.timing.not_later and c.timing.jitter_s > PACED_JITTER_S
-    ]  # fmt: skip
+    ]
     if not paced:
         return []
     names = ", ".join(camera.name for camera in paced)

@@ -1,4 +1,5 @@
 """The clocks stage: timecode readings of any number of devices to clock models."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -28,9 +29,14 @@ class ClocksStage(Stateful):
     """
 
     LAYOUT = StateLayout(
-        "clocks", ("_timeline", "_devices", "_silent", "_rate_off", "_named"),
+        "clocks",
+        ("_timeline", "_devices", "_silent", "_rate_off", "_named"),
         (
-            ClockModel, FrameRate, Point, Place, Samples,
+            ClockModel,
+            FrameRate,
+            Point,
+            Place,
+            Samples,
             Fields.named(Fraction, "_numerator _denominator", is_value=True),
             Fields.named(Timeline, "_shifts _places"),
             Fields.named(
@@ -47,7 +53,7 @@ class ClocksStage(Stateful):
         ),
         shared=("_config", "_by_samples"),
         same={"configuration": "_config"},
-    )  # fmt: skip
+    )
 
     def __init__(self, config: ClocksConfig, context: StageContext | None = None):
         self._config = config
@@ -96,9 +102,7 @@ class ClocksStage(Stateful):
 
     def flush(self) -> StepResult[ClockModel]:
         """The last model of every device that has readings newer than its last one."""
-        models = [
-            device.model() for device in self._devices.values() if device.newest_ns != device.given_ns
-        ]
+        models = [device.model() for device in self._devices.values() if device.newest_ns != device.given_ns]
         known = [model for model in models if model is not None]
         notices = tuple(notice for model in known for notice in self._check_rate(model))
         known += self._named.flush() if self._named is not None else []
@@ -125,12 +129,13 @@ class ClocksStage(Stateful):
         self._silent = silent
         return tuple(
             Notice(
-                "clocks.silent", "warning",
+                "clocks.silent",
+                "warning",
                 f"no timecode from {name} for {SILENT_NS // SECOND} s; its clock is held over",
                 {"device": name},
             )
             for name in fresh
-        )  # fmt: skip
+        )
 
 
 def _surely(model: ClockModel) -> float:

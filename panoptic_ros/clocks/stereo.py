@@ -6,6 +6,7 @@ flutter: a word of one timecode is held against the words of the other just befo
 the recorder's samples. That also tells rates: a word does not say whether 30 labels last a second or 1.001 s,
 and a tape that swings tells it late, but the number of words of one timecode per second of the other does.
 """
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
@@ -59,9 +60,15 @@ def align_timecodes(
     few = max(1.0, len(own) / len(masters))  # words are not independent where they have the same neighbours
     covariance = found.covariance * few
     return ClockModel(
-        device, reference, base - reference, found.slope, covariance,
-        SECOND * found.offset, own_times[0], own_times[-1],
-    )  # fmt: skip
+        device,
+        reference,
+        base - reference,
+        found.slope,
+        covariance,
+        SECOND * found.offset,
+        own_times[0],
+        own_times[-1],
+    )
 
 
 def _between(at: Array, started: Array) -> Array:

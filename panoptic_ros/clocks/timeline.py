@@ -1,4 +1,5 @@
 """Master time from timecode: it continues over midnight and where the timecode jumps."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -5,6 +5,7 @@ images were left out. Looked at at once, it holds up the images that follow, whi
 cameras are due again. So every image brings its share of a look, whatever was left out before it, and looks
 take from what is there; who waits longest comes first.
 """
+
 from __future__ import annotations
 
 import math

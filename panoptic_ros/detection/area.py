@@ -3,6 +3,7 @@
 OpenCV sums pixel by pixel; here rows are converted and added up as wholes, with the same numbers in the same
 order. Sizes that divide, for which OpenCV has a quicker way with integers, are left to it.
 """
+
 from __future__ import annotations
 
 import math

@@ -2,6 +2,7 @@
 
 Live only: what looks cost is measured, so the choice depends on the machine. All cameras get the same.
 """
+
 from __future__ import annotations
 
 import threading

@@ -4,6 +4,7 @@ Two networks of one family differ in their card only. Pixels of the network ("ne
 from the corner of the image (the first pixel's centre is 0.5, 0.5) or from the centre of its first
 pixel, as OpenCV does; `CoordsCard.origin` says which one the network means.
 """
+
 from __future__ import annotations
 
 import dataclasses
@@ -138,8 +139,10 @@ class ModelCard:
         _require(self.stride >= 1, "stride is below 1")
         _require(0.0 < self.split <= 16.0, "split is outside of 0..16")
         _require(1 <= self.max_people <= 1000, "max_people is outside of 1..1000")
-        _require(len(self.person_px) == 2 and 0 < self.person_px[0] < self.person_px[1],
-                 "person_px is [smallest, largest]")  # fmt: skip
+        _require(
+            len(self.person_px) == 2 and 0 < self.person_px[0] < self.person_px[1],
+            "person_px is [smallest, largest]",
+        )
         _require(0.0 <= self.person_threshold <= 1.0, "person_threshold is outside of 0..1")
         _require(0.0 <= self.joint_threshold <= 1.0, "joint_threshold is outside of 0..1")
         _require(0.0 < self.nms_iou <= 1.0, "nms_iou is outside of 0..1")
@@ -148,8 +151,10 @@ class ModelCard:
         _require(len(self.joint_bias) in (0, len(self.joints)), "joint_bias: one length for each joint")
         _require(all(0.0 <= bias <= 1.0 for bias in self.joint_bias), "joint_bias is outside of 0..1 m")
         on_crops = self.family in CROP_FAMILIES
-        _require(on_crops == (self.input.fit == "crop"),
-                 f"input.fit = {shown(self.input.fit)} does not go with family {self.family}")  # fmt: skip
+        _require(
+            on_crops == (self.input.fit == "crop"),
+            f"input.fit = {shown(self.input.fit)} does not go with family {self.family}",
+        )
         _require(bool(self.input.size) or not on_crops, "input.size: crops need one")
         _require(on_crops or not self.detector, f"detector: family {self.family} needs none")
         roles = set(expected_shapes(self))

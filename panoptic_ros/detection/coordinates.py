@@ -1,4 +1,5 @@
 """What a network's coordinates mean in pixels, and where the cells of its maps lie."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Networks that look at one person at a time: crops round the people that another network found."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -103,9 +104,11 @@ class CropNetwork:
         counted = scores >= self.config.joint_threshold
         score = float(scores[counted].mean()) * box_score if counted.any() else 0.0
         people = People(
-            points[None], scores[None], np.array([score]),
+            points[None],
+            scores[None],
+            np.array([score]),
             np.concatenate([points.min(axis=0), points.max(axis=0)])[None],
-        )  # fmt: skip
+        )
         return people.transformed(inverted(look.net_from_image))
 
     def _patches(self, image: Array, people: People, looks: list[Look]) -> PatchSet:
@@ -137,9 +140,7 @@ class CropNetwork:
             grid = look.outputs["heat"].shape[1:]
         return grid_from_net(self.card, (height, width), grid)
 
-    def _resampled(
-        self, look: Look, common: Array, size: tuple[int, int]
-    ) -> tuple[tuple[int, int], Array]:
+    def _resampled(self, look: Look, common: Array, size: tuple[int, int]) -> tuple[tuple[int, int], Array]:
         """The maps (K, rows, columns) of one crop on the common grid, and their first column and row."""
         height, width = self.card.input.size
         common_from_net = composed(common, inverted(look.net_from_image))
@@ -157,11 +158,13 @@ class CropNetwork:
         cells = composed(self._grid_from_net(look), composed(net_from_common, window))
         planes = [
             cv2.warpAffine(
-                plane, cells, (int(right - left), int(bottom - top)),
+                plane,
+                cells,
+                (int(right - left), int(bottom - top)),
                 flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             )
             for plane in look.outputs["heat"]
-        ]  # fmt: skip
+        ]
         return (left, top), np.stack(planes)
 
 

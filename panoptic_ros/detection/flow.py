@@ -4,6 +4,7 @@ Lucas and Kanade 1981, in pyramids (Bouguet 2001), forward and backward (Kalal e
 not come back to where it began is lost. Over 100 ms a carried joint is off by 0.8 % of the person's height;
 the network itself by 1.8 %.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

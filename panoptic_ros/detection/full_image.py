@@ -1,4 +1,5 @@
 """Networks that take the whole image: preprocessing, session, decoder, and back to its pixels."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
@@ -128,9 +129,13 @@ class FullImageNetwork:
         return {role: values[0] for role, values in outputs.items()}, net_from_image
 
     def _patches(
-        self, heat: Array, people: People, net_from_image: Array, image_shape: tuple[int, ...],
+        self,
+        heat: Array,
+        people: People,
+        net_from_image: Array,
+        image_shape: tuple[int, ...],
         net_size: tuple[int, ...],
-    ) -> PatchSet:  # fmt: skip
+    ) -> PatchSet:
         grid = grid_from_net(self.card, (net_size[0], net_size[1]), heat.shape[1:])
         grid_from_image = composed(grid, net_from_image)
         # Cells beyond the image's right and lower border show padding: they are not part of the grid.
@@ -154,9 +159,12 @@ def activated(card: ModelCard, outputs: Mapping[str, Array]) -> dict[str, Array]
 
 
 def decode_image(
-    card: ModelCard, outputs: Mapping[str, Array], net_size: tuple[int, int], threshold: float,
+    card: ModelCard,
+    outputs: Mapping[str, Array],
+    net_size: tuple[int, int],
+    threshold: float,
     variance: float | None = None,
-) -> People:  # fmt: skip
+) -> People:
     """The people of one image in the network's own coordinates; variance: see `decode_center_heads`."""
     iou, most = card.nms_iou, card.max_people
     if card.family == "center_heads":

@@ -5,6 +5,7 @@ does not find people above about 250 px at all: a larger input is worse then, no
 size follows the people of each camera, with hysteresis, and other sizes are tried on single
 frames while nobody is found, or while the maps show joints of people whom the list lacks.
 """
+
 from __future__ import annotations
 
 import math

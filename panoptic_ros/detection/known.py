@@ -1,4 +1,5 @@
 """Whom tracking follows, and where a camera should see them."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace

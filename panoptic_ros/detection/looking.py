@@ -5,6 +5,7 @@ being whole numbers. So the cameras of one trigger look in turn. Small whole ima
 newcomers; somebody whom nobody explains makes all cameras look at whole images.
 Live, an `Allowance` bounds how much is looked at with every instant.
 """
+
 from __future__ import annotations
 
 import threading
@@ -159,8 +160,14 @@ class Lookout:
         self.ignored = [entry for entry in self.ignored if entry.until_ns + entry.wait_ns > stamp_ns]
         heard = False
         for box in boxes:
-            before = next((entry for entry in self.ignored if entry.camera == camera and
-                           _overlap(entry.box, box) > SAME_PLACE), None)  # fmt: skip
+            before = next(
+                (
+                    entry
+                    for entry in self.ignored
+                    if entry.camera == camera and _overlap(entry.box, box) > SAME_PLACE
+                ),
+                None,
+            )
             if before is None:
                 self.ignored.append(Ignored(camera, np.array(box), stamp_ns + FIRST_WAIT_NS, FIRST_WAIT_NS))
                 heard = True

@@ -1,4 +1,5 @@
 """A network as it is handed to the stage: its card, its bytes and the one that finds people for it."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field

@@ -1,4 +1,5 @@
 """OpenCV on the thread that calls it: where processor time of one thread is told."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator

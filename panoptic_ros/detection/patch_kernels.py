@@ -1,4 +1,5 @@
 """The compiled loops of `score_maps`. They call nothing outside of this file."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -129,8 +130,14 @@ def claimed(levels, cells, seen, radius):
             if last_y < first_y:
                 continue
             rows[count] = (
-                joint, person, first_x, first_y, last_x - first_x + 1, last_y - first_y + 1, used,
-            )  # fmt: skip
+                joint,
+                person,
+                first_x,
+                first_y,
+                last_x - first_x + 1,
+                last_y - first_y + 1,
+                used,
+            )
             count += 1
             for y in range(first_y, last_y + 1):
                 for x in range(first_x, last_x + 1):

@@ -1,4 +1,5 @@
 """What a decoder gives: people in the pixels of the network's input, and score maps on its grid."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -46,9 +47,7 @@ class People:
 
 def no_people(joint_count: int) -> People:
     """Nobody."""
-    return People(
-        np.zeros((0, joint_count, 2)), np.zeros((0, joint_count)), np.zeros(0), np.zeros((0, 4))
-    )
+    return People(np.zeros((0, joint_count, 2)), np.zeros((0, joint_count)), np.zeros(0), np.zeros((0, 4)))
 
 
 def concatenate(parts: list[People], joint_count: int) -> People:

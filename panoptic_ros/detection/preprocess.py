@@ -2,6 +2,7 @@
 
 All maps are between pixels told from the centre of the first pixel, as in OpenCV.
 """
+
 from __future__ import annotations
 
 import math
@@ -69,9 +70,13 @@ def crop(image: Array, box: Array, card: InputCard, coords: CoordsCard) -> tuple
     affine = np.array([[scale[0], 0.0, shift[0]], [0.0, scale[1], shift[1]]])
     border = (card.pad,) * 3
     patch = cv2.warpAffine(
-        image, affine, (width, height), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT,
+        image,
+        affine,
+        (width, height),
+        flags=cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_CONSTANT,
         borderValue=border,
-    )  # fmt: skip
+    )
     return patch, affine
 
 
@@ -115,9 +120,13 @@ class Turn:
             turned = cv2.rotate(image, QUARTER_TURNS[int(quarters) % 4 - 1])
         else:
             turned = cv2.warpAffine(
-                image, self.upright_from_image, self.size, flags=sampling,
-                borderMode=cv2.BORDER_CONSTANT, borderValue=(pad,) * 3,
-            )  # fmt: skip
+                image,
+                self.upright_from_image,
+                self.size,
+                flags=sampling,
+                borderMode=cv2.BORDER_CONSTANT,
+                borderValue=(pad,) * 3,
+            )
         return turned
 
     def pixels(self, points: Array) -> Array:
@@ -161,6 +170,9 @@ def composed(outer: Array, inner: Array) -> Array:
     """The (2, 3) affine map that applies `inner`, then `outer`."""
     (a, b, x), (c, d, y) = outer.tolist()
     (e, f, u), (g, h, v) = inner.tolist()
-    return np.array([
-        [a * e + b * g, a * f + b * h, a * u + b * v + x], [c * e + d * g, c * f + d * h, c * u + d * v + y],
-    ])  # fmt: skip
+    return np.array(
+        [
+            [a * e + b * g, a * f + b * h, a * u + b * v + x],
+            [c * e + d * g, c * f + d * h, c * u + d * v + y],
+        ]
+    )

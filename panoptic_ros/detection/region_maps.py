@@ -1,4 +1,5 @@
 """The score maps of several regions of an image as patches on one grid."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -4,6 +4,7 @@ A network costs by the pixel. People fill a small part of an image, and where th
 instant before. Groups of their own scale cost half of whole images; people who overlap stay together, as a
 network that sees half of a second person in a cut finds a person too many.
 """
+
 from __future__ import annotations
 
 import math

@@ -1,4 +1,5 @@
 """How far 2D people are from each other, and from where people are expected, joint by joint."""
+
 from __future__ import annotations
 
 import numpy as np

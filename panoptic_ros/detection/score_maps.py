@@ -5,6 +5,7 @@ joint become that person's patch: within a gate that grows with the person's siz
 to the nearest joint. Blobs that belong to nobody are kept with person -1: the maps outlive the
 list of people, and voting can find there whom the network's person head missed.
 """
+
 from __future__ import annotations
 
 import math
@@ -140,9 +141,7 @@ def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> P
     """
     places = np.array(cells, np.float64).reshape(len(radius), len(levels), 2)
     return Patches(
-        *patches_of(
-            np.ascontiguousarray(levels), places, np.array(seen, bool), np.array(radius, np.float64)
-        )
+        *patches_of(np.ascontiguousarray(levels), places, np.array(seen, bool), np.array(radius, np.float64))
     )
 
 

@@ -1,4 +1,5 @@
 """The stage: images in, 2D people and score maps in the joints of the working skeleton out."""
+
 from __future__ import annotations
 
 from collections import deque
@@ -60,12 +61,24 @@ class DetectionStage(Stateful):
 
     LAYOUT = StateLayout(
         "detection",
-        ("_sides", "_outside", "_noticed", "_depths", "_said_up", "_watch.memories",
-         "_watch.known.tracks", "_watch.known.places", "_watch.known.doors", "_watch.known.begin_ns",
-         "_watch.lookout.cameras", "_watch.lookout.alarm_ns", "_watch.lookout.ignored"),
+        (
+            "_sides",
+            "_outside",
+            "_noticed",
+            "_depths",
+            "_said_up",
+            "_watch.memories",
+            "_watch.known.tracks",
+            "_watch.known.places",
+            "_watch.known.doors",
+            "_watch.known.begin_ns",
+            "_watch.lookout.cameras",
+            "_watch.lookout.alarm_ns",
+            "_watch.lookout.ignored",
+        ),
         (SideChooser, DepthFrame, Memory, People, TrackSet, CameraLooks, Ignored),
         same={"configuration": "config", "model": "model_name", "skeleton": "skeleton_hash"},
-    )  # fmt: skip
+    )
 
     def __init__(self, config: DetectionConfig, context: StageContext):
         model = context.extras.get("detector")
@@ -103,9 +116,15 @@ class DetectionStage(Stateful):
         self._watch: Watch | None = None  # None: all of every image is looked at
         if config.guided or config.rationed:
             self._watch = Watch(
-                self.config, self.network, context.rig, self._rolls.degrees, joint_map, self._whole,
-                lambda item: self._chooser(item).now, Allowance(len(context.rig)) if self._hurried else None,
-            )  # fmt: skip
+                self.config,
+                self.network,
+                context.rig,
+                self._rolls.degrees,
+                joint_map,
+                self._whole,
+                lambda item: self._chooser(item).now,
+                Allowance(len(context.rig)) if self._hurried else None,
+            )
         self._budget: tuple[Budget, Processor] | None = None
         if config.budget and isinstance(processor, Processor):
             begin = Pace(config.looks_per_s or FEW, config.region_height)

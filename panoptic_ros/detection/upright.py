@@ -3,6 +3,7 @@
 Networks find upright people. Images of rolled cameras are turned as they come (`preprocess.Turn`), and
 everything in detection is in px of the upright image. Records are in px of the camera.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

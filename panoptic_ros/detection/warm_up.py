@@ -1,4 +1,5 @@
 """Compiling what looks at images need, whatever the detector and the setting."""
+
 from __future__ import annotations
 
 from panoptic_ros.detection import area, region_maps, resemblance, score_maps

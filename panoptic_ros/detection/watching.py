@@ -1,4 +1,5 @@
 """What is done with each image where not all of every image is looked at: looks, regions, scans, carrying."""
+
 from __future__ import annotations
 
 import threading
@@ -44,9 +45,16 @@ class Watch:
     """
 
     def __init__(
-        self, config: DetectionConfig, network: object, rig: Rig, rolls: Mapping[str, float],
-        joint_map: JointMap, whole: Whole, side: Side, allowance: Allowance | None = None,
-    ):  # fmt: skip
+        self,
+        config: DetectionConfig,
+        network: object,
+        rig: Rig,
+        rolls: Mapping[str, float],
+        joint_map: JointMap,
+        whole: Whole,
+        side: Side,
+        allowance: Allowance | None = None,
+    ):
         self._regions = isinstance(network, FullImageNetwork) and network.any_size
         if config.regions == "on" and not self._regions:
             raise ConfigError(

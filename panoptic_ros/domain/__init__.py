@@ -4,6 +4,7 @@ Letters of array shapes: C cameras, J joints, P people, N proposals, M parts, H 
 Records check shapes and values when they are made and hold read-only copies (images: read-only
 views; association: the arrays as they are, made read-only). Missing joints are NaN with score 0.
 """
+
 from panoptic_ros.domain.appearance import ViewAppearance
 from panoptic_ros.domain.association import AssociationSet, Evidence, Groups, Prediction, TrackSet
 from panoptic_ros.domain.bias_table import BiasTable

@@ -1,4 +1,5 @@
 """What the people of an image wear."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,4 +1,5 @@
 """Which 2D people of several views are one person, and who is followed over time."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,4 +1,5 @@
 """Where a detector's joints lie beside those of a skeleton's definition, constant in the torso frame."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -16,8 +16,10 @@ Array = np.ndarray
 FASTEST, HARDEST = 1e3, 1e5  # rad/s and m/s^2 that no IMU measures
 UNIT = 0.05  # by which the length of a quaternion may differ from 1
 _MEASURED = (  # of a sample: how many numbers, and what none is beyond
-    ("orientation", "4", 1.0 + UNIT, ""), ("rate", "3", FASTEST, "rad/s"), ("force", "3", HARDEST, "m/s^2"),
-)  # fmt: skip
+    ("orientation", "4", 1.0 + UNIT, ""),
+    ("rate", "3", FASTEST, "rad/s"),
+    ("force", "3", HARDEST, "m/s^2"),
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,9 +63,10 @@ def is_sound(values: Sequence[float]) -> bool:
     though they do."""
     w, x, y, z, p, q, r, a, b, c = values
     return (  # false for NaN
-        abs(math.hypot(w, x, y, z) - 1.0) <= UNIT and math.hypot(p, q, r) <= FASTEST
+        abs(math.hypot(w, x, y, z) - 1.0) <= UNIT
+        and math.hypot(p, q, r) <= FASTEST
         and math.hypot(a, b, c) <= HARDEST
-    )  # fmt: skip
+    )
 
 
 def _check_whole(what: str, values: Array) -> None:
@@ -148,7 +151,12 @@ class BodyStateSet:
 
 
 _SHAPES = {
-    "offsets": "B S 3", "freedoms": "B D", "positions": "B S 3", "orientations": "B S 4",
-    "velocities": "B S 6", "covariances": "B S 6 6", "keypoints": "B J 3",
+    "offsets": "B S 3",
+    "freedoms": "B D",
+    "positions": "B S 3",
+    "orientations": "B S 4",
+    "velocities": "B S 6",
+    "covariances": "B S 6 6",
+    "keypoints": "B J 3",
     "keypoint_covariances": "B J 3 3",
-}  # fmt: skip
+}

@@ -1,4 +1,5 @@
 """One calibrated camera."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -112,9 +113,12 @@ class Camera:
             factors[6:POSE_AND_MATRIX] = scale * 2
             covariance = covariance * np.outer(factors, factors)
         return replace(
-            self, image_size=image_size, intrinsics=replace(self.intrinsics, matrix=matrix),
-            covariance=covariance, line_delay_us=self.line_delay_us / scale[1],
-        )  # fmt: skip
+            self,
+            image_size=image_size,
+            intrinsics=replace(self.intrinsics, matrix=matrix),
+            covariance=covariance,
+            line_delay_us=self.line_delay_us / scale[1],
+        )
 
     def project(self, points_world: Array) -> tuple[Array, Array]:
         """Pixels (..., 2) of world points (..., 3) m and whether they can be seen (...).

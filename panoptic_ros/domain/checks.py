@@ -1,4 +1,5 @@
 """Checks that records run on their content."""
+
 from __future__ import annotations
 
 from functools import cache
@@ -66,9 +67,12 @@ class Shapes:
 def _is_own(value: Any, dtype: Any) -> bool:
     """Whether an array is already what a record holds: nobody can write to it."""
     return (
-        type(value) is np.ndarray and value.dtype == dtype and value.base is None
-        and value.flags.c_contiguous and not value.flags.writeable
-    )  # fmt: skip
+        type(value) is np.ndarray
+        and value.dtype == dtype
+        and value.base is None
+        and value.flags.c_contiguous
+        and not value.flags.writeable
+    )
 
 
 @cache

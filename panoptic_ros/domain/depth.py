@@ -1,4 +1,5 @@
 """Depth maps as a stream of their own."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

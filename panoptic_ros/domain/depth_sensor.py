@@ -1,4 +1,5 @@
 """One depth sensor: a camera that measures distances."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,4 +1,5 @@
 """Who is designated among the people that cameras see."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -39,9 +40,10 @@ class SubjectSet:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
         number = len(self.ids)
         for name, nothing in (
-            ("places", np.full((number, 3), np.nan)), ("times", np.full(number, FIRST)),
+            ("places", np.full((number, 3), np.nan)),
+            ("times", np.full(number, FIRST)),
             ("tracks", np.full(number, -1)),
-        ):  # fmt: skip
+        ):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, nothing)
         shapes = Shapes(self)

@@ -1,4 +1,5 @@
 """Images and what detectors see in them."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,4 +1,5 @@
 """From a detector's joints to those of the working skeleton."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

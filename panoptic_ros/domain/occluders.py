@@ -1,4 +1,5 @@
 """Fixed things in the room that hide people from cameras: walls, tables, pillars."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable

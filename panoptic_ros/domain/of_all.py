@@ -1,4 +1,5 @@
 """The same done to every array of a record of named fields, which may hold such records; rows are people."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

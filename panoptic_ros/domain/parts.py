@@ -15,9 +15,11 @@ TORSO_WORDS = ("neck", "shoulder", "hip", "bodycenter")
 HEAD_WORDS = ("nose", "eye", "ear", "head")
 # Radius and length m of limbs between joints of these names.
 LIMBS = {
-    ("shoulder", "elbow"): (0.05, 0.29), ("elbow", "wrist"): (0.04, 0.26),
-    ("hip", "knee"): (0.075, 0.43), ("knee", "ankle"): (0.05, 0.42),
-}  # fmt: skip
+    ("shoulder", "elbow"): (0.05, 0.29),
+    ("elbow", "wrist"): (0.04, 0.26),
+    ("hip", "knee"): (0.075, 0.43),
+    ("knee", "ankle"): (0.05, 0.42),
+}
 TORSO_RADIUS, HEAD_RADIUS, HEAD_LENGTH = 0.12, 0.09, 0.2  # m
 
 

@@ -138,9 +138,12 @@ class PatchTrajectories:
         object.__setattr__(self, "cameras", tuple(str(name) for name in self.cameras))
         shapes = Shapes(self)
         for name, kind, letters in (
-            ("ids", np.int64, "N"), ("ages", np.int32, "N"), ("people", np.int64, "N"),
-            ("parts", np.int32, "N"), ("free", np.int64, "F 2"),
-        ):  # fmt: skip
+            ("ids", np.int64, "N"),
+            ("ages", np.int32, "N"),
+            ("people", np.int64, "N"),
+            ("parts", np.int32, "N"),
+            ("free", np.int64, "F 2"),
+        ):
             shapes.store(name, kind, letters)
         for name, letters in (("positions", "N 3"), ("normals", "N 3"), ("sigmas", "N"), ("visible", "N C")):
             values = shapes.store(name, np.float32, letters)

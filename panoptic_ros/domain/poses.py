@@ -1,4 +1,5 @@
 """Skeletons in 3D: without identity, tracked, refined."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -95,9 +96,10 @@ class PoseSet:
             self._check_sources(self.sources)
         if self.side_votes is not None:
             shapes.store("side_votes", np.float64, "P G")
-        if self.corrections is not None and not np.isfinite(
-            shapes.store("corrections", np.float64, "P J 3")
-        ).all():
+        if (
+            self.corrections is not None
+            and not np.isfinite(shapes.store("corrections", np.float64, "P J 3")).all()
+        ):
             raise DataError("PoseSet.corrections is not finite")
 
     def _check_missing(self, there: Array) -> None:

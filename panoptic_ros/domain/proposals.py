@@ -1,4 +1,5 @@
 """What voting gives: node proposals and part scores."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,4 +1,5 @@
 """The cameras of a capture."""
+
 from __future__ import annotations
 
 from collections import Counter
@@ -151,8 +152,9 @@ def lines_of(told: Iterable[tuple[str, str]]) -> tuple[str, ...]:
         names.setdefault(text, []).append(name)
     return tuple(
         f"{'camera' if len(own) == 1 else 'cameras'} {', '.join(own)}: {text}"
-        for text, own in names.items() if text
-    )  # fmt: skip
+        for text, own in names.items()
+        if text
+    )
 
 
 NO_CAMERAS = Rig(())

@@ -1,4 +1,5 @@
 """The cameras of a rig as arrays, as kernels take them."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -45,12 +46,15 @@ class RigArrays:
         """The arrays of a rig."""
         stack = rig.stack()
         return cls(
-            np.ascontiguousarray(stack.rotations), np.ascontiguousarray(stack.translations),
-            np.ascontiguousarray(stack.centres), stack.focals, camera_records(rig.cameras),
+            np.ascontiguousarray(stack.rotations),
+            np.ascontiguousarray(stack.translations),
+            np.ascontiguousarray(stack.centres),
+            stack.focals,
+            camera_records(rig.cameras),
             np.array([float(np.hypot(*camera.image_size)) for camera in rig.cameras]),
             {name: i for i, name in enumerate(rig.names)},
             rig.cameras,
-        )  # fmt: skip
+        )
 
 
 @lru_cache(maxsize=256)
@@ -69,10 +73,18 @@ def camera_records(cameras: tuple[Camera, ...]) -> Array:
         lens, pose = camera.intrinsics, camera.cam_from_world
         fisheye = lens.lens == "fisheye"
         numbers = (
-            *pose.rotation.ravel(), *pose.translation, *camera.centre, *lens.matrix.ravel()[[0, 1, 2, 4, 5]],
-            *_terms(lens), float(fisheye), float(not fisheye and len(lens.distortion) > 5),
-            lens.radius_limit**2, min(lens.radius_limit, FARTHEST), *camera.image_size, *_rectangle(camera),
-        )  # fmt: skip
+            *pose.rotation.ravel(),
+            *pose.translation,
+            *camera.centre,
+            *lens.matrix.ravel()[[0, 1, 2, 4, 5]],
+            *_terms(lens),
+            float(fisheye),
+            float(not fisheye and len(lens.distortion) > 5),
+            lens.radius_limit**2,
+            min(lens.radius_limit, FARTHEST),
+            *camera.image_size,
+            *_rectangle(camera),
+        )
         for name, number in zip(_NUMBERS, numbers):
             record[name] = number
     return records
@@ -88,9 +100,11 @@ def _rectangle(camera: Camera) -> tuple[float, float, float, float]:
     ]
     (first, second, third, fourth) = sides
     return (
-        float(first[:, 0].max()), float(second[:, 0].min()), float(third[:, 1].max()),
+        float(first[:, 0].max()),
+        float(second[:, 0].min()),
+        float(third[:, 1].max()),
         float(fourth[:, 1].min()),
-    )  # fmt: skip
+    )
 
 
 def _terms(lens: Intrinsics) -> tuple[float, ...]:

@@ -214,9 +214,17 @@ def read_model(document: Mapping[str, Any]) -> SegmentModel:
         for name, row in _mapping(document, "keypoints").items()
     }
     model = SegmentModel(
-        tuple(names), np.array(parents, np.int64), np.array(shares), np.array(lower), np.array(upper), points,
-        tuple(document.get("ground", ())), tuple(joints), tuple(orders), hinges,
-    )  # fmt: skip
+        tuple(names),
+        np.array(parents, np.int64),
+        np.array(shares),
+        np.array(lower),
+        np.array(upper),
+        points,
+        tuple(document.get("ground", ())),
+        tuple(joints),
+        tuple(orders),
+        hinges,
+    )
     for segment in (*(s for s, _ in points.values()), *model.ground):
         model.index(segment)
     for segment in hinges:

@@ -1,4 +1,5 @@
 """Which joints a skeleton has and how they hang together."""
+
 from __future__ import annotations
 
 import hashlib

@@ -1,4 +1,5 @@
 """A line that corrects the stamps of a camera."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping

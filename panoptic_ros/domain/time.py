@@ -1,4 +1,5 @@
 """Clocks, timecode and audio. Stamps are int nanoseconds of the clock that the record names."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -28,9 +29,12 @@ class FrameRate:
 
     def __post_init__(self) -> None:
         known = {
-            (24, Fraction(24000, 1001)), (24, Fraction(24)), (25, Fraction(25)),
-            (30, Fraction(30000, 1001)), (30, Fraction(30)),
-        }  # fmt: skip
+            (24, Fraction(24000, 1001)),
+            (24, Fraction(24)),
+            (25, Fraction(25)),
+            (30, Fraction(30000, 1001)),
+            (30, Fraction(30)),
+        }
         if (self.nominal, self.exact) not in known:
             raise ClockError(f"no timecode rate: {self.nominal} labels at {float(self.exact):g} Hz")
         if self.drop_frame and self.exact != Fraction(30000, 1001):
@@ -53,12 +57,12 @@ class Timecode:
 
     def __post_init__(self) -> None:
         inside = (
-            0 <= self.hours < 24 and 0 <= self.minutes < 60 and 0 <= self.seconds < 60
+            0 <= self.hours < 24
+            and 0 <= self.minutes < 60
+            and 0 <= self.seconds < 60
             and 0 <= self.frames < self.rate.nominal
-        )  # fmt: skip
-        dropped = (
-            self.rate.drop_frame and self.seconds == 0 and self.frames < 2 and self.minutes % 10 != 0
         )
+        dropped = self.rate.drop_frame and self.seconds == 0 and self.frames < 2 and self.minutes % 10 != 0
         if not inside or dropped:
             raise ClockError(f"no such timecode: {self} at {float(self.rate.exact):.5g} Hz")
 

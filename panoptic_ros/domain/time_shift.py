@@ -1,4 +1,5 @@
 """How joints depend on motion, where the views of an instant have stamps of their own."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

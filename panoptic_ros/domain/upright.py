@@ -1,4 +1,5 @@
 """Which way is up in images: how cameras are rolled about their optical axes."""
+
 from __future__ import annotations
 
 import math

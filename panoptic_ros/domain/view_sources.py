@@ -1,4 +1,5 @@
 """Which 2D people of which images the people of an instant were made of."""
+
 from __future__ import annotations
 
 from collections import deque

@@ -1,4 +1,5 @@
 """How far a view sees: which views see a place, V(Z) of Joo et al. 2017, 5.1, beyond fields of view."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -14,6 +14,7 @@ the head rules of VoxelPose and of 4D Association (`pcp`).
 Limits: a person is matched anew in each frame; long exchanges of two people at the same place
 show in the identity scores only. A result frame serves at most one truth frame.
 """
+
 from panoptic_ros.evaluation.limits import Limit, failures, parse_limit
 from panoptic_ros.evaluation.pairing import FramePair, pair_sequences
 from panoptic_ros.evaluation.pcp import PCP_RULES, PcpReport, evaluate_pcp

@@ -4,6 +4,7 @@
 
 Frames carry numbers and no stamps; somebody who is not listed may still be there.
 """
+
 from __future__ import annotations
 
 from typing import Any
@@ -21,9 +22,7 @@ def is_annotation(document: Any) -> bool:
     return isinstance(document, dict) and isinstance(document.get("frames"), dict)
 
 
-def parse_annotation(
-    document: Any, where: str, frame_period_ns: int = SHELF_PERIOD_NS
-) -> SkeletonSequence:
+def parse_annotation(document: Any, where: str, frame_period_ns: int = SHELF_PERIOD_NS) -> SkeletonSequence:
     """The annotated people; the stamp of a frame is its number times `frame_period_ns`.
 
     Raises:

@@ -4,6 +4,7 @@ Malleson et al. 2020, 3.3.2: the offset of a joint is the per-axis median over a
 of the estimated torso, scaled by its length, and the same on both sides. It is a property of the detector
 AND of what the reference calls a joint; so it is measured on some people and judged on others.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -102,9 +103,12 @@ class BiasPass:
         offsets = measure_offsets(kept, config.torso, mirror)
         told = part_of(progress, PAIRED, 1.0)
         return MeasuredBiases(
-            offsets, tuple(np.unique(people.ids).tolist()), tuple(np.unique(kept.ids).tolist()),
-            len(kept.ids), tuple(leave_one_out(people, config.torso, mirror, told)),
-        )  # fmt: skip
+            offsets,
+            tuple(np.unique(people.ids).tolist()),
+            tuple(np.unique(kept.ids).tolist()),
+            len(kept.ids),
+            tuple(leave_one_out(people, config.torso, mirror, told)),
+        )
 
 
 def matched_people(pairs: Sequence[FramePair]) -> MatchedPeople:

@@ -37,9 +37,13 @@ class BodyTally:
         for number, own in sorted(self.sources.items()):
             count = own.total()
             named = {source.name: own[source] for source in BodySource if own[source]}
-            subjects.append({
-                "id": number, "instants": count, "sources": named,
-                "views": round(self.views[number] / count, 2),
-                "devices": round(self.devices[number] / count, 2),
-            })  # fmt: skip
+            subjects.append(
+                {
+                    "id": number,
+                    "instants": count,
+                    "sources": named,
+                    "views": round(self.views[number] / count, 2),
+                    "devices": round(self.devices[number] / count, 2),
+                }
+            )
         return {"instants": self.instants, "subjects": subjects}

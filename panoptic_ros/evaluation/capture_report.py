@@ -3,6 +3,7 @@
 People and their joints, the reprojection error against the detector's 2D people, and how steady
 the lengths of bones are. Pure functions on the records of a run.
 """
+
 from __future__ import annotations
 
 import math
@@ -153,9 +154,7 @@ def reprojection_errors(
     return ReprojectionErrors(*(np.concatenate(column) for column in zip(*parts)))
 
 
-def bone_lengths(
-    skeleton: SkeletonModel, poses: Iterable[TrackedPoseSet], identity: int
-) -> Array:
+def bone_lengths(skeleton: SkeletonModel, poses: Iterable[TrackedPoseSet], identity: int) -> Array:
     """Lengths (F, B) m of a person's bones in the F frames where it is there, NaN where an end is missing."""
     parents, children = (list(side) for side in zip(*skeleton.bones))
     rows = [

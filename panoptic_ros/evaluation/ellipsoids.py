@@ -1,4 +1,5 @@
 """Whether errors of joints lie in the ellipsoids that their covariances state, by how many views see them."""
+
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
@@ -59,12 +60,14 @@ class EllipsoidTally:
         masks |= {name: (views >= least) & (views <= most) for name, least, most in SEEN_BY}
         return {
             name: {
-                "given": float(own.sum() / max(self.asked, 1)), "mean_mm": 1e3 * float(errors[own].mean()),
+                "given": float(own.sum() / max(self.asked, 1)),
+                "mean_mm": 1e3 * float(errors[own].mean()),
                 "p95_mm": 1e3 * float(np.quantile(errors[own], 0.95)),
                 "in_ellipsoid": float((squares[own] < ELLIPSOID_95).mean()),
             }
-            for name, own in masks.items() if own.any()
-        }  # fmt: skip
+            for name, own in masks.items()
+            if own.any()
+        }
 
 
 def _whole(found: Sequence[Array]) -> Array:

@@ -1,4 +1,5 @@
 """Usual filters of skeletons, to compare with."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -74,8 +75,9 @@ def _by_person(raw: Sequence[TrackedPoseSet]) -> dict[int, list[tuple[int, Array
 def _frames(raw: Sequence[TrackedPoseSet], found: Sequence[dict[int, Array]]) -> list[SkeletonFrame]:
     return [
         SkeletonFrame(
-            item.stamp_ns, np.array(list(own), np.int64),
+            item.stamp_ns,
+            np.array(list(own), np.int64),
             np.array(list(own.values())).reshape(-1, item.positions.shape[1], 3),
         )
         for item, own in zip(raw, found)
-    ]  # fmt: skip
+    ]

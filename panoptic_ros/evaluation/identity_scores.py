@@ -6,6 +6,7 @@ Fragment: a truth person is found again after frames in which it was not (frames
 be ignored do not count). MOTA = 1 - (missed + false + switches) / truth. IDF1 = 2 * found pairs under the
 best one-to-one map of identities / (truth + result).
 """
+
 from __future__ import annotations
 
 from collections import Counter

@@ -5,6 +5,7 @@ on both sides. A joint sits where two segments meet: its offset is taken in the 
 varies less in. It is a property of the detector AND of what the reference calls a joint; so it is measured on
 some people and judged on others.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

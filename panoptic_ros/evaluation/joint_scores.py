@@ -1,4 +1,5 @@
 """How far joints are off, and how many were found."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -56,9 +57,7 @@ def matched_distances(pairs: Sequence[FramePair], joints: int) -> Array:
     return np.concatenate([np.empty((0, joints)), *(pair.distances for pair in pairs)])
 
 
-def pck_curve(
-    pairs: Sequence[FramePair], joints: int, thresholds: Array, everybody: bool = False
-) -> Array:
+def pck_curve(pairs: Sequence[FramePair], joints: int, thresholds: Array, everybody: bool = False) -> Array:
     """PCK (N,) at thresholds (N,) m: of the joints of matched people, or of everybody's."""
     distances = matched_distances(pairs, joints)
     errors = np.sort(distances[~np.isnan(distances)])

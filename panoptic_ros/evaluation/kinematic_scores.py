@@ -18,9 +18,12 @@ STANDING_SPEED = 0.1  # m/s
 
 
 def score_bodies(
-    truth: Sequence[BodyState], found: Sequence[BodyState], parents: Array, skip_s: float,
+    truth: Sequence[BodyState],
+    found: Sequence[BodyState],
+    parents: Array,
+    skip_s: float,
     ground: Sequence[int] = (),
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Errors of one subject at the stamps that both have, after the first seconds, of the segments that the
     truth has (others are NaN there).
 
@@ -118,9 +121,11 @@ def _farthest(errors: Array, counted: Array) -> float:
 def _summary(name: str, values: Array) -> dict[str, float]:
     middle = float(np.median(values))
     return {
-        name: float(values.mean()), f"{name}_median": middle, f"{name}_std": float(values.std()),
+        name: float(values.mean()),
+        f"{name}_median": middle,
+        f"{name}_std": float(values.std()),
         f"{name}_mad": float(np.median(np.abs(values - middle))),
-    }  # fmt: skip
+    }
 
 
 def _degrees(rotations: Array) -> Array:

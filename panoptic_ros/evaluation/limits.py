@@ -1,4 +1,5 @@
 """Bars that a report has to reach, as written on a command line: `person_recall=0.98`."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

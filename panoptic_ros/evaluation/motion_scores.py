@@ -1,4 +1,5 @@
 """Smoothness of the motion and consistency of the reported covariances."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
@@ -107,6 +108,5 @@ def _cover(nees: Array) -> float:
 def _errors(pair: FramePair) -> dict[tuple[int, int], Array]:
     """Result minus truth (J, 3) m of every match, by its ids."""
     return {
-        ids: pair.result[column] - pair.truth[row]
-        for ids, (row, column) in zip(pair.match_ids, pair.matches)
+        ids: pair.result[column] - pair.truth[row] for ids, (row, column) in zip(pair.match_ids, pair.matches)
     }

@@ -1,4 +1,5 @@
 """How long it takes until somebody who comes is found."""
+
 from __future__ import annotations
 
 import math
@@ -32,6 +33,7 @@ def newcomers_scores(pairs: Sequence[FramePair]) -> dict[str, Any]:
     waits = newcomers_waits(pairs).values()
     found = [wait for wait in waits if math.isfinite(wait)]
     return {
-        "newcomers": len(waits), "newcomers_missed": len(waits) - len(found),
+        "newcomers": len(waits),
+        "newcomers_missed": len(waits) - len(found),
         "newcomers_wait_s": max(found, default=None),
-    }  # fmt: skip
+    }

@@ -1,4 +1,5 @@
 """The likely reason why few or no people were found in 3D although the views show people."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

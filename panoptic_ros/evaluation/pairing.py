@@ -6,6 +6,7 @@ person. People: Hungarian assignment on the mean distance over the joints that b
 least `MIN_COMMON`); pairs above `GATE` are dropped. Truth that is to be ignored does not count, nor do
 results that match it, or that match nobody and are within the gate of it.
 """
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -61,16 +62,12 @@ class FramePair:
         return [(int(self.truth_ids[t]), int(self.result_ids[r])) for t, r in self.matches]
 
 
-def pair_sequences(
-    truth: SkeletonSequence, result: SkeletonSequence, skip: int = 0
-) -> list[FramePair]:
+def pair_sequences(truth: SkeletonSequence, result: SkeletonSequence, skip: int = 0) -> list[FramePair]:
     """All truth frames but the first `skip`, each paired with its result; see `pairs_in_turn`."""
     return list(pairs_in_turn(truth, result, skip))
 
 
-def pairs_in_turn(
-    truth: SkeletonSequence, result: SkeletonSequence, skip: int = 0
-) -> Iterator[FramePair]:
+def pairs_in_turn(truth: SkeletonSequence, result: SkeletonSequence, skip: int = 0) -> Iterator[FramePair]:
     """All truth frames but the first `skip`, one after another, each paired with its result.
 
     The result needs joints of the truth's names; joints that it lacks are missing.
@@ -168,10 +165,17 @@ def _pair(motion: TruthMotion, truth: SkeletonFrame, result: SkeletonFrame | Non
     if result is None:
         nobody = SkeletonFrame(truth.stamp_ns, np.empty(0), np.empty((0, *truth.positions.shape[1:])))
         return FramePair(
-            truth.stamp_ns, None, truth.ids[counted], truth.positions[counted], nobody.ids,
-            nobody.positions, nobody.covariances, nobody.views, np.empty((0, 2), np.int64),
+            truth.stamp_ns,
+            None,
+            truth.ids[counted],
+            truth.positions[counted],
+            nobody.ids,
+            nobody.positions,
+            nobody.covariances,
+            nobody.views,
+            np.empty((0, 2), np.int64),
             np.empty((0, truth.positions.shape[1])),
-        )  # fmt: skip
+        )
     people = motion.moved(truth, result.stamp_ns)
     matches, distances = match_people(people, result.positions)
     scored = counted[matches[:, 0]]
@@ -180,10 +184,17 @@ def _pair(motion: TruthMotion, truth: SkeletonFrame, result: SkeletonFrame | Non
     kept[matches[:, 1]] = True
     matches = np.stack([_renumber(counted)[matches[:, 0]], _renumber(kept)[matches[:, 1]]], axis=-1)
     return FramePair(
-        result.stamp_ns, result.stamp_ns - truth.stamp_ns, truth.ids[counted], people[counted],
-        result.ids[kept], result.positions[kept], result.covariances[kept], result.views[kept], matches,
+        result.stamp_ns,
+        result.stamp_ns - truth.stamp_ns,
+        truth.ids[counted],
+        people[counted],
+        result.ids[kept],
+        result.positions[kept],
+        result.covariances[kept],
+        result.views[kept],
+        matches,
         distances,
-    )  # fmt: skip
+    )
 
 
 def _near(result: Array, people: Array) -> Array:

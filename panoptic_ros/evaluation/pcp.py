@@ -13,6 +13,7 @@ Published numbers are the mean over actors 1 to 3 of the frames 300 to 600. The 
 skeletons for granted; here a limb with a missing end is wrong, the distance is taken over the joints
 that are there, and one ear stands for both if the other is missing.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -37,14 +38,17 @@ from panoptic_ros.kernels.assignment import best_assignment
 Array = np.ndarray
 
 PARTS = (
-    ("right lower leg", "right_ankle", "right_knee"), ("right upper leg", "right_knee", "right_hip"),
-    ("left upper leg", "left_hip", "left_knee"), ("left lower leg", "left_knee", "left_ankle"),
+    ("right lower leg", "right_ankle", "right_knee"),
+    ("right upper leg", "right_knee", "right_hip"),
+    ("left upper leg", "left_hip", "left_knee"),
+    ("left lower leg", "left_knee", "left_ankle"),
     ("right lower arm", "right_wrist", "right_elbow"),
     ("right upper arm", "right_elbow", "right_shoulder"),
     ("left upper arm", "left_shoulder", "left_elbow"),
     ("left lower arm", "left_elbow", "left_wrist"),
-    ("head", "bottom_head", "top_head"), ("torso", "mid_hip", "bottom_head"),
-)  # fmt: skip
+    ("head", "bottom_head", "top_head"),
+    ("torso", "mid_hip", "bottom_head"),
+)
 JOINTS = (*ANNOTATION_JOINTS, "mid_hip")
 ENDS = np.array([[JOINTS.index(a), JOINTS.index(b)] for _, a, b in PARTS])  # (10, 2)
 FAR = 1e3  # m, cost of an estimate that shares no joint with an actor

@@ -3,6 +3,7 @@
 The annotation marks the bottom and the top of the head, which no common detector reports; how they are
 made from nose, ears and shoulders is part of a protocol and moves its numbers by points.
 """
+
 from __future__ import annotations
 
 import re
@@ -15,10 +16,21 @@ from panoptic_ros.errors import DataError
 Array = np.ndarray
 
 ANNOTATION_JOINTS = (
-    "right_ankle", "right_knee", "right_hip", "left_hip", "left_knee", "left_ankle",
-    "right_wrist", "right_elbow", "right_shoulder", "left_shoulder", "left_elbow", "left_wrist",
-    "bottom_head", "top_head",
-)  # fmt: skip
+    "right_ankle",
+    "right_knee",
+    "right_hip",
+    "left_hip",
+    "left_knee",
+    "left_ankle",
+    "right_wrist",
+    "right_elbow",
+    "right_shoulder",
+    "left_shoulder",
+    "left_elbow",
+    "left_wrist",
+    "bottom_head",
+    "top_head",
+)
 BODY_JOINTS = ANNOTATION_JOINTS[:12]
 UP = np.array([0.0, 0.0, 1.0])
 

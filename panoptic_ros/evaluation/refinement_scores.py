@@ -3,6 +3,7 @@
 A detector's joints lie elsewhere than the truth's by convention. That is a constant offset of each joint of a
 person in the frame of the torso, which no smoothing touches; here it is removed.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence

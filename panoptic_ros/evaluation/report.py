@@ -1,4 +1,5 @@
 """All scores of one result."""
+
 from __future__ import annotations
 
 import math
@@ -38,33 +39,37 @@ class Report:
     def to_mapping(self) -> dict[str, Any]:
         """The scores under their names in `--json`; what is not defined (NaN) is None."""
         joints, people, identities = self.joints, self.people, self.identities
-        scores: dict[str, Any] = _plain({
-            "frames": self.frames,
-            "paired_frames": self.paired_frames,
-            "stamp_offset_ms": {"mean": self.mean_offset_ms, "max_abs": self.largest_offset_ms},
-            "mpjpe_mm": joints.mpjpe_mm,
-            "median_mm": joints.median_mm,
-            "pck": {f"{threshold:.2f}": share for threshold, share in joints.pck},
-            "pck_of_everybody": {f"{threshold:.2f}": share for threshold, share in joints.pck_of_everybody},
-            "joint_recall": joints.recall,
-            "joint_precision": joints.precision,
-            "median_by_joint_mm": {joint.name: joint.median_mm for joint in joints.by_joint},
-            "mpjpe_by_joint_mm": {joint.name: joint.mean_mm for joint in joints.by_joint},
-            "recall_by_joint": {joint.name: joint.recall for joint in joints.by_joint},
-            "truth_persons": people.truth,
-            "result_persons": people.result,
-            "found_persons": people.found,
-            "person_recall": people.recall,
-            "person_precision": people.precision,
-            "unmatched_per_frame": people.unmatched_per_frame,
-            "id_switches": identities.switches,
-            "id_switches_over_gaps": identities.switches_over_gaps,
-            "fragments": identities.fragments,
-            "mota": identities.mota,
-            "idf1": identities.idf1,
-            "acceleration_error": self.acceleration_error,
-            "nees": None if self.consistency is None else asdict(self.consistency),
-        })  # fmt: skip
+        scores: dict[str, Any] = _plain(
+            {
+                "frames": self.frames,
+                "paired_frames": self.paired_frames,
+                "stamp_offset_ms": {"mean": self.mean_offset_ms, "max_abs": self.largest_offset_ms},
+                "mpjpe_mm": joints.mpjpe_mm,
+                "median_mm": joints.median_mm,
+                "pck": {f"{threshold:.2f}": share for threshold, share in joints.pck},
+                "pck_of_everybody": {
+                    f"{threshold:.2f}": share for threshold, share in joints.pck_of_everybody
+                },
+                "joint_recall": joints.recall,
+                "joint_precision": joints.precision,
+                "median_by_joint_mm": {joint.name: joint.median_mm for joint in joints.by_joint},
+                "mpjpe_by_joint_mm": {joint.name: joint.mean_mm for joint in joints.by_joint},
+                "recall_by_joint": {joint.name: joint.recall for joint in joints.by_joint},
+                "truth_persons": people.truth,
+                "result_persons": people.result,
+                "found_persons": people.found,
+                "person_recall": people.recall,
+                "person_precision": people.precision,
+                "unmatched_per_frame": people.unmatched_per_frame,
+                "id_switches": identities.switches,
+                "id_switches_over_gaps": identities.switches_over_gaps,
+                "fragments": identities.fragments,
+                "mota": identities.mota,
+                "idf1": identities.idf1,
+                "acceleration_error": self.acceleration_error,
+                "nees": None if self.consistency is None else asdict(self.consistency),
+            }
+        )
         return scores
 
 

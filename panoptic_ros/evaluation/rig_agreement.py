@@ -9,6 +9,7 @@ A wrong calibration moves the residuals of one person together, smoothly over th
 detector scatters them. So the scatter about a plane over the person's joints measures the noise, whatever the
 calibration is.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -34,6 +35,7 @@ LATEST_S = 0.05  # between two views of an instant, of which that is allowed for
 PLANE = 3  # coefficients of a plane over the image
 FEWEST_FOR_NOISE = 7  # joints, of which the plane takes three
 SIGMA = 1.4826  # standard deviations in a median absolute deviation, of the normal distribution
+
 
 @dataclass(frozen=True, eq=False)
 class Met:
@@ -155,9 +157,12 @@ def meet(
     late = np.array([1e-9 * abs(a.stamp_ns - b.stamp_ns) for a, b in views])[at[0]]
     walked = EXTENTS_PER_S * np.minimum(late, LATEST_S) * _extent(plane) * _focal(camera_a)
     return Met(
-        np.maximum(residual[at] - walked, 0.0), _median(distance, known, enough)[at], points,
-        np.where(seen, signed, np.nan), plane,
-    )  # fmt: skip
+        np.maximum(residual[at] - walked, 0.0),
+        _median(distance, known, enough)[at],
+        points,
+        np.where(seen, signed, np.nan),
+        plane,
+    )
 
 
 def _scale(camera_a: Camera, camera_b: Camera, depth_a: Array, depth_b: Array) -> Array:

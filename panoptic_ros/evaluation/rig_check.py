@@ -11,6 +11,7 @@ times that noise do not agree, so the bounds scale with the noise that the data 
 Limits: a rig that is wrong by less passes (see the residuals of the report); so does one that
 agrees with itself for another reason, e.g. cameras moved one place on in a symmetric ring.
 """
+
 from __future__ import annotations
 
 from collections import Counter

@@ -3,6 +3,7 @@
 `suspects` lists for a rig what may have been mixed up; applying a suspect to rig and views gives
 those that would be right if the suspicion holds. Whether it does, the meeting rays tell (`rig_check`).
 """
+
 from __future__ import annotations
 
 import itertools
@@ -39,17 +40,17 @@ class Suspect:
     undo: Callable[[Rig, Instants], tuple[Rig, Instants]]
 
 
-def suspects(
-    rig: Rig, bad: tuple[str, ...], mirror: tuple[int, ...]
-) -> Iterator[list[Suspect]]:
+def suspects(rig: Rig, bad: tuple[str, ...], mirror: tuple[int, ...]) -> Iterator[list[Suspect]]:
     """What may be wrong, given the cameras that do not agree with the others; the simplest first.
 
     Args:
         mirror: `SkeletonModel.mirror`.
     """
     names = rig.names
-    everywhere = [Suspect(code, names, f"all cameras {what.format(s='')}", _change(names, undo))
-                  for code, what, undo in _POSES]  # fmt: skip
+    everywhere = [
+        Suspect(code, names, f"all cameras {what.format(s='')}", _change(names, undo))
+        for code, what, undo in _POSES
+    ]
     for scale in SCALES:
         text = f"the intrinsics of all cameras look like those of images {_size(scale)}"
         everywhere.append(Suspect("rig.image_size", names, text, _change(names, _scaled(scale))))
@@ -253,8 +254,10 @@ def _fields_of(field: str) -> Callable[[Order], Undo]:
         def apply(rig: Rig, instants: Instants) -> tuple[Rig, Instants]:
             cameras = tuple(
                 replace(item, covariance=None, **{field: getattr(rig.camera(source[item.name]), field)})
-                if item.name in source else item for item in rig.cameras
-            )  # fmt: skip
+                if item.name in source
+                else item
+                for item in rig.cameras
+            )
             return replace(rig, cameras=cameras), instants
 
         return apply
@@ -291,11 +294,14 @@ class _Kind:
 _KINDS = (  # where two explain the same, the first is told
     _Kind("cameras {a} and {b} look exchanged", "cameras look mixed up", _views_of),
     _Kind(
-        "the intrinsics of cameras {a} and {b} look exchanged", "the intrinsics of cameras look mixed up",
-        _fields_of("intrinsics"), _differ_within_a_size,
+        "the intrinsics of cameras {a} and {b} look exchanged",
+        "the intrinsics of cameras look mixed up",
+        _fields_of("intrinsics"),
+        _differ_within_a_size,
     ),
     _Kind(
-        "the poses of cameras {a} and {b} look exchanged", "the poses of cameras look mixed up",
+        "the poses of cameras {a} and {b} look exchanged",
+        "the poses of cameras look mixed up",
         _fields_of("cam_from_world"),
     ),
-)  # fmt: skip
+)

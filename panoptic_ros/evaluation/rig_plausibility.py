@@ -1,4 +1,5 @@
 """What can be told from the numbers of a rig, the sizes of the images and the size of people."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -83,8 +84,11 @@ def _reordered(rig: Rig) -> list[Notice]:
     In the other order they must shift points less, else that order is no better explanation.
     """
     shares = [(_tangential_share(camera), camera) for camera in rig.cameras]
-    odd = [camera for share, camera in shares
-           if share > MOST_TANGENTIAL and _tangential_share(in_our_order(camera)) < share]  # fmt: skip
+    odd = [
+        camera
+        for share, camera in shares
+        if share > MOST_TANGENTIAL and _tangential_share(in_our_order(camera)) < share
+    ]
     if not odd:
         return []
     names, (p1, p2) = [camera.name for camera in odd], odd[0].intrinsics.distortion[2:4]

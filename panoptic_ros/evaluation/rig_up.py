@@ -1,4 +1,5 @@
 """The up direction of a rig's world, from the posture of people or, without people, from its cameras."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

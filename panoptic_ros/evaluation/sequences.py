@@ -1,4 +1,5 @@
 """What is compared: skeletons with identities over time."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -4,6 +4,7 @@ Limbs do not change their lengths. Motion below 6 Hz is taken for real (Winter 2
 power of gait below it); the rest of what is typical of accelerations is noise, in squares, as the two are not
 correlated. Slow motion is that of the steadiest way that there is, the same for all ways.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -64,8 +65,9 @@ def steadiness(stamps_ns: Array, positions: Array, slow: Array, limbs: Array) ->
     told = np.isfinite(lengths).sum(axis=0) >= FEWEST
     spreads = np.nanstd(lengths[:, told], axis=0)
     return Steadiness(
-        int(np.isfinite(positions[..., 0]).any(axis=1).sum()), acceleration,
+        int(np.isfinite(positions[..., 0]).any(axis=1).sum()),
+        acceleration,
         float(np.sqrt(np.maximum(0.0, acceleration**2 - real**2))),
         float(np.median(spreads)) if spreads.size else float("nan"),
         float(spreads.max()) if spreads.size else float("nan"),
-    )  # fmt: skip
+    )

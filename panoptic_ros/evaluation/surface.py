@@ -1,4 +1,5 @@
 """Which patches lie on the person and part that they are put on, by points of the surface that are known."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -37,9 +38,11 @@ def part_word(part: Part, joint_names: Sequence[str]) -> str:
 
 
 def association_scores(
-    patches: Sequence[PatchTrajectories], pairs: Sequence[FramePair], truth: SurfaceTruth,
+    patches: Sequence[PatchTrajectories],
+    pairs: Sequence[FramePair],
+    truth: SurfaceTruth,
     skeleton: SkeletonModel,
-) -> dict[str, float]:  # fmt: skip
+) -> dict[str, float]:
     """Shares of patches on people of the truth, at instants of the truth.
 
     on_part: on the right person and part (the precision of association, Joo et al. 2017, 6.2), of those whose

@@ -1,4 +1,5 @@
 """Reports as text."""
+
 from __future__ import annotations
 
 import math
@@ -20,15 +21,18 @@ def report_table(report: Report, joints: bool = True) -> str:
         ("PCK of everybody", _pck(scores.pck_of_everybody)),
         ("joint recall", _number(scores.recall)),
         ("joint precision", _number(scores.precision)),
-        ("people", f"{people.found} found of {people.truth} true and {people.result} reported; "
-         f"{_number(people.unmatched_per_frame, 2)} per frame are nobody's"),
+        (
+            "people",
+            f"{people.found} found of {people.truth} true and {people.result} reported; "
+            f"{_number(people.unmatched_per_frame, 2)} per frame are nobody's",
+        ),
         ("person recall", _number(people.recall)),
         ("person precision", _number(people.precision)),
         ("id switches", f"{identities.switches}{_over_gaps(identities)}, fragments {identities.fragments}"),
         ("MOTA", f"{_number(identities.mota)}, IDF1 {_number(identities.idf1)}"),
         ("acceleration error", f"{_number(report.acceleration_error, 1)} m/s^2"),
         ("NEES", _consistency(report)),
-    ]  # fmt: skip
+    ]
     if report.consistency is not None:
         rows += [(f"  {some.kind}", _consistency_of(some)) for some in report.consistency.by_views]
     lines = [f"{name:<20}{text}" for name, text in rows]
@@ -74,9 +78,7 @@ def _consistency(report: Report) -> str:
 
 
 def _consistency_of(nees: Consistency | ConsistencyOfSome) -> str:
-    return (
-        f"{nees.mean_per_dof:.2f}, {nees.cover95:.3f} within the 95 % ellipsoid, {nees.joints} joints"
-    )
+    return f"{nees.mean_per_dof:.2f}, {nees.cover95:.3f} within the 95 % ellipsoid, {nees.joints} joints"
 
 
 def _number(value: float, digits: int = 3) -> str:

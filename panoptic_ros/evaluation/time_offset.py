@@ -1,4 +1,5 @@
 """A constant error of the result's clock, from the motion itself."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

@@ -3,6 +3,7 @@
 Pure: decoders are functions, signals carry their truth. So one table can hold several decoders, also ones
 from outside.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
@@ -125,9 +126,7 @@ def _rms(values: list[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if values else float("nan")
 
 
-def _score(
-    signal: TimedSignal, decoded: Iterable[DecodedWord]
-) -> tuple[list[tuple[float, float]], int, int]:
+def _score(signal: TimedSignal, decoded: Iterable[DecodedWord]) -> tuple[list[tuple[float, float]], int, int]:
     """Errors and deviations in samples of the right words; how many were wrong, how many came twice."""
     starts = np.asarray(signal.starts)
     lengths = np.diff(np.sort(starts))

@@ -17,10 +17,15 @@ FORMAT = "panoptic-bodies-stream-1"
 
 def hello_text(model: SegmentModel, frame_id: str) -> str:
     """What a client is told first: names and parents of segments, names of joint angles, the world."""
-    return _text({
-        "format": FORMAT, "frame_id": frame_id, "segments": list(model.names),
-        "parents": model.parents.tolist(), "joint_names": list(model.joint_names),
-    })  # fmt: skip
+    return _text(
+        {
+            "format": FORMAT,
+            "frame_id": frame_id,
+            "segments": list(model.names),
+            "parents": model.parents.tolist(),
+            "joint_names": list(model.joint_names),
+        }
+    )
 
 
 def instant_text(item: BodyStateSet, model: SegmentModel) -> str:
@@ -36,13 +41,17 @@ def instant_text(item: BodyStateSet, model: SegmentModel) -> str:
         frames = from_quaternions(item.orientations[k])
         turns = frames[model.parents].swapaxes(-1, -2) @ frames
         turns[0] = frames[0]
-        subjects.append({
-            "id": number, "source": BodySource(int(item.sources[k])).name,
-            "root": _rounded(item.positions[k, 0]),
-            "rotations": _rounded(to_quaternions(turns)[:, [1, 2, 3, 0]], 6),
-            "offsets": _rounded(item.offsets[k]), "positions": _rounded(item.positions[k]),
-            "joint_angles": _rounded(model.joint_angles(frames)),
-        })  # fmt: skip
+        subjects.append(
+            {
+                "id": number,
+                "source": BodySource(int(item.sources[k])).name,
+                "root": _rounded(item.positions[k, 0]),
+                "rotations": _rounded(to_quaternions(turns)[:, [1, 2, 3, 0]], 6),
+                "offsets": _rounded(item.offsets[k]),
+                "positions": _rounded(item.positions[k]),
+                "joint_angles": _rounded(model.joint_angles(frames)),
+            }
+        )
     return _text({"index": item.index, "stamp": {"sec": seconds, "nanosec": rest}, "subjects": subjects})
 
 

@@ -100,9 +100,14 @@ class BodySocket:
     async def _serve(self, started: Future[int]) -> None:
         try:
             server = await serve(
-                self._talk, self._host, self._port, compression=None, max_size=MOST_ASKED, server_header=None,
+                self._talk,
+                self._host,
+                self._port,
+                compression=None,
+                max_size=MOST_ASKED,
+                server_header=None,
                 origins=[None, OWN_PAGES],
-            )  # fmt: skip
+            )
         except OSError as error:
             started.set_exception(error)
             return

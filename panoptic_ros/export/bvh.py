@@ -60,9 +60,11 @@ def _joint(model: SegmentModel, offsets: Array, segment: int, depth: int) -> lis
     offset = np.zeros(3) if root else offsets[segment]
     channels = f"6 Xposition Yposition Zposition {CHANNELS}" if root else f"3 {CHANNELS}"
     lines = [
-        f"{pad}{'ROOT' if root else 'JOINT'} {model.names[segment]}", f"{pad}{{",
-        f"{pad}  OFFSET {_numbers(offset)}", f"{pad}  CHANNELS {channels}",
-    ]  # fmt: skip
+        f"{pad}{'ROOT' if root else 'JOINT'} {model.names[segment]}",
+        f"{pad}{{",
+        f"{pad}  OFFSET {_numbers(offset)}",
+        f"{pad}  CHANNELS {channels}",
+    ]
     below = _children(model, segment)
     for child in below:
         lines += _joint(model, offsets, child, depth + 1)

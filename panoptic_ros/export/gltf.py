@@ -16,7 +16,7 @@ from panoptic_ros.geometry.capsules import capsule_mesh
 from panoptic_ros.geometry.rotations import to_quaternions
 
 Array = np.ndarray
-Z_UP = [-0.5**0.5, 0.0, 0.0, 0.5**0.5]  # x y z w: z up, as here, to y up, as in glTF
+Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # x y z w: z up, as here, to y up, as in glTF
 FLOAT, SHORT = 5126, 5123  # component types
 ARRAY, ELEMENTS = 34962, 34963  # targets of buffer views
 MAGIC, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
@@ -38,9 +38,11 @@ class _Buffer:
         self.views.append(view if target is None else {**view, "target": target})
         self.data += np.ascontiguousarray(values).astype(values.dtype.newbyteorder("<")).tobytes()
         accessor: dict[str, Any] = {
-            "bufferView": len(self.views) - 1, "componentType": SHORT if short else FLOAT,
-            "count": len(values), "type": kind,
-        }  # fmt: skip
+            "bufferView": len(self.views) - 1,
+            "componentType": SHORT if short else FLOAT,
+            "count": len(values),
+            "type": kind,
+        }
         if bounds:
             rows = values.reshape(len(values), -1)
             accessor |= {"min": rows.min(0).tolist(), "max": rows.max(0).tolist()}
@@ -49,9 +51,10 @@ class _Buffer:
 
 
 def glb_bytes(
-    shape: BodyShape, people: Mapping[int, Sequence[BodyState]],
+    shape: BodyShape,
+    people: Mapping[int, Sequence[BodyState]],
     colours: Mapping[int, tuple[float, float, float]],
-) -> bytes:  # fmt: skip
+) -> bytes:
     """The file: metres, y up (x forward as in the world), the animation "motion" from 0 s on.
 
     Args:
@@ -83,19 +86,29 @@ def glb_bytes(
             channels.append({"sampler": len(samplers) - 1, "target": {"node": node, "path": path}})
     buffer.data.extend(b"\0" * (-len(buffer.data) % 4))
     document = {
-        "asset": {"version": "2.0", "generator": "panoptic_ros"}, "scene": 0, "scenes": [{"nodes": [0]}],
-        "nodes": nodes, "meshes": meshes, "materials": materials,
+        "asset": {"version": "2.0", "generator": "panoptic_ros"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": nodes,
+        "meshes": meshes,
+        "materials": materials,
         "animations": [{"name": "motion", "channels": channels, "samplers": samplers}],
-        "buffers": [{"byteLength": len(buffer.data)}], "bufferViews": buffer.views,
+        "buffers": [{"byteLength": len(buffer.data)}],
+        "bufferViews": buffer.views,
         "accessors": buffer.accessors,
-    }  # fmt: skip
+    }
     return _packed(document, bytes(buffer.data))
 
 
 def _segments(
-    shape: BodyShape, motion: Motion, buffer: _Buffer, meshes: list[dict[str, Any]], material: int,
-    number: int, root: int,
-) -> list[dict[str, Any]]:  # fmt: skip
+    shape: BodyShape,
+    motion: Motion,
+    buffer: _Buffer,
+    meshes: list[dict[str, Any]],
+    material: int,
+    number: int,
+    root: int,
+) -> list[dict[str, Any]]:
     """Nodes of all segments of a person, in the posture of the first instant."""
     model = shape.model
     found = []
@@ -117,8 +130,9 @@ def _segments(
                 "POSITION": buffer.add(vertices.astype(np.float32), "VEC3", ARRAY, bounds=True),
                 "NORMAL": buffer.add(normals.astype(np.float32), "VEC3", ARRAY),
             },
-            "indices": buffer.add(corners.astype(np.uint16), "SCALAR", ELEMENTS), "material": material,
-        }  # fmt: skip
+            "indices": buffer.add(corners.astype(np.uint16), "SCALAR", ELEMENTS),
+            "material": material,
+        }
         found[segment]["mesh"] = len(meshes)
         meshes.append({"name": found[segment]["name"], "primitives": [primitive]})
     return found

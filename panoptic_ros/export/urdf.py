@@ -26,9 +26,10 @@ def urdf_text(shape: BodyShape, offsets: Array, body: str, colour: tuple[float, 
         own.setdefault(capsule.segment, []).append(capsule)
     colours = " ".join(f"{value:.3f}" for value in colour)
     lines = [
-        '<?xml version="1.0"?>', f'<robot name="human_{body}">',
+        '<?xml version="1.0"?>',
+        f'<robot name="human_{body}">',
         f'  <material name="skin"><color rgba="{colours} 1"/></material>',
-    ]  # fmt: skip
+    ]
     for s, link in enumerate(links):
         lines += _link(link, own.get(s, []))
         if s == 0:
@@ -40,11 +41,14 @@ def urdf_text(shape: BodyShape, offsets: Array, body: str, colour: tuple[float, 
             lines += [] if k == 2 else [f'  <link name="{below}"/>']
             lines += [
                 f'  <joint name="{joint}" type="revolute">',
-                f'    <parent link="{above}"/>', f'    <child link="{below}"/>',
-                f'    <origin xyz="{_numbers(place)}" rpy="0 0 0"/>', f'    <axis xyz="{AXES[axis]}"/>',
+                f'    <parent link="{above}"/>',
+                f'    <child link="{below}"/>',
+                f'    <origin xyz="{_numbers(place)}" rpy="0 0 0"/>',
+                f'    <axis xyz="{AXES[axis]}"/>',
                 f'    <limit lower="{-np.pi:.6f}" upper="{np.pi:.6f}" effort="{STRONG:g}" '
-                f'velocity="{QUICK:g}"/>', "  </joint>",
-            ]  # fmt: skip
+                f'velocity="{QUICK:g}"/>',
+                "  </joint>",
+            ]
             above, place = below, np.zeros(3)
     return "\n".join([*lines, "</robot>"]) + "\n"
 

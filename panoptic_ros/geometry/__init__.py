@@ -3,6 +3,7 @@
 Nothing here knows about people or camera names. Arrays are float64; metres, pixels, radians.
 Pixel (0, 0) is the centre of the top-left pixel, camera axes are x right, y down, z forward.
 """
+
 from panoptic_ros.geometry.pinhole import Intrinsics, Lens
 from panoptic_ros.geometry.rigid import Rigid
 from panoptic_ros.geometry.triangulation import (

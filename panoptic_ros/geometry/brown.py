@@ -4,6 +4,7 @@ The order is OpenCV's. k1 k2 k3 are radial, p1 p2 tangential. k4 k5 k6 divide th
 model), s1 to s4 are of a thin prism, tau_x tau_y rad tilt the sensor. Points are on the plane at distance 1
 of the camera.
 """
+
 from __future__ import annotations
 
 import numpy as np
@@ -58,8 +59,7 @@ def jacobian(terms: Array, plane: Array) -> Array:
     matrix = tilt(terms)
     h = _bend(terms, plane) @ matrix[:, :2].T + matrix[:, 2]
     tilted: Array = (
-        matrix[:2, :2] / h[..., 2, None, None]
-        - h[..., :2, None] * matrix[2, :2] / h[..., 2, None, None] ** 2
+        matrix[:2, :2] / h[..., 2, None, None] - h[..., :2, None] * matrix[2, :2] / h[..., 2, None, None] ** 2
     )
     full: Array = tilted @ derivative
     return full

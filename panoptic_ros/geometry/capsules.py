@@ -9,9 +9,13 @@ SIDES, RINGS = 12, 4  # of a surface: about its axis, and of each half ball
 
 
 def capsule_mesh(
-    begin: Array, end: Array, radii: tuple[float, float], wide: float = 1.0, sides: int = SIDES,
+    begin: Array,
+    end: Array,
+    radii: tuple[float, float],
+    wide: float = 1.0,
+    sides: int = SIDES,
     rings: int = RINGS,
-) -> tuple[Array, Array, Array]:  # fmt: skip
+) -> tuple[Array, Array, Array]:
     """Two half balls and what is between them.
 
     Args:

@@ -5,6 +5,7 @@ a ray and the camera's axis. Points are on the plane at distance 1 of the camera
 beyond cannot be represented: nothing there is seen, and pixels there have no ray. `terms` are the four
 numbers.
 """
+
 from __future__ import annotations
 
 import numpy as np

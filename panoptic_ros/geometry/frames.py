@@ -1,4 +1,5 @@
 """Frames that hang together in a tree, as TF tells them."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping

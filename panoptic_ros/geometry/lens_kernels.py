@@ -4,6 +4,7 @@ Where the terms are 0 but the radial ones, a Brown lens bends a point (x, y) to 
 fisheye: `fisheye_factor` is this f, and `fisheye_slope` is 2 df / d r^2, so that Jacobians have one form.
 Lenses with more than five terms have functions of their own, so that the others cost no more.
 """
+
 from __future__ import annotations
 
 import math

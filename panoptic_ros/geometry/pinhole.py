@@ -1,4 +1,5 @@
 """Intrinsics of a camera: focal lengths, principal point, and one of two lens models, as in OpenCV."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field

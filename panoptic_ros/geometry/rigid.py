@@ -1,4 +1,5 @@
 """Rigid transforms, named `b_from_a`: x_b = rotation @ x_a + translation."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

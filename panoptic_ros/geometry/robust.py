@@ -1,4 +1,5 @@
 """What large residuals count, wherever something is estimated: the likelihood of a Cauchy distribution."""
+
 from __future__ import annotations
 
 from functools import cache

@@ -1,4 +1,5 @@
 """Symmetric matrices: 3x3 ones, and large ones with few entries; compiled."""
+
 from __future__ import annotations
 
 import numpy as np

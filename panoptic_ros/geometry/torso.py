@@ -1,4 +1,5 @@
 """The frame of a torso: forward, left, up, from shoulders and hips."""
+
 from __future__ import annotations
 
 import numpy as np

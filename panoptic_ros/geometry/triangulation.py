@@ -4,6 +4,7 @@ Both work on undistorted normalised image points, so a view is just its `cam_fro
 given in pixels and divided by the focal length. Minimises the objective of Joo et al. 2017, section 5.3
 (reprojection refinement), with a Cauchy weight in place of the plain norm.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -69,7 +70,7 @@ def triangulate_linear(stack: ProjectionStack, plane: Array, weights: Array) -> 
     used = (weights > 0.0) & np.isfinite(plane).all(-1)
     w = np.where(used, weights, 0.0)[..., None]
     safe = np.where(used[..., None], plane, 0.0)
-    rows = w[..., None] * (safe[..., None] * stack.rotations[:, 2] [:, None, :] - stack.rotations[:, :2])
+    rows = w[..., None] * (safe[..., None] * stack.rotations[:, 2][:, None, :] - stack.rotations[:, :2])
     values = w * (stack.translations[:, :2] - safe * stack.translations[:, 2:])
     a = rows.reshape(len(plane), 2 * plane.shape[1], 3)
     b = values.reshape(len(plane), 2 * plane.shape[1], 1)

@@ -1,4 +1,5 @@
 """Live: times by which images of several cameras are put together, whatever their clocks say."""
+
 from __future__ import annotations
 
 import threading

@@ -1,4 +1,5 @@
 """What comes on one topic: its rate, how old the newest message is, and what was lost before it came."""
+
 from __future__ import annotations
 
 from collections import deque
@@ -104,12 +105,18 @@ class Arrivals:
         p50, p99 = _percentiles_ms(self._latencies)
         age = "nan" if self._newest_ns is None else f"{self.age_ns(now_ns) / SECOND:.2f}"
         return {
-            "topic": self.name, "taken": str(self.taken), "rate_hz": f"{self.rate_hz(now_ns):.2f}",
-            "age_s": age, "period_ms": f"{self.period_ns() * 1e-6:.1f}",
-            "latency_p50_ms": p50, "latency_p99_ms": p99, "lost": str(self.lost),
-            "left_out": str(self.left_out), "bad": str(self.bad),
+            "topic": self.name,
+            "taken": str(self.taken),
+            "rate_hz": f"{self.rate_hz(now_ns):.2f}",
+            "age_s": age,
+            "period_ms": f"{self.period_ns() * 1e-6:.1f}",
+            "latency_p50_ms": p50,
+            "latency_p99_ms": p99,
+            "lost": str(self.lost),
+            "left_out": str(self.left_out),
+            "bad": str(self.bad),
             **({"cpu_s": f"{1e-9 * self.cpu_ns:.3f}"} if self.cpu_ns else {}),
-        }  # fmt: skip
+        }
 
     def trouble(self, now_ns: int) -> str:
         """What is wrong, in words; "" if nothing is."""

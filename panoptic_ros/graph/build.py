@@ -1,4 +1,5 @@
 """Making stages from the table: classes by name, configurations from plain values."""
+
 from __future__ import annotations
 
 import importlib
@@ -16,9 +17,7 @@ SHARED = {
     ("offsets", "delays_ms"): ("sync", "delays_ms"),
     ("clocks", "master_clock"): ("sync", "master_clock"),
 }
-NEEDED = {
-    ("assembly", "method", "dynamic_programming"): {"voting": {"parts": True, "without_maps": True}}
-}
+NEEDED = {("assembly", "method", "dynamic_programming"): {"voting": {"parts": True, "without_maps": True}}}
 
 
 def resolve(path: str) -> Any:
@@ -91,17 +90,21 @@ def switched_on(
 ) -> tuple[str, ...]:
     """Those of the stages that no parameter switches off, in the order of the table."""
     return tuple(
-        spec.name for spec in table.values()
+        spec.name
+        for spec in table.values()
         if spec.name in names and (not spec.switch or _is_on(configs, spec.name, spec.switch, True))
-    )  # fmt: skip
+    )
 
 
 def ports_in_use(configs: Mapping[str, Config], table: Mapping[str, NodeSpec] = NODES) -> tuple[str, ...]:
     """The ports that a parameter switches on, as "stage.topic"."""
     return tuple(
-        f"{spec.name}.{port.topic}" for spec in table.values() if spec.name in configs
-        for port in spec.inputs if port.switch and _is_on(configs, spec.name, port.switch, False)
-    )  # fmt: skip
+        f"{spec.name}.{port.topic}"
+        for spec in table.values()
+        if spec.name in configs
+        for port in spec.inputs
+        if port.switch and _is_on(configs, spec.name, port.switch, False)
+    )
 
 
 def _is_on(configs: Mapping[str, Config], stage: str, switch: str, unknown: bool) -> bool:
@@ -123,9 +126,11 @@ def rows_in_use(used: Collection[str], table: Mapping[str, NodeSpec] = NODES) ->
 def _row_in_use(spec: NodeSpec, used: Collection[str]) -> NodeSpec:
     ports = tuple(port for port in spec.inputs if not port.switch or f"{spec.name}.{port.topic}" in used)
     guided = any(port.switch and port.feedback for port in ports)
-    return spec if ports == spec.inputs and not guided else replace(
-        spec, inputs=ports, apart=spec.apart and not guided
-    )  # fmt: skip
+    return (
+        spec
+        if ports == spec.inputs and not guided
+        else replace(spec, inputs=ports, apart=spec.apart and not guided)
+    )
 
 
 def make_stage(

@@ -1,4 +1,5 @@
 """Clocks of a recorded capture's cameras, with the stages of the graph as the solver."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,9 +24,7 @@ class Corrected:
     sets: list[DetectionSet]
 
 
-def motion_clocks(
-    context: StageContext, configs: Mapping[str, Config], trusted: str = ""
-) -> MotionClocks:
+def motion_clocks(context: StageContext, configs: Mapping[str, Config], trusted: str = "") -> MotionClocks:
     """The pass that finds clocks, with the stages up to tracking.
 
     Args:
@@ -39,9 +38,12 @@ def motion_clocks(
 
 
 def find_clocks(
-    sets: Sequence[DetectionSet], context: StageContext, configs: Mapping[str, Config], trusted: str = "",
+    sets: Sequence[DetectionSet],
+    context: StageContext,
+    configs: Mapping[str, Config],
+    trusted: str = "",
     progress: Progress = untold,
-) -> Corrected:  # fmt: skip
+) -> Corrected:
     """Clocks, and the sets grouped anew by them; see `motion_clocks`."""
     recording = HeldRecording({"detection_sets": sets})
     clocks = motion_clocks(context, configs, trusted).run(recording, progress)

@@ -3,6 +3,7 @@
 A stage refuses what is older than the newest that it has seen. One wild stamp ahead would therefore cost all
 that follows, and must not get to it.
 """
+
 from __future__ import annotations
 
 from collections import deque

@@ -1,4 +1,5 @@
 """Counts and durations that a node keeps about itself, bounded in memory."""
+
 from __future__ import annotations
 
 from collections import Counter, deque

@@ -1,4 +1,5 @@
 """What nodes count as dropped, put together over their restarts, after which they count from 0 again."""
+
 from __future__ import annotations
 
 from collections import Counter

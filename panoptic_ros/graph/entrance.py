@@ -2,6 +2,7 @@
 
 Compiled kernels trust indices, so one beyond the cameras or the joints must not get to them.
 """
+
 from __future__ import annotations
 
 from functools import lru_cache
@@ -96,9 +97,7 @@ def _check_evidence(item: AssociationSet, rig: Rig) -> None:
     ]
     pixels = np.concatenate(parts)
     usable = (found.scores > 0.0) & np.isfinite(pixels).all(-1)
-    plane, magnification, _ = undistort_points(
-        pixels, usable, found.cameras[found.view], _arrays(rig).lenses
-    )
+    plane, magnification, _ = undistort_points(pixels, usable, found.cameras[found.view], _arrays(rig).lenses)
     for name, given, expected in (
         ("plane", found.plane[usable], plane[usable]),
         ("magnification", found.magnification[usable], magnification[usable]),

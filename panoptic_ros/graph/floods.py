@@ -1,4 +1,5 @@
 """Live: whether a topic brings more than a node can read without harm to its other topics."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -5,6 +5,7 @@ Replay: nothing is lost however slow the machine. Sources wait for what comes ou
 most `window` frames under way, and every queue is longer than that. Topics keep their messages for
 readers that are matched late, so nothing depends on the order in which processes start.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass

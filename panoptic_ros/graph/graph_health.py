@@ -1,4 +1,5 @@
 """How the whole graph is, from what its nodes say of themselves, and from who has gone silent."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -46,17 +47,22 @@ class GraphHealth:
     def statuses(self, now_ns: int) -> list[Status]:
         """The one status."""
         silent = {
-            node: (now_ns - heard.newest_ns) / SECOND for node, heard in self._nodes.items()
+            node: (now_ns - heard.newest_ns) / SECOND
+            for node, heard in self._nodes.items()
             if now_ns - heard.newest_ns > SILENT_NS and not heard.finished
-        }  # fmt: skip
+        }
         gone = [f"node {node} has not been heard for {age:.1f} s" for node, age in silent.items()]
         others = [
-            f"{name}: {trouble}" for node, heard in self._nodes.items() if node not in silent
+            f"{name}: {trouble}"
+            for node, heard in self._nodes.items()
+            if node not in silent
             for name, trouble in heard.troubles.items()
-        ]  # fmt: skip
+        ]
         told = gone + others
         more = [f"and {len(told) - NAMED} more"] if len(told) > NAMED else []
         values = {
-            "nodes": str(len(self._nodes)), "silent": ", ".join(silent), "warnings": str(len(told)),
-        }  # fmt: skip
+            "nodes": str(len(self._nodes)),
+            "silent": ", ".join(silent),
+            "warnings": str(len(told)),
+        }
         return [Status(NAME, "; ".join(told[:NAMED] + more), "", values)]

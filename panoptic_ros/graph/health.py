@@ -117,12 +117,13 @@ class Health:
         """Of all stages, then of all inputs; briefly: without values."""
         return [self._of_stage(name, now_ns, briefly) for name in self._stages] + [
             Status(
-                f"{self._node}: {arrivals.title}", arrivals.trouble(now_ns) if self._live else "",
+                f"{self._node}: {arrivals.title}",
+                arrivals.trouble(now_ns) if self._live else "",
                 arrivals.owner,
                 {} if briefly else {"node": self._node, "stage": stage, **arrivals.values(now_ns)},
             )
             for arrivals, stage in self._inputs
-        ]  # fmt: skip
+        ]
 
     def _of_stage(self, name: str, now_ns: int, briefly: bool) -> Status:
         own = self._stages[name]
@@ -143,11 +144,15 @@ class Health:
             return Status(title, "; ".join(reasons), "", {})
         age = "nan" if own.newest_ns is None else f"{(now_ns - own.newest_ns) / SECOND:.2f}"
         values = {
-            "node": self._node, "state": state, "waiting_for": ", ".join(waiting),
-            "rate_hz": f"{own.rate_hz(now_ns):.2f}", "age_s": age,
-            "compiling": self.doing.kernel, **own.statistics.values(),
+            "node": self._node,
+            "state": state,
+            "waiting_for": ", ".join(waiting),
+            "rate_hz": f"{own.rate_hz(now_ns):.2f}",
+            "age_s": age,
+            "compiling": self.doing.kernel,
+            **own.statistics.values(),
             "finished": str(self.finished).lower(),
-        }  # fmt: skip
+        }
         return Status(title, "; ".join(reasons), "", values)
 
     def _state(self, name: str, waiting: Sequence[str], now_ns: int) -> tuple[str, str]:

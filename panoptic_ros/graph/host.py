@@ -173,9 +173,12 @@ class Host:
 
 
 def lanes_of(
-    topics: Sequence[str], owners: Callable[[str], Sequence[str]], pipeline: Pipeline,
-    clocks: Callable[[str], str] = lambda owner: "", shifts: Mapping[str, int] = {},
-) -> list[Lane]:  # fmt: skip
+    topics: Sequence[str],
+    owners: Callable[[str], Sequence[str]],
+    pipeline: Pipeline,
+    clocks: Callable[[str], str] = lambda owner: "",
+    shifts: Mapping[str, int] = {},
+) -> list[Lane]:
     """Lanes of topics from outside.
 
     Args:
@@ -188,8 +191,15 @@ def lanes_of(
     """
     ports = {port.topic: port for port in pipeline.wiring.inputs}
     return [
-        Lane(topic, owner, (order, number_of(topic)), TOPICS[topic].by_stamp, ports[topic].ahead_ns,
-             "" if TOPICS[topic].scope == "imu" else clocks(owner),
-             shifts.get(TOPICS[topic].of(owner), shifts.get(owner)))
-        for topic in topics for order, owner in enumerate(owners(topic))
-    ]  # fmt: skip
+        Lane(
+            topic,
+            owner,
+            (order, number_of(topic)),
+            TOPICS[topic].by_stamp,
+            ports[topic].ahead_ns,
+            "" if TOPICS[topic].scope == "imu" else clocks(owner),
+            shifts.get(TOPICS[topic].of(owner), shifts.get(owner)),
+        )
+        for topic in topics
+        for order, owner in enumerate(owners(topic))
+    ]

@@ -51,12 +51,14 @@ class Group:
         """The lane on which something must come, or end, first; None: all have ended."""
         waiting = [
             (stream.shown, stream.bound, stream.lane.order, key)
-            for key, stream in self.streams.items() if not stream.ended
-        ]  # fmt: skip
+            for key, stream in self.streams.items()
+            if not stream.ended
+        ]
         waiting += [
-            (False, (), stream.lane.order, key) for key, stream in self.beside.items()
+            (False, (), stream.lane.order, key)
+            for key, stream in self.beside.items()
             if not stream.ended and (stream.wanted or not waiting)
-        ]  # fmt: skip
+        ]
         return min(waiting) if waiting else None
 
     def bound(self, topics: frozenset[str] | None = None) -> Place:

@@ -1,4 +1,5 @@
 """Work that waits in lines: of each line one thing after the other, of all lines side by side."""
+
 from __future__ import annotations
 
 import threading

@@ -82,17 +82,28 @@ class NodeSpec:
 
 
 def stage_row(
-    name: str, inputs: tuple[Port, ...], outputs: tuple[str, ...], *,
-    apart: bool = False, queue: Queue = "newest", switch: str = "",
-) -> NodeSpec:  # fmt: skip
+    name: str,
+    inputs: tuple[Port, ...],
+    outputs: tuple[str, ...],
+    *,
+    apart: bool = False,
+    queue: Queue = "newest",
+    switch: str = "",
+) -> NodeSpec:
     """A row for a stage in the usual places: `<name>/stage.py`: <Name>Stage, `<name>/config.py`:
     <Name>Config.
     """
     title = name.capitalize()
     return NodeSpec(
-        name, f"panoptic_ros.{name}.stage:{title}Stage", f"panoptic_ros.{name}.config:{title}Config",
-        inputs, outputs, apart, queue, switch,
-    )  # fmt: skip
+        name,
+        f"panoptic_ros.{name}.stage:{title}Stage",
+        f"panoptic_ros.{name}.config:{title}Config",
+        inputs,
+        outputs,
+        apart,
+        queue,
+        switch,
+    )
 
 
 # 1 ns more than an image and its depth map may be apart, so that the image comes last.
@@ -107,16 +118,26 @@ NODES: dict[str, NodeSpec] = {
         stage_row(
             "detection",
             (Port("tracks", optional=True, feedback=True, switch="guided"), DEPTH, Port("image")),
-            ("detections",), apart=True, queue="instant",
+            ("detections",),
+            apart=True,
+            queue="instant",
         ),
         NodeSpec(
-            "flow", "panoptic_ros.patches.flow.stage:FlowStage",
+            "flow",
+            "panoptic_ros.patches.flow.stage:FlowStage",
             "panoptic_ros.patches.flow.config:FlowConfig",
-            (Port("image"), Port("detections")), ("patch_tracks",), apart=True, queue="instant",
+            (Port("image"), Port("detections")),
+            ("patch_tracks",),
+            apart=True,
+            queue="instant",
             switch="patches.active",
         ),
         stage_row(
-            "appearance", (Port("image"), Port("detections")), ("appearance",), apart=True, queue="instant",
+            "appearance",
+            (Port("image"), Port("detections")),
+            ("appearance",),
+            apart=True,
+            queue="instant",
             switch="tracking.appearance",
         ),
         stage_row(
@@ -125,7 +146,8 @@ NODES: dict[str, NodeSpec] = {
             ("detection_sets",),
         ),
         stage_row(
-            "association", (Port("tracks", optional=True, feedback=True), Port("detection_sets")),
+            "association",
+            (Port("tracks", optional=True, feedback=True), Port("detection_sets")),
             ("associations",),
         ),
         stage_row("voting", (Port("associations"),), ("proposals",)),
@@ -134,21 +156,28 @@ NODES: dict[str, NodeSpec] = {
             "tracking",
             (
                 Port("subjects", optional=True),
-                Port("appearance", optional=True, switch="appearance"), Port("poses"),
+                Port("appearance", optional=True, switch="appearance"),
+                Port("poses"),
             ),
             ("skeletons_raw", "tracks"),
         ),
         stage_row(
-            "offsets", (Port("detections", first=True), Port("skeletons_raw")), ("clock_models",),
-            queue="all", switch="active",
+            "offsets",
+            (Port("detections", first=True), Port("skeletons_raw")),
+            ("clock_models",),
+            queue="all",
+            switch="active",
         ),
         stage_row(
             "kinematics",
             (
-                Port("imu", optional=True), Port("detection_sets", optional=True, first=True),
+                Port("imu", optional=True),
+                Port("detection_sets", optional=True, first=True),
                 Port("skeletons_raw", optional=True),
             ),
-            ("bodies",), queue="late", switch="runs",
+            ("bodies",),
+            queue="late",
+            switch="runs",
         ),
         stage_row(
             "patches",
@@ -158,19 +187,29 @@ NODES: dict[str, NodeSpec] = {
         ),
         stage_row(
             "refinement",
-            (Port("patches", optional=True, patience_ns=100_000_000, switch="patches.active"),
-             Port("bodies", optional=True, switch="bodies"), Port("skeletons_raw")),
+            (
+                Port("patches", optional=True, patience_ns=100_000_000, switch="patches.active"),
+                Port("bodies", optional=True, switch="bodies"),
+                Port("skeletons_raw"),
+            ),
             ("skeletons",),
         ),
     )
-}  # fmt: skip
+}
 
 FUSION = ("association", "voting", "assembly", "tracking", "refinement")  # from detection sets to /skeletons
 BESIDE_IMAGES = ("detection", "flow", "appearance")  # what looks at images: in the processes that have them
 AFTER_DETECTION = (
-    "sync", "association", "voting", "assembly", "tracking", "offsets", "kinematics", "patches",
+    "sync",
+    "association",
+    "voting",
+    "assembly",
+    "tracking",
+    "offsets",
+    "kinematics",
+    "patches",
     "refinement",
-)  # fmt: skip
+)
 SOUND = ("timecode", "clocks")  # what comes of timecode in sound
 SLOW = ("offsets", "kinematics")  # busy for long at times: live, nobody must wait for them
 CHAIN = (*BESIDE_IMAGES, *AFTER_DETECTION)

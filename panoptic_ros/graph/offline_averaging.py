@@ -1,4 +1,5 @@
 """The averaging of Joo et al. 2017, 6.3, over a whole recording: see `refinement.averaging`."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -101,7 +102,9 @@ def _shown(item: TrackedPoseSet, own: Mapping[int, Array]) -> TrackedPoseSet:
         positions[row] = own[number]
     filled = np.isfinite(positions[..., 0]) & (item.states == JointState.MISSING)
     return replace(
-        item, positions=positions, states=np.where(filled, np.uint8(JointState.FILLED), item.states),
+        item,
+        positions=positions,
+        states=np.where(filled, np.uint8(JointState.FILLED), item.states),
         scores=np.where(filled, item.person_scores[:, None], item.scores),
         covariances=np.where(filled[..., None, None], UNKNOWN * np.eye(3), item.covariances),
-    )  # fmt: skip
+    )

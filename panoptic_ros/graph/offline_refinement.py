@@ -5,6 +5,7 @@ until nothing more is filled. Here a displacement ties two states in both direct
 seconds to come is as good as over all of the recording. What it fills is what patches are put on next, in a
 second round; so a recording of any length is refined as it passes by.
 """
+
 from __future__ import annotations
 
 from collections import deque

@@ -294,9 +294,11 @@ def records_of(
     """
     found: list[Any] = []
     pipeline = Pipeline(
-        configs, context, stages,
+        configs,
+        context,
+        stages,
         on_record=lambda key, record: found.append(record) if key == topic else None,
-    )  # fmt: skip
+    )
     (entrance,) = (port.topic for port in pipeline.wiring.inputs if not port.optional)
     for item in items:
         pipeline.push(entrance, item)

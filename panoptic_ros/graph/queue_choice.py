@@ -1,4 +1,5 @@
 """How what comes to a node waits for its stages."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
@@ -10,9 +11,11 @@ from panoptic_ros.graph.wiring import Wiring
 
 
 def queue_for(
-    wiring: Wiring, flow: Flow, present: Collection[tuple[str, str]],
+    wiring: Wiring,
+    flow: Flow,
+    present: Collection[tuple[str, str]],
     full: Callable[[], bool] = lambda: False,
-) -> Waiting:  # fmt: skip
+) -> Waiting:
     """Live: images wait as instants; a few of everything else, more samples of IMUs, or all where every
     message counts.
 

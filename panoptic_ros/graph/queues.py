@@ -1,4 +1,5 @@
 """What a node keeps waiting, and what it takes next when it falls behind."""
+
 from __future__ import annotations
 
 from collections import OrderedDict, defaultdict, deque
@@ -70,9 +71,12 @@ class InstantsAndOthers:
     """
 
     def __init__(
-        self, instants: Waiting, keys: Collection[str], others: Waiting,
+        self,
+        instants: Waiting,
+        keys: Collection[str],
+        others: Waiting,
         full: Callable[[], bool] = lambda: False,
-    ):  # fmt: skip
+    ):
         self._instants, self._keys, self._others, self._full = instants, frozenset(keys), others, full
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:

@@ -1,4 +1,5 @@
 """A recording in memory."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -1,4 +1,5 @@
 """Refinement of a whole recording as a pass, by the method that is configured."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping

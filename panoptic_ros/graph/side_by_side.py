@@ -24,8 +24,9 @@ from panoptic_ros.stage import Stage, StageContext, StepResult
 AHEAD = 2  # images of a camera that may wait in any case with what was found in them
 HELD = 1 << 26  # bytes of images of all cameras up to which more may: while other stages load their kernels
 TABLE: Mapping[str, NodeSpec] = {
-    **NODES, "detection": replace(NODES["detection"], stage=f"{__name__}:LookedAt")
-}  # fmt: skip
+    **NODES,
+    "detection": replace(NODES["detection"], stage=f"{__name__}:LookedAt"),
+}
 
 
 class _Look(NamedTuple):
@@ -77,9 +78,12 @@ class SideBySide:
     """
 
     def __init__(
-        self, stage: Stage[Any, ViewDetections], inputs: Mapping[str, Iterator[ViewFrame | DepthFrame]],
-        threads: int, clock: Callable[[], int],
-    ):  # fmt: skip
+        self,
+        stage: Stage[Any, ViewDetections],
+        inputs: Mapping[str, Iterator[ViewFrame | DepthFrame]],
+        threads: int,
+        clock: Callable[[], int],
+    ):
         self._stage, self._inputs, self._clock = stage, inputs, clock
         self._ready: dict[str, deque[_Look]] = {name: deque() for name in inputs}
         self._given: dict[str, deque[_Look]] = {name: deque() for name in inputs}  # to the pipeline
@@ -116,9 +120,7 @@ class SideBySide:
         ready = self._ready[camera]
         while True:
             with self._changed:
-                self._changed.wait_for(
-                    lambda: ready or camera in self._ended or self._fault or self._closed
-                )
+                self._changed.wait_for(lambda: ready or camera in self._ended or self._fault or self._closed)
                 if not ready:
                     if self._fault is not None:
                         raise self._fault
@@ -190,9 +192,11 @@ class SideBySide:
 
 
 def looked_ahead(
-    records: dict[tuple[str, str], Iterator[Any]], stage: Stage[Any, ViewDetections], threads: int,
+    records: dict[tuple[str, str], Iterator[Any]],
+    stage: Stage[Any, ViewDetections],
+    threads: int,
     clock: Callable[[], int],
-) -> SideBySide:  # fmt: skip
+) -> SideBySide:
     """Let a detection stage run ahead on the records of cameras, by (topic, camera): images become those that
     were looked at, and depth maps go with them.
     """

@@ -1,4 +1,5 @@
 """Every topic of the graph: its name, the record it carries and the message that carries it."""
+
 from __future__ import annotations
 
 import re
@@ -45,40 +46,116 @@ TOPICS: dict[str, Topic] = {
     topic.key: topic
     for topic in (
         Topic("image", "{owner}/image_raw", "ViewFrame", "sensor_msgs/msg/Image", "camera", by_stamp=True),
-        Topic("compressed_image", "{owner}/image_raw/compressed", "ViewFrame",
-              "sensor_msgs/msg/CompressedImage", "camera", by_stamp=True, variant_of="image"),
-        Topic("preview", "{owner}/preview/compressed", "Preview", "sensor_msgs/msg/CompressedImage", "camera",
-              by_stamp=True),
-        Topic("depth", "{owner}/depth_registered/image_raw", "DepthFrame", "sensor_msgs/msg/Image", "camera",
-              by_stamp=True),
-        Topic("compressed_depth", "{owner}/depth_registered/image_raw/compressedDepth", "DepthFrame",
-              "sensor_msgs/msg/CompressedImage", "camera", by_stamp=True, variant_of="depth"),
+        Topic(
+            "compressed_image",
+            "{owner}/image_raw/compressed",
+            "ViewFrame",
+            "sensor_msgs/msg/CompressedImage",
+            "camera",
+            by_stamp=True,
+            variant_of="image",
+        ),
+        Topic(
+            "preview",
+            "{owner}/preview/compressed",
+            "Preview",
+            "sensor_msgs/msg/CompressedImage",
+            "camera",
+            by_stamp=True,
+        ),
+        Topic(
+            "depth",
+            "{owner}/depth_registered/image_raw",
+            "DepthFrame",
+            "sensor_msgs/msg/Image",
+            "camera",
+            by_stamp=True,
+        ),
+        Topic(
+            "compressed_depth",
+            "{owner}/depth_registered/image_raw/compressedDepth",
+            "DepthFrame",
+            "sensor_msgs/msg/CompressedImage",
+            "camera",
+            by_stamp=True,
+            variant_of="depth",
+        ),
         Topic("camera_info", "{owner}/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "camera"),
-        Topic("sensor_depth", "{owner}/depth/image_raw", "DepthFrame", "sensor_msgs/msg/Image", "sensor",
-              by_stamp=True),
-        Topic("compressed_sensor_depth", "{owner}/depth/image_raw/compressedDepth", "DepthFrame",
-              "sensor_msgs/msg/CompressedImage", "sensor", by_stamp=True, variant_of="sensor_depth"),
+        Topic(
+            "sensor_depth",
+            "{owner}/depth/image_raw",
+            "DepthFrame",
+            "sensor_msgs/msg/Image",
+            "sensor",
+            by_stamp=True,
+        ),
+        Topic(
+            "compressed_sensor_depth",
+            "{owner}/depth/image_raw/compressedDepth",
+            "DepthFrame",
+            "sensor_msgs/msg/CompressedImage",
+            "sensor",
+            by_stamp=True,
+            variant_of="sensor_depth",
+        ),
         Topic("sensor_info", "{owner}/depth/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "sensor"),
         # before detections of the same image, so that an instant has all of its tracks and colours (see
         # `graph.lanes`)
-        Topic("patch_tracks", "{owner}/patch_tracks", "PatchTracks",
-              "panoptic_msgs/msg/PatchTracks", "camera", by_stamp=True),
-        Topic("appearance", "{owner}/appearance", "ViewAppearance", "sensor_msgs/msg/PointCloud2", "camera",
-              by_stamp=True),
-        Topic("detections", "{owner}/detections", "ViewDetections",
-              "panoptic_msgs/msg/ViewDetections", "camera", by_stamp=True),
-        Topic("audio", "{owner}/audio", "AudioBlock", "panoptic_msgs/msg/AudioBlock", "device",
-              by_stamp=True),
-        Topic("audio_common", "{owner}/audio_stamped", "AudioBlock",
-              "audio_common_msgs/msg/AudioDataStamped", "device", by_stamp=True, variant_of="audio"),
-        Topic("timecode", "{owner}/timecode", "TimecodeReading",
-              "panoptic_msgs/msg/TimecodeReading", "device"),
+        Topic(
+            "patch_tracks",
+            "{owner}/patch_tracks",
+            "PatchTracks",
+            "panoptic_msgs/msg/PatchTracks",
+            "camera",
+            by_stamp=True,
+        ),
+        Topic(
+            "appearance",
+            "{owner}/appearance",
+            "ViewAppearance",
+            "sensor_msgs/msg/PointCloud2",
+            "camera",
+            by_stamp=True,
+        ),
+        Topic(
+            "detections",
+            "{owner}/detections",
+            "ViewDetections",
+            "panoptic_msgs/msg/ViewDetections",
+            "camera",
+            by_stamp=True,
+        ),
+        Topic(
+            "audio", "{owner}/audio", "AudioBlock", "panoptic_msgs/msg/AudioBlock", "device", by_stamp=True
+        ),
+        Topic(
+            "audio_common",
+            "{owner}/audio_stamped",
+            "AudioBlock",
+            "audio_common_msgs/msg/AudioDataStamped",
+            "device",
+            by_stamp=True,
+            variant_of="audio",
+        ),
+        Topic(
+            "timecode", "{owner}/timecode", "TimecodeReading", "panoptic_msgs/msg/TimecodeReading", "device"
+        ),
         Topic("clock_models", "clock_models", "ClockModel", "panoptic_msgs/msg/ClockModel", latched=True),
-        Topic("time_reference", "{owner}/time_reference", "ClockModel",
-              "sensor_msgs/msg/TimeReference", "device"),
+        Topic(
+            "time_reference",
+            "{owner}/time_reference",
+            "ClockModel",
+            "sensor_msgs/msg/TimeReference",
+            "device",
+        ),
         Topic("rig", "rig", "Rig", "panoptic_msgs/msg/Rig", latched=True),
-        Topic("skeleton_model", "skeleton_model", "SkeletonModel",
-              "panoptic_msgs/msg/SkeletonModel", latched=True),
+        Topic(
+            "skeleton_model",
+            "skeleton_model",
+            "SkeletonModel",
+            "panoptic_msgs/msg/SkeletonModel",
+            latched=True,
+        ),
         Topic("subjects", "subjects", "SubjectSet", "panoptic_msgs/msg/SubjectSet", latched=True),
         Topic("detection_sets", "detection_sets", "DetectionSet", "panoptic_msgs/msg/DetectionSet"),
         Topic("associations", "associations", "AssociationSet", "panoptic_msgs/msg/AssociationSet"),
@@ -92,7 +169,7 @@ TOPICS: dict[str, Topic] = {
         Topic("skeletons", "skeletons", "RefinedPoseSet", "panoptic_msgs/msg/Skeletons"),
         Topic("markers", "skeletons/markers", "RefinedPoseSet", "visualization_msgs/msg/MarkerArray"),
     )
-}  # fmt: skip
+}
 
 
 _NUMBERS = {key: number for number, key in enumerate(TOPICS)}

@@ -1,4 +1,5 @@
 """Live: images of a few instants under work side by side, so that no camera waits for another one's look."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence

@@ -84,9 +84,11 @@ class Wiring:
     def heads(self) -> frozenset[int]:
         """Stages to which something comes back from a stage of the graph that stands below them."""
         return frozenset(
-            reader.stage for readers in self.readers.values() for reader in readers
+            reader.stage
+            for readers in self.readers.values()
+            for reader in readers
             if self.port(reader).feedback and self._given_below(reader)
-        )  # fmt: skip
+        )
 
     @cached_property
     def above(self) -> tuple[frozenset[int], ...]:

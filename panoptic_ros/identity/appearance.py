@@ -4,6 +4,7 @@ The median over the views of an instant is one look at somebody. Looks at one pe
 which no mean removes; strangers also by what they wear, or by nothing at all: some wear the same. So the same
 colours tell no more than how rare they are, other colours nearly all.
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -1,4 +1,5 @@
 """Who is who at an instant: the best pairs of all that may be."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -6,6 +6,7 @@ strangers also as people differ, who are of another stature first, and of other 
 where somebody can have gone to since, against anywhere. With the log-odds of all who are away, and of
 somebody new, Bayes' rule tells how sure it is who has come.
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -3,6 +3,7 @@
 Predictions serve for choices only: association, starting points, sides, time shifts, identity. The positions
 of skeletons are functions of the present images.
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -40,9 +41,11 @@ class JointMotion(NamedTuple):
     def of_new(cls, people: int, joints: int) -> JointMotion:
         """Filters of people before their first measurement."""
         return cls(
-            np.full((people, joints, 6), np.nan), np.zeros((people, joints, 3)), np.zeros((people, joints)),
+            np.full((people, joints, 6), np.nan),
+            np.zeros((people, joints, 3)),
+            np.zeros((people, joints)),
             np.full((people, joints), np.inf),
-        )  # fmt: skip
+        )
 
 
 def predicted(tracks: TrackSet, stamp_ns: int, memory: float) -> Prediction:
@@ -56,9 +59,13 @@ def predicted(tracks: TrackSet, stamp_ns: int, memory: float) -> Prediction:
     rows = np.flatnonzero(known.any(axis=1) & (tracks.unseen + dt <= memory))
     states = motion.states[rows]
     return Prediction(
-        states[..., :3].copy(), np.where(known[rows][..., None], states[..., 3:], 0.0), motion.ages[rows],
-        motion.variances[rows], motion.unagreed[rows] <= FIRM_TIME, tracks.lengths[rows],
-    )  # fmt: skip
+        states[..., :3].copy(),
+        np.where(known[rows][..., None], states[..., 3:], 0.0),
+        motion.ages[rows],
+        motion.variances[rows],
+        motion.unagreed[rows] <= FIRM_TIME,
+        tracks.lengths[rows],
+    )
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,5 +1,5 @@
-"""Designated people: as words of a parameter ("3" or "3=0.4 -1.2 0.95"), and found among those who are seen.
-"""
+"""Designated people: as words of a parameter ("3" or "3=0.4 -1.2 0.95"), and found among people in view."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

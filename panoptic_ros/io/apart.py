@@ -1,4 +1,5 @@
 """Work in a process of its own, which may break down without taking this one along."""
+
 from __future__ import annotations
 
 import os
@@ -65,8 +66,9 @@ def _answer(work: Callable[[], object], reading: int, writing: int, size: int) -
         mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         for limit, most in (
             (resource.RLIMIT_CPU, int(time.process_time()) + LEAST_S + size // RATE),
-            (resource.RLIMIT_AS, mapped + LEAST + TIMES * size), (resource.RLIMIT_CORE, 0),
-        ):  # fmt: skip
+            (resource.RLIMIT_AS, mapped + LEAST + TIMES * size),
+            (resource.RLIMIT_CORE, 0),
+        ):
             resource.setrlimit(limit, (most, most))
         try:
             answer: tuple[bool, object] = True, work()

@@ -1,4 +1,5 @@
 """Files of named arrays (.npz), whose headers are checked before anything is unpacked."""
+
 from __future__ import annotations
 
 import math

@@ -1,4 +1,5 @@
 """Topics of bags with the definitions of their messages, which bags keep inside."""
+
 from __future__ import annotations
 
 from functools import lru_cache
@@ -15,9 +16,13 @@ CDR = "cdr"  # the one serialization of messages that is read and written
 VIDEO = "CompressedVideo"  # how Foxglove's type for packets of a video ends, in every serialization
 DEFINED = ("ros2msg", "ros2idl", "omgidl", "", "unknown")  # languages of definitions; recorders use the last
 SERIALIZATIONS = {
-    "ros1": "ROS 1", "json": "JSON", "protobuf": "protobuf", "flatbuffer": "FlatBuffers", "cbor": "CBOR",
+    "ros1": "ROS 1",
+    "json": "JSON",
+    "protobuf": "protobuf",
+    "flatbuffer": "FlatBuffers",
+    "cbor": "CBOR",
     "": "messages of an unstated serialization",
-}  # fmt: skip
+}
 
 
 class Connection(NamedTuple):
@@ -57,11 +62,16 @@ class Connection(NamedTuple):
         """The same topic as publishers offer it."""
         always = QosTime(9223372036, 854775807)
         quality = Qos(
-            QosHistory.KEEP_LAST, 64 if latched else 10,
+            QosHistory.KEEP_LAST,
+            64 if latched else 10,
             QosReliability.RELIABLE if reliable else QosReliability.BEST_EFFORT,
             QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
-            always, always, QosLiveliness.AUTOMATIC, always, False,
-        )  # fmt: skip
+            always,
+            always,
+            QosLiveliness.AUTOMATIC,
+            always,
+            False,
+        )
         return self._replace(qualities=(quality,))
 
 

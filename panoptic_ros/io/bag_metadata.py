@@ -1,4 +1,5 @@
 """metadata.yaml of a bag: its files, and what it states about their topics."""
+
 from __future__ import annotations
 
 from collections import Counter

@@ -1,4 +1,5 @@
 """A bag that is written while messages come: in a thread of its own, with counters by topic."""
+
 from __future__ import annotations
 
 import os
@@ -93,10 +94,14 @@ class BagRecorder:
     """
 
     def __init__(
-        self, path: Path, budget: int = 0, keep_free: int = GB, split: Split | None = None,
+        self,
+        path: Path,
+        budget: int = 0,
+        keep_free: int = GB,
+        split: Split | None = None,
         opening: Callable[[], Sequence[tuple[Connection, bytes]]] = tuple,
         beside: Callable[[], None] = lambda: None,
-    ):  # fmt: skip
+    ):
         self.counters: dict[str, TopicCounter] = {}
         self.dropped: Counter[str] = Counter()  # by topic, as the disk was too slow
         self._path, self._split, self._opening, self._beside = path, split, opening, beside

@@ -1,4 +1,5 @@
 """When a recording goes on in another bag."""
+
 from __future__ import annotations
 
 import re

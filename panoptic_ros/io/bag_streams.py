@@ -1,4 +1,5 @@
 """What cameras left in bags: messages of one or several bags, in the order in which they belong together."""
+
 from __future__ import annotations
 
 import heapq
@@ -64,10 +65,14 @@ class BagStream:
     def from_words(cls, words: Mapping[str, Any]) -> BagStream:
         """The stream of plain words, as `words` gives them."""
         line, people = words["line"], words["people"]
-        return cls(**{
-            **words, "bag": Path(words["bag"]), "line": None if line is None else StampLine.from_words(line),
-            "people": None if people is None else ForeignPeople.from_words(people),
-        })  # fmt: skip
+        return cls(
+            **{
+                **words,
+                "bag": Path(words["bag"]),
+                "line": None if line is None else StampLine.from_words(line),
+                "people": None if people is None else ForeignPeople.from_words(people),
+            }
+        )
 
     def words(self) -> dict[str, Any]:
         """Plain words that a file can hold."""
@@ -238,8 +243,7 @@ def merged(
     """
     with ExitStack() as stack:
         placed = [
-            _placed(order, stream, bag, on_bad)
-            for order, (stream, bag) in enumerate(_bags(streams, stack))
+            _placed(order, stream, bag, on_bad) for order, (stream, bag) in enumerate(_bags(streams, stack))
         ]
         for _, _, item in heapq.merge(*placed, key=lambda row: row[:2]):
             yield item

@@ -1,4 +1,5 @@
 """A bag of an earlier version, written anew with the messages of now."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

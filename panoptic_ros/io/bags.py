@@ -1,4 +1,5 @@
 """Rosbags (rosbag2, MCAP) without ROS: writing records or raw messages, reading them back."""
+
 from __future__ import annotations
 
 import os
@@ -74,9 +75,12 @@ class BagWriter:
         with file_errors(self.path, "write"):
             if key not in self._connections:
                 self._connections[key] = self._writer.add_connection(
-                    connection.topic, connection.kind, msgdef=connection.definition,
-                    rihs01=digest_of(connection), offered_qos_profiles=connection.qualities,
-                )  # fmt: skip
+                    connection.topic,
+                    connection.kind,
+                    msgdef=connection.definition,
+                    rihs01=digest_of(connection),
+                    offered_qos_profiles=connection.qualities,
+                )
             self._writer.write(self._connections[key], stamp_ns, data)
 
     @property
@@ -214,8 +218,9 @@ class BagReader:
         for (topic, what), count in foreign.items():
             if count or not self.topics:
                 kinds.setdefault(what, []).append(topic)
-        told = "; ".join(f"{', '.join(topics[:3])}{', ...' * (len(topics) > 3)} ({what})"
-                         for what, topics in kinds.items())  # fmt: skip
+        told = "; ".join(
+            f"{', '.join(topics[:3])}{', ...' * (len(topics) > 3)} ({what})" for what, topics in kinds.items()
+        )
         if foreign and not self.topics:
             self.close()
             remedy = "convert the bag with rosbags-convert" if "ROS 1" in kinds else "record with ROS 2"
@@ -245,9 +250,12 @@ class BagReader:
             yield from islice(self.raw(*topics), 1)
 
     def raw(
-        self, *topics: str, begin_ns: int | None = None, end_ns: int | None = None,
+        self,
+        *topics: str,
+        begin_ns: int | None = None,
+        end_ns: int | None = None,
         on_bad: Callable[[DataError], None] | None = None,
-    ) -> Iterator[tuple[str, int, bytes, str]]:  # fmt: skip
+    ) -> Iterator[tuple[str, int, bytes, str]]:
         """(topic, recording stamp ns, CDR bytes, type), of recording stamps in [begin_ns, end_ns).
 
         Args:

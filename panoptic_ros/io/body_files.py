@@ -23,9 +23,7 @@ _SUBJECT = keys(
     "id positions orientations joint_angles velocities angular_velocities position_covariances "
     "orientation_covariances"
 )
-KEYS = keys(
-    "format segment_names joint_names", frames=[keys("index stamp_ns", subjects=[_SUBJECT])]
-)
+KEYS = keys("format segment_names joint_names", frames=[keys("index stamp_ns", subjects=[_SUBJECT])])
 
 
 def write_bodies(path: Path, model: SegmentModel, states: Iterable[BodyState]) -> None:
@@ -101,6 +99,11 @@ def _body_state(stamp_ns: int, row: Mapping[str, Any]) -> BodyState:
         both[:, 3:, 3:] = _matrices(row["orientation_covariances"])
         covariances = both
     return BodyState(
-        stamp_ns, int(row["id"]), np.array(row["positions"], float),
-        from_quaternions(np.array(row["orientations"], float)), velocities, spins, covariances,
-    )  # fmt: skip
+        stamp_ns,
+        int(row["id"]),
+        np.array(row["positions"], float),
+        from_quaternions(np.array(row["orientations"], float)),
+        velocities,
+        spins,
+        covariances,
+    )

@@ -15,9 +15,10 @@ from panoptic_ros.io.resources import share_folder
 DEFAULT_MODEL = "segments21"
 DEFAULT_SHAPE = "shape21"
 MODEL_KEYS = keys(
-    "name ground", segments={EACH: keys("parent joint offset limits_deg order hinge")},
+    "name ground",
+    segments={EACH: keys("parent joint offset limits_deg order hinge")},
     keypoints={EACH: keys("segment offset")},
-)  # fmt: skip
+)
 SHAPE_KEYS = {EACH: [keys("from to radii wide")]}
 
 

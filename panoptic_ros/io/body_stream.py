@@ -56,8 +56,13 @@ def states_of(item: BodyStateSet) -> list[BodyState]:
         known = bool(np.isfinite(item.covariances[k]).all())
         found.append(
             BodyState(
-                item.stamp_ns, number, item.positions[k], from_quaternions(item.orientations[k]),
-                item.velocities[k, :, :3], item.velocities[k, :, 3:], item.covariances[k] if known else None,
+                item.stamp_ns,
+                number,
+                item.positions[k],
+                from_quaternions(item.orientations[k]),
+                item.velocities[k, :, :3],
+                item.velocities[k, :, 3:],
+                item.covariances[k] if known else None,
             )
         )
     return found

@@ -20,10 +20,13 @@ LARGEST_VALUE = 1e9  # of the file's unit; a point beyond it was not measured
 SECOND_BYTE, MIPS, LARGEST = 0x50, 86, 0xFFFF  # of every C3D file; the processor that is big-endian
 # to z up, by which axis of the laboratory points up on the screen (POINT:Y_SCREEN)
 UPRIGHT = {
-    "+X": [[0, 1, 0], [0, 0, 1], [1, 0, 0]], "-X": [[0, -1, 0], [0, 0, 1], [-1, 0, 0]],
-    "+Y": [[0, 0, 1], [1, 0, 0], [0, 1, 0]], "-Y": [[0, 0, -1], [1, 0, 0], [0, -1, 0]],
-    "+Z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "-Z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
-}  # fmt: skip
+    "+X": [[0, 1, 0], [0, 0, 1], [1, 0, 0]],
+    "-X": [[0, -1, 0], [0, 0, 1], [-1, 0, 0]],
+    "+Y": [[0, 0, 1], [1, 0, 0], [0, 1, 0]],
+    "-Y": [[0, 0, -1], [1, 0, 0], [0, -1, 0]],
+    "+Z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "-Z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
+}
 
 
 def read_c3d(path: Path) -> JointMotion:
@@ -66,9 +69,10 @@ def _content(package: Any, path: Path) -> tuple[Array, Array, dict[str, dict[str
     with file_errors(path, "read"):
         found = package.c3d(str(path))
     point = {
-        str(key): {"value": list(entry["value"])} for key, entry in found["parameters"]["POINT"].items()
+        str(key): {"value": list(entry["value"])}
+        for key, entry in found["parameters"]["POINT"].items()
         if key in ("RATE", "UNITS", "Y_SCREEN") or str(key).startswith("LABELS")
-    }  # fmt: skip
+    }
     return found["data"]["points"], found["data"]["meta_points"]["residuals"], point
 
 

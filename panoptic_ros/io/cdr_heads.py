@@ -1,4 +1,5 @@
 """What stands at the front of CDR bytes, read without making messages of them."""
+
 from __future__ import annotations
 
 import struct

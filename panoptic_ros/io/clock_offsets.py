@@ -1,4 +1,5 @@
 """The plain format of cameras' clock offsets that were found from motion: `panoptic-offsets-1`."""
+
 from __future__ import annotations
 
 import math
@@ -21,11 +22,13 @@ FORMAT = "panoptic-offsets-1"
 MORE = ("offset_std_s", "drift", "drift_std")  # 0 where a file lacks them
 KEYS = keys(
     "format reference_ns detector_bias_m iterations converged",
-    cameras=[keys(
-        "name applied known offset_s offset_std_s drift drift_std reference_ns strays_s rays "
-        "joint_speed_m_per_s"
-    )],
-)  # fmt: skip
+    cameras=[
+        keys(
+            "name applied known offset_s offset_std_s drift drift_std reference_ns strays_s rays "
+            "joint_speed_m_per_s"
+        )
+    ],
+)
 SURE = 3.0  # standard deviations from which on a drift is more than chance
 
 
@@ -62,9 +65,13 @@ def write_clocks(path: Path, clocks: CameraClocks) -> None:
         for c, name in enumerate(clocks.cameras)
     ]
     document = {
-        "format": FORMAT, "reference_ns": clocks.reference_ns, "detector_bias_m": clocks.bias,
-        "iterations": clocks.iterations, "converged": clocks.converged, "cameras": cameras,
-    }  # fmt: skip
+        "format": FORMAT,
+        "reference_ns": clocks.reference_ns,
+        "detector_bias_m": clocks.bias,
+        "iterations": clocks.iterations,
+        "converged": clocks.converged,
+        "cameras": cameras,
+    }
     write_json(path, document)
 
 

@@ -1,4 +1,5 @@
 """One colour per identity, the same in every picture."""
+
 from __future__ import annotations
 
 import colorsys

@@ -1,4 +1,5 @@
 """Skeletons to compare, from files: which joints of them, and under what names."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -16,7 +17,8 @@ from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.io.skeletons import in_vocabulary, shared_names, skeleton_names
 
 ANNOTATION_KEYS = keys(
-    f"unit joint_names {OTHERS}", frames={EACH: [keys(f"id joints {OTHERS}")]}  # of other people's programs
+    f"unit joint_names {OTHERS}",
+    frames={EACH: [keys(f"id joints {OTHERS}")]},  # of other people's programs
 )
 
 

@@ -1,4 +1,5 @@
 """Definitions of the messages of installed packages, for bags, which keep them inside."""
+
 from __future__ import annotations
 
 import importlib.util

@@ -1,4 +1,5 @@
 """What the detection stage needs besides the rig: the model, and the way to the working skeleton."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,5 @@
 """One reader of lens distortion: names that drivers and calibrators use, and how many numbers there are."""
+
 from __future__ import annotations
 
 import re

@@ -1,4 +1,5 @@
 """Documents in JSON, YAML, TOML, XML and CSV: bounded in size, nesting and what aliases expand to."""
+
 from __future__ import annotations
 
 import csv

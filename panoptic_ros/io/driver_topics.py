@@ -1,15 +1,16 @@
 """Which topics of running drivers are whose: a YAML file for `panoptic run --topics`.
 
-    left:
-      image: /zed/left/image_raw               # or .../compressed
-      camera_info: /zed/left/camera_info       # optional; of rectified images beside the image unless named
-      depth: /zed/depth/image_raw              # optional, registered to the image; or .../compressedDepth
-      encoding: bayer_rggb8                    # optional: in place of what the driver's images say
-    kinect3:                                   # a depth sensor alone, on its own clock: no image
-      depth: /kinect3/depth/image_raw
-      camera_info: /kinect3/depth/camera_info
-    fixed_frame: map                           # optional, without --rig: the frame of TF that is the world
+left:
+  image: /zed/left/image_raw               # or .../compressed
+  camera_info: /zed/left/camera_info       # optional; of rectified images beside the image unless named
+  depth: /zed/depth/image_raw              # optional, registered to the image; or .../compressedDepth
+  encoding: bayer_rggb8                    # optional: in place of what the driver's images say
+kinect3:                                   # a depth sensor alone, on its own clock: no image
+  depth: /kinect3/depth/image_raw
+  camera_info: /kinect3/depth/camera_info
+fixed_frame: map                           # optional, without --rig: the frame of TF that is the world
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping

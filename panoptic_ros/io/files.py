@@ -1,4 +1,5 @@
 """Writing whole files: atomic, with errors that name the file. For reading see `loading` and `documents`."""
+
 from __future__ import annotations
 
 import gzip
@@ -15,9 +16,18 @@ from panoptic_ros.io.documents import read_json, read_yaml
 from panoptic_ros.io.loading import file_errors, malformed, read_bytes
 
 __all__ = [
-    "atomic_path", "check_output", "check_output_folder", "file_errors", "known", "malformed", "read_bytes",
-    "read_json", "read_yaml", "write_bytes", "write_json",
-]  # fmt: skip
+    "atomic_path",
+    "check_output",
+    "check_output_folder",
+    "file_errors",
+    "known",
+    "malformed",
+    "read_bytes",
+    "read_json",
+    "read_yaml",
+    "write_bytes",
+    "write_json",
+]
 
 STEM, SUFFIXES = 100, 60  # characters of a temporary name; file systems take 255 bytes
 

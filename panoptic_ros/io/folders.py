@@ -1,4 +1,5 @@
 """Output folders that receive their files only when all of them are complete."""
+
 from __future__ import annotations
 
 import os

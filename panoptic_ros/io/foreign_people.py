@@ -1,4 +1,5 @@
 """2D people of another stack in bags, as messages of this one."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping

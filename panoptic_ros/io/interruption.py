@@ -1,4 +1,5 @@
 """Requests to end, by SIGINT, SIGTERM or SIGHUP: they interrupt the program, or end a live run."""
+
 from __future__ import annotations
 
 import signal

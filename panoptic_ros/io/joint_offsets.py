@@ -3,6 +3,7 @@
 A file holds joints in the middle and on the left; the right side is their mirror image. Joints are named by
 the vocabulary that all skeletons share.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping

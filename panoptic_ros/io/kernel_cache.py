@@ -1,4 +1,5 @@
 """One line about a full disk or an impossible path, whichever library meets it."""
+
 from __future__ import annotations
 
 import errno

@@ -24,9 +24,10 @@ LARGEST = 1e6  # m, of a place or length
 INERTIAL_FRAMES = ("world", "unknown heading")
 KEYS = keys(
     "format id height_m inertial_frame segments start",
-    keypoints={EACH: keys("segment offset")}, devices=[keys("device segment position mount")],
+    keypoints={EACH: keys("segment offset")},
+    devices=[keys("device segment position mount")],
     t_pose=keys("from_ns to_ns facing"),
-)  # fmt: skip
+)
 BATCHED = 0.5  # share of the stamps that several samples have, from which these come in batches
 LONGER = 1.5  # than usual, samples of a batch are apart at most: what is longer is a gap behind it
 COLUMNS = ("device", "stamp_ns", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
@@ -147,11 +148,16 @@ def _subject(document: dict[str, Any], model: SegmentModel, path: Path) -> Subje
         devices = tuple(_device(row, model) for row in document.get("devices") or ())
         start = document.get("start")
         return Subject(
-            _id(document["id"]), body, _distinct(devices), _t_pose(document.get("t_pose")),
+            _id(document["id"]),
+            body,
+            _distinct(devices),
+            _t_pose(document.get("t_pose")),
             None if start is None else _vector(start, 3, "start"),
-            _heading_known(document.get("inertial_frame", "world")), bool(document.get("segments")),
-            stature, _assumed(document, devices),
-        )  # fmt: skip
+            _heading_known(document.get("inertial_frame", "world")),
+            bool(document.get("segments")),
+            stature,
+            _assumed(document, devices),
+        )
     except DataError as error:
         raise DataError(f"{path}: {error}") from None
 
@@ -176,7 +182,9 @@ def subject_document(subject: Subject) -> dict[str, Any]:
     """The `panoptic-subject-1` document of a person, with lengths, keypoints and devices."""
     names = subject.body.model.names
     found: dict[str, Any] = {
-        "format": SUBJECT, "id": subject.id, "height_m": round(subject.stature, 4),
+        "format": SUBJECT,
+        "id": subject.id,
+        "height_m": round(subject.stature, 4),
         "inertial_frame": "world" if subject.heading_known else "unknown heading",
         "segments": {name: _rounded(o) for name, o in zip(names, subject.body.offsets)},
         "keypoints": {
@@ -188,7 +196,7 @@ def subject_document(subject: Subject) -> dict[str, Any]:
             | ({} if d.mount is None else {"mount": _rounded(to_quaternions(d.mount), 6)})
             for d in subject.devices
         ],
-    }  # fmt: skip
+    }
     if subject.start is not None:
         found["start"] = _rounded(subject.start, 3)
     if subject.t_pose is not None:
@@ -221,9 +229,11 @@ def _heading_known(frame: Any) -> bool:
 def _device(row: Mapping[str, Any], model: SegmentModel) -> Device:
     name, mount = str(row["device"]), row.get("mount")
     return Device(
-        name, model.index(str(row["segment"])), _vector(row.get("position", (0, 0, 0)), 3, name),
+        name,
+        model.index(str(row["segment"])),
+        _vector(row.get("position", (0, 0, 0)), 3, name),
         None if mount is None else from_quaternions(_vector(mount, 4, f"{name}: mount")),
-    )  # fmt: skip
+    )
 
 
 def _t_pose(row: Mapping[str, Any] | None) -> TPose | None:

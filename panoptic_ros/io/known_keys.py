@@ -3,6 +3,7 @@
 In: a parsed document of JSON, YAML or TOML and the keys of its format. Out: a warning for each key that is
 not used, with the nearest one that is. Parameters and model cards refuse unknown keys themselves.
 """
+
 from __future__ import annotations
 
 import warnings

@@ -3,6 +3,7 @@
 All readers take the bytes of a file from here and parse them inside of `parsing`. So a file that is cut,
 damaged or made to do harm costs a bounded amount of memory, and ends in an error that names it.
 """
+
 from __future__ import annotations
 
 import io

@@ -1,4 +1,5 @@
 """Output of a process: to a file, and to streams whose reader may end."""
+
 from __future__ import annotations
 
 import os

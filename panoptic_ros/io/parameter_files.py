@@ -1,4 +1,5 @@
 """The files that are generated from the configurations: config/<stage>.yaml and docs/parameters.md."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -27,15 +28,20 @@ def parameter_yaml(stage: str, cls: type[Config]) -> str:
 def parameter_page(classes: Mapping[str, type[Config]]) -> str:
     """docs/parameters.md: the parameters that a lab changes, then one table per stage."""
     lines = [
-        "# Parameters", "", HEADER, "",
+        "# Parameters",
+        "",
+        HEADER,
+        "",
         "Set them with `panoptic ... --set stage.name=value`, in a file for `--config` "
         "(`{stage: {name: value}}`, or like `config/<stage>.yaml`), or as ROS parameters of the "
         "stage's node. `--preset NAME` sets many at once (`config/presets`); the other two count more.",
-        "", *_changed_by_labs(classes), "",
+        "",
+        *_changed_by_labs(classes),
+        "",
         "The rest is below, stage by stage. *Expert*: the default serves all captures that we know of; "
         "change it with figures in hand (`panoptic evaluate`, `panoptic bench ablation`).",
         "",
-    ]  # fmt: skip
+    ]
     for stage, cls in classes.items():
         lines += [f"## {stage}", "", "| name | default | unit | range | what it does |"]
         lines.append("|---|---|---|---|---|")
@@ -50,12 +56,19 @@ def _changed_by_labs(classes: Mapping[str, type[Config]]) -> list[str]:
     """The table of all parameters that are not for experts, with what they are changed for."""
     rows = [
         f"| `{stage}.{item.name}` | `{_yaml(item.default)}` | {item.when} |"
-        for stage, cls in classes.items() for item in describe(cls) if not item.expert
-    ]  # fmt: skip
+        for stage, cls in classes.items()
+        for item in describe(cls)
+        if not item.expert
+    ]
     return [
-        "## What to change, and when", "", f"The {len(rows)} parameters that a lab changes:", "",
-        "| parameter | default | change it when |", "|---|---|---|", *rows,
-    ]  # fmt: skip
+        "## What to change, and when",
+        "",
+        f"The {len(rows)} parameters that a lab changes:",
+        "",
+        "| parameter | default | change it when |",
+        "|---|---|---|",
+        *rows,
+    ]
 
 
 def _yaml(value: object) -> str:

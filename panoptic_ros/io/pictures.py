@@ -2,6 +2,7 @@
 
 PNG (W3C), JPEG (ISO/IEC 10918-1), TIFF 6.0 and Exif, BMP, WebP (RFC 9649). A PNG of 1 MB can hold 1 Gpx.
 """
+
 from __future__ import annotations
 
 import struct

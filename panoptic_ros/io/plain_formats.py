@@ -3,6 +3,7 @@
 Both are JSON, gzipped if the name ends in .gz, in metres, pixels and integer nanoseconds; a
 missing joint is null. docs/formats.md defines every key.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -106,10 +107,16 @@ class PlainDetections:
                     points, scores = joint_map.apply(view.points, view.scores)
                     views.append(
                         ViewDetections(
-                            camera.name, view.stamp_ns, frame.index, camera.image_size,
-                            skeleton_hash, points, scores, _person_scores(scores),
+                            camera.name,
+                            view.stamp_ns,
+                            frame.index,
+                            camera.image_size,
+                            skeleton_hash,
+                            points,
+                            scores,
+                            _person_scores(scores),
                         )
-                    )  # fmt: skip
+                    )
             yield DetectionSet(frame.index, frame.stamp_ns, skeleton_hash, tuple(views))
 
 
@@ -200,13 +207,16 @@ def read_skeletons(path: Path) -> PlainSkeletons:
                         covariances[k, j].T[_UPPER] = upper
             frames.append(
                 PlainSkeletonFrame(
-                    _index(frame, number, where), _integer(frame["stamp_ns"], where),
-                    np.array([int(p["id"]) for p in people], np.int64), positions,
-                    scores.reshape(positions.shape[:2]), covariances,
+                    _index(frame, number, where),
+                    _integer(frame["stamp_ns"], where),
+                    np.array([int(p["id"]) for p in people], np.int64),
+                    positions,
+                    scores.reshape(positions.shape[:2]),
+                    covariances,
                     np.array([bool(p.get("ignore", False)) for p in people], bool),
                     views.reshape(positions.shape[:2]),
                 )
-            )  # fmt: skip
+            )
     return PlainSkeletons(names, tuple(frames))
 
 

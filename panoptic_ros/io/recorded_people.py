@@ -1,4 +1,5 @@
 """2D people of a recording in the joints of a skeleton model, from plain files."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -68,7 +69,8 @@ def _own_names(detections: PlainDetections, joints: tuple[str, ...]) -> tuple[st
     """The joints as the detections spell them, where the skeleton was chosen after them."""
     _, mapping = map_joints(_choose(detections), detections.joint_names)
     return tuple(
-        detections.joint_names[s[0]] if len(s) == 1 and len(mapping.sources) == len(detections.joint_names)
+        detections.joint_names[s[0]]
+        if len(s) == 1 and len(mapping.sources) == len(detections.joint_names)
         else joint
         for joint, s in zip(joints, mapping.sources)
-    )  # fmt: skip
+    )

@@ -1,4 +1,5 @@
 """Where the files are that are installed with the package, and the user's cache."""
+
 from __future__ import annotations
 
 import os

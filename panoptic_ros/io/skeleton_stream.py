@@ -1,4 +1,5 @@
 """skeletons.json.gz frame by frame: a run of hours needs no more memory than one of minutes."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable

@@ -1,4 +1,5 @@
 """Skeleton models from config/skeletons/*.yaml, and how a detector's joints map onto them."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -167,9 +168,13 @@ def _model(document: dict[str, Any]) -> SkeletonModel:
         return tuple((at(a), at(b)) for a, b in document[key])
 
     return SkeletonModel(
-        document["name"], names, at(document["root"]), pairs("bones"), at(document["head"]),
+        document["name"],
+        names,
+        at(document["root"]),
+        pairs("bones"),
+        at(document["head"]),
         pairs("left_right"),
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=1)

@@ -3,6 +3,7 @@
 caliscope writes `cam_id,frame_time` (older versions `port,frame_time`) in seconds, and sometimes
 `frame_index`. Its cameras are numbers there.
 """
+
 from __future__ import annotations
 
 from collections.abc import Iterator

@@ -1,4 +1,5 @@
 """Points of the surface of people in the `truth.npz` of a photoreal capture."""
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -12,11 +13,22 @@ NAME, KEYS = "truth.npz", ("times", "points", "point_bone")
 # Bones of the default rig of MakeHuman, by how their names begin, and our parts. Skin of the neck belongs to
 # torso and head alike.
 BONES = {
-    "upperarm": "elbow", "lowerarm": "wrist", "wrist": "wrist", "metacarpal": "wrist", "finger": "wrist",
-    "upperleg": "knee", "lowerleg": "ankle", "foot": "ankle", "toe": "ankle",
-    "spine": "torso", "pelvis": "torso", "clavicle": "torso", "shoulder": "torso", "breast": "torso",
+    "upperarm": "elbow",
+    "lowerarm": "wrist",
+    "wrist": "wrist",
+    "metacarpal": "wrist",
+    "finger": "wrist",
+    "upperleg": "knee",
+    "lowerleg": "ankle",
+    "foot": "ankle",
+    "toe": "ankle",
+    "spine": "torso",
+    "pelvis": "torso",
+    "clavicle": "torso",
+    "shoulder": "torso",
+    "breast": "torso",
     "neck": "",
-}  # fmt: skip
+}
 
 
 def read_surface(folder: Path) -> SurfaceTruth | None:

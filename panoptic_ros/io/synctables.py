@@ -8,6 +8,7 @@ Which element of hd.univ_time belongs to image file N is contested. The toolbox'
 univ_time(N + 2), element N + 1 counted from 0 ("-2 is some weired offset in synctables"); ports take
 N, N + 1 or N + 2. `hd_base` says which; 1 is the demo's. Test it with something that both streams show.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -121,8 +122,10 @@ def _match(streams: Mapping[str, SyncStream], node: str, time: float) -> KinectM
     color, color_time = _near(streams.get(f"color/{node}"), time, COLOR_LATE_MS, GATE_COLOR_MS)
     depth, depth_time = _near(streams.get(f"depth/{node}"), time, 0.0, GATE_DEPTH_MS)
     if color is not None and depth is not None and abs(color_time - depth_time) > GATE_DEPTH_COLOR_MS:
-        return KinectMatch(None, depth) if abs(depth_time - time) <= abs(color_time - time) else (
-            KinectMatch(color, None)
+        return (
+            KinectMatch(None, depth)
+            if abs(depth_time - time) <= abs(color_time - time)
+            else (KinectMatch(color, None))
         )
     return KinectMatch(color, depth)
 

@@ -4,6 +4,7 @@ A take holds the file `take.open` from its first second until it is closed. The 
 on that file, so a file without a lock shows a killed process or a power cut. The paths of
 open takes are also listed in the user's state folder, where `panoptic doctor` and the next run find them.
 """
+
 from __future__ import annotations
 
 import fcntl

@@ -1,4 +1,5 @@
 """The date and zone that the user bits of a timecode may hold (SMPTE ST 309)."""
+
 from __future__ import annotations
 
 import datetime
@@ -7,9 +8,16 @@ from dataclasses import dataclass
 ZONE_CODE, MODIFIED_JULIAN_DAY = 0x3F, 0x80  # bits of groups 7 and 8; 0x40 is summer time
 FIRST_DAY = datetime.date(1858, 11, 17)
 _RUNS = (  # first code, minutes ahead of UTC, step, number of codes
-    (0x00, 0, -60, 10), (0x0A, -30, -60, 6), (0x10, -600, -60, 3), (0x13, 780, -60, 7), (0x1A, -390, -60, 6),
-    (0x20, 360, -60, 6), (0x2A, 690, -60, 6), (0x32, 765, 0, 1), (0x3A, 330, -60, 6),
-)  # fmt: skip
+    (0x00, 0, -60, 10),
+    (0x0A, -30, -60, 6),
+    (0x10, -600, -60, 3),
+    (0x13, 780, -60, 7),
+    (0x1A, -390, -60, 6),
+    (0x20, 360, -60, 6),
+    (0x2A, 690, -60, 6),
+    (0x32, 765, 0, 1),
+    (0x3A, 330, -60, 6),
+)
 ZONES = {code + k: ahead + step * k for code, ahead, step, count in _RUNS for k in range(count)}
 
 

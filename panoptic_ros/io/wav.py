@@ -1,4 +1,5 @@
 """WAV files: PCM of 8 to 32 bits and floats, any number of channels."""
+
 from __future__ import annotations
 
 import io

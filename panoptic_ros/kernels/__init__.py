@@ -5,6 +5,7 @@ sources that such a module can reach, so it does not matter where the package is
 `git pull` or colcon workspace runs what was compiled from other sources. This room reads sources and the
 environment, which the other rooms of its rank may not: that is its task, and no result depends on it.
 """
+
 from panoptic_ros.kernels.cache import cache_folder
 from panoptic_ros.kernels.compiling import on_compilation
 from panoptic_ros.kernels.jit import inlined, njit
@@ -13,6 +14,12 @@ from panoptic_ros.kernels.parts import slow_compilation
 from panoptic_ros.kernels.sources import all_sources_hash
 
 __all__ = [
-    "all_sources_hash", "cache_folder", "damaged_files", "inlined", "njit", "on_compilation",
-    "remove_damaged", "slow_compilation",
-]  # fmt: skip
+    "all_sources_hash",
+    "cache_folder",
+    "damaged_files",
+    "inlined",
+    "njit",
+    "on_compilation",
+    "remove_damaged",
+    "slow_compilation",
+]

@@ -1,4 +1,5 @@
 """Optimal assignment, compiled: scipy, whose own it is to the last tie, takes half a second to load."""
+
 from __future__ import annotations
 
 import numpy as np

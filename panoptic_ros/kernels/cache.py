@@ -1,4 +1,5 @@
 """Where compiled kernels are kept: one folder per module, named by all that its code depends on."""
+
 from __future__ import annotations
 
 import os

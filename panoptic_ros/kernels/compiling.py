@@ -1,4 +1,5 @@
 """Telling that something is being compiled."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
@@ -21,9 +22,7 @@ class _Compilations(event.Listener):
 
 
 @contextmanager
-def on_compilation(
-    told: Callable[[str], None], ended: Callable[[], None] = lambda: None
-) -> Iterator[None]:
+def on_compilation(told: Callable[[str], None], ended: Callable[[], None] = lambda: None) -> Iterator[None]:
     """While this holds, call `told` with the full name of every function when its compilation begins, and
     `ended` when it ends.
 

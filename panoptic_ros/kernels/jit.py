@@ -1,4 +1,5 @@
 """`njit` of this package."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -3,6 +3,7 @@
 numba itself trusts its files. One that was cut, e.g. by a full disk or a power cut, raises an error in every
 run that follows, and changed machine code would be run.
 """
+
 from __future__ import annotations
 
 import pickle

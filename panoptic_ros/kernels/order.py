@@ -1,4 +1,5 @@
 """Order of numbers, compiled: quicker to compile by far than numba's own, which serve all types and NaN."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -8,6 +8,7 @@ kernels that run as fast and give the same bytes.
 This stands on parts of numba that are its own. They are known to be as expected in the versions of
 `cache.KNOWN`; with others, kernels compile as numba does it, and `slow_compilation` says so.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator

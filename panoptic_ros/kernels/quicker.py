@@ -5,6 +5,7 @@ tries all of its templates at every place. The variables of an instruction are l
 is asked for all of its attributes, nine times for each function. Every assignment of an array to a part of
 another brings with it all that it takes to write both shapes into the error's text: a plain text serves.
 """
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -27,9 +28,10 @@ OTHER, VARIABLE, INSTRUCTION, SEQUENCE, MAPPING = range(5)
 def quicker() -> Iterator[None]:
     """While this holds, numba remembers. Only one thread compiles at a time."""
     names: tuple[tuple[Any, str, Any], ...] = (
-        (BaseFunction, "get_call_type", _call_type), (ir.Inst, "_rec_list_vars", _variables),
+        (BaseFunction, "get_call_type", _call_type),
+        (ir.Inst, "_rec_list_vars", _variables),
         (arrayobj, "raise_with_shape_context", _refuse_shapes),
-    )  # fmt: skip
+    )
     before = [getattr(owner, name) for owner, name, _ in names]
     for owner, name, function in names:
         setattr(owner, name, function)

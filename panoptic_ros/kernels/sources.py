@@ -1,4 +1,5 @@
 """What compiled code is made from: the sources that a module imports, however indirectly, by content."""
+
 from __future__ import annotations
 
 import re

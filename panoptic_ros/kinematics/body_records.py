@@ -33,9 +33,13 @@ class Solved(NamedTuple):
 
 
 def body_set(
-    index: int, stamp_ns: int, newest_ns: int, model: SegmentModel, skeleton: SkeletonModel,
+    index: int,
+    stamp_ns: int,
+    newest_ns: int,
+    model: SegmentModel,
+    skeleton: SkeletonModel,
     bodies: Sequence[Solved],
-) -> BodyStateSet:  # fmt: skip
+) -> BodyStateSet:
     """The record of an instant, bodies by their ids.
 
     Args:
@@ -60,13 +64,25 @@ def body_set(
     frames = np.array([row.state.frames for row in rows]).reshape(count, segments, 3, 3)
     places = np.array([row.state.places for row in rows]).reshape(count, segments, 3)
     return BodyStateSet(
-        index, stamp_ns, max(newest_ns, stamp_ns), skeleton.hash, model.names, model.parents,
-        np.array([row.state.id for row in rows], np.int64), np.array([row.source for row in rows], np.uint8),
-        np.array([row.views for row in rows], np.int32), np.array([row.devices for row in rows], np.int32),
+        index,
+        stamp_ns,
+        max(newest_ns, stamp_ns),
+        skeleton.hash,
+        model.names,
+        model.parents,
+        np.array([row.state.id for row in rows], np.int64),
+        np.array([row.source for row in rows], np.uint8),
+        np.array([row.views for row in rows], np.int32),
+        np.array([row.devices for row in rows], np.int32),
         np.array([row.body.offsets for row in rows]).reshape(count, segments, 3),
-        _freedoms(model, places, frames), places, to_quaternions(frames.reshape(-1, 3, 3))
-        .reshape(count, segments, 4), velocities, covariances, keypoints, keypoint_covariances,
-    )  # fmt: skip
+        _freedoms(model, places, frames),
+        places,
+        to_quaternions(frames.reshape(-1, 3, 3)).reshape(count, segments, 4),
+        velocities,
+        covariances,
+        keypoints,
+        keypoint_covariances,
+    )
 
 
 def _freedoms(model: SegmentModel, places: Array, frames: Array) -> Array:
@@ -82,19 +98,27 @@ def _freedoms(model: SegmentModel, places: Array, frames: Array) -> Array:
 @lru_cache(maxsize=64)
 def _sites(body: Body, skeleton: SkeletonModel) -> tuple[Array, Array, Array]:
     """Joints (N,) of the skeleton that a body has, their segments (N,) and places (N, 3) m in these."""
-    known = [(j, *body.keypoints[name]) for j, name in enumerate(skeleton.joint_names)
-             if name in body.keypoints]  # fmt: skip
+    known = [
+        (j, *body.keypoints[name]) for j, name in enumerate(skeleton.joint_names) if name in body.keypoints
+    ]
     return (
-        np.array([j for j, _, _ in known], np.int64), np.array([s for _, s, _ in known], np.int64),
+        np.array([j for j, _, _ in known], np.int64),
+        np.array([s for _, s, _ in known], np.int64),
         np.array([place for _, _, place in known], np.float64).reshape(-1, 3),
-    )  # fmt: skip
+    )
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _carry(
-    joints: Array, segments: Array, offsets: Array, places: Array, frames: Array, covariances: Array,
-    points: Array, spreads: Array,
-) -> None:  # fmt: skip
+    joints: Array,
+    segments: Array,
+    offsets: Array,
+    places: Array,
+    frames: Array,
+    covariances: Array,
+    points: Array,
+    spreads: Array,
+) -> None:
     """Sites (N,) of segments, see `_sites`, into joints (J, 3) m and their covariances (J, 3, 3), from places
     (S, 3), frames (S, 3, 3) and covariances (S, 6, 6)."""
     slope = np.zeros((3, 6))

@@ -27,9 +27,12 @@ SECONDS = 0.3  # more than the lag, so that poses are smoothed, and time for a l
 
 
 def step_examples(
-    new_person: Callable[[Subject], Person], model: SegmentModel, statistics: PoseStatistics,
-    joint_names: tuple[str, ...], rate_hz: float,
-) -> Solved:  # fmt: skip
+    new_person: Callable[[Subject], Person],
+    model: SegmentModel,
+    statistics: PoseStatistics,
+    joint_names: tuple[str, ...],
+    rate_hz: float,
+) -> Solved:
     """Solve for somebody with an IMU, from joints in space and from views: the first body."""
     body = model.body(STATURE)
     device = Device("example", 0, np.zeros(3), np.eye(3))

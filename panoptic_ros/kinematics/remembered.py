@@ -35,9 +35,26 @@ from panoptic_ros.kinematics.timeline import Timeline, _Apart
 from panoptic_ros.state import Fields
 
 CLASSES = (
-    KinematicsConfig, Body, BodyState, Device, Subject, TPose, Chain, Pose, Behind, SeenJoints, SeenPoints,
-    Floor, Hinges, PosePrior,
-    Motion, _Apart, _Eliminated, Linked, Afterwards, Looks,
+    KinematicsConfig,
+    Body,
+    BodyState,
+    Device,
+    Subject,
+    TPose,
+    Chain,
+    Pose,
+    Behind,
+    SeenJoints,
+    SeenPoints,
+    Floor,
+    Hinges,
+    PosePrior,
+    Motion,
+    _Apart,
+    _Eliminated,
+    Linked,
+    Afterwards,
+    Looks,
     Fields.named(
         Person,
         "_config subject weighing seen fitting tracker behind of_track came worn _alone _mounted "
@@ -96,4 +113,4 @@ CLASSES = (
         "_config _subject _names _columns _segments _offsets _unmeasured _anchors rotations translations "
         "_paper_focal prior floor",
     ),
-)  # fmt: skip
+)

@@ -58,10 +58,11 @@ def solve_recording(
     recording, notices = _without_odd_devices(recording, subjects)
     headings: dict[int, float] = {}
     wearers = [
-        subject for subject in subjects
+        subject
+        for subject in subjects
         if any(device.name in recording.devices for device in subject.devices)
         and ((config.window and config.clocks) or not subject.heading_known)
-    ]  # fmt: skip
+    ]
     if wearers and recording.views:
         recording, headings = _aligned(recording, wearers, subjects, config, statistics, notices)
     instants = instants_of(recording.views, recording.devices, config.rate_hz)
@@ -77,9 +78,7 @@ def solve_recording(
         notices += lines
         trackers.append(SubjectTracker(config, subject, weighing, mounts, heading))
     states: list[BodyState] = []
-    finder = RecordedPeople(
-        config, recording.rig, subjects, trackers[0].weighing, len(recording.views)
-    )  # fmt: skip
+    finder = RecordedPeople(config, recording.rig, subjects, trackers[0].weighing, len(recording.views))
     for instant in instants:
         people, back = finder.find(instant, trackers)
         for k, tracker in enumerate(trackers):
@@ -106,9 +105,7 @@ def solve_recording(
     return Solved(states, trackers, notices)
 
 
-def _without_odd_devices(
-    recording: Recording, subjects: Sequence[Subject]
-) -> tuple[Recording, list[str]]:
+def _without_odd_devices(recording: Recording, subjects: Sequence[Subject]) -> tuple[Recording, list[str]]:
     """The recording with what can be used of the devices that are worn, and a line for all that is odd."""
     worn = [device.name for subject in subjects for device in subject.devices]
     seen = [view.stamps for view in recording.views.values() if len(view.stamps)]
@@ -119,9 +116,13 @@ def _without_odd_devices(
 
 
 def _aligned(
-    recording: Recording, wearers: Sequence[Subject], subjects: Sequence[Subject], config: KinematicsConfig,
-    statistics: PoseStatistics, notices: list[str],
-) -> tuple[Recording, dict[int, float]]:  # fmt: skip
+    recording: Recording,
+    wearers: Sequence[Subject],
+    subjects: Sequence[Subject],
+    config: KinematicsConfig,
+    statistics: PoseStatistics,
+    notices: list[str],
+) -> tuple[Recording, dict[int, float]]:
     """The recording with the IMUs of the wearers on the clock of the cameras; headings of theirs, rad."""
     first = min(int(view.stamps[0]) for view in recording.views.values() if len(view.stamps))
     until = first + round(ALIGNED_S * 1e9)

@@ -50,7 +50,7 @@ class KinematicsStage(Stateful):
         (*CLASSES, SeenView, SeenSet),
         shared=("_config", "_model", "_parents", "_mean"),
         same={"configuration": "_config", "skeleton": "_hash", "cameras": "_rig.names"},
-    )  # fmt: skip
+    )
 
     def __init__(self, config: KinematicsConfig, context: StageContext):
         self._config, self._skeleton, self._rig = config, context.skeleton, context.rig
@@ -152,9 +152,11 @@ class KinematicsStage(Stateful):
         if self._config.everybody:
             self._measure(item)
         waiting = self._waiting
-        if waiting is not None and waiting.number == item.index and (
-            item.sources is not None or not len(item.ids)
-        ):  # fmt: skip
+        if (
+            waiting is not None
+            and waiting.number == item.index
+            and (item.sources is not None or not len(item.ids))
+        ):
             return self._take_waiting(item)
         notices = self._take_waiting(None)
         if waiting is None or waiting.number < item.index:

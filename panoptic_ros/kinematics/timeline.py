@@ -92,9 +92,10 @@ class Timeline:
         cameras = {name for name in sources if isinstance(name, int)}
         others_go_on = bool(alive - self._ahead.keys())
         ahead = {
-            name for name in self._ahead.keys() & (cameras or sources)
+            name
+            for name in self._ahead.keys() & (cameras or sources)
             if not (others_go_on and self._may_be_late(self._ahead[name]))
-        }  # fmt: skip
+        }
         told = sum(self._ahead[name].number for name in ahead)
         return told >= BELIEVED and 2 * len(ahead) > len(cameras or sources)
 

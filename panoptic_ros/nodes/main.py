@@ -1,4 +1,5 @@
 """Executables: `ros2 run panoptic_ros <node>`, and `host`, which runs the nodes of a launcher's file."""
+
 from __future__ import annotations
 
 import json
@@ -61,9 +62,11 @@ EXTRAS = {"detection": _detector, "assembly": _biases, "kinematics": _bodies}
 
 
 def make_stage_node(
-    stages: str | Sequence[str], overrides: Mapping[str, Any] = {}, name: str | None = None,
+    stages: str | Sequence[str],
+    overrides: Mapping[str, Any] = {},
+    name: str | None = None,
     own: OwnCameras | None = None,
-) -> StageNode:  # fmt: skip
+) -> StageNode:
     """The node of one stage or several."""
     return StageNode(stages, overrides, EXTRAS, name, own)
 

@@ -16,6 +16,7 @@ trusted. A bias of the detector along the motion looks like an offset (25 mm at 
 from residuals that clocks cannot explain, and is part of the standard deviations. Where nothing moves nothing
 is known, and a notice says so. Calibration errors are not separated from clocks.
 """
+
 from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.passes import MotionClocks, MotionClocksConfig, clocks_from_motion
 from panoptic_ros.offsets.regroup import regroup

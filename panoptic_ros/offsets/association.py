@@ -1,4 +1,5 @@
 """Which 2D joint of which frame belongs to which joint of which tracked person."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -42,9 +43,14 @@ class Observations:
 
 
 def associate(
-    frames: Sequence[CameraFrame], times: Array, stamps: Array, tracks: Tracks, arrays: RigArrays,
-    skeleton: SkeletonModel, scale: float,
-) -> Observations:  # fmt: skip
+    frames: Sequence[CameraFrame],
+    times: Array,
+    stamps: Array,
+    tracks: Tracks,
+    arrays: RigArrays,
+    skeleton: SkeletonModel,
+    scale: float,
+) -> Observations:
     """Associate the 2D people of every frame with the tracks, best agreement first, one to one.
 
     Args:
@@ -62,9 +68,7 @@ def associate(
     if not parts:
         empty = np.empty(0)
         none = np.empty(0, np.int64)
-        return Observations(
-            none, none, none, empty, empty, np.empty((0, 2, 3)), np.empty((0, 2)), empty
-        )
+        return Observations(none, none, none, empty, empty, np.empty((0, 2, 3)), np.empty((0, 2)), empty)
     track, joint, camera, plane, scores, depth, stamp = (np.concatenate(c) for c in zip(*parts))
     rotations, translations = arrays.rotations[camera], arrays.translations[camera]
     sight = plane[..., None] * rotations[:, None, 2] - rotations[:, :2]
@@ -80,9 +84,14 @@ def _pairs(
     people = len(frame.plane)
     cams = scene.Cameras(arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1))
     seen = scene.Observations(
-        frame.plane, (frame.scores > 0.0).astype(np.float64), np.zeros(people, np.int64),
-        np.array([0, people]), cams, arrays.lenses[c : c + 1], np.full(people, np.inf),
-    )  # fmt: skip
+        frame.plane,
+        (frame.scores > 0.0).astype(np.float64),
+        np.zeros(people, np.int64),
+        np.array([0, people]),
+        cams,
+        arrays.lenses[c : c + 1],
+        np.full(people, np.inf),
+    )
     straight, mirrored, common = agreement_with_people(places, np.zeros_like(places), seen, mirror, scale)
     flipped = mirrored > MIRROR_MARGIN * straight
     value = np.where(common >= LEAST_COMMON, np.where(flipped, mirrored, straight), 0.0)

@@ -2,6 +2,7 @@
 
 A matrix (n, n) of half bandwidth b is kept as its lower band (n, b + 1): band[i, k] = A[i, i - k].
 """
+
 from __future__ import annotations
 
 import numpy as np

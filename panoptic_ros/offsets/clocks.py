@@ -1,4 +1,5 @@
 """The estimate as clocks of cameras by name."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -57,10 +58,20 @@ class CameraClocks:
         names = tuple(cameras)
         zero = np.zeros(len(names))
         return cls(
-            names, reference_ns, zero, zero, np.diag(np.repeat([0.1**2, 1e-4**2], len(names))),
-            np.zeros(len(names), bool), 0.0, zero, np.zeros(len(names), np.int64), 0, True,
-            np.zeros(len(names), bool), zero,
-        )  # fmt: skip
+            names,
+            reference_ns,
+            zero,
+            zero,
+            np.diag(np.repeat([0.1**2, 1e-4**2], len(names))),
+            np.zeros(len(names), bool),
+            0.0,
+            zero,
+            np.zeros(len(names), np.int64),
+            0,
+            True,
+            np.zeros(len(names), bool),
+            zero,
+        )
 
     @classmethod
     def of(
@@ -77,9 +88,15 @@ class CameraClocks:
 
     @classmethod
     def stated(
-        cls, cameras: Iterable[str], reference_ns: int, state: Array, covariance: Array, trusted: str,
-        fit: Fit, held: Array | None = None,
-    ) -> CameraClocks:  # fmt: skip
+        cls,
+        cameras: Iterable[str],
+        reference_ns: int,
+        state: Array,
+        covariance: Array,
+        trusted: str,
+        fit: Fit,
+        held: Array | None = None,
+    ) -> CameraClocks:
         """The clocks (2C,) with their covariance about the mean, relative to the trusted camera.
 
         Args:
@@ -104,9 +121,20 @@ class CameraClocks:
         )
         rays = np.bincount(fit.seen.camera, minlength=count)
         return cls(
-            names, reference_ns, offsets, drifts, covariance, known, detector_bias(fit), speed, rays,
-            fit.iterations, fit.converged, np.zeros(count, bool) if held is None else held, np.zeros(count),
-        )  # fmt: skip
+            names,
+            reference_ns,
+            offsets,
+            drifts,
+            covariance,
+            known,
+            detector_bias(fit),
+            speed,
+            rays,
+            fit.iterations,
+            fit.converged,
+            np.zeros(count, bool) if held is None else held,
+            np.zeros(count),
+        )
 
     def after(self, before: CameraClocks, trusted: str) -> CameraClocks:
         """These clocks as the successors of those in force `before`.
@@ -137,10 +165,14 @@ class CameraClocks:
         covariance = np.where(both[:, None] & both, later.covariance, self.covariance)
         covariance = np.where(both[:, None] == both, covariance, 0.0)
         return replace(
-            later, reference_ns=self.reference_ns, covariance=covariance, known=self.known | later.known,
-            offsets=offsets + np.where(after, more, 0.0), held=use | after,
+            later,
+            reference_ns=self.reference_ns,
+            covariance=covariance,
+            known=self.known | later.known,
+            offsets=offsets + np.where(after, more, 0.0),
+            held=use | after,
             drifts=drifts + np.where(after, later.drifts * (1.0 + drifts), 0.0),
-        )  # fmt: skip
+        )
 
     @property
     def deviations(self) -> Array:
@@ -198,10 +230,14 @@ class CameraClocks:
             use = self.applied[c]
             models.append(
                 ClockModel(
-                    name, self.reference_ns, 0, self.drifts[c] if use else 0.0, self.covariance[pick],
+                    name,
+                    self.reference_ns,
+                    0,
+                    self.drifts[c] if use else 0.0,
+                    self.covariance[pick],
                     residual_ns=1e9 * self.offsets[c] if use else 0.0,
                 )
-            )  # fmt: skip
+            )
         return models
 
 

@@ -1,4 +1,5 @@
 """Parameters of the offsets stage."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -16,23 +17,30 @@ class OffsetsConfig(Config):
         when="cameras are neither triggered together nor on one clock, and nothing is known of their stamps.",
     )
     block_s: float = param(
-        2.0, unit="s", ge=0.5, le=30.0,
+        2.0,
+        unit="s",
+        ge=0.5,
+        le=30.0,
         doc="Length of a block of motion; each block gives one estimate and new clock models.",
-    )  # fmt: skip
+    )
     memory_s: float = param(
-        60.0, unit="s", ge=2.0, le=3600.0,
+        60.0,
+        unit="s",
+        ge=2.0,
+        le=3600.0,
         doc="Time after which a measurement counts 1/e; longer is more precise, shorter follows crystals.",
-    )  # fmt: skip
+    )
     trusted_camera: str = param(
         "",
         doc="A camera whose stamps are right; empty: most cameras are right if they agree, else offsets "
         "have mean 0.",
     )
     delays_ms: tuple[str, ...] = param(
-        (), unit="ms",
+        (),
+        unit="ms",
         doc="What is known of the clocks already; the same as sync.delays_ms, which is its default. "
         "Offsets that are found are added to it.",
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
         Config.__post_init__(self)

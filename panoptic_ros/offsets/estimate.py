@@ -1,4 +1,5 @@
 """Clocks of cameras from the motion that they see: the offsets that make the rays meet."""
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -80,9 +81,14 @@ class _Problem:
 
 
 def fit_clocks(
-    seen: Observations, cameras: int, offsets: Array, drifts: Array, prior: Array, rounds: int = 40,
+    seen: Observations,
+    cameras: int,
+    offsets: Array,
+    drifts: Array,
+    prior: Array,
+    rounds: int = 40,
     progress: Callable[[float], None] = lambda share: None,
-) -> Fit:  # fmt: skip
+) -> Fit:
     """Estimate offsets and drifts from the joints of tracked people.
 
     Gauss-Newton steps of the clocks with the trajectories eliminated and Cauchy weights, and Anderson
@@ -109,9 +115,16 @@ def fit_clocks(
         history = [*history[-MEMORY:], (state, step)]
         state = state + step if done <= LEARNING // 2 else _accelerated(history, cameras)
     return Fit(
-        state[:cameras], state[cameras:], information, converged, done, problem.series.seen,
-        problem.misses, problem.across, problem.precision,
-    )  # fmt: skip
+        state[:cameras],
+        state[cameras:],
+        information,
+        converged,
+        done,
+        problem.series.seen,
+        problem.misses,
+        problem.across,
+        problem.precision,
+    )
 
 
 def centred(values: Array, cameras: int) -> Array:

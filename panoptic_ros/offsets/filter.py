@@ -1,4 +1,5 @@
 """An information filter of the clocks over blocks of motion, with slow forgetting."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The 2D people of every camera frame at its own stamp, undistorted once."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable

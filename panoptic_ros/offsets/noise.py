@@ -1,4 +1,5 @@
 """How noisy 2D joints are, from the residuals of the fit."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -17,9 +18,7 @@ class Noise:
     """
 
     def __init__(self, cameras: Array, joints: Array, scores: Array, start: float):
-        self._groups = (
-            np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1), cameras, joints
-        )  # fmt: skip
+        self._groups = (np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1), cameras, joints)
         self._start = start
         self._factors = [np.ones(int(group.max(initial=0)) + 1) for group in self._groups]
 

@@ -1,4 +1,5 @@
 """Notices about clocks while they are found, each once."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,4 +1,5 @@
 """Clocks of a recorded capture, as in `panoptic solve`: solve, estimate, correct, and repeat."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
@@ -42,10 +43,16 @@ class MotionClocksConfig:
 
 
 def clocks_from_motion(
-    frames: Sequence[CameraFrame], tracked: Sequence[TrackedPoseSet], start: CameraClocks, rig: Rig,
-    skeleton: SkeletonModel, scale: float, trusted: str = "", arrays: RigArrays | None = None,
+    frames: Sequence[CameraFrame],
+    tracked: Sequence[TrackedPoseSet],
+    start: CameraClocks,
+    rig: Rig,
+    skeleton: SkeletonModel,
+    scale: float,
+    trusted: str = "",
+    arrays: RigArrays | None = None,
     progress: Progress = untold,
-) -> CameraClocks:  # fmt: skip
+) -> CameraClocks:
     """One estimate.
 
     Args:
@@ -61,9 +68,13 @@ def clocks_from_motion(
     seen = associate(frames, times, stamps, tracks, arrays or RigArrays.of(rig), skeleton, scale)
     prior = np.repeat([PRIOR_OFFSET, PRIOR_DRIFT], count)
     fit = fit_clocks(
-        seen, count, start.offsets, start.drifts, prior,
+        seen,
+        count,
+        start.offsets,
+        start.drifts,
+        prior,
         progress=lambda share: progress(0.2 + 0.8 * share, "estimating clocks"),
-    )  # fmt: skip
+    )
     progress(1.0, "estimating clocks")
     return CameraClocks.of(fit, rig.names, start.reference_ns, prior, trusted)
 
@@ -95,9 +106,10 @@ class MotionClocks:
             progress(1.0, "no sets")
             return CameraClocks.unknown(self._rig.names, 0)
         part = [
-            item for begin, end in telling_spans(stamps, people)
+            item
+            for begin, end in telling_spans(stamps, people)
             for item in recording.records("detection_sets", begin_ns=begin, end_ns=end)
-        ]  # fmt: skip
+        ]
         every = -(-sum(len(item.views) for item in part) // MOST_FRAMES)
         frames = camera_frames(part, self._arrays, self._skeleton, every)
         clocks = CameraClocks.unknown(self._rig.names, int(stamps[len(stamps) // 2]))
@@ -109,15 +121,26 @@ class MotionClocks:
         return clocks
 
     def _estimate(
-        self, frames: Sequence[CameraFrame], sets: Sequence[DetectionSet], start: CameraClocks, scale: float,
+        self,
+        frames: Sequence[CameraFrame],
+        sets: Sequence[DetectionSet],
+        start: CameraClocks,
+        scale: float,
         progress: Progress,
-    ) -> CameraClocks:  # fmt: skip
+    ) -> CameraClocks:
         """Solve the sets of these clocks, and estimate better ones."""
         told = each(sets, len(sets), part_of(progress, 0.0, SOLVED), "solving")
         return clocks_from_motion(
-            frames, self._config.solve(told), start, self._rig, self._skeleton, scale,
-            self._config.trusted_camera, self._arrays, part_of(progress, SOLVED, 1.0),
-        )  # fmt: skip
+            frames,
+            self._config.solve(told),
+            start,
+            self._rig,
+            self._skeleton,
+            scale,
+            self._config.trusted_camera,
+            self._arrays,
+            part_of(progress, SOLVED, 1.0),
+        )
 
 
 def _people_seen(recording: Recording) -> tuple[Array, Array]:

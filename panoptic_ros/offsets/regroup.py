@@ -1,4 +1,5 @@
 """Detection sets grouped anew after a correction of the stamps."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -34,8 +35,10 @@ def regroup(sets: Sequence[DetectionSet], corrections: Mapping[str, Array]) -> l
             if stamp < 0:
                 continue
             after = int(np.searchsorted(instants, stamp))
-            near = min((i for i in (after - 1, after) if 0 <= i < len(sets)),
-                       key=lambda i: abs(int(instants[i]) - stamp))  # fmt: skip
+            near = min(
+                (i for i in (after - 1, after) if 0 <= i < len(sets)),
+                key=lambda i: abs(int(instants[i]) - stamp),
+            )
             miss = abs(int(instants[near]) - stamp)
             if miss <= half and miss < distance.get((near, view.camera), np.inf):
                 distance[near, view.camera] = miss

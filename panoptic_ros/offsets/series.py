@@ -1,4 +1,5 @@
 """Observations in the order of trajectories: one per person and joint, cut where nobody saw it for long."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,4 +1,5 @@
 """The offsets stage: clocks from motion, live."""
+
 from __future__ import annotations
 
 from collections import deque
@@ -46,15 +47,20 @@ class OffsetsStage(Stateful):
     """
 
     LAYOUT = StateLayout(
-        "offsets", ("_filter", "_frames", "_turns", "_tracked", "_in_force", "_correcting", "_notices"),
+        "offsets",
+        ("_filter", "_frames", "_turns", "_tracked", "_in_force", "_correcting", "_notices"),
         (
-            TrackedPoseSet, TimeShift, ViewSources, CameraClocks, CameraFrame,
+            TrackedPoseSet,
+            TimeShift,
+            ViewSources,
+            CameraClocks,
+            CameraFrame,
             Fields.named(ClockFilter, "_cameras _prior _memory _information _vector"),
             Fields.named(ClockNotices, "_cameras _told _passed _missed"),
         ),
         shared=("_prior",),
         same={"configuration": "_config", "cameras": "_rig.names", "skeleton": "_skeleton.hash"},
-    )  # fmt: skip
+    )
 
     def __init__(self, config: OffsetsConfig, context: StageContext):
         self._config, self._rig, self._skeleton = config, context.rig, context.skeleton
@@ -150,9 +156,14 @@ class OffsetsStage(Stateful):
             jumps = self._filter.add(found, honest_information(fit, self._prior))
         state, covariance = self._filter.state()
         clocks = CameraClocks.stated(
-            self._rig.names, reference, state, covariance, self._config.trusted_camera, fit,
+            self._rig.names,
+            reference,
+            state,
+            covariance,
+            self._config.trusted_camera,
+            fit,
             self._correcting,
-        )  # fmt: skip
+        )
         if before is not None:
             clocks = clocks.after(before, self._config.trusted_camera)
         self._correcting = clocks.applied
@@ -166,4 +177,3 @@ class OffsetsStage(Stateful):
         since = frame.stamp_ns - clocks.reference_ns
         master_ns: int = frame.stamp_ns + round(1e9 * clocks.offsets[c] + clocks.drifts[c] * since)
         return master_ns
-

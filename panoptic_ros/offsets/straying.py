@@ -1,4 +1,5 @@
 """Whether clocks stay on the lines that were found for them."""
+
 from __future__ import annotations
 
 import numpy as np

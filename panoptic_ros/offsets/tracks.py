@@ -1,4 +1,5 @@
 """Where tracked people are between the instants of their sets."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable

@@ -5,6 +5,7 @@ acceleration. Observation i at the corrected time t_i is the linear pair of rows
 clock of its camera by do changes the residual by d_i do with d_i = A_i X'(t_i). Eliminating the spline
 (banded Cholesky) leaves a small system for the clocks.
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple

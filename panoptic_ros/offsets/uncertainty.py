@@ -1,4 +1,5 @@
 """How certain the clocks are, and which cameras they are relative to."""
+
 from __future__ import annotations
 
 import numpy as np

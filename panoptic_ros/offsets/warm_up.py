@@ -1,4 +1,5 @@
 """An example to compile the kernels with, so that no block waits for it."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -39,6 +40,14 @@ def _tracked(index: int, joints: np.ndarray, skeleton: SkeletonModel) -> Tracked
     ones = np.ones((1, len(joints)))
     spread = np.tile(1e-4 * np.eye(3), (1, len(joints), 1, 1))
     return TrackedPoseSet(
-        index, index * STEP_NS, skeleton.hash, joints[None], spread, ones, 2 * ones, ones, np.ones(1),
+        index,
+        index * STEP_NS,
+        skeleton.hash,
+        joints[None],
+        spread,
+        ones,
+        2 * ones,
+        ones,
+        np.ones(1),
         ids=np.array([0]),
-    )  # fmt: skip
+    )

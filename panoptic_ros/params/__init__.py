@@ -4,6 +4,7 @@ A stage's configuration is a subclass of `Config` whose fields are made with `pa
 the ROS declarations (`nodes/`), `config/*.yaml`, `docs/parameters.md` and `--set stage.name=value`.
 No files are opened here.
 """
+
 from panoptic_ros.params.config import (
     Config,
     Param,
@@ -18,6 +19,16 @@ from panoptic_ros.params.config import (
 from panoptic_ros.params.named import named_numbers, named_words, of_name
 
 __all__ = [
-    "Config", "Param", "config_of", "describe", "diff", "from_text", "load", "named_numbers", "named_words",
-    "of_name", "param", "to_mapping",
-]  # fmt: skip
+    "Config",
+    "Param",
+    "config_of",
+    "describe",
+    "diff",
+    "from_text",
+    "load",
+    "named_numbers",
+    "named_words",
+    "of_name",
+    "param",
+    "to_mapping",
+]

@@ -1,4 +1,5 @@
 """`param`, `Config` and what can be derived from them."""
+
 from __future__ import annotations
 
 import csv
@@ -165,9 +166,7 @@ def _parse(item: Param, text: str, owner: str) -> Any:
             return {"true": True, "1": True, "false": False, "0": False}[text.strip().lower()]
         return item.type(text)
     except (KeyError, ValueError, csv.Error):
-        raise ConfigError(
-            f"{owner}.{item.name} = {shown(text)} is not a {_type_name(item.type)}"
-        ) from None
+        raise ConfigError(f"{owner}.{item.name} = {shown(text)} is not a {_type_name(item.type)}") from None
 
 
 def _type_name(kind: Any) -> str:

@@ -1,4 +1,5 @@
 """Numbers by name in one parameter: ("cam01=8.3", "*=4")."""
+
 from __future__ import annotations
 
 import math

@@ -65,9 +65,10 @@ class DepthMaps:
     def near(self, stamp_ns: int) -> list[tuple[int, SensedMap]]:
         """The map of each believed sensor that is nearest to an instant, and its stamp."""
         return [
-            found for name, found in self.nearest(stamp_ns)
+            found
+            for name, found in self.nearest(stamp_ns)
             if self.believed.get(name, False) and self.meets.get(name, False)
-        ]  # fmt: skip
+        ]
 
     def nearest(self, stamp_ns: int) -> list[tuple[str, tuple[int, SensedMap]]]:
         """The same of all sensors, with their names."""

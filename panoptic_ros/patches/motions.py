@@ -116,8 +116,14 @@ class PartTracker:
 
     def _ordered(self, found: list[tuple[Array, ...]], ids: list[int]) -> Lifted:
         """All tracks, part by part; parts of people with no track are left out."""
-        none = (np.zeros((0, 3)), np.zeros(0, int), np.zeros((0, 2)), np.zeros((0, 3)), np.zeros((0, 3)),
-                np.zeros(0, int))  # fmt: skip
+        none = (
+            np.zeros((0, 3)),
+            np.zeros(0, int),
+            np.zeros((0, 2)),
+            np.zeros((0, 3)),
+            np.zeros((0, 3)),
+            np.zeros(0, int),
+        )
         points, cameras, targets, information, normals, own = (
             np.concatenate(values) for values in zip(none, *found)
         )
@@ -148,9 +154,12 @@ class PartTracker:
         return result
 
     def motions(
-        self, lifted: Lifted, expected: Mapping[tuple[int, int], Array], bodies: Mapping[int, Carried],
+        self,
+        lifted: Lifted,
+        expected: Mapping[tuple[int, int], Array],
+        bodies: Mapping[int, Carried],
         last: PartMotions,
-    ) -> PartMotions:  # fmt: skip
+    ) -> PartMotions:
         """Motions of the parts that enough tracks agree on.
 
         Args:
@@ -159,9 +168,9 @@ class PartTracker:
         """
         count = len(lifted.keys)
         starts = np.searchsorted(lifted.groups, np.arange(count + 1))
-        centres = np.array([
-            lifted.tracks.points[first:end].mean(axis=0) for first, end in pairwise(starts.tolist())
-        ]).reshape(-1, 3)  # fmt: skip
+        centres = np.array(
+            [lifted.tracks.points[first:end].mean(axis=0) for first, end in pairwise(starts.tolist())]
+        ).reshape(-1, 3)
         guesses = np.zeros((count, 3, 6))
         before = {key: k for k, key in enumerate(zip(last.people.tolist(), last.parts.tolist()))}
         for k, key in enumerate(lifted.keys):
@@ -185,9 +194,15 @@ class PartTracker:
             rows = {int(parts[row]): row for row in np.flatnonzero(people == person).tolist()}
             self._ties.correct(rows, bodies[person].positions, centres[kept], motions, covariances)
         return PartMotions(
-            people, parts, centres[kept], motions[:, :3], motions[:, 3:], covariances, result.agreeing[kept],
+            people,
+            parts,
+            centres[kept],
+            motions[:, :3],
+            motions[:, 3:],
+            covariances,
+            result.agreeing[kept],
             result.spreads[kept],
-        )  # fmt: skip
+        )
 
 
 def on_surface(

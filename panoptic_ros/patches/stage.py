@@ -35,15 +35,21 @@ LONGEST_NS = 500_000_000  # between two instants, over which nothing is followed
 NOTHING_FREE = np.zeros((0, 2), np.int64)
 SILENT = 25  # instants with people but without tracks, or without a motion, after which that is said
 NO_TRACKS = (
-    Notice("patches.no_tracks", "warning",
-           "no camera gives 2D tracks: motion is not measured; do images come, and does flow run?"),
+    Notice(
+        "patches.no_tracks",
+        "warning",
+        "no camera gives 2D tracks: motion is not measured; do images come, and does flow run?",
+    ),
     Notice("patches.tracks_back", "info", "2D tracks come again"),
 )
 NO_MOTION = (
-    Notice("patches.no_motion", "warning",
-           "2D tracks agree on the motion of no part: it is not measured; are images blurred or frozen?"),
+    Notice(
+        "patches.no_motion",
+        "warning",
+        "2D tracks agree on the motion of no part: it is not measured; are images blurred or frozen?",
+    ),
     Notice("patches.motion_back", "info", "the motion of parts is measured again"),
-)  # fmt: skip
+)
 
 
 class PatchesStage(Stateful):
@@ -61,7 +67,7 @@ class PatchesStage(Stateful):
         "_depth.believed _depth.meets _depth.told".split(),
         (PatchTracks, TrackedPoseSet, ViewSources, Carried, PartMotions, Surface, DepthFrame),
         same={"configuration": "_config", "cameras": "_names", "skeleton": "_hash", "sensors": "_sensors"},
-    )  # fmt: skip
+    )
 
     def __init__(self, config: PatchesConfig, context: StageContext):
         self._config, self._skeleton, self._hash = config, context.skeleton, context.skeleton.hash
@@ -131,8 +137,7 @@ class PatchesStage(Stateful):
     def _capsules(self) -> dict[int, Capsules]:
         """Of everybody, as carried, by id."""
         return {
-            number: axes(self._parts, self._skeleton, own.positions)
-            for number, own in self._people.items()
+            number: axes(self._parts, self._skeleton, own.positions) for number, own in self._people.items()
         }
 
     def _begin_anew(self, item: TrackedPoseSet) -> None:
@@ -151,9 +156,7 @@ class PatchesStage(Stateful):
         measured = dict(zip(item.ids.tolist(), item.positions.copy()))
         for person, joint in free.tolist():
             measured[person][joint] = np.nan
-        self._last = self._tracker.motions(
-            lifted, self._expected(measured, lifted), self._people, self._last
-        )
+        self._last = self._tracker.motions(lifted, self._expected(measured, lifted), self._people, self._last)
         self._carry(measured, dt)
         bodies = self._capsules()
         surface = moved(self._surface, self._last, lifted, bodies, config.life, self._tracker.views)
@@ -196,10 +199,22 @@ class PatchesStage(Stateful):
     def _record(self, before: TrackedPoseSet, item: TrackedPoseSet, free: Array) -> PatchTrajectories:
         own = self._surface
         return PatchTrajectories(
-            item.index, item.stamp_ns, before.stamp_ns, self._hash, own.ids, own.ages, own.people, own.parts,
-            own.positions, own.normals, own.sigmas, self._names, own.visible, self._last,
+            item.index,
+            item.stamp_ns,
+            before.stamp_ns,
+            self._hash,
+            own.ids,
+            own.ages,
+            own.people,
+            own.parts,
+            own.positions,
+            own.normals,
+            own.sigmas,
+            self._names,
+            own.visible,
+            self._last,
             free,
-        )  # fmt: skip
+        )
 
     def _silence(self, item: TrackedPoseSet, tracks: dict[str, PatchTracks]) -> tuple[Notice, ...]:
         """Notices when people have no 2D tracks for long, or no motion by them, and when these come back."""
@@ -231,11 +246,28 @@ def _examples(context: StageContext) -> Iterator[PatchTracks | TrackedPoseSet]:
         if index:
             begins = middle + rng.uniform(-60.0, 60.0, (200, 2))
             yield PatchTracks(
-                camera.name, index * 40_000_000, index, (index - 1) * 40_000_000, index - 1, skeleton.hash,
-                begins, begins, np.tile([4.0, 0.0, 4.0], (200, 1)), np.zeros(200), np.arange(200) % 8,
-            )  # fmt: skip
+                camera.name,
+                index * 40_000_000,
+                index,
+                (index - 1) * 40_000_000,
+                index - 1,
+                skeleton.hash,
+                begins,
+                begins,
+                np.tile([4.0, 0.0, 4.0], (200, 1)),
+                np.zeros(200),
+                np.arange(200) % 8,
+            )
         yield TrackedPoseSet(
-            index, index * 40_000_000, skeleton.hash, joints[None], eyes, ones, ones,
-            JointState.MEASURED * ones, np.ones(1), ids=np.zeros(1, np.int64),
+            index,
+            index * 40_000_000,
+            skeleton.hash,
+            joints[None],
+            eyes,
+            ones,
+            ones,
+            JointState.MEASURED * ones,
+            np.ones(1),
+            ids=np.zeros(1, np.int64),
             sources=ViewSources((camera.name,), np.array([index]), np.zeros((1, 1))),
-        )  # fmt: skip
+        )

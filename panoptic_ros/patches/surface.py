@@ -46,9 +46,13 @@ def no_surface(views: int) -> Surface:
 
 
 def moved(
-    surface: Surface, motions: PartMotions, lifted: Lifted, bodies: Mapping[int, Capsules], life: int,
+    surface: Surface,
+    motions: PartMotions,
+    lifted: Lifted,
+    bodies: Mapping[int, Capsules],
+    life: int,
     views: Array,
-) -> Surface:  # fmt: skip
+) -> Surface:
     """The patches an instant later; those that end are left out.
 
     Args:
@@ -88,16 +92,26 @@ def moved(
     positions += found.corrections
     alive &= on_their_parts(positions, surface.people, surface.parts, bodies)
     after = Surface(
-        surface.ids, surface.ages + 1, surface.people, surface.parts, positions, normals, found.sigmas,
+        surface.ids,
+        surface.ages + 1,
+        surface.people,
+        surface.parts,
+        positions,
+        normals,
+        found.sigmas,
         found.visible,
-    )  # fmt: skip
+    )
     return _selected(after, alive)
 
 
 def seeded(
-    surface: Surface, motions: PartMotions, lifted: Lifted, bodies: Mapping[int, Capsules], most: Array,
+    surface: Surface,
+    motions: PartMotions,
+    lifted: Lifted,
+    bodies: Mapping[int, Capsules],
+    most: Array,
     first_id: int,
-) -> Surface:  # fmt: skip
+) -> Surface:
     """With new patches where tracks are, on parts that have few.
 
     Args:
@@ -125,10 +139,15 @@ def seeded(
     visible = np.zeros((new, views))
     visible[np.arange(new), lifted.tracks.cameras[rows]] = 1.0
     fresh = Surface(
-        np.arange(first_id, first_id + new), np.zeros(new, np.int64),
-        np.array([person for person, _ in keys], np.int64), np.array([part for _, part in keys], np.int64),
-        carried[rows].reshape(-1, 3), np.concatenate(normals), np.full(new, SOFT), visible,
-    )  # fmt: skip
+        np.arange(first_id, first_id + new),
+        np.zeros(new, np.int64),
+        np.array([person for person, _ in keys], np.int64),
+        np.array([part for _, part in keys], np.int64),
+        carried[rows].reshape(-1, 3),
+        np.concatenate(normals),
+        np.full(new, SOFT),
+        visible,
+    )
     return Surface(*(np.concatenate(values) for values in zip(surface, fresh)))
 
 

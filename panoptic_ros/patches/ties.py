@@ -5,6 +5,7 @@ of the shared joint is a measurement of the limb's motion, with the covariance o
 contradict each other, both know less than they say, and the limb's covariance grows (the ratio of Birge
 1932).
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -4,6 +4,7 @@ of the surface carries it from the instant before and the one after (n = 1).
 The reference for the smoother, which knows covariances. What the paper leaves open: a part is a bone; a bone
 that no rigid part holds, as the neck, is not carried.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -46,9 +47,11 @@ def _missing(joints: Sequence[Joints]) -> int:
 def _carried_bones(skeleton: SkeletonModel) -> Bones:
     parts = rigid_parts(skeleton)
     return [
-        ((a, b), number) for a, b in skeleton.bones for number, part in enumerate(parts)
+        ((a, b), number)
+        for a, b in skeleton.bones
+        for number, part in enumerate(parts)
         if a in part.joints and b in part.joints
-    ]  # fmt: skip
+    ]
 
 
 def _round(joints: Sequence[Joints], motions: Motions, bones: Bones) -> list[Joints]:

@@ -8,6 +8,7 @@ back. Where one view or none sees a joint, neither is right as a rule: skeletons
 saw before, bodies to lengths and to how people move. Their covariances decide. Where both are farther apart
 than these say, nothing tells which is wrong, and both are as much less certain (Birge 1932).
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -22,7 +23,7 @@ Array = np.ndarray
 WELL_SEEN = 3  # views of a joint that is left as it is, and learnt from
 REACH_NS = 100_000_000  # for which a body is carried on by its velocity
 KEPT_NS = 500_000_000  # for which bodies are kept
-SPREAD, BELIEF = .02, 3.0  # m per axis, of bodies of which nothing is learnt, and what it counts, in looks
+SPREAD, BELIEF = 0.02, 3.0  # m per axis, of bodies of which nothing is learnt, and what it counts, in looks
 MEMORY = 50.0  # looks
 CAUCHY = 3.0  # sigma, by which a body and a skeleton are apart, beyond which both are less certain
 FILLED_SCORE = 0.25  # of a joint that no view has seen

@@ -1,4 +1,5 @@
 """Lengths of people's bones: learnt online, then soft constraints on the joints; compiled."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -19,9 +20,13 @@ SETTLED = 5.0  # frames after which outliers are cut
 
 
 def on_bones(
-    judged: Judged, people: People, bones: Array, config: tuple[float, int], lasting: Array | None,
+    judged: Judged,
+    people: People,
+    bones: Array,
+    config: tuple[float, int],
+    lasting: Array | None,
     target: Moment,
-) -> None:  # fmt: skip
+) -> None:
     """Learn the lengths of bones (B, 2), and put joints on bones of the learnt lengths, in place.
 
     Bones are as wrong as errors that last make them, too: those of the filter are small where the surface

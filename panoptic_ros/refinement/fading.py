@@ -3,6 +3,7 @@
 A measured position, or the length of a bone, moves a joint along with all that is known of its past. Of that
 a result makes a step from one instant to the next. What joints themselves do since is taken at once.
 """
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The filters of all joints of all people, and their smoother."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -104,9 +105,16 @@ class FilterBank:
             now.noise[linked] *= density(self.memory)
             turns = np.full_like(people.turns, np.nan)
             predict_linked(
-                self._sized, last.motion, step, now.noise, links, config.cauchy, now.predicted, now.gains,
+                self._sized,
+                last.motion,
+                step,
+                now.noise,
+                links,
+                config.cauchy,
+                now.predicted,
+                now.gains,
                 turns,
-            )  # fmt: skip
+            )
             learn_turns(people, turns, dt)
             np.logical_and(last.measured.carried, linked, out=now.measured.carried)
         else:

@@ -1,4 +1,5 @@
 """Which joints are measured, filled, predicted or missing."""
+
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -8,6 +8,7 @@ Where views have stamps of their own, measurements depend on the motion, see `do
 measured as X + G V (X + G (V - u) with the assumed G u given back), and the views say the velocity by
 themselves with some information.
 """
+
 from __future__ import annotations
 
 import numpy as np

@@ -5,6 +5,7 @@ whose newest view is at n > t (cameras that are not synchronous) can only be use
 lag is shorter than n - t, the result is for the later instant n - lag; and where one more set comes within
 the lag after n, but not after t, the result waits for it and is for an instant between t and n, too.
 """
+
 from __future__ import annotations
 
 from panoptic_ros.domain import TrackedPoseSet

@@ -5,6 +5,7 @@ The acceleration is white noise of some spectral density q, m^2/s^3, that has pa
 every memory, and a memory of 0 is white acceleration, whose states need no acceleration. Results do not
 depend on the frame rate.
 """
+
 from __future__ import annotations
 
 from functools import lru_cache
@@ -44,9 +45,9 @@ def transition(dt: float, memory: float) -> Transition:
         return Transition(np.array([[1.0, dt], [0.0, 1.0]]), spread)
     share = dt / memory
     left = np.exp(-share)
-    forward = np.array([
-        [1.0, dt, memory**2 * (share - 1.0 + left)], [0.0, 1.0, memory * (1.0 - left)], [0.0, 0.0, left]
-    ])  # fmt: skip
+    forward = np.array(
+        [[1.0, dt, memory**2 * (share - 1.0 + left)], [0.0, 1.0, memory * (1.0 - left)], [0.0, 0.0, left]]
+    )
     # by quadrature: what an impulse of the noise has become some time later
     times = 0.5 * dt * (NODES + 1.0)
     gone = -np.expm1(-times / memory)

@@ -1,4 +1,5 @@
 """What refinement keeps of P people of J joints; people are the first axis of every array."""
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -77,10 +78,19 @@ def unknown(stamp_ns: int, dt: float, people: int, joints: int, size: int = MOVI
     nothing = Motion(np.full((*shape, size), np.nan), np.zeros((*shape, size, size)))
     predicted, motion = (of_all(np.copy, nothing) for _ in range(2))
     measured = Measured(
-        np.zeros(people, bool), np.zeros(shape, bool), np.zeros(shape, np.int32), np.zeros(shape),
-        np.zeros((*shape, 3, 3)), np.full((*shape, 3), np.nan), np.zeros(shape), np.zeros(shape, bool),
-        np.zeros(people), np.zeros(shape, bool), np.full(shape, BEGUN), np.zeros((*shape, 3, 3)),
-    )  # fmt: skip
+        np.zeros(people, bool),
+        np.zeros(shape, bool),
+        np.zeros(shape, np.int32),
+        np.zeros(shape),
+        np.zeros((*shape, 3, 3)),
+        np.full((*shape, 3), np.nan),
+        np.zeros(shape),
+        np.zeros(shape, bool),
+        np.zeros(people),
+        np.zeros(shape, bool),
+        np.full(shape, BEGUN),
+        np.zeros((*shape, 3, 3)),
+    )
     noise, gains = np.zeros(shape), np.zeros((*shape, size, size))
     return Moment(stamp_ns, dt, noise, predicted, gains, motion, measured, np.zeros(shape, bool))
 
@@ -103,10 +113,19 @@ def new_people(ids: list[int], joints: int, bones: int) -> People:
     """People who have just come."""
     count = len(ids)
     return People(
-        np.array(ids, np.int64), np.zeros((count, joints)), np.ones((count, joints)), np.ones(count),
-        np.full(count, PRIOR), np.zeros(count, np.int64), np.full((count, 3, joints, 3), np.nan),
-        np.full((count, joints, 3), np.nan), np.full((count, joints, MOVING), np.nan),
+        np.array(ids, np.int64),
+        np.zeros((count, joints)),
+        np.ones((count, joints)),
+        np.ones(count),
+        np.full(count, PRIOR),
+        np.zeros(count, np.int64),
+        np.full((count, 3, joints, 3), np.nan),
+        np.full((count, joints, 3), np.nan),
+        np.full((count, joints, MOVING), np.nan),
         np.zeros((count, joints, MOVING)),
-        np.full((count, joints, 3), np.nan), np.zeros((count, joints, 3)), np.zeros((count, joints, 3)),
-        np.zeros((count, bones)), np.zeros((count, bones)),
-    )  # fmt: skip
+        np.full((count, joints, 3), np.nan),
+        np.zeros((count, joints, 3)),
+        np.zeros((count, joints, 3)),
+        np.zeros((count, bones)),
+        np.zeros((count, bones)),
+    )

@@ -7,6 +7,7 @@ Views measure the same motion, with errors that are not those of flow: the slope
 say of the last instants on what the surface says is by what displacements are multiplied. It belongs to
 images and detector, and is learnt of all people together, for each pair of joints (both elbows, both knees).
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,4 +1,5 @@
 """Cholesky factors of small positive matrices, 3x3 of positions, 6x6 or 9x9 of motions; compiled."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The refinement stage."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -40,15 +41,24 @@ class RefinementStage(Stateful):
     LAYOUT = StateLayout(
         "refinement",
         "_waiting _last_ns _clock _patches _bodies _bank.moments _bank.people _bank.departed _bank.lasting "
-        "_bank.memory _bank.shortfall"
-        .split(),
+        "_bank.memory _bank.shortfall".split(),
         (
-            Posed, Learnt, Fields.named(BodyFill, "_kept _learnt"),
-            TrackedPoseSet, TimeShift, ViewSources, PatchTrajectories, PartMotions, Moment, Motion, Measured,
-            People, Fields.named(Clock, "_lag_ns _period _newest _last"),
+            Posed,
+            Learnt,
+            Fields.named(BodyFill, "_kept _learnt"),
+            TrackedPoseSet,
+            TimeShift,
+            ViewSources,
+            PatchTrajectories,
+            PartMotions,
+            Moment,
+            Motion,
+            Measured,
+            People,
+            Fields.named(Clock, "_lag_ns _period _newest _last"),
         ),
         same={"configuration": "_config", "skeleton": "_hash"},
-    )  # fmt: skip
+    )
 
     def __init__(self, config: RefinementConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton
@@ -129,14 +139,26 @@ class RefinementStage(Stateful):
         if self._config.bodies:
             views, noises = measured.views[rows], measured.noises[rows]
             self._bodies.fill(instant_ns, ids[rows], judged, views, noises, self._config.max_sigma)
-        return known_good(RefinedPoseSet, {
-            "index": item.index, "stamp_ns": instant_ns, "skeleton_hash": item.skeleton_hash,
-            "positions": judged.positions, "covariances": judged.covariances + self._floor,
-            "scores": judged.scores, "views": measured.views[rows], "states": judged.states,
-            "person_scores": measured.person_scores[rows], "newest_ns": max(item.newest_ns, instant_ns),
-            "time_shift": None, "sources": _sources_of(item, ids[rows].tolist()), "side_votes": None,
-            "corrections": None, "ids": ids[rows],
-        })  # fmt: skip
+        return known_good(
+            RefinedPoseSet,
+            {
+                "index": item.index,
+                "stamp_ns": instant_ns,
+                "skeleton_hash": item.skeleton_hash,
+                "positions": judged.positions,
+                "covariances": judged.covariances + self._floor,
+                "scores": judged.scores,
+                "views": measured.views[rows],
+                "states": judged.states,
+                "person_scores": measured.person_scores[rows],
+                "newest_ns": max(item.newest_ns, instant_ns),
+                "time_shift": None,
+                "sources": _sources_of(item, ids[rows].tolist()),
+                "side_votes": None,
+                "corrections": None,
+                "ids": ids[rows],
+            },
+        )
 
     def _passed_through(self, item: TrackedPoseSet) -> RefinedPoseSet:
         """The same skeletons under the other name."""
@@ -160,11 +182,13 @@ def without(item: TrackedPoseSet, free: Array) -> TrackedPoseSet:
     gone = np.zeros(item.states.shape, bool)
     gone[tuple(np.array(pairs, np.int64).reshape(-1, 2).T)] = True
     return replace(
-        item, positions=np.where(gone[..., None], np.nan, item.positions),
+        item,
+        positions=np.where(gone[..., None], np.nan, item.positions),
         covariances=np.where(gone[..., None, None], np.nan, item.covariances),
-        scores=np.where(gone, 0.0, item.scores), views=np.where(gone, 0, item.views),
+        scores=np.where(gone, 0.0, item.scores),
+        views=np.where(gone, 0, item.views),
         states=np.where(gone, np.uint8(JointState.MISSING), item.states),
-    )  # fmt: skip
+    )
 
 
 def bias_floor(asked: float, skeleton: SkeletonModel) -> Array:
@@ -191,13 +215,32 @@ def _moved(item: TrackedPoseSet) -> PatchTrajectories:
     people, nothing, none = len(item.ids), np.zeros((0, 3)), np.zeros(0)
     still = np.zeros((people, 3))
     motions = PartMotions(
-        item.ids, np.zeros(people), still, still, still + 0.01, np.tile(1e-6 * np.eye(6), (people, 1, 1)),
-        np.full(people, 9), np.ones(people),
-    )  # fmt: skip
+        item.ids,
+        np.zeros(people),
+        still,
+        still,
+        still + 0.01,
+        np.tile(1e-6 * np.eye(6), (people, 1, 1)),
+        np.full(people, 9),
+        np.ones(people),
+    )
     return PatchTrajectories(
-        item.index, item.stamp_ns, max(item.stamp_ns - 33_000_000, 0), item.skeleton_hash, none, none, none,
-        none, nothing, nothing, none, (), np.zeros((0, 0)), motions, np.zeros((0, 2)),
-    )  # fmt: skip
+        item.index,
+        item.stamp_ns,
+        max(item.stamp_ns - 33_000_000, 0),
+        item.skeleton_hash,
+        none,
+        none,
+        none,
+        none,
+        nothing,
+        nothing,
+        none,
+        (),
+        np.zeros((0, 0)),
+        motions,
+        np.zeros((0, 2)),
+    )
 
 
 def _examples(skeleton: SkeletonModel) -> Iterator[TrackedPoseSet]:
@@ -208,6 +251,15 @@ def _examples(skeleton: SkeletonModel) -> Iterator[TrackedPoseSet]:
     moving = TimeShift(1e-3 * eyes, still, still, eyes)
     for index in range(6):
         yield TrackedPoseSet(
-            index, index * 33_000_000, skeleton.hash, positions + 0.01 * index, 1e-4 * eyes, ones, 2 * ones,
-            ones, np.ones(1), time_shift=moving if index > 3 else None, ids=np.array([int(index > 3)]),
-        )  # fmt: skip
+            index,
+            index * 33_000_000,
+            skeleton.hash,
+            positions + 0.01 * index,
+            1e-4 * eyes,
+            ones,
+            2 * ones,
+            ones,
+            np.ones(1),
+            time_shift=moving if index > 3 else None,
+            ids=np.array([int(index > 3)]),
+        )

@@ -7,6 +7,7 @@ of which scale, and a factor on the stated covariances that all joints share, fo
 (empirical Bayes), and velocities are averaged over what is possible. Where views say little, joints are slow
 rather than fast, and covariances state that they may be fast.
 """
+
 from __future__ import annotations
 
 import numpy as np

@@ -3,6 +3,7 @@
 Where the surface shows how a joint moves, that is carried on from a wrong place as surely as from a right
 one, and what views measure is an outlier for as long.
 """
+
 from __future__ import annotations
 
 import numpy as np

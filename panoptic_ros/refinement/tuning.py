@@ -9,6 +9,7 @@ Errors of a detector that last for some frames look like motion: then innovation
 apart have opposite signs, because the filter follows an error and comes back. Smoothed joints are then less
 certain. By how much was found approximately, by simulation of such errors.
 """
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """A detector's biases from files of skeletons, and the table of them."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -16,9 +17,13 @@ from panoptic_ros.stage import Progress
 
 
 def write_biases(
-    truth_path: Path, result_path: Path, out: Path, detector: str, leave_out: Sequence[int],
+    truth_path: Path,
+    result_path: Path,
+    out: Path,
+    detector: str,
+    leave_out: Sequence[int],
     progress: Progress,
-) -> tuple[Benefit, ...]:  # fmt: skip
+) -> tuple[Benefit, ...]:
     """Measure and write the table `out`; what it is worth for people whom it was not measured on.
 
     Args:
@@ -33,9 +38,11 @@ def write_biases(
     result = spelt_alike(read_sequence(result_path), truth).with_joints(truth.joint_names)
     words = in_vocabulary(truth.joint_names)
     config = BiasConfig(
-        truth.joint_names, torso_of(truth.joint_names, str(truth_path)),
-        tuple(_other_side(word, words) for word in words), tuple(leave_out),
-    )  # fmt: skip
+        truth.joint_names,
+        torso_of(truth.joint_names, str(truth_path)),
+        tuple(_other_side(word, words) for word in words),
+        tuple(leave_out),
+    )
     recording = HeldRecording({"truth": truth.frames, "skeletons": result.frames})
     found = BiasPass(config).run(recording, progress)
     _check_people(found, config.leave_out, truth_path, result_path)

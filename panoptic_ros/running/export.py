@@ -47,8 +47,10 @@ def export(path: Path, out: Path, wanted: Wanted, progress: Progress = untold) -
     """
     writer = WRITERS.get(out.suffix)
     if writer is None:
-        raise UsageError(f"--out {out}: there is no format {out.suffix or 'without suffix'!r}; there are "
-                         f"{', '.join(WRITERS)}")  # fmt: skip
+        raise UsageError(
+            f"--out {out}: there is no format {out.suffix or 'without suffix'!r}; there are "
+            f"{', '.join(WRITERS)}"
+        )
     return writer(path, out, wanted, progress)
 
 

@@ -1,4 +1,5 @@
 """The files of the repository that are generated from the parameters of the stages."""
+
 from __future__ import annotations
 
 from panoptic_ros.graph.build import config_class

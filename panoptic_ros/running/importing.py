@@ -53,13 +53,14 @@ def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:
     off = total_capture.degrees_off(person, devices, truth)
     worst, middle = max(off, key=lambda name: off[name]), float(np.median(list(off.values())))
     return [
-        *notices, *person.told(),
+        *notices,
+        *person.told(),
         f"taken as the data set says, not its files: {total_capture.RATE:g} frames/s, inches, y up; height "
         f"{person.stature:.2f} m from the bones",
         f"{out}: {seconds:.1f} s, {len(rig)} cameras, {linked} videos, {len(devices)} IMUs",
         f"does all of it go together? {seen}; IMUs with their mountings are {middle:.1f} deg off the true "
         f"segments (median; most {off[worst]:.1f}, {worst})",
-    ]  # fmt: skip
+    ]
 
 
 def import_human36m(folder: Path, take: str, out: Path) -> list[str]:
@@ -76,10 +77,13 @@ def import_human36m(folder: Path, take: str, out: Path) -> list[str]:
     joints = human36m.read_joints(files.one(f"{action}.cdf", inside="d3_positions"))
     rig = human36m.read_cameras(files.one("metadata.xml", anybody=True), int(number[1]))
     frames = [
-        {"index": t, "stamp_ns": round(1e9 * t / human36m.RATE),
-         "skeletons": [{"id": 0, "joints": np.round(places, 5).tolist()}]}
+        {
+            "index": t,
+            "stamp_ns": round(1e9 * t / human36m.RATE),
+            "skeletons": [{"id": 0, "joints": np.round(places, 5).tolist()}],
+        }
         for t, places in enumerate(joints)
-    ]  # fmt: skip
+    ]
     videos = {name: files.video(f"{action}.{name}") for name in rig.names}
     with staged_folder(out) as staged:
         write_rig(staged / "rig.json", rig)
@@ -145,10 +149,11 @@ class _Files:
 
     def _named(self, name: str, anybody: bool) -> list[Path]:
         return [
-            path for path in self._all
+            path
+            for path in self._all
             if path.name.lower() == name
             and (anybody or self._whose.search(path.relative_to(self._folder).as_posix().lower()))
-        ]  # fmt: skip
+        ]
 
 
 def _link(folder: Path, videos: dict[str, Path | None], rate: float, count: int) -> int:

@@ -1,4 +1,5 @@
 """Where a detector sees joints of bodies, from files, and the file of it."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -27,9 +28,14 @@ NEAR_NS = 30_000_000  # between a skeleton and the body whose frames it is seen 
 
 
 def write_measured_offsets(
-    truth_path: Path, result_path: Path, out: Path, detector: str, leave_out: Sequence[int],
-    bodies_path: Path | None, progress: Progress,
-) -> tuple[Benefit, ...]:  # fmt: skip
+    truth_path: Path,
+    result_path: Path,
+    out: Path,
+    detector: str,
+    leave_out: Sequence[int],
+    bodies_path: Path | None,
+    progress: Progress,
+) -> tuple[Benefit, ...]:
     """Measure and write the file `out`; what it is worth for people whom it was not measured on.
 
     Args:
@@ -112,9 +118,12 @@ def _joints_of(states: dict[int, list[BodyState]], model: SegmentModel) -> Skele
 
 
 def _posed(
-    truth: SkeletonSequence, result: SkeletonSequence, states: dict[int, list[BodyState]],
-    model: SegmentModel, of_truth: bool,
-) -> PosedPeople:  # fmt: skip
+    truth: SkeletonSequence,
+    result: SkeletonSequence,
+    states: dict[int, list[BodyState]],
+    model: SegmentModel,
+    of_truth: bool,
+) -> PosedPeople:
     """Everybody of the result who has a truth and a body; of_truth: bodies are those of the truth."""
     stamps = {number: np.array([state.stamp_ns for state in own]) for number, own in states.items()}
     rows = []
@@ -130,7 +139,8 @@ def _posed(
     count, joints, segments = len(rows), len(truth.joint_names), len(model.names)
     columns = [[row[k] for row in rows] for k in range(4)]
     return PosedPeople(
-        np.array(columns[0], np.int64), np.array(columns[1]).reshape(count, joints, 3),
+        np.array(columns[0], np.int64),
+        np.array(columns[1]).reshape(count, joints, 3),
         np.array(columns[2]).reshape(count, joints, 3),
         np.array(columns[3]).reshape(count, segments, 3, 3),
-    )  # fmt: skip
+    )

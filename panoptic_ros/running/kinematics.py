@@ -28,8 +28,12 @@ Array = np.ndarray
 PAPER = "malleson-2020"
 PRESETS: dict[str, dict[str, object]] = {  # 3.2.6 of the paper: every frame alone
     PAPER: {
-        "window": False, "paper_weights": True, "noise_level": False, "mounting": False,
-        "paper_sorting": True, "iterations": 20,
+        "window": False,
+        "paper_weights": True,
+        "noise_level": False,
+        "mounting": False,
+        "paper_sorting": True,
+        "iterations": 20,
     },
 }
 
@@ -51,9 +55,13 @@ class BodyTask:
 
 
 def read_body_task(
-    subjects: Sequence[Path], config: KinematicsConfig, rig: Path | None, detections: Path | None,
-    imu: Path | None, prior: str = "",
-) -> BodyTask:  # fmt: skip
+    subjects: Sequence[Path],
+    config: KinematicsConfig,
+    rig: Path | None,
+    detections: Path | None,
+    imu: Path | None,
+    prior: str = "",
+) -> BodyTask:
     """Everything from files.
 
     Raises:

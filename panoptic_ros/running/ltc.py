@@ -1,4 +1,5 @@
 """Linear timecode in WAV files and videos: decoded, made."""
+
 from __future__ import annotations
 
 import re

@@ -27,9 +27,13 @@ WORST = 0.05  # m, root mean square of a motion that does not fit
 
 
 def train_from_files(
-    paths: Sequence[Path], out: Path, leave_out: Sequence[str], unit: float, progress: Progress,
+    paths: Sequence[Path],
+    out: Path,
+    leave_out: Sequence[str],
+    unit: float,
+    progress: Progress,
     segments: str = DEFAULT_MODEL,
-) -> list[str]:  # fmt: skip
+) -> list[str]:
     """Train on all motions and write the prior; a line about each motion, and one about the prior.
 
     Args:
@@ -104,4 +108,3 @@ def _own_result(path: Path, model: SegmentModel) -> tuple[str, Array, str]:
     turns[:, children] = frames[:, model.parents[children]].swapaxes(-1, -2) @ frames[:, children]
     vectors = vectors_of(np.ascontiguousarray(turns.reshape(-1, 3, 3))).reshape(*turns.shape[:2], 3)
     return path.name.split(".")[0], vectors, ""
-

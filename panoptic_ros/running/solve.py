@@ -1,4 +1,5 @@
 """2D people in a file to skeletons, with the stages of the graph but without ROS."""
+
 from __future__ import annotations
 
 import time
@@ -109,12 +110,14 @@ def solve(task: SolveTask, warnings: Sequence[Notice] = ()) -> Solution:
     sets, notices = without_far_views(task.sets)
     spent: dict[str, list[int]] = {}
     pipeline = Pipeline(
-        task.configs, task.context, FUSION,
+        task.configs,
+        task.context,
+        FUSION,
         on_record=lambda topic, record: poses.append(record) if topic == "skeletons" else None,
         on_notice=lambda stage, notice: notices.append(notice),
         on_step=lambda stage, ns: spent.setdefault(stage, []).append(ns),
         clock=time.perf_counter_ns,
-    )  # fmt: skip
+    )
     for item in sets:
         pipeline.push("detection_sets", item)
     pipeline.flush()

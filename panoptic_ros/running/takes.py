@@ -1,4 +1,5 @@
 """Takes that nobody closed: named at the start of the next one, and saved in a new folder."""
+
 from __future__ import annotations
 
 import shutil

@@ -61,7 +61,8 @@ def _nobody(wanted: str | None, node: WatchNode) -> str:
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
     where = f"in ROS domain {domain}" if wanted is None else f"in namespace /{wanted} of ROS domain {domain}"
     there = (
-        f"graphs run in {', '.join(others)}" if others else
-        "is one running, in this domain? ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET reaches other machines"
-    )  # fmt: skip
+        f"graphs run in {', '.join(others)}"
+        if others
+        else "is one running, in this domain? ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET reaches other machines"
+    )
     return f"no graph told of itself within {PATIENCE_S:g} s {where}; {there}"

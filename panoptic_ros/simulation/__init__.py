@@ -12,6 +12,7 @@ occlusion by bodies and a table, guesses, swaps, merges, duplicates, ghosts.
 Limits: bodies are kinematic (no contact forces), people do not avoid each other's limbs, there are no
 fingers; noise is unbiased about the true joint, which real detectors' is not; calibration is exact.
 """
+
 from panoptic_ros.simulation.degradation import CLEAN, MILD, NOISY, Degradation
 from panoptic_ros.simulation.detector import Absence, Sightings, SimulatedDetector
 from panoptic_ros.simulation.people import ACTIVITIES, Person

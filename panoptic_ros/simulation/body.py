@@ -3,6 +3,7 @@
 Body axes: x forward, y left, z up. Arms and legs are two-bone chains that reach for a target
 (inverse kinematics), so limb lengths are exact whatever the motion asks for.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -15,13 +16,22 @@ Array = np.ndarray
 ADULT = 1.75  # m, height that the offsets of the head are stated for
 REACH_SHARPNESS = 40.0  # how late a limb notices that its target is out of reach
 HEAD_POINTS = {  # relative to the neck, m, in the head's axes
-    "Nose": (0.128, 0.0, 0.165), "lEye": (0.105, 0.033, 0.195), "rEye": (0.105, -0.033, 0.195),
-    "lEar": (0.022, 0.068, 0.173), "rEar": (0.022, -0.068, 0.173),
-}  # fmt: skip
+    "Nose": (0.128, 0.0, 0.165),
+    "lEye": (0.105, 0.033, 0.195),
+    "rEye": (0.105, -0.033, 0.195),
+    "lEar": (0.022, 0.068, 0.173),
+    "rEar": (0.022, -0.068, 0.173),
+}
 _SHARES = {  # of the height
-    "torso": 0.287, "shoulder": 0.104, "upper_arm": 0.170, "forearm": 0.147, "hip": 0.055,
-    "thigh": 0.245, "shank": 0.238, "ankle": 0.055,
-}  # fmt: skip
+    "torso": 0.287,
+    "shoulder": 0.104,
+    "upper_arm": 0.170,
+    "forearm": 0.147,
+    "hip": 0.055,
+    "thigh": 0.245,
+    "shank": 0.238,
+    "ankle": 0.055,
+}
 
 
 @dataclass(frozen=True)
@@ -109,16 +119,23 @@ def assume_posture(body: Body, lower: LowerBody, upper: UpperBody) -> Posture:
         shoulder = neck + chest @ np.array([0.0, sign * body.shoulder, -0.004 * body.height])
         hand = body.arm * upper.hands[:, k] * np.array([1.0, sign, 1.0])
         elbow, wrist = reach(
-            shoulder, shoulder + (chest @ hand[..., None])[..., 0],
-            chest @ np.array([-0.6, 0.4 * sign, -0.5]), body.upper_arm, body.forearm,
-        )  # fmt: skip
+            shoulder,
+            shoulder + (chest @ hand[..., None])[..., 0],
+            chest @ np.array([-0.6, 0.4 * sign, -0.5]),
+            body.upper_arm,
+            body.forearm,
+        )
         hip = lower.pelvis + pelvis @ np.array([0.0, sign * body.hip, 0.0])
         forward = pelvis @ np.array([0.8, 0.1 * sign, 0.6])
         knee, ankle = reach(hip, lower.ankles[:, k], forward, body.thigh, body.shank)
         limbs = (
-            ("Shoulder", shoulder), ("Elbow", elbow), ("Wrist", wrist),
-            ("Hip", hip), ("Knee", knee), ("Ankle", ankle),
-        )  # fmt: skip
+            ("Shoulder", shoulder),
+            ("Elbow", elbow),
+            ("Wrist", wrist),
+            ("Hip", hip),
+            ("Knee", knee),
+            ("Ankle", ankle),
+        )
         for name, points in limbs:
             joints[:, J[side + name]] = points
     return Posture(joints, pelvis, chest, head)

@@ -3,6 +3,7 @@
 True time is ns since the start; master time is that of the timecode's first label plus true time. Readings
 are made without audio, so that hours are quick; `ltc_signal` makes the audio.
 """
+
 from __future__ import annotations
 
 import heapq
@@ -142,8 +143,9 @@ class ClockWorld:
                 self._name(device.name, seconds),
                 device.clock.stamp(true_ns) + round(SECOND * noise),
                 Timecode.from_frame_count(first + k + shift, device.rate),
-                device.sample_rate * (seconds + noise), device.sample_rate * device.noise_s,
-            )  # fmt: skip
+                device.sample_rate * (seconds + noise),
+                device.sample_rate * device.noise_s,
+            )
             yield seconds + device.latency_s, order, reading
 
     def _frames(self, camera: SimulatedCamera, order: int) -> Stream:

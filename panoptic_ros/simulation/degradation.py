@@ -1,4 +1,5 @@
 """How a detector of 2D people fails."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -28,10 +29,23 @@ class Degradation:
 
 CLEAN = Degradation()
 MILD = Degradation(
-    noise_px=1.5, joint_miss=0.05, outlier=0.01, person_miss=0.02, limb_swap=0.01, back_swap=0.01,
-    merge=0.02, ghosts=0.05,
-)  # fmt: skip
+    noise_px=1.5,
+    joint_miss=0.05,
+    outlier=0.01,
+    person_miss=0.02,
+    limb_swap=0.01,
+    back_swap=0.01,
+    merge=0.02,
+    ghosts=0.05,
+)
 NOISY = Degradation(
-    noise_px=2.0, joint_miss=0.10, outlier=0.03, person_miss=0.05, limb_swap=0.02, back_swap=0.02,
-    duplicate=0.02, merge=0.05, ghosts=0.2,
-)  # fmt: skip
+    noise_px=2.0,
+    joint_miss=0.10,
+    outlier=0.03,
+    person_miss=0.05,
+    limb_swap=0.02,
+    back_swap=0.02,
+    duplicate=0.02,
+    merge=0.05,
+    ghosts=0.2,
+)

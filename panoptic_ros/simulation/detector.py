@@ -2,6 +2,7 @@
 
 Array axes: C cameras, P people, 19 joints. All of one instant is done at once.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -81,9 +82,15 @@ class SimulatedDetector:
     """Detects people frame after frame; frames must be asked for in order, from 0."""
 
     def __init__(
-        self, seed: Sequence[int], degradation: Degradation, rig: Rig, people: Sequence[Person],
-        absences: Sequence[Absence] = (), table: float = 0.0, walls: Sequence[Wall] = (),
-    ):  # fmt: skip
+        self,
+        seed: Sequence[int],
+        degradation: Degradation,
+        rig: Rig,
+        people: Sequence[Person],
+        absences: Sequence[Absence] = (),
+        table: float = 0.0,
+        walls: Sequence[Wall] = (),
+    ):
         self._seed, self._faults, self._rig, self._people = tuple(seed), degradation, rig, people
         self._absences, self._table, self._walls = absences, table, walls
         self._centres = np.array([camera.centre for camera in rig.cameras])
@@ -119,7 +126,12 @@ class SimulatedDetector:
         return points, visible
 
     def _mark(
-        self, rng: np.random.Generator, index: int, points: Array, visible: Array, hidden: Array,
+        self,
+        rng: np.random.Generator,
+        index: int,
+        points: Array,
+        visible: Array,
+        hidden: Array,
         boxes: Array,
     ) -> _Marks:
         """Noise, outliers, misses and scores of single joints."""

@@ -1,4 +1,5 @@
 """Score maps as a network would give them, drawn from 2D people: a Gaussian round every joint."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

@@ -1,4 +1,5 @@
 """Timecode generators that cameras are locked to, and what a recorder hears of them."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -71,9 +72,12 @@ class Generator:
         label = Timecode.from_frame_count(self.first + number, self.frame_rate)
         first = self.begin_s + number / self.true_rate
         signal = encode_ltc(
-            label, int(count / samples_per_s * self.true_rate) + 1, SAMPLE_RATE,
-            lead=(first - begin_s) * samples_per_s, speed=self._speed * SAMPLE_RATE / samples_per_s,
-        )  # fmt: skip
+            label,
+            int(count / samples_per_s * self.true_rate) + 1,
+            SAMPLE_RATE,
+            lead=(first - begin_s) * samples_per_s,
+            speed=self._speed * SAMPLE_RATE / samples_per_s,
+        )
         samples = np.zeros(count, np.float32)
         samples[: len(signal.samples)] = signal.samples[:count]
         return degrade_audio(samples, SAMPLE_RATE, AudioFaults(snr_db=NOISE_DB, seed=seed))

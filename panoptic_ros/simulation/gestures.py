@@ -1,4 +1,5 @@
 """What arms and head do. Hands are stated from the shoulder: forward, outward, up, in arm lengths."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,4 +1,5 @@
 """False people: some at fixed places of the background, some anywhere."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,4 +1,5 @@
 """What the cameras of a take hear: its people talk in turn, in a room, each camera on its own clock."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -26,11 +27,14 @@ def recorders(take: Simulation) -> list[Recorder]:
     corner = _corner(take)
     return [
         Recorder(
-            tuple(np.clip(camera.centre - corner, 0.1, None)), RATES[k % len(RATES)], begin_s=-EARLY_S,
-            clock_s=1e-9 * take.stamp_ns(k, -EARLY_S), drift=take.clocks[k].drift,
+            tuple(np.clip(camera.centre - corner, 0.1, None)),
+            RATES[k % len(RATES)],
+            begin_s=-EARLY_S,
+            clock_s=1e-9 * take.stamp_ns(k, -EARLY_S),
+            drift=take.clocks[k].drift,
         )
         for k, camera in enumerate(take.rig.cameras)
-    ]  # fmt: skip
+    ]
 
 
 def heard_by(take: Simulation) -> Iterator[tuple[str, Recorder, Array]]:

@@ -4,6 +4,7 @@ Edges are moved in continuous time (speed, wow, jitter), drawn at four times the
 echoes and filters there, and through the recorder's low pass to the sample rate. All filters but the
 high pass and the echoes are symmetric, so edges stay where they are.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -67,9 +68,15 @@ class Channel:
 
 
 def play_ltc(
-    start: Timecode, words: int, sample_rate: int, channel: Channel, *, lead: float = 0.25,
-    user_bits: int = 0, reverse: bool = False,
-) -> LtcSignal:  # fmt: skip
+    start: Timecode,
+    words: int,
+    sample_rate: int,
+    channel: Channel,
+    *,
+    lead: float = 0.25,
+    user_bits: int = 0,
+    reverse: bool = False,
+) -> LtcSignal:
     """Audio of words as it arrives through a channel.
 
     Args:

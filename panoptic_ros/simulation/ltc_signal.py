@@ -4,6 +4,7 @@ Made edge by edge at fractional sample positions, independently of `timecode/`, 
 check of the other. Biphase mark: a transition at the start of every bit, another in the middle
 of a one. Edges are Gaussian steps of 40 us rise time (10 to 90 %), or what the sample rate passes.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -47,9 +48,16 @@ def word_bits(label: Timecode, user_bits: int = 0, balanced: bool = True) -> lis
         balanced: set the polarity bit so that the number of zeros is even.
     """
     bits = [0] * BITS
-    fields = [(0, 4, label.frames % 10), (8, 2, label.frames // 10), (16, 4, label.seconds % 10),
-              (24, 3, label.seconds // 10), (32, 4, label.minutes % 10), (40, 3, label.minutes // 10),
-              (48, 4, label.hours % 10), (56, 2, label.hours // 10)]  # fmt: skip
+    fields = [
+        (0, 4, label.frames % 10),
+        (8, 2, label.frames // 10),
+        (16, 4, label.seconds % 10),
+        (24, 3, label.seconds // 10),
+        (32, 4, label.minutes % 10),
+        (40, 3, label.minutes // 10),
+        (48, 4, label.hours % 10),
+        (56, 2, label.hours // 10),
+    ]
     fields += [(8 * group + 4, 4, (user_bits >> (4 * group)) & 15) for group in range(8)]
     for first, count, value in fields:
         for i in range(count):
@@ -182,10 +190,13 @@ def timecode_rate(name: str) -> FrameRate:
         UsageError: for others.
     """
     known = {
-        "23.976": FrameRate(24, Fraction(24000, 1001)), "24": FrameRate(24, Fraction(24)),
-        "25": FrameRate(25, Fraction(25)), "29.97": FrameRate(30, Fraction(30000, 1001)),
-        "29.97df": FrameRate(30, Fraction(30000, 1001), True), "30": FrameRate(30, Fraction(30)),
-    }  # fmt: skip
+        "23.976": FrameRate(24, Fraction(24000, 1001)),
+        "24": FrameRate(24, Fraction(24)),
+        "25": FrameRate(25, Fraction(25)),
+        "29.97": FrameRate(30, Fraction(30000, 1001)),
+        "29.97df": FrameRate(30, Fraction(30000, 1001), True),
+        "30": FrameRate(30, Fraction(30)),
+    }
     if name not in known:
         raise UsageError(f"no timecode rate {name!r}; there are {', '.join(known)}")
     return known[name]

@@ -1,4 +1,5 @@
 """What legs and trunk do: stepping along a path, standing, sitting. Times are (T,) s."""
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -68,9 +69,13 @@ class Standing:
         height = upright - 0.52 * body.leg * down - sit * (upright - body.seat)
         forward = (1.0 - sit) * sway[:, 0] - 0.85 * body.thigh * sit - 0.06 * down
         pelvis, ankles = _planted(
-            self.place, self.heading, body,
-            np.column_stack([forward, (1.0 - sit) * sway[:, 1], height]), 0.0, 1.2,
-        )  # fmt: skip
+            self.place,
+            self.heading,
+            body,
+            np.column_stack([forward, (1.0 - sit) * sway[:, 1], height]),
+            0.0,
+            1.2,
+        )
         lean = 0.03 + 0.65 * down + 0.12 * sit + 1.4 * sit * (1.0 - sit)
         return LowerBody(pelvis, self.heading + sway[:, 2], lean, ankles, np.zeros_like(t))
 

@@ -3,6 +3,7 @@
 A body is a set of capsules round its bones. A joint is hidden if the segment from the camera to a
 point just in front of it passes through a capsule.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -31,13 +32,17 @@ class Capsule:
 
 def _side(side: str) -> list[Capsule]:
     limbs = (
-        ("Shoulder", "Elbow", 0.045), ("Elbow", "Wrist", 0.036),
-        ("Hip", "Knee", 0.072), ("Knee", "Ankle", 0.050),
-    )  # fmt: skip
+        ("Shoulder", "Elbow", 0.045),
+        ("Elbow", "Wrist", 0.036),
+        ("Hip", "Knee", 0.072),
+        ("Knee", "Ankle", 0.050),
+    )
     flank = Capsule(
-        {side + "Shoulder": 0.75, "Neck": 0.25}, {side + "Hip": 0.8, "BodyCenter": 0.2}, 0.085,
+        {side + "Shoulder": 0.75, "Neck": 0.25},
+        {side + "Hip": 0.8, "BodyCenter": 0.2},
+        0.085,
         ("Neck", "BodyCenter", side + "Shoulder", side + "Hip"),
-    )  # fmt: skip
+    )
     return [flank] + [
         Capsule({side + a: 1.0}, {side + b: 1.0}, radius, (side + a, side + b)) for a, b, radius in limbs
     ]
@@ -45,13 +50,15 @@ def _side(side: str) -> list[Capsule]:
 
 CAPSULES = [  # trunk, head, and both sides
     Capsule(
-        {"Neck": 0.9, "BodyCenter": 0.1}, {"BodyCenter": 1.0}, 0.120,
+        {"Neck": 0.9, "BodyCenter": 0.1},
+        {"BodyCenter": 1.0},
+        0.120,
         ("Neck", "BodyCenter", "lHip", "rHip"),
     ),
     Capsule({"lEar": 0.5, "rEar": 0.5}, {"lEar": 0.65, "rEar": 0.65, "Neck": -0.3}, 0.095),
     *_side("l"),
     *_side("r"),
-]  # fmt: skip
+]
 
 
 def _mixture(ends: list[dict[str, float]]) -> Array:

@@ -1,4 +1,5 @@
 """Where people walk: positions on the floor and headings as functions of gait cycles."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

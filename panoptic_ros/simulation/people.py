@@ -1,4 +1,5 @@
 """People: a body, what it does, and when it is there."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -16,9 +17,17 @@ from panoptic_ros.simulation.smooth import Pulses, Wander
 Array = np.ndarray
 
 ACTIVITIES = {  # activity: gesture
-    "walk": "swing", "run": "swing", "stand": "talk", "talk": "talk", "reach": "reach", "wave": "wave",
-    "turn": "talk", "crouch": "reach", "sit-down": "talk", "sit": "table",
-}  # fmt: skip
+    "walk": "swing",
+    "run": "swing",
+    "stand": "talk",
+    "talk": "talk",
+    "reach": "reach",
+    "wave": "wave",
+    "turn": "talk",
+    "crouch": "reach",
+    "sit-down": "talk",
+    "sit": "table",
+}
 APART_UNTIL = np.arange(0.0, 6.0, 0.1)  # s, when distances between people are checked
 TRIES = 200
 
@@ -54,9 +63,7 @@ def draw_sway(rng: np.random.Generator) -> Wander:
     return Wander.draw(rng, [0.014, 0.021, 0.14], 0.1, 0.5)
 
 
-def draw_person(
-    rng: np.random.Generator, number: int, activity: str, height: float, area: float
-) -> Person:
+def draw_person(rng: np.random.Generator, number: int, activity: str, height: float, area: float) -> Person:
     """Somebody of this height (m) who does `activity` within `area` m of the origin.
 
     Raises:

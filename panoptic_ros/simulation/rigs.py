@@ -1,4 +1,5 @@
 """Camera arrangements: ring, corners of a room, and the dome of a studio with HD or VGA cameras."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

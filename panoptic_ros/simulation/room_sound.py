@@ -4,6 +4,7 @@ Impulse responses are those of a box: the direct sound and its first reflections
 Berkley 1979), and a diffuse tail that falls by 60 dB in the reverberation time, as loud as Sabine's theory
 has it. So beyond the critical distance, a metre in a living room, most of what is heard is tail.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence

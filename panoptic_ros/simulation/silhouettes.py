@@ -1,4 +1,5 @@
 """Boxes of people in images, and which side of them shows."""
+
 from __future__ import annotations
 
 import numpy as np

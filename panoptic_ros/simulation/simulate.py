@@ -1,4 +1,5 @@
 """A scene and a seed become cameras, 2D people and the truth."""
+
 from __future__ import annotations
 
 import zlib
@@ -38,9 +39,14 @@ class Simulation:
         """Index of each set and what every camera reports, also of cameras without an image."""
         scene = self.scene
         detector = SimulatedDetector(
-            (*self.seed, 4), scene.degradation, self.rig, self.people, scene.absences, scene.table,
+            (*self.seed, 4),
+            scene.degradation,
+            self.rig,
+            self.people,
+            scene.absences,
+            scene.table,
             scene.walls,
-        )  # fmt: skip
+        )
         for index, tick in enumerate(self.schedule.ticks):
             exposures = self.schedule.exposures[index]
             yield index, detector.detect(index, np.where(np.isnan(exposures), tick, exposures))
@@ -138,6 +144,4 @@ def _view(
 ) -> ViewDetections:
     found = (view.scores > 0.0).sum(1)
     mean = view.scores.sum(1) / np.maximum(found, 1)
-    return ViewDetections(
-        camera, stamp_ns, index, image_size, skeleton_hash, view.points, view.scores, mean
-    )
+    return ViewDetections(camera, stamp_ns, index, image_size, skeleton_hash, view.points, view.scores, mean)

@@ -1,4 +1,5 @@
 """The joints of simulated people: the 19 of the CMU Panoptic data set."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -6,20 +7,49 @@ import numpy as np
 from panoptic_ros.domain import SkeletonModel
 
 JOINTS = (
-    "Neck", "Nose", "BodyCenter",
-    "lShoulder", "lElbow", "lWrist", "lHip", "lKnee", "lAnkle",
-    "rShoulder", "rElbow", "rWrist", "rHip", "rKnee", "rAnkle",
-    "lEye", "lEar", "rEye", "rEar",
-)  # fmt: skip
+    "Neck",
+    "Nose",
+    "BodyCenter",
+    "lShoulder",
+    "lElbow",
+    "lWrist",
+    "lHip",
+    "lKnee",
+    "lAnkle",
+    "rShoulder",
+    "rElbow",
+    "rWrist",
+    "rHip",
+    "rKnee",
+    "rAnkle",
+    "lEye",
+    "lEar",
+    "rEye",
+    "rEar",
+)
 J = {name: index for index, name in enumerate(JOINTS)}
 SIDES = (("l", 1.0), ("r", -1.0))  # first letter of the joints, sign of the body's y axis
 
 _BONES = (
-    "BodyCenter Neck", "Neck Nose", "Neck lShoulder", "lShoulder lElbow", "lElbow lWrist",
-    "Neck rShoulder", "rShoulder rElbow", "rElbow rWrist", "BodyCenter lHip", "lHip lKnee",
-    "lKnee lAnkle", "BodyCenter rHip", "rHip rKnee", "rKnee rAnkle", "Nose lEye", "lEye lEar",
-    "Nose rEye", "rEye rEar",
-)  # fmt: skip
+    "BodyCenter Neck",
+    "Neck Nose",
+    "Neck lShoulder",
+    "lShoulder lElbow",
+    "lElbow lWrist",
+    "Neck rShoulder",
+    "rShoulder rElbow",
+    "rElbow rWrist",
+    "BodyCenter lHip",
+    "lHip lKnee",
+    "lKnee lAnkle",
+    "BodyCenter rHip",
+    "rHip rKnee",
+    "rKnee rAnkle",
+    "Nose lEye",
+    "lEye lEar",
+    "Nose rEye",
+    "rEye rEar",
+)
 _PAIRED = ("Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle", "Eye", "Ear")
 
 SKELETON = SkeletonModel(

@@ -1,4 +1,5 @@
 """What goes wrong with measured joints, put on true ones: noise, outliers, and wrists that are missing."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

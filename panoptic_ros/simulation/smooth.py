@@ -1,4 +1,5 @@
 """Smooth random functions of time, the material of all motions. Times are (T,) s."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

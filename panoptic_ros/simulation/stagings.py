@@ -1,4 +1,5 @@
 """How people are placed: at random, spread out, crossing, entering and leaving, round a table, ..."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -111,9 +112,11 @@ def round_table(rng: np.random.Generator, stage: Stage) -> list[Person]:
         away = stage.table + rng.uniform(0.22, 0.32)
         tall = rng.uniform(1.2, 1.35) if number == 4 else rng.uniform(1.55, 1.95)
         motion = Sitting(
-            (away * np.cos(angle), away * np.sin(angle)), angle + np.pi + rng.normal(0.0, 0.1),
-            draw_sway(rng), Pulses.draw(rng, 3.0, 6.0),
-        )  # fmt: skip
+            (away * np.cos(angle), away * np.sin(angle)),
+            angle + np.pi + rng.normal(0.0, 0.1),
+            draw_sway(rng),
+            Pulses.draw(rng, 3.0, 6.0),
+        )
         people.append(Person(number, Body.draw(rng, tall), motion, draw_gesture(rng, "table")))
     return people
 

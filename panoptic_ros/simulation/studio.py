@@ -1,4 +1,5 @@
 """People in a rig that is given: for studies of real camera arrangements."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -66,9 +67,7 @@ def scaled(camera: Camera, factor: float) -> Camera:
     change = np.array([[factor, 0.0, shift], [0.0, factor, shift], [0.0, 0.0, 1.0]])
     lens = camera.intrinsics
     width, height = (round(side * factor) for side in camera.image_size)
-    return replace(
-        camera, image_size=(width, height), intrinsics=replace(lens, matrix=change @ lens.matrix)
-    )
+    return replace(camera, image_size=(width, height), intrinsics=replace(lens, matrix=change @ lens.matrix))
 
 
 def nearest_pairs(first: Rig, second: Rig, count: int) -> tuple[Rig, Rig]:

@@ -1,4 +1,5 @@
 """When cameras expose, and which exposures belong together."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,4 +1,5 @@
 """What is heard in a room before the room has its say: talk and claps, as dry sounds."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Walls of simulated scenes: upright boxes on the floor, through which nothing is seen."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -3,6 +3,7 @@
 The names are those of the vocabulary that skeleton files share (`config/skeletons`), so any of these
 skeletons can be simulated: `landmarks(person, t)["left_big_toe"]`.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -75,10 +76,33 @@ def _face() -> Array:
     right_eye = np.column_stack([np.full(6, 0.105), eye[:, 0] - 0.033, eye[:, 1] + 0.195])
     flip = np.array([1.0, -1.0, 1.0])
     left_eye = (right_eye * flip)[[3, 2, 1, 0, 5, 4]]
-    lips = np.array(
-        [(-26, 0), (-17, 8), (-7, 11), (0, 9), (7, 11), (17, 8), (26, 0), (17, -9), (7, -13), (0, -14),
-         (-7, -13), (-17, -9), (-20, 0), (-8, 3), (0, 3), (8, 3), (20, 0), (8, -4), (0, -4), (-8, -4)]
-    ) * 1e-3  # fmt: skip
+    lips = (
+        np.array(
+            [
+                (-26, 0),
+                (-17, 8),
+                (-7, 11),
+                (0, 9),
+                (7, 11),
+                (17, 8),
+                (26, 0),
+                (17, -9),
+                (7, -13),
+                (0, -14),
+                (-7, -13),
+                (-17, -9),
+                (-20, 0),
+                (-8, 3),
+                (0, 3),
+                (8, 3),
+                (20, 0),
+                (8, -4),
+                (0, -4),
+                (-8, -4),
+            ]
+        )
+        * 1e-3
+    )
     mouth = np.column_stack([np.full(20, 0.112), lips[:, 0], lips[:, 1] + 0.125])
     left_brow = (brow * flip)[::-1]
     return np.concatenate([jaw, brow, left_brow, bridge, nostrils, right_eye, left_eye, mouth])
@@ -110,8 +134,14 @@ def project_joints(
         scores = np.where(found, rng.uniform(*SCORE, seen.shape), 0.0)
         views.append(
             ViewDetections(
-                camera.name, to_stamp(seconds), index, camera.image_size, skeleton.hash,
-                np.where(found[..., None], pixels, np.nan), scores, scores.mean(axis=1),
+                camera.name,
+                to_stamp(seconds),
+                index,
+                camera.image_size,
+                skeleton.hash,
+                np.where(found[..., None], pixels, np.nan),
+                scores,
+                scores.mean(axis=1),
             )
-        )  # fmt: skip
+        )
     return DetectionSet(index, to_stamp(seconds), skeleton.hash, tuple(views))

@@ -1,4 +1,5 @@
 """How well 2D people agree with skeletons, and with each other, in metres."""
+
 from __future__ import annotations
 
 import numpy as np

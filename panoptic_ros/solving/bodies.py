@@ -11,6 +11,7 @@ person are estimated together, as the maximum a posteriori under
 
 Gauss-Newton on the normal equations of all joints; covariances are blocks of the inverse of their matrix.
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple

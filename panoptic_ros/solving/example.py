@@ -1,4 +1,5 @@
 """Two easy instants to compile kernels with, so that the first real one does not wait for it."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -73,10 +74,16 @@ def easy_instants(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Itera
             pixels = np.where(seen[:, None], pixels, np.nan).reshape(2, -1, 2)
             views.append(
                 ViewDetections(
-                    camera.name, index * (STEP_NS + number * delay_ns), index, camera.image_size,
-                    skeleton.hash, pixels, scores, scores.max(axis=1),
+                    camera.name,
+                    index * (STEP_NS + number * delay_ns),
+                    index,
+                    camera.image_size,
+                    skeleton.hash,
+                    pixels,
+                    scores,
+                    scores.max(axis=1),
                 )
-            )  # fmt: skip
+            )
         yield DetectionSet(index, index * STEP_NS, skeleton.hash, tuple(views))
 
 
@@ -92,6 +99,10 @@ def easy_associations(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> I
         known = item.index > 0
         prediction = Prediction(cloud, still, ages, 1e-3 + still, ages < 0.0)
         yield AssociationSet(
-            item, evidence, groups, np.array([0 if known else -1]), cloud,
+            item,
+            evidence,
+            groups,
+            np.array([0 if known else -1]),
+            cloud,
             prediction if known else Prediction.of_nobody(len(skeleton)),
-        )  # fmt: skip
+        )

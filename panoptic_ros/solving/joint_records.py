@@ -1,4 +1,5 @@
 """What the solver of joints is given and what it gives, as kernels take it."""
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -98,9 +99,11 @@ class SolvedJoints(NamedTuple):
         """Before anything is solved."""
         shape = (people, joints, views)
         return cls(
-            np.full((people, joints, 3), np.nan), np.zeros((people, joints, 3, 3)), np.full(shape, -1.0),
+            np.full((people, joints, 3), np.nan),
+            np.zeros((people, joints, 3, 3)),
+            np.full(shape, -1.0),
             np.full((*shape, 2), -1, np.int64),
-        )  # fmt: skip
+        )
 
     @property
     def views(self) -> Array:
@@ -134,15 +137,16 @@ def view_sources(
 ) -> ViewSources:
     """The record for those of the people solved that were kept (P,)."""
     views = [detections.views[slot] for slot in evidence.slots]
-    rows = main_people(
-        evidence.starts, found.member[kept], solved.residuals[kept], solved.picks[kept]
-    )
+    rows = main_people(evidence.starts, found.member[kept], solved.residuals[kept], solved.picks[kept])
     known = np.concatenate([evidence.rows, [-1]])  # -1 stays -1
-    return known_good(ViewSources, {
-        "cameras": tuple(view.camera for view in views),
-        "frames": np.array([view.frame_number for view in views], np.int64),
-        "persons": known[rows].astype(np.int32),
-    })  # fmt: skip
+    return known_good(
+        ViewSources,
+        {
+            "cameras": tuple(view.camera for view in views),
+            "frames": np.array([view.frame_number for view in views], np.int64),
+            "persons": known[rows].astype(np.int32),
+        },
+    )
 
 
 @njit(cache=True, error_model="numpy")

@@ -9,6 +9,7 @@ start, never the estimate; but a joint that two views place far from where three
 missing, as one of the two must be wrong. `geometry.triangulate_robust` is the numpy reference of the
 last step.
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -225,9 +226,13 @@ def claim_right(wrong, claims, solved):
 
 
 def _solve_and_settle(
-    todo: Array, found: Candidates, claims: Claims, seen: Observations, rules: SolverRules,
+    todo: Array,
+    found: Candidates,
+    claims: Claims,
+    seen: Observations,
+    rules: SolverRules,
     solved: SolvedJoints,
-) -> None:  # fmt: skip
+) -> None:
     """Solve the joints `todo` (P, J) in place, then those anew that lose a 2D joint to another person."""
     solve_again(todo, found.guide, claims, seen, rules, solved)
     losers = settle(solved, claims, rules.foreign_penalty)

@@ -1,4 +1,5 @@
 """Limbs that a detector exchanges as a whole, and which joints belong to them."""
+
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -2,6 +2,7 @@
 
 Its 2D people are gathered once, as flat arrays, and undistorted.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -92,9 +93,14 @@ class Scene:
         """The same for kernels that solve joints."""
         evidence = self.evidence
         return Observations(
-            evidence.plane, self.precision, evidence.view, evidence.starts, self.cams, self.sight.cameras,
+            evidence.plane,
+            self.precision,
+            evidence.view,
+            evidence.starts,
+            self.cams,
+            self.sight.cameras,
             self.sizes,
-        )  # fmt: skip
+        )
 
 
 def gather(
@@ -131,9 +137,16 @@ def gather(
     plane, magnification, good = undistort_points(pixels, usable, cameras[view], arrays.lenses)
     delays = np.array([1e-9 * (record.stamp_ns - detections.stamp_ns) for record in records])
     return Evidence(
-        cameras, np.array(slots, np.int64), starts, view, order - starts[view], plane, magnification,
-        np.where(good, scores, 0.0), delays,
-    )  # fmt: skip
+        cameras,
+        np.array(slots, np.int64),
+        starts,
+        view,
+        order - starts[view],
+        plane,
+        magnification,
+        np.where(good, scores, 0.0),
+        delays,
+    )
 
 
 def carried_ages(detections: DetectionSet, evidence: Evidence) -> Array:
@@ -147,9 +160,7 @@ def carried_ages(detections: DetectionSet, evidence: Evidence) -> Array:
     return ages
 
 
-def _check(
-    detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel, skeleton_hash: str
-) -> None:
+def _check(detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel, skeleton_hash: str) -> None:
     """Raise DataError unless the set fits the rig and the skeleton."""
     if detections.skeleton_hash != skeleton_hash:
         raise DataError(
@@ -201,9 +212,13 @@ def check_association(
 
 
 def scene_of(
-    detections: DetectionSet, evidence: Evidence, precision: Array, mirror: Array, arrays: RigArrays,
+    detections: DetectionSet,
+    evidence: Evidence,
+    precision: Array,
+    mirror: Array,
+    arrays: RigArrays,
     borders: bool = False,
-) -> Scene:  # fmt: skip
+) -> Scene:
     """The scene of a detection set and its evidence.
 
     Args:

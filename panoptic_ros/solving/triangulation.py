@@ -1,4 +1,5 @@
 """Points from the rays of views: of which, linear, of two, and by Gauss-Newton on the reprojection error."""
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -126,9 +127,13 @@ def triangulate_linear(member, mirrored, seen, mirror):
             continue
         damping = 1e-9 * max(normal[0, 0] + normal[1, 1] + normal[2, 2], 1e-9)
         lower = (
-            normal[0, 0] + damping, normal[1, 0], normal[1, 1] + damping, normal[2, 0], normal[2, 1],
+            normal[0, 0] + damping,
+            normal[1, 0],
+            normal[1, 1] + damping,
+            normal[2, 0],
+            normal[2, 1],
             normal[2, 2] + damping,
-        )  # fmt: skip
+        )
         good, a, b, c = solve_symmetric(lower, (right[0], right[1], right[2]))
         if good:
             points[j, 0], points[j, 1], points[j, 2] = a + middle[0], b + middle[1], c + middle[2]

@@ -7,6 +7,7 @@ damaged bytes are refused. Everything is restored to the last bit: floats, the o
 which arrays are read-only, and which objects that can change several others refer to. Equal states are equal
 bytes, whether or not their stage began from bytes.
 """
+
 from panoptic_ros.state.layout import Fields, StateLayout
 from panoptic_ros.state.stateful import Stateful
 

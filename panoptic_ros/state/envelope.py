@@ -3,6 +3,7 @@
 Mark (8 bytes), version, length of the text and of all (unsigned, little-endian), BLAKE2b of what follows;
 then a JSON text, and the arrays one after another, each at a multiple of 16 from the end of the text.
 """
+
 from __future__ import annotations
 
 import json

@@ -1,4 +1,5 @@
 """Which attributes of a stage are its state, and of which classes its content may be."""
+
 from __future__ import annotations
 
 import dataclasses
@@ -65,9 +66,14 @@ class StateLayout:
     """
 
     def __init__(
-        self, stage: str, attributes: Iterable[str], classes: Iterable[type | Fields] = (),
-        shared: Iterable[str] = (), lasting: Iterable[str] = (), same: Mapping[str, str] | None = None,
-    ):  # fmt: skip
+        self,
+        stage: str,
+        attributes: Iterable[str],
+        classes: Iterable[type | Fields] = (),
+        shared: Iterable[str] = (),
+        lasting: Iterable[str] = (),
+        same: Mapping[str, str] | None = None,
+    ):
         self.stage = stage
         self.attributes, self.shared, self.lasting = tuple(attributes), tuple(shared), tuple(lasting)
         self.same = dict(same or {})

@@ -1,4 +1,5 @@
 """The way back from `writing`: values from a tree and the bytes of its arrays."""
+
 from __future__ import annotations
 
 import struct
@@ -32,12 +33,17 @@ class Reader:
         self._position = 0
         self._found: list[Any] = []  # what can change, in the order in which it begins
         self._readers: dict[str, Callable[[Sequence[Any], int], Any]] = {
-            "a": self._array, "A": self._array, "o": self._object, "q": self._deque, "l": self._list,
-            "d": self._dict, "c": self._counter,
+            "a": self._array,
+            "A": self._array,
+            "o": self._object,
+            "q": self._deque,
+            "l": self._list,
+            "d": self._dict,
+            "c": self._counter,
             "t": lambda node, _: tuple(self._items(node[1:])),
             "s": lambda node, _: set(self._items(node[1:])),
             "z": lambda node, _: frozenset(self._items(node[1:])),
-        }  # fmt: skip
+        }
 
     def values(self, tree: Any) -> list[Any]:
         """What the state holds, in the order of the layout's attributes.

@@ -1,4 +1,5 @@
 """Stages that hand over their state."""
+
 from __future__ import annotations
 
 from typing import ClassVar

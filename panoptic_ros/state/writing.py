@@ -14,6 +14,7 @@ None, bool, int, str and finite floats stand for themselves. All else is a list 
        read-only, containers but for tuples and frozensets, and objects; values are written each time
     =  an object that the stage has from its constructor, by name
 """
+
 from __future__ import annotations
 
 import math

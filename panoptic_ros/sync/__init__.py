@@ -19,6 +19,7 @@ Live, a set is closed at its deadline in capture time, and late frames are count
 model, a single camera whose clock jumps is left out, not corrected. A constant error of stamps below a second
 is not visible here.
 """
+
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.sync.stage import SyncStage
 

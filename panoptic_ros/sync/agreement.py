@@ -4,6 +4,7 @@ Each camera has one accepted clock line, that of the majority (see `majority`), 
 that are off it. Three frames over 0.5 s decide about a pending line. If most cameras are on it, the time line
 moves there. Else the camera is left out until its frames agree again.
 """
+
 from __future__ import annotations
 
 from collections import deque
@@ -87,9 +88,7 @@ class PendingLine(Generic[Frame]):
         """Whether there are enough frames to decide."""
         return self.count >= SURE and self.since is not None and at - self.since >= SURE_NS
 
-    def clear(
-        self, following: Frame | None = None
-    ) -> tuple[list[Frame], list[Frame]]:
+    def clear(self, following: Frame | None = None) -> tuple[list[Frame], list[Frame]]:
         """Empty the line; return the frames that lead to its last one or the next one, and all others.
 
         Args:
@@ -228,9 +227,7 @@ class Agreement(Generic[Frame]):
         self._leave_out(view, at, rulers if tie else [], notices)
         return [], notices
 
-    def _leave_out(
-        self, view: Frame, at: int, rulers: Sequence[str], notices: list[Notice]
-    ) -> None:
+    def _leave_out(self, view: Frame, at: int, rulers: Sequence[str], notices: list[Notice]) -> None:
         """Leave a camera out; name it now, and in the same words while it is out.
 
         Args:
@@ -250,9 +247,7 @@ class Agreement(Generic[Frame]):
         line.out, line.count, line.since = True, 0, None
         notices += [_out_of_time(lost) for lost in line.keep(SURE)]
 
-    def _release(
-        self, majority: Majority, notices: list[Notice]
-    ) -> tuple[list[Frame], list[Notice]]:
+    def _release(self, majority: Majority, notices: list[Notice]) -> tuple[list[Frame], list[Notice]]:
         """Pass all pending frames of cameras that are on the time line now."""
         views: list[Frame] = []
         for name, line in self._lines.items():

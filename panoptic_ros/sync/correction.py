@@ -1,4 +1,5 @@
 """From the stamps of cameras to the master time line: clock models, delays, and clocks that jump."""
+
 from __future__ import annotations
 
 from collections import deque

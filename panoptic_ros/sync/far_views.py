@@ -1,4 +1,5 @@
 """Recorded sets: views whose stamps disagree with those of most views of their set."""
+
 from __future__ import annotations
 
 from collections import Counter
@@ -68,14 +69,18 @@ def _majority(stamps: Sequence[int], wanted: int, reach: int) -> tuple[list[int]
 
 def _notice(camera: str, count: int, sets: int, offset: int, tie: bool) -> Notice:
     side = "ahead of" if offset > 0 else "behind"
-    whose = "those that are nearer to the stamps of the frames, as there is no majority" if tie else (
-        "those of the other cameras"
+    whose = (
+        "those that are nearer to the stamps of the frames, as there is no majority"
+        if tie
+        else ("those of the other cameras")
     )
     text = (
         f"stamps of camera {camera} are {abs(offset) / SECOND:.1f} s {side} {whose}: its views are left out "
         f"of {count} of {sets} frames; correct its stamps, e.g. with --offsets"
     )
     return Notice(
-        "sync.clock_off", "warning", text,
+        "sync.clock_off",
+        "warning",
+        text,
         {"camera": camera, "device": camera, "offset_s": offset / SECOND, "views": count},
-    )  # fmt: skip
+    )

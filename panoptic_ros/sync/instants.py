@@ -1,4 +1,5 @@
 """The master time line: at which instants sets are wanted."""
+
 from __future__ import annotations
 
 from collections import deque

@@ -1,4 +1,5 @@
 """Clocks that are set back: the time line of the sets runs on."""
+
 from __future__ import annotations
 
 from collections import deque
@@ -96,9 +97,10 @@ class SetBackGuard:
         """Cameras that have given a frame within the last two seconds of the newest."""
         newest = max((c.newest or -1 for c in self._cameras.values()), default=-1)
         return [
-            c for c in self._cameras.values()
+            c
+            for c in self._cameras.values()
             if c.back or (c.newest is not None and newest - c.newest < 2 * SECOND)
-        ]  # fmt: skip
+        ]
 
     def _tell(self, camera: GuardedCamera, view: ViewDetections) -> list[Notice]:
         """Warn once a jump; its other frames are counted."""

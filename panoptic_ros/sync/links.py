@@ -1,4 +1,5 @@
 """The same people in two frames of one camera."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Live: how far capture time has come, and which cameras are silent."""
+
 from __future__ import annotations
 
 from collections import deque

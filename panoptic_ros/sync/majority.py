@@ -4,6 +4,7 @@ The clock offset of a frame is its stamp minus its arrival. Cameras on one clock
 latency. The newest offset of each camera is its vote. The time line has the offset of the largest group of
 votes. So no single camera can move it.
 """
+
 from __future__ import annotations
 
 from collections import deque
@@ -89,9 +90,12 @@ class Majority:
         while left:
             ordered = sorted(left.items(), key=lambda item: item[1])
             best = max(
-                ([name for name, other in ordered[k:] if other - first <= self.reach]
-                 for k, (_, first) in enumerate(ordered)), key=len,
-            )  # fmt: skip
+                (
+                    [name for name, other in ordered[k:] if other - first <= self.reach]
+                    for k, (_, first) in enumerate(ordered)
+                ),
+                key=len,
+            )
             names = tuple(name for name in fresh if name in best)
             found.append(Group(_median([fresh[name] for name in names]), names))
             left = {name: offset for name, offset in left.items() if name not in best}
@@ -101,9 +105,10 @@ class Majority:
     def _fresh(self, at: int) -> dict[str, int]:
         """The votes that are not too old, by camera."""
         return {
-            name: vote.offset for name, vote in self.votes.items()
+            name: vote.offset
+            for name, vote in self.votes.items()
             if vote.at is not None and at - vote.at <= max(FRESH_NS, FRESH_PERIODS * vote.period)
-        }  # fmt: skip
+        }
 
     def _update(self, at: int) -> None:
         """Follow the cameras that agree, and allow for the slowest of them."""

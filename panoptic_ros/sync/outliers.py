@@ -1,4 +1,5 @@
 """Outliers among stamps: single frames of a camera that goes on as before."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -3,6 +3,7 @@
 There are no times of arrival. A camera may begin later, or end earlier. But frames of one camera alone give
 no people. Two things show another time: a first frame far from those of the others, and no frame beside one.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -43,9 +44,13 @@ class Overlap:
         found = []
         for name in (name for name in self._cameras if name in self._apart):
             offset = firsts[name] - begin
-            whose = "those of most cameras" if 2 * size > len(firsts) else (
-                f"those of camera {' and '.join(n for n in firsts if n not in self._apart)}, which come "
-                "first in the rig"
+            whose = (
+                "those of most cameras"
+                if 2 * size > len(firsts)
+                else (
+                    f"those of camera {' and '.join(n for n in firsts if n not in self._apart)}, which come "
+                    "first in the rig"
+                )
             )
             found.append(self._tell(name, offset, whose))
         return found

@@ -1,4 +1,5 @@
 """The frames of one camera that wait, and which of them belongs to an instant."""
+
 from __future__ import annotations
 
 from collections import deque

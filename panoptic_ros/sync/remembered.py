@@ -1,4 +1,5 @@
 """What sync remembers."""
+
 from __future__ import annotations
 
 from fractions import Fraction
@@ -18,12 +19,36 @@ from panoptic_ros.sync.queue import CameraQueue, Waiting
 LAYOUT = StateLayout(
     "sync",
     (
-        "_outliers", "_correction", "_agreement", "_overlap", "_guard", "_came", "_queues", "_in_order",
-        "_current", "_decided", "_instants", "_next", "_closed", "_stamp", "_liveness", "_first", "_index",
+        "_outliers",
+        "_correction",
+        "_agreement",
+        "_overlap",
+        "_guard",
+        "_came",
+        "_queues",
+        "_in_order",
+        "_current",
+        "_decided",
+        "_instants",
+        "_next",
+        "_closed",
+        "_stamp",
+        "_liveness",
+        "_first",
+        "_index",
     ),
     (
-        ClockModel, ScoreMaps, ViewDetections, VisibilityLimit,
-        CameraClock, GuardedCamera, LiveCamera, PendingLine, StampLine, Vote, Waiting,
+        ClockModel,
+        ScoreMaps,
+        ViewDetections,
+        VisibilityLimit,
+        CameraClock,
+        GuardedCamera,
+        LiveCamera,
+        PendingLine,
+        StampLine,
+        Vote,
+        Waiting,
         Fields.named(StampOutliers, "_cameras"),
         Fields.named(
             StampCorrection, "_device _delays _clocks _cameras _most_held _heard _told _implausible"
@@ -40,4 +65,4 @@ LAYOUT = StateLayout(
         Fields.named(Fraction, "_numerator _denominator", is_value=True),
     ),
     same={"configuration": "_config", "cameras": "_rig.names", "skeleton": "_skeleton_hash"},
-)  # fmt: skip
+)

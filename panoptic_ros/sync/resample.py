@@ -1,4 +1,5 @@
 """2D people moved to the instant of a set, between two frames of their camera."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

@@ -1,4 +1,5 @@
 """The sync stage."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -93,8 +94,7 @@ class SyncStage(Stateful):
             return self._give(notices, final=False)
         if item.camera not in self._queues:
             raise DataError(
-                f"a view of camera {item.camera!r}, which the rig lacks; it has "
-                f"{', '.join(self._rig.names)}"
+                f"a view of camera {item.camera!r}, which the rig lacks; it has {', '.join(self._rig.names)}"
             )
         if isinstance(item, EndOfStream):
             self._end(item.camera, notices)
@@ -240,8 +240,9 @@ class SyncStage(Stateful):
             return None
         periods = {
             name: q.frames[FIRST_FRAMES - 1].period if len(q.frames) >= FIRST_FRAMES else q.pace.period
-            for name, q in queues.items() if self._overlap is None or not self._overlap.is_apart(name)
-        }  # fmt: skip
+            for name, q in queues.items()
+            if self._overlap is None or not self._overlap.is_apart(name)
+        }
         master, period, same = choose_master(periods, self._config.master)
         period = period or (2.0 * self._window_ns if self._window_ns else USUAL_PERIOD)
         self._instants = CameraInstants(master, period, same)
@@ -292,9 +293,10 @@ class SyncStage(Stateful):
         if self._liveness is None:
             return
         told = self._liveness.find_silent(
-            (name for name, queue in self._queues.items() if not queue.ended), instants.period,
+            (name for name, queue in self._queues.items() if not queue.ended),
+            instants.period,
             lambda name: self._queues[name].pace.period,
-        )  # fmt: skip
+        )
         for notice in told:
             self._queues[str(notice.values["camera"])].silent = True
         notices += told
@@ -335,7 +337,6 @@ class SyncStage(Stateful):
         self._stamp = stamp
         sets.append(DetectionSet(self._index, self._stamp, self._skeleton_hash, tuple(views)))
         self._index += 1
-
 
     def _overlaps(self, views: list[ViewDetections], notices: list[Notice]) -> bool:
         """Return whether a set may be given (see `Overlap`)."""

@@ -31,6 +31,7 @@ and 9 dB at 16 kHz or so. Where the speed is so far off that the length of a wor
 (not the label) is a guess until the frame count has wrapped once. A delay that all words share (echoes of a
 room, a lopsided filter) is part of the start and not of its deviation.
 """
+
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.recording import decode_recording
 from panoptic_ros.timecode.stage import TimecodeStage

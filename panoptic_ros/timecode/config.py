@@ -1,4 +1,5 @@
 """Parameters of the timecode stage."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -14,13 +15,18 @@ class TimecodeConfig(Config):
         3, ge=2, le=10, doc="Consecutive words whose labels must agree before any of them is reported."
     )
     speed_range: float = param(
-        1.27, ge=1.01, le=1.4,
+        1.27,
+        ge=1.01,
+        le=1.4,
         doc="Largest factor by which the tape may run too fast or too slow.",
-    )  # fmt: skip
+    )
     high_pass_hz: float = param(
-        350.0, unit="Hz", ge=100.0, le=500.0,
+        350.0,
+        unit="Hz",
+        ge=100.0,
+        le=500.0,
         doc="Corner of the filter against DC and hum; half of the slowest bit rate's tone at most.",
-    )  # fmt: skip
+    )
     lost_words: int = param(
         4, ge=1, le=50, doc="Consecutive unreadable words after which the signal is searched for anew."
     )
@@ -30,7 +36,7 @@ class TimecodeConfig(Config):
         "empty for one that carries none; in place of what its sound says. A device that nobody names is "
         "searched on all channels.",
         when="a sound card hears the timecodes of several clocks, and no sound.yaml says which.",
-    )  # fmt: skip
+    )
 
     def __post_init__(self) -> None:
         Config.__post_init__(self)

@@ -10,6 +10,7 @@
 4. Words are handed out as soon as one of them rules out the labels beside theirs.
 5. After `lost_words` unreadable words all is forgotten, so that noise cannot poison anything, and 2 follows.
 """
+
 from __future__ import annotations
 
 import numpy as np

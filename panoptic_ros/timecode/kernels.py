@@ -1,4 +1,5 @@
 """All compiled loops of the rooms, called once with the types that they are called with later."""
+
 from __future__ import annotations
 
 from functools import lru_cache

@@ -3,6 +3,7 @@
 Words are read as in a stream. Then the first ones of each signal are timed anew with the shape of edges and
 the speed that the following words have taught, and all words of a signal get the rate that its last word has.
 """
+
 from __future__ import annotations
 
 from collections.abc import Iterator

@@ -1,4 +1,5 @@
 """What the timecode stage remembers of a device."""
+
 from __future__ import annotations
 
 from collections import deque
@@ -71,8 +72,23 @@ LAYOUT = StateLayout(
     "timecode",
     ("_devices",),
     (
-        CellLine, Channel, ClickLimits, Counting, Device, FrameRate, Grid, Heard, Solution, Timecode, Verdict,
-        FreeEdges, Motion, Samples, Word, WordFit, WordLevels,
+        CellLine,
+        Channel,
+        ClickLimits,
+        Counting,
+        Device,
+        FrameRate,
+        Grid,
+        Heard,
+        Solution,
+        Timecode,
+        Verdict,
+        FreeEdges,
+        Motion,
+        Samples,
+        Word,
+        WordFit,
+        WordLevels,
         Fields.named(Fraction, "_numerator _denominator", is_value=True),
         Fields.named(LtcDecoder, "_config _hop _hops _stream _follow _held _read_until _searches"),
         Fields.named(Hops, "_length _pending _count"),
@@ -97,4 +113,4 @@ LAYOUT = StateLayout(
     ),
     shared=("_config",),
     same={"configuration": "_config"},
-)  # fmt: skip
+)

@@ -1,4 +1,5 @@
 """The timecode stage: audio blocks of any number of devices to readings."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Skeletons of tracking: as images show them, and those that have an identity."""
+
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,4 +1,5 @@
 """Whether somebody who comes is one who was lost."""
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -75,4 +76,3 @@ def ground_distances(lost: Tracks, came: Arrivals) -> Array:
     """Distances (T, P) m on the ground of those who have come from where others must be."""
     distances: Array = np.linalg.norm((lost.bodies.middles[:, None] - came.middles[None])[..., :2], axis=-1)
     return distances
-

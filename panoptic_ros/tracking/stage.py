@@ -1,4 +1,5 @@
 """The tracking stage."""
+
 from __future__ import annotations
 
 from collections import deque
@@ -31,10 +32,12 @@ class TrackingStage(Stateful):
     """Identities for the skeletons of a `PoseSet`; what is known of everybody goes back to association."""
 
     LAYOUT = StateLayout(
-        "tracking", ("_tracks", "_next", "_last_ns", "_subjects", "_begun_ns", "_clothes"),
+        "tracking",
+        ("_tracks", "_next", "_last_ns", "_subjects", "_begun_ns", "_clothes"),
         (Tracks, JointMotion, Bodies, Colours, SubjectSet, ViewAppearance),
-        lasting=("_next", "_subjects"), same={"configuration": "_config", "skeleton": "_hash"},
-    )  # fmt: skip
+        lasting=("_next", "_subjects"),
+        same={"configuration": "_config", "skeleton": "_hash"},
+    )
 
     def __init__(self, config: TrackingConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton
@@ -160,9 +163,12 @@ class TrackingStage(Stateful):
     def _confirm(self, item: PoseSet, owners: Array) -> tuple[Notice, ...]:
         """Give an identity to new tracks with enough evidence: of somebody who was lost, or a new one."""
         ready = [
-            t for k, t in enumerate(owners.tolist()) if t >= 0 and self._tracks.ids[t] < 0
+            t
+            for k, t in enumerate(owners.tolist())
+            if t >= 0
+            and self._tracks.ids[t] < 0
             and (self._tracks.hits[t] >= self._config.confirm_frames or self._convinces(item, k))
-        ]  # fmt: skip
+        ]
         if not ready:
             return ()
         tracks, notices, fresh = self._tracks, [], np.array(ready)

@@ -1,4 +1,5 @@
 """Tracks: everybody who is followed, as arrays."""
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -69,11 +70,17 @@ class Tracks(NamedTuple):
         """People before their first measurement."""
         numbers, unknown = np.zeros((4, people, bones)), np.full((2, people, 3), np.nan)
         return cls(
-            np.full(people, -1), JointMotion.of_new(people, joints),
+            np.full(people, -1),
+            JointMotion.of_new(people, joints),
             Bodies(numbers[0] * np.nan, numbers[1], numbers[2], unknown[0], np.zeros((people, 3))),
-            Colours.of_new(people), unknown[1], np.zeros(people), np.zeros(people),
-            np.zeros(people, np.int64), np.zeros(people), np.zeros((people, limbs)),
-        )  # fmt: skip
+            Colours.of_new(people),
+            unknown[1],
+            np.zeros(people),
+            np.zeros(people),
+            np.zeros(people, np.int64),
+            np.zeros(people),
+            np.zeros((people, limbs)),
+        )
 
     @property
     def bones(self) -> Bones:
@@ -107,9 +114,15 @@ class Tracks(NamedTuple):
     def update(self, owners: Array, poses: PoseSet, bones: Array, head: int) -> None:
         """Update in place with skeletons, of which each has the row `owners` (P,) here, -1 = none."""
         update_tracks(
-            self.motion, self.bodies, owners, poses.positions, poses.covariances, poses.views, poses.states,
+            self.motion,
+            self.bodies,
+            owners,
+            poses.positions,
+            poses.covariances,
+            poses.views,
+            poses.states,
             bones,
-        )  # fmt: skip
+        )
         k = np.flatnonzero(owners >= 0)
         self.unseen[owners[k]] = self.missed[owners[k]] = 0.0
         self.hits[owners[k]] += 1
@@ -132,11 +145,18 @@ class Tracks(NamedTuple):
 
     def record(self, poses: PoseSet) -> TrackSet:
         """The record that is fed back."""
-        return known_good(TrackSet, {
-            "index": poses.index, "stamp_ns": poses.stamp_ns, "skeleton_hash": poses.skeleton_hash,
-            "ids": self.ids.copy(), "unseen": self.unseen.copy(), **of_all(np.copy, self.motion)._asdict(),
-            "lengths": np.where(self.bodies.counts >= KNOWN_AFTER, self.bodies.lengths, np.nan),
-        })  # fmt: skip
+        return known_good(
+            TrackSet,
+            {
+                "index": poses.index,
+                "stamp_ns": poses.stamp_ns,
+                "skeleton_hash": poses.skeleton_hash,
+                "ids": self.ids.copy(),
+                "unseen": self.unseen.copy(),
+                **of_all(np.copy, self.motion)._asdict(),
+                "lengths": np.where(self.bodies.counts >= KNOWN_AFTER, self.bodies.lengths, np.nan),
+            },
+        )
 
 
 @njit(cache=True, error_model="numpy")
@@ -149,9 +169,7 @@ def update_tracks(motion, bodies, owners, positions, covariances, views, states,
         if t < 0:
             continue
         update_joints(motion, t, positions[k], covariances[k], views[k], states[k])
-        _learn_lengths(
-            bodies.lengths[t], bodies.counts[t], bodies.squares[t], positions[k], states[k], bones
-        )
+        _learn_lengths(bodies.lengths[t], bodies.counts[t], bodies.squares[t], positions[k], states[k], bones)
         for axis in range(3):
             count = 0
             for j in range(joints):

@@ -1,4 +1,5 @@
 """What a table of biases is worth, person by person."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -39,10 +39,11 @@ class DrawnBody(NamedTuple):
 def drawn_bodies(item: BodyStateSet) -> list[DrawnBody]:
     """The bodies of an instant."""
     return [
-        DrawnBody(item.stamp_ns, number, item.positions[k], from_quaternions(item.orientations[k]),
-                  item.offsets[k])
+        DrawnBody(
+            item.stamp_ns, number, item.positions[k], from_quaternions(item.orientations[k]), item.offsets[k]
+        )
         for k, number in enumerate(item.ids.tolist())
-    ]  # fmt: skip
+    ]
 
 
 class _Surface(NamedTuple):

@@ -11,9 +11,11 @@ import numpy as np
 from panoptic_ros.view.plotting import Axes, Figure, FigureCanvasAgg
 
 PANELS = {
-    "mm": "joints, mm, global", "relative_mm": "joints, mm, from the root",
-    "procrustes_mm": "joints, mm, after Procrustes", "deg": "orientations, deg, global",
-}  # fmt: skip
+    "mm": "joints, mm, global",
+    "relative_mm": "joints, mm, from the root",
+    "procrustes_mm": "joints, mm, after Procrustes",
+    "deg": "orientations, deg, global",
+}
 LINES = (("", "_std", "--", "x"), ("_median", "_mad", "-", "o"))  # middle, spread, line, marker
 BESIDE = 0.09  # cameras between the bars of two numbers of IMUs
 
@@ -62,6 +64,15 @@ def _draw(axes: Axes, rows: Sequence[Mapping[str, Any]], key: str) -> None:
             beside = np.array(cameras) + BESIDE * (2 * (n - (len(kinds) - 1) / 2) + k - 0.5)
             name = f"{imus} IMUs, {'median, MAD' if k else 'mean, std'}"
             axes.errorbar(
-                beside, values[0], values[1], linestyle=line, marker=marker, markersize=4, linewidth=1.2,
-                elinewidth=0.8, capsize=2, color=f"C{n}", label=name,
-            )  # fmt: skip
+                beside,
+                values[0],
+                values[1],
+                linestyle=line,
+                marker=marker,
+                markersize=4,
+                linewidth=1.2,
+                elinewidth=0.8,
+                capsize=2,
+                color=f"C{n}",
+                label=name,
+            )

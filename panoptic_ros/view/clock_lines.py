@@ -1,4 +1,5 @@
 """Clocks that were found from motion, in words."""
+
 from __future__ import annotations
 
 from panoptic_ros.offsets import CameraClocks

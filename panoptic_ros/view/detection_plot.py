@@ -1,4 +1,5 @@
 """Plot of `panoptic bench detection`: error and misses over processor time."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -33,9 +34,13 @@ def _panel(axes: Axes, rows: Sequence[Mapping[str, Any]], key: str, factor: floa
     there = [row for row in rows if row[key] is not None]
     for number, row in enumerate(there):
         axes.plot(
-            row["cpu_ms"], factor * row[key], MARKS[number % len(MARKS)], color=f"C{number % 10}",
-            markersize=8, label=row["setting"],
-        )  # fmt: skip
+            row["cpu_ms"],
+            factor * row[key],
+            MARKS[number % len(MARKS)],
+            color=f"C{number % 10}",
+            markersize=8,
+            label=row["setting"],
+        )
     if there:
         axes.axhline(factor * there[0][key], color="0.7", linewidth=1.0, zorder=0)
     axes.set(ylabel=label)

@@ -1,4 +1,5 @@
 """Plots of an evaluation: PCK curve, error by joint, error over time, identities over time."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence

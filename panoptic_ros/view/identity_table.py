@@ -1,4 +1,5 @@
 """The figures of the study of identities as text."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,5 @@
 """What is going on right now, in a terminal."""
+
 from __future__ import annotations
 
 import shutil

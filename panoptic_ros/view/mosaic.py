@@ -1,4 +1,5 @@
 """Several views in one picture."""
+
 from __future__ import annotations
 
 import math

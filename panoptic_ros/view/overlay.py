@@ -1,4 +1,5 @@
 """Skeletons drawn into the views that they were made from."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

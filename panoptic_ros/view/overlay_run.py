@@ -1,4 +1,5 @@
 """Overlay video and stills of a whole recorded run."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -94,10 +95,14 @@ class OverlayRun:
             frame = readers[view.camera].frame(view.frame_number) if view.camera in readers else None
             if frame is not None:
                 images[view.camera] = draw_view(
-                    frame.image, self._rig.camera(view.camera), poses, self._skeleton, view,
+                    frame.image,
+                    self._rig.camera(view.camera),
+                    poses,
+                    self._skeleton,
+                    view,
                     scale=scales[view.camera],
                     bodies=None if self._bodies is None else self._bodies.near(view.stamp_ns),
-                )  # fmt: skip
+                )
         return images
 
 

@@ -1,4 +1,5 @@
 """Pictures in files, whole or not at all."""
+
 from __future__ import annotations
 
 from pathlib import Path

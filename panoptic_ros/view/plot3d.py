@@ -1,4 +1,5 @@
 """A 3D plot of people and cameras, and their paths over the floor."""
+
 from __future__ import annotations
 
 import io

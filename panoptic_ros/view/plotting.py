@@ -4,6 +4,7 @@ Plots are drawn into files by the Agg canvas, so no backend is needed. matplotli
 MPLBACKEND names a backend that is not installed, as in terminals of Jupyter. This is the only module that
 imports it; a contract test checks that.
 """
+
 from __future__ import annotations
 
 import os

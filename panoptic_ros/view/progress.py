@@ -1,4 +1,5 @@
 """Progress bars: for work of so many frames, and for work that tells the share that is done."""
+
 from __future__ import annotations
 
 import math

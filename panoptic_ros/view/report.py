@@ -1,4 +1,5 @@
 """The report of a run: a table to print and report.json."""
+
 from __future__ import annotations
 
 import math
@@ -15,9 +16,17 @@ from panoptic_ros.stage import Notice
 
 FORMAT = "panoptic-report-1"
 PEOPLE_HEAD = (
-    "person", "frames", "joints", "limbs", "measured", "reproj. px", "p90 px", "limb std cm", "worst cm",
+    "person",
+    "frames",
+    "joints",
+    "limbs",
+    "measured",
+    "reproj. px",
+    "p90 px",
+    "limb std cm",
+    "worst cm",
     "acc. m/s2",
-)  # fmt: skip
+)
 SHOWN_PEOPLE = 12  # rows of the table; report.json has them all
 
 
@@ -58,34 +67,41 @@ class RunReport:
     def table(self) -> str:
         """Lines for a terminal."""
         blocks = [
-            self._frames(), *([] if self._without_cameras else [self._people(), self._reprojection()]),
-            self._bodies(), self._latency(), self._notices(),
-        ]  # fmt: skip
+            self._frames(),
+            *([] if self._without_cameras else [self._people(), self._reprojection()]),
+            self._bodies(),
+            self._latency(),
+            self._notices(),
+        ]
         return "\n\n".join("\n".join(block) for block in blocks if block)
 
     def document(self) -> dict[str, Any]:
         """The content of report.json; what is not defined is null."""
         summary = self.summary
-        content: dict[str, Any] = _plain({
-            "format": FORMAT,
-            **self.facts,
-            "frames": {
-                "in": dict(self.frames_in), "out": summary.frames,
-                "with_people": summary.frames_with_people, "dropped": dict(self.dropped),
-            },
-            "people": [_person_document(person) for person in summary.people],
-            "reprojection_px": {
-                "all": asdict(summary.reprojection_px),
-                "cameras": {name: asdict(s) for name, s in summary.reprojection_by_camera.items()},
-            },
-            **({"bodies": self.bodies} if self.bodies else {}),
-            "latency_ms": {name: asdict(latency) for name, latency in self.latency_ms.items()},
-            "notices": [
-                {"code": first.code, "severity": first.severity, "count": count, "text": first.text}
-                for first, count in _grouped(self.notices)
-            ],
-            "files": list(self.files),
-        })  # fmt: skip
+        content: dict[str, Any] = _plain(
+            {
+                "format": FORMAT,
+                **self.facts,
+                "frames": {
+                    "in": dict(self.frames_in),
+                    "out": summary.frames,
+                    "with_people": summary.frames_with_people,
+                    "dropped": dict(self.dropped),
+                },
+                "people": [_person_document(person) for person in summary.people],
+                "reprojection_px": {
+                    "all": asdict(summary.reprojection_px),
+                    "cameras": {name: asdict(s) for name, s in summary.reprojection_by_camera.items()},
+                },
+                **({"bodies": self.bodies} if self.bodies else {}),
+                "latency_ms": {name: asdict(latency) for name, latency in self.latency_ms.items()},
+                "notices": [
+                    {"code": first.code, "severity": first.severity, "count": count, "text": first.text}
+                    for first, count in _grouped(self.notices)
+                ],
+                "files": list(self.files),
+            }
+        )
         return content
 
     def write(self, path: Path) -> None:
@@ -117,12 +133,22 @@ class RunReport:
         rows = [_cells(PEOPLE_HEAD)]
         for person in people[:SHOWN_PEOPLE]:
             middle, worst = person.limb_std_cm
-            rows.append(_cells((
-                f"id {person.identity}", f"{person.frames}", _percent(person.joints_found),
-                _percent(person.limb_joints_found), _percent(person.measured),
-                _number(person.reprojection_px.median), _number(person.reprojection_px.p90),
-                _number(middle), _number(worst), _number(person.acceleration),
-            )))  # fmt: skip
+            rows.append(
+                _cells(
+                    (
+                        f"id {person.identity}",
+                        f"{person.frames}",
+                        _percent(person.joints_found),
+                        _percent(person.limb_joints_found),
+                        _percent(person.measured),
+                        _number(person.reprojection_px.median),
+                        _number(person.reprojection_px.p90),
+                        _number(middle),
+                        _number(worst),
+                        _number(person.acceleration),
+                    )
+                )
+            )
         if len(people) > SHOWN_PEOPLE:
             rows.append(f"... and {len(people) - SHOWN_PEOPLE} more")
         return rows

@@ -1,4 +1,5 @@
 """What the self-check of a rig found, as a table and as a document."""
+
 from __future__ import annotations
 
 import math
@@ -10,11 +11,14 @@ from panoptic_ros.evaluation.rig_check import RigReport
 def rig_document(report: RigReport) -> dict[str, object]:
     """{"cameras": [{camera, people, residual_px, noise_px}], "notices": [...]}; what is not known is None."""
     cameras = [
-        {"camera": fit.camera, "people": fit.people,
-         "residual_px": None if math.isnan(fit.residual_px) else fit.residual_px,
-         "noise_px": None if math.isnan(fit.noise_px) else fit.noise_px}
+        {
+            "camera": fit.camera,
+            "people": fit.people,
+            "residual_px": None if math.isnan(fit.residual_px) else fit.residual_px,
+            "noise_px": None if math.isnan(fit.noise_px) else fit.noise_px,
+        }
         for fit in report.cameras
-    ]  # fmt: skip
+    ]
     notices = [vars(note) | {"values": dict(note.values)} for note in report.notices]
     return {"cameras": cameras, "notices": notices}
 

@@ -1,4 +1,5 @@
 """Clocks that were found from sound, in words."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Plots of the studies: PCK against distance, one panel per number of people."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -47,10 +48,11 @@ def _panel(axes: Axes, rows: list[Mapping[str, Any]], people: int) -> None:
     for row in rows:
         given = row["kind"] == "given"
         axes.plot(
-            100.0 * np.array(row["pck_thresholds_m"]), row["pck"],
+            100.0 * np.array(row["pck_thresholds_m"]),
+            row["pck"],
             color=shades[row["cameras"]] if given else DASHES[row["kind"]],
             linestyle=styles[row["method"]],
             label=f"{row['cameras']} {'cameras' if given else row['kind']}, {row['method']}",
-        )  # fmt: skip
+        )
     axes.set(title=f"{people} people", xlim=(0.0, END_CM), ylim=(0.0, 1.02))
     axes.grid(alpha=0.3)

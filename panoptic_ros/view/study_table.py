@@ -1,4 +1,5 @@
 """The result of a study as a table."""
+
 from __future__ import annotations
 
 from typing import Any

@@ -1,4 +1,5 @@
 """Plot of a capture's clocks: every camera's frames against an even clock, and where frames are missing."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -42,8 +43,9 @@ def write_sync_plot(path: Path, cameras: Sequence[CameraClock], models: Mapping[
         axes.set_title(
             f"{camera.name}: {timing.rate_hz:.4f} fps, jitter {1e3 * timing.jitter_s:.2f} ms, "
             f"{timing.lost} lost",
-            fontsize=9, loc="left",
-        )  # fmt: skip
+            fontsize=9,
+            loc="left",
+        )
         axes.grid(alpha=0.3)
     shown = "" if len(cameras) == total else f"; the worst {len(cameras)} of {total} cameras"
     panels[-1].set_xlabel("s; stamps less those of an even clock, red where frames are missing" + shown)

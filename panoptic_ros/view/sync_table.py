@@ -1,4 +1,5 @@
 """What a report about the clocks of a capture says, as a table."""
+
 from __future__ import annotations
 
 from typing import Any

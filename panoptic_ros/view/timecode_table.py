@@ -1,4 +1,5 @@
 """Timecode that was read from a recording, as a table and as a document."""
+
 from __future__ import annotations
 
 import datetime
@@ -15,10 +16,15 @@ def readings_document(sample_rate: int, readings: Sequence[TimecodeReading]) -> 
     """The document of `panoptic ltc decode --json`; see docs/formats.md."""
     rate = float(readings[-1].timecode.rate.exact) if readings else None
     frames = [
-        {"timecode": str(r.timecode), "start_sample": r.start_sample, "std_samples": r.std_samples,
-         "reverse": r.reverse, "user_bits": f"{r.user_bits:08x}"}
+        {
+            "timecode": str(r.timecode),
+            "start_sample": r.start_sample,
+            "std_samples": r.std_samples,
+            "reverse": r.reverse,
+            "user_bits": f"{r.user_bits:08x}",
+        }
         for r in readings
-    ]  # fmt: skip
+    ]
     return {"format": FORMAT, "rate_hz": sample_rate, "frame_rate": rate, "frames": frames}
 
 

@@ -1,4 +1,5 @@
 """Video files that are written, through PyAV: H.264 in MP4 or QuickTime, which browsers play."""
+
 from __future__ import annotations
 
 import os
@@ -62,9 +63,14 @@ class VideoFile:
     """
 
     def __init__(
-        self, path: Path, size: tuple[int, int], frame_rate: float, *, quality: int = GOOD,
+        self,
+        path: Path,
+        size: tuple[int, int],
+        frame_rate: float,
+        *,
+        quality: int = GOOD,
         sound: Sound | None = None,
-    ):  # fmt: skip
+    ):
         self.path = Path(path)
         self.size = (int(size[0]), int(size[1]))
         self.frame_count = 0

@@ -23,9 +23,9 @@ def watch_lines(told: Sequence[Told], now_s: float) -> list[str]:
 
 def _graph_lines(namespace: str, told: Sequence[Told], now_s: float) -> list[str]:
     warned = [item for item in told if item.trouble and item.name != "graph"]
-    gone = sorted({
-        item.values["node"] for item in told if "node" in item.values and now_s - item.heard_s > STALE_S
-    })  # fmt: skip
+    gone = sorted(
+        {item.values["node"] for item in told if "node" in item.values and now_s - item.heard_s > STALE_S}
+    )
     nodes = {item.values["node"] for item in told if "node" in item.values}
     count = len(warned) + len(gone)
     how = "all is well" if not count else "1 warning" if count == 1 else f"{count} warnings"
@@ -42,23 +42,33 @@ def _graph_lines(namespace: str, told: Sequence[Told], now_s: float) -> list[str
 def _stage_row(item: Told, now_s: float) -> list[str]:
     values = item.values
     dropped = [
-        f"{key.removeprefix('dropped.')} {count}" for key, count in values.items()
+        f"{key.removeprefix('dropped.')} {count}"
+        for key, count in values.items()
         if key.startswith("dropped.")
-    ]  # fmt: skip
+    ]
     return [
-        item.name, values["node"], values["state"], *_numbers(values, "rate_hz"), _age(item, now_s),
+        item.name,
+        values["node"],
+        values["state"],
+        *_numbers(values, "rate_hz"),
+        _age(item, now_s),
         *_numbers(values, "step_p50_ms", "step_p99_ms", "latency_p50_ms", "latency_p99_ms"),
         ", ".join(dropped) or "-",
-    ]  # fmt: skip
+    ]
 
 
 def _input_row(item: Told, now_s: float) -> list[str]:
     values = item.values
     return [
-        item.name.partition(": ")[2], values["node"], *_numbers(values, "rate_hz"), _age(item, now_s),
-        *_numbers(values, "latency_p50_ms", "latency_p99_ms"), values["lost"], values["left_out"],
+        item.name.partition(": ")[2],
+        values["node"],
+        *_numbers(values, "rate_hz"),
+        _age(item, now_s),
+        *_numbers(values, "latency_p50_ms", "latency_p99_ms"),
+        values["lost"],
+        values["left_out"],
         values["bad"],
-    ]  # fmt: skip
+    ]
 
 
 def _numbers(values: Mapping[str, str], *keys: str) -> list[str]:

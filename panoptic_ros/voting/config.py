@@ -1,4 +1,5 @@
 """Parameters of voting."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -52,7 +53,5 @@ class VotingConfig(Config):
     parts: bool = param(
         False, doc="Score parts between nodes; assembly.method=dynamic_programming switches it on."
     )
-    part_threshold: float = param(
-        0.05, ge=0.0, le=1.0, doc="Score that both ends of a part need in a view."
-    )
+    part_threshold: float = param(0.05, ge=0.0, le=1.0, doc="Score that both ends of a part need in a view.")
     max_bone: float = param(0.8, unit="m", ge=0.01, doc="Longest part.")

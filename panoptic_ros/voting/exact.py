@@ -3,6 +3,7 @@
 A view can only vote for a joint within cones of viewing rays, round its patches and 2D joints. Boxes of
 voxels that the cones of too few views touch are skipped; in all others every voxel is voted on.
 """
+
 from __future__ import annotations
 
 import math
@@ -172,9 +173,14 @@ def visit(scene, cones, volume, wanted):
     """
     joints, (lower, upper, unit) = scene.map_start.shape[1], volume
     votes = _Votes(
-        np.zeros(joints, np.int64), np.zeros(joints, np.int64), np.zeros(len(cones.views), np.int64),
-        np.zeros((joints, LANES)), np.zeros((joints, LANES), np.int64), np.zeros(LANES), np.zeros(SIZE),
-    )  # fmt: skip
+        np.zeros(joints, np.int64),
+        np.zeros(joints, np.int64),
+        np.zeros(len(cones.views), np.int64),
+        np.zeros((joints, LANES)),
+        np.zeros((joints, LANES), np.int64),
+        np.zeros(LANES),
+        np.zeros(SIZE),
+    )
     found, total = np.empty((1024, 6)), 0
     boxes = [(lower, LARGEST, np.arange(len(cones.views)))]
     for corner in _corners(lower, upper, LARGEST)[1:]:
@@ -199,9 +205,11 @@ def visit(scene, cones, volume, wanted):
 def _corners(lower, upper, step):
     """The first voxels of boxes of so many voxels a side."""
     return [
-        (x, y, z) for x in range(lower[0], upper[0], step) for y in range(lower[1], upper[1], step)
+        (x, y, z)
+        for x in range(lower[0], upper[0], step)
+        for y in range(lower[1], upper[1], step)
         for z in range(lower[2], upper[2], step)
-    ]  # fmt: skip
+    ]
 
 
 @_jit

@@ -1,4 +1,5 @@
 """Part proposals: pairs of nodes that may be a bone, and how well 2D people connect them (5.2)."""
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -37,9 +38,13 @@ NO_PARTS = Parts(np.zeros((0, 2), np.int64), np.zeros(0, np.int64), np.zeros(0))
 
 
 def score_parts(
-    scene: VoteScene, nodes: Array, joints: Array, bones: tuple[tuple[int, int], ...], longest: float,
+    scene: VoteScene,
+    nodes: Array,
+    joints: Array,
+    bones: tuple[tuple[int, int], ...],
+    longest: float,
     threshold: float,
-) -> Parts:  # fmt: skip
+) -> Parts:
     """Parts between nodes (N, 3) m of the joints (N,), and their connectivity scores.
 
     Phi = mean over the views that see both ends of max_i of (h_iu + h_iv) / 2 where both are above the

@@ -2,6 +2,7 @@
 
 Nodes where people are known explain peaks away.
 """
+
 from __future__ import annotations
 
 import math
@@ -144,8 +145,13 @@ def unexplained_peaks(scene, peaks, known):
             count, late = min(LANES, len(points) - first), known.delays[v]
             for c in range(count):
                 n = first + c
-                place(lanes, c, points[n, 0] + moves[n, 0] * late, points[n, 1] + moves[n, 1] * late,
-                      points[n, 2] + moves[n, 2] * late)  # fmt: skip
+                place(
+                    lanes,
+                    c,
+                    points[n, 0] + moves[n, 0] * late,
+                    points[n, 1] + moves[n, 1] * late,
+                    points[n, 2] + moves[n, 2] * late,
+                )
             see(scene.cameras, scene.limits, v, lanes)
             for c in range(count):
                 key = v * joint_count + joints[first + c]

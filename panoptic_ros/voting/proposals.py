@@ -1,4 +1,5 @@
 """Node proposals as arrays, what they must satisfy, and which of them are near duplicates."""
+
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -1,4 +1,5 @@
 """Everything that the kernels need of one instant, in flat arrays."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,4 +1,5 @@
 """The sparse search: nodes where viewing rays of 2D peaks meet."""
+
 from __future__ import annotations
 
 from typing import NamedTuple

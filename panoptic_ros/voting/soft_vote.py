@@ -3,6 +3,7 @@
 A view sees the middle of a ball and six points of its rim; from these the cells and pixels of all others
 follow as in a pinhole camera, as lenses bend little within a ball.
 """
+
 from __future__ import annotations
 
 import math
@@ -137,10 +138,13 @@ def _step(scene, joint, at, nearest, radius, count, scratch):
         if moving.delays[v] != placed:
             placed = moving.delays[v]
             _place_ball(
-                camera, places[n, 0] + placed * moving.velocities[n, 0],
+                camera,
+                places[n, 0] + placed * moving.velocities[n, 0],
                 places[n, 1] + placed * moving.velocities[n, 1],
-                places[n, 2] + placed * moving.velocities[n, 2], radius, scratch.lanes,
-            )  # fmt: skip
+                places[n, 2] + placed * moving.velocities[n, 2],
+                radius,
+                scratch.lanes,
+            )
         see(scene.cameras, scene.limits, v, scratch.lanes)
         if scratch.lanes[COVERED] > 0.0 and scratch.lanes[DEPTH] > CLOSE * radius:
             covering += 1
@@ -227,9 +231,11 @@ def _add_keypoints(scene, v, joint, scratch):
 def _line(lanes, row):
     """How a row of the lanes changes in the ball."""
     return _Line(
-        lanes[row], 0.5 * (lanes[row + 1] - lanes[row + 2]), 0.5 * (lanes[row + 3] - lanes[row + 4]),
+        lanes[row],
+        0.5 * (lanes[row + 1] - lanes[row + 2]),
+        0.5 * (lanes[row + 3] - lanes[row + 4]),
         0.5 * (lanes[row + 5] - lanes[row + 6]),
-    )  # fmt: skip
+    )
 
 
 @inlined

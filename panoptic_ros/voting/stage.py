@@ -1,4 +1,5 @@
 """The voting stage."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -43,9 +44,11 @@ class VotingStage(Stateful):
     """`AssociationSet` to `ProposalSet` (Joo et al. 2017, 5.1 and 5.2). Every instant stands alone."""
 
     LAYOUT = StateLayout(
-        "voting", (), (),
+        "voting",
+        (),
+        (),
         same={"configuration": "config", "cameras": "rig.names", "skeleton": "skeleton.hash"},
-    )  # fmt: skip
+    )
 
     def __init__(self, config: VotingConfig, context: StageContext):
         """Derives the volume and compiles the kernels.

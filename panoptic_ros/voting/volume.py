@@ -1,4 +1,5 @@
 """The working volume: which voxels there are."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -3,6 +3,7 @@
 `lanes` is a flat array of rows of eight numbers, one number for each point. Loops over the points have no
 branches, so that compilers make vector instructions of them. All votes and searches project with `see`.
 """
+
 from __future__ import annotations
 
 import math
@@ -157,10 +158,12 @@ def vote_points(scene, joints, points, moving, view_threshold):
             for c in range(LANES):
                 n = first + min(c, count - 1)
                 place(
-                    lanes, c, points[n, 0] + late * moving.velocities[n, 0],
+                    lanes,
+                    c,
+                    points[n, 0] + late * moving.velocities[n, 0],
                     points[n, 1] + late * moving.velocities[n, 1],
                     points[n, 2] + late * moving.velocities[n, 2],
-                )  # fmt: skip
+                )
             see(scene.cameras, scene.limits, v, lanes)
             for c in range(count):
                 if lanes[COVERED + c] > 0.0:

@@ -1,4 +1,5 @@
 """Colours of clothes, on people who are drawn in known colours."""
+
 from dataclasses import replace
 
 import captures

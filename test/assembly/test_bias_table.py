@@ -1,4 +1,5 @@
 """Known biases are taken out of what is published, and do not reach guidance."""
+
 import numpy as np
 import pytest
 from fed_stages import FedAssembly

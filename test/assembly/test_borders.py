@@ -1,4 +1,5 @@
 """People whom image borders cut: 2D joints that a detector reports inside although the joint is outside."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -95,6 +96,7 @@ def walk(scenes, rig, begin):
     """Return the number of skeletons in each of 40 instants of a walk from y = `begin` m to y = 3.6 m."""
     stage, shown = FedAssembly(scenes.context(rig)), []
     for index, y in enumerate(np.linspace(begin, 3.6, 40)):
+
         def change(i, points, scores):
             outside = ~rig.cameras[i].contains(points)
             points[outside], scores[outside] = np.nan, 0.0

@@ -1,4 +1,5 @@
 """Voted nodes stand for joints that the 2D people lack."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -15,9 +16,12 @@ def with_nodes(item, nodes, joint):
     views = tuple(replace(view, maps=maps) for view in item.detections.views)
     count = len(nodes)
     return replace(
-        seen_by(item, views), nodes=nodes, node_joints=[joint] * count,
-        node_scores=[0.5] * count, node_views=[2] * count,
-    )  # fmt: skip
+        seen_by(item, views),
+        nodes=nodes,
+        node_joints=[joint] * count,
+        node_scores=[0.5] * count,
+        node_views=[2] * count,
+    )
 
 
 def test_a_lost_joint_comes_from_its_node(scenes):

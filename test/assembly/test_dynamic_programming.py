@@ -23,9 +23,15 @@ def proposals(counts, parts, skeleton=MODEL, detections=None, nodes=None):
     kinds = [tuple(joints[list(pair)].tolist()) for pair in pairs]
     bones = [skeleton.bones.index(kind) if kind in skeleton.bones else -1 for kind in kinds]
     return ProposalSet(
-        unassociated(detections or DetectionSet(0, 0, skeleton.hash, ()), len(skeleton)), nodes, joints,
-        np.ones(len(joints)), np.ones(len(joints)), pairs, bones, list(parts.values()),
-    )  # fmt: skip
+        unassociated(detections or DetectionSet(0, 0, skeleton.hash, ()), len(skeleton)),
+        nodes,
+        joints,
+        np.ones(len(joints)),
+        np.ones(len(joints)),
+        pairs,
+        bones,
+        list(parts.values()),
+    )
 
 
 def random_parts(rng, counts, kinds, density):

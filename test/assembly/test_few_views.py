@@ -1,4 +1,5 @@
 """People whom two views show keep joints that the views dispute or only one of them sees."""
+
 import numpy as np
 import pytest
 from fed_stages import FedAssembly

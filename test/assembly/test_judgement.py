@@ -1,4 +1,5 @@
 """The compiled loops against numpy; bystanders beyond the space that a rig covers are left out."""
+
 import captures
 import numpy as np
 from seen_views import observations
@@ -137,13 +138,18 @@ def test_residuals_to_learn_have_leverage_taken_out():
     kept, delays = np.array([0, 2, 3]), rng.uniform(-0.02, 0.02, VIEWS)
     shifts = rng.standard_normal(positions.shape)
     rows, joints, pixels = residuals_to_learn(
-        kept, SolvedJoints(positions, normals, residuals, picks), shifts,
+        kept,
+        SolvedJoints(positions, normals, residuals, picks),
+        shifts,
         observations(
-            plane, precision, np.zeros(ROWS, int), np.zeros(VIEWS + 1, int),
+            plane,
+            precision,
+            np.zeros(ROWS, int),
+            np.zeros(VIEWS + 1, int),
             Cameras(rotations, translations, delays),
         ),
         focals,
-    )  # fmt: skip
+    )
     expected = []
     for p in kept:
         for j in np.flatnonzero(np.isfinite(positions[p, :, 0]) & ((residuals[p] >= 0.0).sum(-1) >= 3)):

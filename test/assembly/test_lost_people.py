@@ -1,4 +1,5 @@
 """People whom every list of 2D people lost are found among the nodes, and nobody is invented."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -15,19 +16,31 @@ def with_nodes(item, people, skeleton, views=4, vote=0.4, extra=()):
     count = len(nodes)
     shown = np.arange(len(skeleton))
     maps = ScoreMaps(
-        (8, 8), np.eye(2, 3), shown, np.full(len(shown), -1), np.zeros((len(shown), 2)),
-        np.ones((len(shown), 2)), np.full(len(shown), 200),
-    )  # fmt: skip
+        (8, 8),
+        np.eye(2, 3),
+        shown,
+        np.full(len(shown), -1),
+        np.zeros((len(shown), 2)),
+        np.ones((len(shown), 2)),
+        np.full(len(shown), 200),
+    )
     detections = item.detections
     detections = DetectionSet(
-        detections.index, detections.stamp_ns, detections.skeleton_hash,
+        detections.index,
+        detections.stamp_ns,
+        detections.skeleton_hash,
         tuple(replace(view, maps=maps) for view in detections.views),
-    )  # fmt: skip
+    )
     return ProposalSet(
         unassociated(detections, len(skeleton)),
-        np.array([place for _, place in nodes]).reshape(-1, 3), [j for j, _ in nodes],
-        np.full(count, vote), np.full(count, views), np.empty((0, 2)), [], [],
-    )  # fmt: skip
+        np.array([place for _, place in nodes]).reshape(-1, 3),
+        [j for j, _ in nodes],
+        np.full(count, vote),
+        np.full(count, views),
+        np.empty((0, 2)),
+        [],
+        [],
+    )
 
 
 def ghosts(rng, skeleton, count=30):

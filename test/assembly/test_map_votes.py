@@ -1,4 +1,5 @@
 """Joints go to the votes of maps, one person each, and to plausible ones only."""
+
 import numpy as np
 from fed_stages import unassociated
 
@@ -31,8 +32,14 @@ def proposals(nodes, joints, shown=(0,), votes=None, cameras="ab"):
     votes = np.full(count, 0.5) if votes is None else votes
     return ProposalSet(
         unassociated(DetectionSet(0, 0, HASH, tuple(view(camera, list(shown)) for camera in cameras)), 2),
-        np.reshape(nodes, (-1, 3)), joints, votes, np.full(count, 2), np.zeros((0, 2)), [], [],
-    )  # fmt: skip
+        np.reshape(nodes, (-1, 3)),
+        joints,
+        votes,
+        np.full(count, 2),
+        np.zeros((0, 2)),
+        [],
+        [],
+    )
 
 
 def choose(positions, item, expected=None, skeleton=PAIR):

@@ -1,4 +1,5 @@
 """The noise table finds the truth whatever it started from."""
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Hidden joints: against a dense walk along lines of sight, and simple scenes."""
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -93,7 +94,11 @@ def test_people_behind_one_another(scenes):
     away = stack.centres[0] * [1, 1, 0]
     people[1] -= 0.8 * away / np.linalg.norm(away)  # behind the first, seen from camera 0
     hidden = hidden_joints(
-        people, np.zeros_like(people), np.ones((2, 4), bool), bones, radii,
+        people,
+        np.zeros_like(people),
+        np.ones((2, 4), bool),
+        bones,
+        radii,
         Cameras(stack.rotations, stack.translations, np.zeros(4)),
     )
     assert hidden[1, 0].mean() > hidden[0, 0].mean()

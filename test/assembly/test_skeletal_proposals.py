@@ -1,4 +1,5 @@
 """People from parts as in the paper: refined to the least sum of squared reprojection errors."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -24,9 +25,15 @@ def with_parts(item, people, skeleton, rng):
     bones = list(range(len(skeleton.bones))) * len(people)
     ones = np.ones(len(nodes))
     return ProposalSet(
-        item.association, nodes, np.tile(np.arange(count), len(people)), 0.5 * ones, 3 * ones, parts, bones,
+        item.association,
+        nodes,
+        np.tile(np.arange(count), len(people)),
+        0.5 * ones,
+        3 * ones,
+        parts,
+        bones,
         np.full(len(parts), 0.5),
-    )  # fmt: skip
+    )
 
 
 def without(item, views, joint):
@@ -84,10 +91,14 @@ def test_all_2d_joints_count_alike_however_far_off_they_are(scene):
     views = [(rig.camera(view.camera), view.points[0, knee]) for view in item.detections.views]
 
     def errors(place):
-        return np.concatenate([
-            (camera.intrinsics.undistort(pixels) - plane_of(camera, place)) * focal(camera)
-            / np.hypot(*camera.image_size) for camera, pixels in views
-        ])  # fmt: skip
+        return np.concatenate(
+            [
+                (camera.intrinsics.undistort(pixels) - plane_of(camera, place))
+                * focal(camera)
+                / np.hypot(*camera.image_size)
+                for camera, pixels in views
+            ]
+        )
 
     best = least_squares(errors, person[0][knee], xtol=1e-14, ftol=1e-14, gtol=1e-14).x
     assert np.linalg.norm(best - person[0][knee]) > 1e-3

@@ -1,4 +1,5 @@
 """Assembly on exact scenes and with the faults that detectors have."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -105,8 +106,12 @@ def test_merged_and_duplicated_people(scenes):
     def duplicated(item):
         views = list(item.detections.views)
         v = views[4]
-        views[4] = replace(v, points=v.points[[0, 1, 1]] + 0.5, scores=v.scores[[0, 1, 1]],
-                           person_scores=v.person_scores[[0, 1, 1]])  # fmt: skip
+        views[4] = replace(
+            v,
+            points=v.points[[0, 1, 1]] + 0.5,
+            scores=v.scores[[0, 1, 1]],
+            person_scores=v.person_scores[[0, 1, 1]],
+        )
         return seen_by(item, tuple(views))
 
     sets = [duplicated(scenes.proposals(rig, people, index=i, change=change)) for i in range(3)]

@@ -1,4 +1,5 @@
 """Joints in motion, seen by cameras at different times, with exact truth."""
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Joints of two views, neither of which tells that the other errs."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +17,11 @@ def unsmoothed(take, floor):
     """`PoseSet`s by the people of a detector with constant biases of so many m."""
     skeleton, found = replace(SKELETON, bias_floors=(floor,) * len(SKELETON)), []
     pipeline = Pipeline(
-        configure({}), StageContext(take.rig, skeleton), ("association", "voting", "assembly"),
+        configure({}),
+        StageContext(take.rig, skeleton),
+        ("association", "voting", "assembly"),
         on_record=lambda topic, record: found.append(record) if topic == "poses" else None,
-    )  # fmt: skip
+    )
     for item in take.detection_sets(skeleton.hash):
         pipeline.push("detection_sets", item)
     pipeline.flush()

@@ -1,4 +1,5 @@
 """Grouping of 2D people: greedy assignment against brute force, new people in scenes of known truth."""
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -48,18 +49,23 @@ def scene_of(people, views=5, noise=0.001, keep=1.0, seed=0, swapped=()):
     starts = np.searchsorted(view, np.arange(views + 1)).astype(np.int64)
     scores, delays = np.full(plane.shape[:2], 0.8), np.zeros(views)
     evidence = Evidence(
-        np.arange(views), np.arange(views), starts, view, np.arange(len(view)) - starts[view], plane,
-        np.ones(scores.shape), scores, delays,
-    )  # fmt: skip
+        np.arange(views),
+        np.arange(views),
+        starts,
+        view,
+        np.arange(len(view)) - starts[view],
+        plane,
+        np.ones(scores.shape),
+        scores,
+        delays,
+    )
     cams = Cameras(rotations, translations, delays)
     cameras = np.zeros(views, CAMERA)  # of images of x and y from -1 to 1
     for name, value in {"fx": 1, "fy": 1, "cx": 0.5, "cy": 0.5, "width": 2, "height": 2, "fold": 9}.items():
         cameras[name] = value
     sight = Sight(cameras, np.zeros(3 * views))
     precision, focals = np.full(plane.shape[:2], 500.0), np.full(views, 1000.0)
-    scene = Scene(
-        evidence, precision, MIRROR, cams, centres, focals, sight, np.full(len(plane), np.inf)
-    )
+    scene = Scene(evidence, precision, MIRROR, cams, centres, focals, sight, np.full(len(plane), np.inf))
     return scene, np.array(truth, int)
 
 

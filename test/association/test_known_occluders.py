@@ -1,4 +1,5 @@
 """What stands between: walls, tables, edges, and what goes on to later stages."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -80,9 +81,14 @@ def test_a_table_hides_the_legs_under_it_and_not_the_hands_on_it():
     table = Occluders.box((1.2, 2.0, 0.04), np.eye(3), (4.4, 0.0, 0.70))
     limit = VisibilityLimit.of_depths(occluded_depths(high, table), MARGIN)
     places = {
-        "hand": (4.3, 0.1, 0.75), "head": (5.2, 0.0, 1.2), "hip": (5.3, 0.0, 0.55), "knee": (5.0, 0.1, 0.48),
-        "ankle": (5.6, 0.1, 0.08), "foot before it": (4.6, 0.3, 0.05), "ankle beside it": (4.6, 1.7, 0.08),
-    }  # fmt: skip
+        "hand": (4.3, 0.1, 0.75),
+        "head": (5.2, 0.0, 1.2),
+        "hip": (5.3, 0.0, 0.55),
+        "knee": (5.0, 0.1, 0.48),
+        "ankle": (5.6, 0.1, 0.08),
+        "foot before it": (4.6, 0.3, 0.05),
+        "ankle beside it": (4.6, 1.7, 0.08),
+    }
     points = np.array(list(places.values()))
     pixels, _ = high.project(points)
     assert high.contains(pixels).all()

@@ -1,4 +1,5 @@
 """The parts of the search for new people against their numpy forms."""
+
 import numpy as np
 import pytest
 

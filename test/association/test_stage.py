@@ -1,4 +1,5 @@
 """The association stage: who is found, who is followed, what is refused."""
+
 from dataclasses import replace
 
 import captures
@@ -27,9 +28,16 @@ def tracks(index, rows=(0, 1), joints=JOINTS, skeleton=HASH):
     states = np.concatenate([people, np.zeros_like(people)], axis=-1)
     numbers = np.zeros(states.shape[:2])
     return TrackSet(
-        index, seen(index).stamp_ns, skeleton, np.array(rows), states, np.full(people.shape, 1e-4), numbers,
-        numbers.copy(), np.zeros(len(rows)),
-    )  # fmt: skip
+        index,
+        seen(index).stamp_ns,
+        skeleton,
+        np.array(rows),
+        states,
+        np.full(people.shape, 1e-4),
+        numbers,
+        numbers.copy(),
+        np.zeros(len(rows)),
+    )
 
 
 @pytest.fixture

@@ -28,8 +28,10 @@ def test_rates_are_those_with_which_orientations_turn_forth_and_back(feed):
     name, count = feed.subjects[0].devices[4].name, 2 * (len(feed.sets) - 1)
     samples = [
         (number * feed.period_ns + offset, sample)
-        for number in range(count) for offset, sample in feed.samples(number) if sample.device == name
-    ]  # fmt: skip
+        for number in range(count)
+        for offset, sample in feed.samples(number)
+        if sample.device == name
+    ]
     times = np.array([time for time, _ in samples])
     assert (np.diff(times) > 0).all() and len(samples) == 2 * count
     frames = from_quaternions(np.array([sample.orientation for _, sample in samples]))

@@ -1,4 +1,5 @@
 """Clocks and sync together, against the truth: mixed rates, and everything that clocks do."""
+
 import numpy as np
 import pytest
 
@@ -7,17 +8,21 @@ from panoptic_ros.bench.clocks import WRONG_S, audio_error_s, events, mixed_worl
 AT = 5
 WORLDS = events(11.0, AT)
 TOLD = {
-    "nothing": {}, "midnight": {}, "0.1 s of audio lost": {},
+    "nothing": {},
+    "midnight": {},
+    "0.1 s of audio lost": {},
     "clock forward 0.1 s": {"clocks.jump": 1},
-    "clock forward 0.41 s": {"clocks.jump": 1}, "clock back 0.41 s": {"clocks.jump": 1},
-    "clock forward 1 h": {"clocks.jump": 1}, "clock back 1 day": {"clocks.jump": 1},
+    "clock forward 0.41 s": {"clocks.jump": 1},
+    "clock back 0.41 s": {"clocks.jump": 1},
+    "clock forward 1 h": {"clocks.jump": 1},
+    "clock back 1 day": {"clocks.jump": 1},
     # after seconds of silence stamps are believed from the third on: sets do not wait for the two before
     "device stops and resumes": {"clocks.silent": 1, "sync.camera_silent": 1, "sync.late_frame": 2},
     "timecode jumps by 10 s": {"clocks.timecode_jump": 3},
     "timecode jumps by -2 s": {"clocks.timecode_jump": 3},
     "re-jam by 3 frames at midnight": {"clocks.timecode_jump": 3},
     "two devices swap": {"clocks.jump": 2},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", WORLDS)

@@ -1,4 +1,5 @@
 """What is fed to the graph: every set in turn, forth and back, each view at its own time."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """Latencies are those of the instants that the skeletons are of; what never came is lost."""
+
 from types import MappingProxyType
 
 import numpy as np
@@ -61,11 +62,23 @@ def test_a_flood_costs_instants_and_moves_stamps():
     usage = Usage(0, 1.0, 80.0)
     floods = [Flooded("cam00", 99, 60 * MS, 215 * MS)]
     observation = Observation(
-        sent, sorted(received, key=lambda pair: pair[1]), 30 * MS, 0, 0, usage, Usage(300 * MS, 1.0, 80.0),
-        {}, (), floods,
-    )  # fmt: skip
+        sent,
+        sorted(received, key=lambda pair: pair[1]),
+        30 * MS,
+        0,
+        0,
+        usage,
+        Usage(300 * MS, 1.0, 80.0),
+        {},
+        (),
+        floods,
+    )
     (found,) = figures_of(observation)["floods"]
     assert found == {
-        "title": "cam00", "messages": 99, "instants": 6, "lost": 2, "odd_stamps": 1,
+        "title": "cam00",
+        "messages": 99,
+        "instants": 6,
+        "lost": 2,
+        "odd_stamps": 1,
         "longest_gap_s": pytest.approx(0.09),
-    }  # fmt: skip
+    }

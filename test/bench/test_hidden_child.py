@@ -1,4 +1,5 @@
 """A child whom adults hide: takes that are drawn, and the measure of its loss."""
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The study of identities."""
+
 import numpy as np
 
 from panoptic_ros.bench import identity
@@ -19,10 +20,20 @@ def instants(*rows):
 
 
 def test_returns_count_when_the_first_second_is_over_and_changes_at_once():
-    found = visit_figures(instants(
-        {0: 5, 1: 6}, {0: 5, 1: 6}, {1: 6}, {0: 9, 1: 6}, {0: 5, 1: 6}, {0: 5, 1: 7}, {0: 5}, {0: 5, 1: None},
-        {0: 5, 1: 5}, {0: 5, 1: 5},
-    ))  # fmt: skip
+    found = visit_figures(
+        instants(
+            {0: 5, 1: 6},
+            {0: 5, 1: 6},
+            {1: 6},
+            {0: 9, 1: 6},
+            {0: 5, 1: 6},
+            {0: 5, 1: 7},
+            {0: 5},
+            {0: 5, 1: None},
+            {0: 5, 1: 5},
+            {0: 5, 1: 5},
+        )
+    )
     assert found == {"changes": 1, "returns": 2, "same": 1, "foreign": 1}
 
 
@@ -45,9 +56,13 @@ def test_one_view_holds_somebody_who_was_seen_well():
     assert two["mean_mm"] < 40.0 and one["mean_mm"] < 150.0 and one["joints_given"] > 0.4
     assert found["child"]["lost_s"] <= 0.2 and found["child"]["kept"] == 1.0
     dressed = {way: {"changes": 0, "returns": 7, "same": 6, "foreign": 1} for way in WAYS}
-    rows = {"trials": {"trials": 1, "kept": {"hidden": 1.0}}, "few_views": found, "dressed": dressed,
-            "visits": {"changes": 0, "returns": 3, "same": 2, "foreign": 0},
-            "designated": {"there": 200, "followed": 199, "taken": 1}}  # fmt: skip
+    rows = {
+        "trials": {"trials": 1, "kept": {"hidden": 1.0}},
+        "few_views": found,
+        "dressed": dressed,
+        "visits": {"changes": 0, "returns": 3, "same": 2, "foreign": 0},
+        "designated": {"there": 200, "followed": 199, "taken": 1},
+    }
     text = "\n".join(identity_lines(rows))
     assert "2 of 3 returned under their own, 0 under somebody else's" in text and "one view" in text
     assert "followed in 99.5% of the instants in which he can be seen; a bystander had the id in 1" in text

@@ -1,4 +1,5 @@
 """The timecode bench measures what it says."""
+
 from __future__ import annotations
 
 import argparse

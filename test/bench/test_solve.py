@@ -1,4 +1,5 @@
 """What every stage takes and which joints are far off, on cases whose answer is known."""
+
 import json
 from dataclasses import replace
 
@@ -48,9 +49,12 @@ def test_the_table_names_all_cases_and_sums_up(capsys):
 
 @pytest.mark.parametrize(
     ("arguments", "told"),
-    [(["--scenes", "rendered-3p8v"], "is rendered"), (["--scenes", ""], "nothing to solve"),
-     (["--seeds", "7"], "FROM:TO")],
-)  # fmt: skip
+    [
+        (["--scenes", "rendered-3p8v"], "is rendered"),
+        (["--scenes", ""], "nothing to solve"),
+        (["--seeds", "7"], "FROM:TO"),
+    ],
+)
 def test_what_cannot_be_solved_is_told(arguments, told, capsys):
     assert main(["bench", "solve", *arguments]) == 2
     assert told in capsys.readouterr().err

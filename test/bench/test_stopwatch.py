@@ -1,4 +1,5 @@
 """What is timed and what is not."""
+
 from panoptic_ros.bench.growth import exponent
 from panoptic_ros.bench.stopwatch import timed
 

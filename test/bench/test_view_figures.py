@@ -25,13 +25,24 @@ def test_an_interval_holds_the_ratio_and_tells_a_cost_from_chance():
 
 def test_a_table_has_nobody_first_with_what_chance_does():
     rng = np.random.default_rng(4)
-    page = {"kind": "fast", "packets": 10, "age_p50_ms": 1.0, "age_p99_ms": 2.0, "age_max_ms": 3.0,
-            "megabytes_per_s": 1.0, "skipped": 0}  # fmt: skip
+    page = {
+        "kind": "fast",
+        "packets": 10,
+        "age_p50_ms": 1.0,
+        "age_p99_ms": 2.0,
+        "age_max_ms": 3.0,
+        "megabytes_per_s": 1.0,
+        "skipped": 0,
+    }
     slower = {**page, "age_p99_ms": 9.0}
-    rows = table_of([
-        phase("one", rng, 2.0, [page, slower]), phase("nobody", rng), phase("nobody", rng),
-        phase("one", rng, 2.0, [page]),
-    ])  # fmt: skip
+    rows = table_of(
+        [
+            phase("one", rng, 2.0, [page, slower]),
+            phase("nobody", rng),
+            phase("nobody", rng),
+            phase("one", rng, 2.0, [page]),
+        ]
+    )
     assert [row["audience"] for row in rows] == ["nobody", "one"]
     assert rows[0]["ratio_low"] < 1.0 < rows[0]["ratio_high"] and rows[1]["ratio_low"] > 1.5
     assert rows[1]["messages"] == 1200 and rows[1]["lost"] == 2
@@ -39,8 +50,12 @@ def test_a_table_has_nobody_first_with_what_chance_does():
 
 
 def test_ages_count_from_the_publication():
-    client = {"kind": "fast", "came": [(5, 3_000_000), (6, 9_000_000), (7, 1)], "megabytes_per_s": 1.0,
-              "skipped": 2}  # fmt: skip
+    client = {
+        "kind": "fast",
+        "came": [(5, 3_000_000), (6, 9_000_000), (7, 1)],
+        "megabytes_per_s": 1.0,
+        "skipped": 2,
+    }
     found = ages_of(client, {5: 1_000_000, 6: 5_000_000})
     assert found["packets"] == 2 and found["age_max_ms"] == 4.0 and found["age_p50_ms"] == 3.0
     assert ages_of({**client, "came": []}, {})["age_p99_ms"] is None

@@ -1,4 +1,5 @@
 """Where walls are known, true joints have more votes and nobody is missed."""
+
 from types import SimpleNamespace
 
 import pytest

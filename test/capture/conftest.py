@@ -1,4 +1,5 @@
 """Small videos and rigs that the tests of capture make for themselves."""
+
 import json
 import struct
 from collections.abc import Sequence
@@ -46,10 +47,20 @@ def film():
     """
 
     def write(
-        path: Path, times: Sequence[int], *, clockwise: int = 0, mirrored: bool = False,
-        codec: str = "libx264", layout: str = "yuv420p", size: tuple[int, int] = (64, 48), reordered: int = 0,
-        timecode: str = "", numbered: bool = False, gop: int = 12, rate: int = 30,
-    ) -> Path:  # fmt: skip
+        path: Path,
+        times: Sequence[int],
+        *,
+        clockwise: int = 0,
+        mirrored: bool = False,
+        codec: str = "libx264",
+        layout: str = "yuv420p",
+        size: tuple[int, int] = (64, 48),
+        reordered: int = 0,
+        timecode: str = "",
+        numbered: bool = False,
+        gop: int = 12,
+        rate: int = 30,
+    ) -> Path:
         noise = np.random.default_rng(0)
         options = {"bf": str(reordered), "log-level": "none", "x265-params": "log-level=none", "g": str(gop)}
         options |= {"crf": "1", "sc_threshold": "0"} if codec == "libx264" and numbered else {}

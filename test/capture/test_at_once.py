@@ -1,4 +1,5 @@
 """Opening several at a time keeps their order and leaves nothing open after an error."""
+
 import threading
 
 import pytest

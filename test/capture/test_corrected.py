@@ -1,4 +1,5 @@
 """Sources whose stamps are corrected by a clock."""
+
 import cv2
 import numpy as np
 import pytest

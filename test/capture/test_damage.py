@@ -1,4 +1,5 @@
 """Damaged files: told with the remedy, or, where that is allowed, what is damaged is left out and counted."""
+
 import av
 import cv2
 import numpy as np
@@ -57,8 +58,9 @@ def video(film, tmp_path):
     return make
 
 
-@pytest.mark.parametrize(("name", "codec"), [("a.mp4", "libx264"), ("a.mkv", "libx264"), ("a.avi", "mpeg4"),
-                                             ("a.mov", "mjpeg")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "codec"), [("a.mp4", "libx264"), ("a.mkv", "libx264"), ("a.avi", "mpeg4"), ("a.mov", "mjpeg")]
+)
 def test_lost_frames_end_a_file_or_are_left_out(video, name, codec):
     more = {"layout": "yuvj420p"} if codec == "mjpeg" else {}
     path = video(name, codec, **more)

@@ -1,4 +1,5 @@
 """The demo captures: fetched once, whole or not at all. No test goes to the network."""
+
 import hashlib
 import subprocess
 import zipfile

@@ -1,4 +1,5 @@
 """Maps of depth sensors that are no cameras."""
+
 from __future__ import annotations
 
 from dataclasses import replace

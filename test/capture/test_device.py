@@ -1,4 +1,5 @@
 """Live sources: the newest frame wins, losses are counted, cameras that come back are taken back."""
+
 import http.server
 import threading
 import time

@@ -1,4 +1,5 @@
 """Capture folders: what belongs together is found, and what does not fit is named."""
+
 import cv2
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
 """What the calibration of a camera becomes for images of another size."""
+
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,4 +1,5 @@
 """Capture folders of other programs: where their files lie, and whose they are."""
+
 import cv2
 import numpy as np
 import pytest
@@ -29,8 +30,11 @@ def images(folder, count=2, suffix=".png", value=90):
     ("cameras", "names", "meant"),
     [
         (["a", "b"], ["b", "a", "c"], {"a": "a", "b": "b"}),
-        (["int_cam01_img", "int_cam02_img"], ["cam01", "cam02"],
-         {"cam01": "int_cam01_img", "cam02": "int_cam02_img"}),
+        (
+            ["int_cam01_img", "int_cam02_img"],
+            ["cam01", "cam02"],
+            {"cam01": "int_cam01_img", "cam02": "int_cam02_img"},
+        ),
         (["00_00", "00_01"], ["hd_00_01", "hd_00_00"], {"hd_00_00": "00_00", "hd_00_01": "00_01"}),
         (["cam_0", "cam_1", "cam_10"], ["0", "1", "10"], {"0": "cam_0", "1": "cam_1", "10": "cam_10"}),
         (["CAM1", "CAM2"], ["cam02", "cam01"], {"cam01": "CAM1", "cam02": "CAM2"}),
@@ -43,7 +47,7 @@ def images(folder, count=2, suffix=".png", value=90):
         (["left"], ["left_eye"], {}),  # no number
         (["cam"], ["video"], {}),
     ],
-)  # fmt: skip
+)
 def test_a_name_means_the_only_camera_that_fits(cameras, names, meant):
     assert named_as(cameras, names) == meant
 
@@ -128,8 +132,13 @@ def test_folders_of_the_studio_hold_cameras_of_their_type(make_video, tmp_path):
 @pytest.mark.parametrize("suffix", [".ts", ".MTS", ".m2ts", ".mxf", ".wmv", ".flv", ".3gp", ".mpg", ".webm"])
 def test_containers_are_known_by_their_endings(film, tmp_path, suffix):
     codec = {".wmv": "wmv2", ".flv": "flv", ".mxf": "mpeg2video", ".mpg": "mpeg2video", ".webm": "libvpx"}
-    film(tmp_path / f"a{suffix}", [3600 * k for k in range(10)], codec=codec.get(suffix.lower(), "libx264"),
-         size=(176, 144), rate=25)  # fmt: skip
+    film(
+        tmp_path / f"a{suffix}",
+        [3600 * k for k in range(10)],
+        codec=codec.get(suffix.lower(), "libx264"),
+        size=(176, 144),
+        rate=25,
+    )
     lens = rig("a").cameras[0].intrinsics
     wide = Rig((Camera("a", (176, 144), lens, Rigid.identity()),))
     with open_capture_folder(tmp_path, rig=wide) as capture:

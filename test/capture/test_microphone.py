@@ -1,4 +1,5 @@
 """Live sound: what PortAudio hands over becomes blocks on this machine's clock; a file stands in for it."""
+
 from types import SimpleNamespace
 
 import numpy as np
@@ -109,5 +110,6 @@ def test_a_file_is_played_in_real_time(tmp_path):
     blocks = list(source)
     assert [b.stamp_ns for b in blocks] == [50 * SECOND + k * SECOND // 10 for k in range(3)]
     assert waited == pytest.approx([0.1, 0.1, 0.05]) and blocks[0].clocks == ("A", "")
-    assert isinstance(open_sound(described_sound("microphone", "m", [], address=str(tmp_path / "a.wav"))),
-                      PlayedSource)  # fmt: skip
+    assert isinstance(
+        open_sound(described_sound("microphone", "m", [], address=str(tmp_path / "a.wav"))), PlayedSource
+    )

@@ -1,4 +1,5 @@
 """A recording played as a live camera: due times, numbers that go on, frames that nobody took in time."""
+
 from itertools import islice
 
 import numpy as np

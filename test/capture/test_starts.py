@@ -1,4 +1,5 @@
 """When recordings begin: timecode tracks, late starts, numbers of images."""
+
 from fractions import Fraction
 
 import cv2
@@ -46,10 +47,12 @@ def stamps_of(capture):
         ("00:10:00;00", Fraction(30000, 1001), None, Fraction(17982 * 1001, 30000)),
         ("00:01:00;04", Fraction(60000, 1001), None, Fraction(3600 * 1001, 60000)),
         ("00:00:00:12", 50, (25, Fraction(25)), Fraction(12, 25)),
-        ("00:00:00:30", 25, None, None), ("24:00:00:00", 25, None, None),
-        ("noon", 25, None, None), ("", 25, None, None),
+        ("00:00:00:30", 25, None, None),
+        ("24:00:00:00", 25, None, None),
+        ("noon", 25, None, None),
+        ("", 25, None, None),
     ],
-)  # fmt: skip
+)
 def test_timecode_is_real_time(text, rate, counted, seconds):
     label = read_label(text, Fraction(rate), counted)
     assert (None if label is None else label.seconds) == seconds
@@ -66,8 +69,10 @@ def test_timecode_tracks_align_recordings(film, tmp_path, suffix):
         stamps = stamps_of(capture)
         assert capture.starts == {"a": 200 * MS, "b": 600 * MS, "c": 0}
     assert {name: own[:2] for name, own in stamps.items()} == {
-        "a": [200 * MS, 240 * MS], "b": [600 * MS, 640 * MS], "c": [0, 40 * MS],
-    }  # fmt: skip
+        "a": [200 * MS, 240 * MS],
+        "b": [600 * MS, 640 * MS],
+        "c": [0, 40 * MS],
+    }
     (line,) = capture.notices
     assert line.startswith("recordings are aligned by the timecode of their first frames: 10:00:00:00 (a), ")
     with open_files(rig(*files), {"b": files["b"]}, starts=capture.starts) as alone:
@@ -98,8 +103,7 @@ def test_midnight_lies_between_two_recordings(film, tmp_path):
 )
 def test_timecode_that_tells_nothing_is_reported(film, tmp_path, codes, says):
     files = {
-        name: film(tmp_path / f"{name}.mov", times(), timecode=code, rate=25)
-        for name, code in codes.items()
+        name: film(tmp_path / f"{name}.mov", times(), timecode=code, rate=25) for name, code in codes.items()
     }
     with open_files(rig(*files), files) as capture:
         assert {own[0] for own in stamps_of(capture).values()} == {0}

@@ -1,4 +1,5 @@
 """Stamps of live sound: blocks that are told of late move nothing."""
+
 import numpy as np
 import pytest
 

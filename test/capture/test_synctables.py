@@ -1,4 +1,5 @@
 """CMU's sync tables beside images: each frame at its time, and frames without one left out."""
+
 import json
 
 import numpy as np
@@ -39,7 +40,7 @@ def frames_of(capture):
     return {
         source.camera: [(f.frame_number, f.stamp_ns, int(f.image[0, 0, 0])) for f in source]
         for source in capture.sources
-    }  # fmt: skip
+    }
 
 
 def test_every_frame_has_the_time_of_its_table(folder):

@@ -1,4 +1,5 @@
 """Marks of mirrored and turned images are obeyed; interlaced frames become whole images of one instant."""
+
 from fractions import Fraction
 
 import av

@@ -1,4 +1,5 @@
 """Videos: every frame once, upright, at the right time; one clear line when something is wrong."""
+
 from fractions import Fraction
 from itertools import pairwise
 
@@ -137,19 +138,21 @@ def test_a_turned_video_is_upright_and_told_of(film, tmp_path, clockwise):
     image = next(iter(source)).image
     assert np.array_equal(image, np.rot90(plain, -clockwise // 90))
     assert source.image_size == image.shape[1::-1]
-    assert source.notices == (
-        f"images are turned clockwise by {clockwise} degrees, as marked in the file",
-    )
+    assert source.notices == (f"images are turned clockwise by {clockwise} degrees, as marked in the file",)
     assert VideoSource("cam", tmp_path / "b.mp4").notices == ()
 
 
 @pytest.mark.parametrize(
     ("codec", "layout", "size"),
     [
-        ("libx264", "yuv420p", (64, 48)), ("libx264", "yuv444p", (70, 50)), ("mjpeg", "yuvj422p", (70, 48)),
-        ("ffv1", "gray", (64, 48)), ("libx265", "yuv420p10le", (64, 48)), ("vp9", "yuv420p", (96, 64)),
+        ("libx264", "yuv420p", (64, 48)),
+        ("libx264", "yuv444p", (70, 50)),
+        ("mjpeg", "yuvj422p", (70, 48)),
+        ("ffv1", "gray", (64, 48)),
+        ("libx265", "yuv420p10le", (64, 48)),
+        ("vp9", "yuv420p", (96, 64)),
     ],
-)  # fmt: skip
+)
 def test_images_are_those_of_opencv(film, tmp_path, codec, layout, size):
     path = film(tmp_path / "a.mkv", [3000 * i for i in range(4)], codec=codec, layout=layout, size=size)
     capture = cv2.VideoCapture(str(path))

@@ -1,4 +1,5 @@
 """Sound tracks of videos: every sample once, on the time line of the frames."""
+
 from fractions import Fraction
 from itertools import pairwise
 
@@ -69,10 +70,19 @@ def clicks_of(blocks):
             yield 1e-9 * block.stamp_ns + k / block.sample_rate
 
 
-@pytest.mark.parametrize(("name", "codec", "late"), [
-    ("a.mp4", "aac", 0), ("a.mov", "pcm_s16le", 0), ("a.mkv", "pcm_s24le", 0), ("a.mov", "pcm_f32le", 0),
-    ("a.mkv", "aac", 0), ("a.mp4", "flac", 120), ("a.mkv", "aac", 70), ("a.avi", "pcm_s16le", 0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "codec", "late"),
+    [
+        ("a.mp4", "aac", 0),
+        ("a.mov", "pcm_s16le", 0),
+        ("a.mkv", "pcm_s24le", 0),
+        ("a.mov", "pcm_f32le", 0),
+        ("a.mkv", "aac", 0),
+        ("a.mp4", "flac", 120),
+        ("a.mkv", "aac", 70),
+        ("a.avi", "pcm_s16le", 0),
+    ],
+)
 def test_clicks_lie_where_the_frames_beside_them_do(tmp_path, name, codec, late):
     source = VideoSound("cam", make(tmp_path / name, codec, sound_at=late), start_ns=5 * 10**9)
     assert isinstance(source, SoundSource)
@@ -84,8 +94,10 @@ def test_clicks_lie_where_the_frames_beside_them_do(tmp_path, name, codec, late)
 def test_opus_begins_where_it_was_recorded(tmp_path):
     """What it does to a click is not what it does to its place."""
     _, samples = read_track(make(tmp_path / "a.webm", "libopus"))
-    places = [4800 * (2 * k + 1) + np.argmax(np.abs(samples[4800 * (2 * k + 1) - 200 :][:400])) - 200
-              for k in range(len(CLICKS))]  # fmt: skip
+    places = [
+        4800 * (2 * k + 1) + np.argmax(np.abs(samples[4800 * (2 * k + 1) - 200 :][:400])) - 200
+        for k in range(len(CLICKS))
+    ]
     np.testing.assert_allclose(places, CLICKS, atol=3)
 
 

@@ -1,4 +1,5 @@
 """A WAV file as what a device heard: its blocks, stamps and clocks."""
+
 from itertools import pairwise
 
 import numpy as np
@@ -56,12 +57,15 @@ def test_24_bits_are_read_too(tmp_path):
     np.testing.assert_allclose(whole(WavSource("deep", path))[1], SAMPLES / 32768.0, atol=1e-7)
 
 
-@pytest.mark.parametrize(("more", "message"), [
-    ({"clocks": ["A"]}, "1 channels of .*mic.wav are named"),
-    ({"stamps": [(0, 5), (0, 6)]}, "sample 0 at 6 ns is not after the row before"),
-    ({"stamps": [(0, 5), (9, 5)]}, "sample 9 at 5 ns is not after the row before"),
-    ({"stamps": [(0, 5), (1, 6), (2, 7)]}, "a frame is the index of the first sample"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"clocks": ["A"]}, "1 channels of .*mic.wav are named"),
+        ({"stamps": [(0, 5), (0, 6)]}, "sample 0 at 6 ns is not after the row before"),
+        ({"stamps": [(0, 5), (9, 5)]}, "sample 9 at 5 ns is not after the row before"),
+        ({"stamps": [(0, 5), (1, 6), (2, 7)]}, "a frame is the index of the first sample"),
+    ],
+)
 def test_what_does_not_fit_is_told(file, more, message):
     with pytest.raises(DataError, match=message):
         WavSource("mic", file, **more)

@@ -200,8 +200,18 @@ class TestBag:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
 
-        command = [sys.executable, "-m", "panoptic_ros.cli.main", "run", "--bag", str(recorded_bag),
-                   "--out", str(out), "--in-process", "--no-pictures"]  # fmt: skip
+        command = [
+            sys.executable,
+            "-m",
+            "panoptic_ros.cli.main",
+            "run",
+            "--bag",
+            str(recorded_bag),
+            "--out",
+            str(out),
+            "--in-process",
+            "--no-pictures",
+        ]
         done = subprocess.run(command, preexec_fn=limit, capture_output=True, text=True, timeout=120)
         assert done.returncode == 2, done.stderr
         assert len(done.stderr.strip().splitlines()) == 1 and "too large" in done.stderr
@@ -299,8 +309,11 @@ class TestSolve:
     def test_foreign_camera(self, capsys, out, tmp_path):
         write_rig(tmp_path / "rig.json", captures.RIG)
         views = {"cam9": {"stamp_ns": 0, "persons": []}}
-        document = {"format": "panoptic-detections-1", "joint_names": list(captures.SKELETON.joint_names),
-                    "frames": [{"index": 0, "stamp_ns": 0, "views": views}]}  # fmt: skip
+        document = {
+            "format": "panoptic-detections-1",
+            "joint_names": list(captures.SKELETON.joint_names),
+            "frames": [{"index": 0, "stamp_ns": 0, "views": views}],
+        }
         path = tmp_path / "d.json.gz"
         path.write_bytes(gzip.compress(json.dumps(document).encode()))
         line = fails(capsys, out, "solve", "--rig", tmp_path / "rig.json", "--detections", path)

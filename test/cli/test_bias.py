@@ -1,4 +1,5 @@
 """`panoptic bias measure` on made skeletons, and its table in `panoptic solve`."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """`panoptic bias measure --segments` on a simulated capture, and its file in `panoptic kinematics`."""
+
 import numpy as np
 import pytest
 from bodies import MODEL
@@ -63,7 +64,7 @@ def test_mistakes_are_told_in_one_line(files, capsys):
         (("kinematics.json.gz", "--bodies", str(files / "kinematics.json.gz")), "leave out --bodies"),
         (("truth.json", "--leave-out", "3", "--leave-out", "4"), "not left out"),
         (("seen.yaml",), "seen.yaml"),
-    ):  # fmt: skip
+    ):
         assert measure(files, *arguments) == 2
         error = capsys.readouterr().err.strip().splitlines()
         assert len(error) == 1 and told in error[0]

@@ -1,4 +1,5 @@
 """The generated parameter files are up to date."""
+
 import pytest
 import yaml
 

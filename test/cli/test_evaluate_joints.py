@@ -1,4 +1,5 @@
 """`panoptic evaluate --joints`, and results whose joints are spelt otherwise."""
+
 import json
 
 import numpy as np

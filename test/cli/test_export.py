@@ -1,4 +1,5 @@
 """`panoptic export`: a file by its suffix."""
+
 import numpy as np
 import pytest
 from recorded_scene import make_rig, write_scene
@@ -62,8 +63,11 @@ def test_skeletons_in_another_order_than_the_installed_ones(tmp_path):
     names = load_skeleton("panoptic19").joint_names[::-1]
     joints = [[0.1 * k, 0.0, 1.0] for k in range(len(names))]
     people = [{"id": 0, "joints": joints}]
-    document = {"format": "panoptic-skeletons-1", "joint_names": list(names),
-                "frames": [{"index": 0, "stamp_ns": 0, "skeletons": people}]}  # fmt: skip
+    document = {
+        "format": "panoptic-skeletons-1",
+        "joint_names": list(names),
+        "frames": [{"index": 0, "stamp_ns": 0, "skeletons": people}],
+    }
     write_json(tmp_path / "skeletons.json", document)
     write_rig(tmp_path / "rig.json", make_rig(2))
     scene = open_recorded(tmp_path)

@@ -1,4 +1,5 @@
 """Damaged and hostile files end in one line and exit code 2, within 500 MB and 5 s of processor time."""
+
 import csv
 import gzip
 import json
@@ -112,19 +113,30 @@ def test_a_field_of_csv_that_is_too_long(files):
     columns = "device,stamp_ns,qw,qx,qy,qz,gx,gy,gz,ax,ay,az"
     (files / "imu.csv").write_text(f"{columns}\n{'a' * (csv.field_size_limit() + 1)},1,1,0,0,0,,,,0,0,9\n")
     (files / "subject.json").write_text('{"format": "panoptic-subject-1", "id": 1, "height_m": 1.8}')
-    line = refused(files, "kinematics", "--imu", files / "imu.csv", "--subject", files / "subject.json",
-                   "--out", "k.json.gz")  # fmt: skip
+    line = refused(
+        files,
+        "kinematics",
+        "--imu",
+        files / "imu.csv",
+        "--subject",
+        files / "subject.json",
+        "--out",
+        "k.json.gz",
+    )
     assert "imu.csv, line 2" in line and "field larger" in line
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("sync:\n  window_s: 2026-13-45\n", "month must be"),
-     ("sync:\n  window_s: !!int x\n", "invalid literal"),
-     ("sync: !!python/object/apply:os.system [x]\n", "not valid YAML"), ("- 1\n", "must hold"),
-     (LAUGHS + "sync:\n  window_s: *i\n", "with its aliases expanded"),
-     ("sync: &a {b: *a}\n", "within itself")],
-)  # fmt: skip
+    [
+        ("sync:\n  window_s: 2026-13-45\n", "month must be"),
+        ("sync:\n  window_s: !!int x\n", "invalid literal"),
+        ("sync: !!python/object/apply:os.system [x]\n", "not valid YAML"),
+        ("- 1\n", "must hold"),
+        (LAUGHS + "sync:\n  window_s: *i\n", "with its aliases expanded"),
+        ("sync: &a {b: *a}\n", "within itself"),
+    ],
+)
 def test_parameter_files(tmp_path, text, words):
     (tmp_path / "bad.yaml").write_text(text)
     line = refused(tmp_path, "run", "--bag", BAG, "--out", "out", "--config", tmp_path / "bad.yaml")
@@ -181,8 +193,12 @@ def test_places_that_cannot_be_written(files):
     assert "is empty" in refused(files, "solve", "--rig", "r", "--detections", "d", "--out", "")
     assert "link to" in solve(files, out="dangling") and "is not a folder" in solve(files, out="dangling/x")
     assert "File name too long" in solve(files, out="a" * 300)
-    for out, words in (("/", "root of the file system"), ("", "is empty"), ("dangling", "link to"),
-                       ("rig.json", "it is a file")):  # fmt: skip
+    for out, words in (
+        ("/", "root of the file system"),
+        ("", "is empty"),
+        ("dangling", "link to"),
+        ("rig.json", "it is a file"),
+    ):
         assert words in refused(files, "simulate", "clean-4p5v", "--frames", "1", "--out", out)
     assert (files / "link").is_symlink() and (files / "dangling").is_symlink()
 

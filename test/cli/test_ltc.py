@@ -1,4 +1,5 @@
 """`panoptic ltc encode` and `panoptic ltc decode`."""
+
 from __future__ import annotations
 
 import json
@@ -13,13 +14,33 @@ from panoptic_ros.io.wav import write_wav
 
 def test_encode_then_decode(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     wav, out = str(tmp_path / "a.wav"), tmp_path / "a.json"
-    assert main(["ltc", "encode", "--start", "01:02:03:04", "--rate", "25", "--seconds", "2",
-                 "--sample-rate", "48000", "--user-bits", "12abcdef", wav]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "ltc",
+                "encode",
+                "--start",
+                "01:02:03:04",
+                "--rate",
+                "25",
+                "--seconds",
+                "2",
+                "--sample-rate",
+                "48000",
+                "--user-bits",
+                "12abcdef",
+                wav,
+            ]
+        )
+        == 0
+    )
     assert main(["ltc", "decode", wav, "--json", str(out)]) == 0
     document = json.loads(out.read_text())
     assert {key: document[key] for key in ("format", "rate_hz", "frame_rate")} == {
-        "format": "panoptic-ltc-1", "rate_hz": 48000, "frame_rate": 25.0,
-    }  # fmt: skip
+        "format": "panoptic-ltc-1",
+        "rate_hz": 48000,
+        "frame_rate": 25.0,
+    }
     frames = document["frames"]
     assert len(frames) == 50
     assert set(frames[0]) == {"timecode", "start_sample", "std_samples", "reverse", "user_bits"}
@@ -33,8 +54,12 @@ def test_encode_then_decode(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 def test_drop_frame_backwards_to_standard_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     wav = str(tmp_path / "a.wav")
-    assert main(["ltc", "encode", "--start", "00:01:00;10", "--rate", "29.97", "--seconds", "1",
-                 "--reverse", wav]) == 0  # fmt: skip
+    assert (
+        main(
+            ["ltc", "encode", "--start", "00:01:00;10", "--rate", "29.97", "--seconds", "1", "--reverse", wav]
+        )
+        == 0
+    )
     capsys.readouterr()
     assert main(["ltc", "decode", wav, "--json", "-"]) == 0
     document = json.loads(capsys.readouterr().out)
@@ -64,9 +89,12 @@ def test_a_file_without_timecode(tmp_path: Path, capsys: pytest.CaptureFixture[s
     ],
 )
 def test_mistakes_of_the_user(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-    arguments: list[str], says: str,
-) -> None:  # fmt: skip
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    says: str,
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["ltc", *arguments]) == 2
     error = capsys.readouterr().err

@@ -1,4 +1,5 @@
 """The entry point: exit codes, one line per mistake, and interruptions whatever they come out as."""
+
 import errno
 import os
 import time
@@ -27,8 +28,12 @@ def raising(monkeypatch):
     [
         (DataError("x is bad"), 2, "panoptic config: x is bad"),
         (ContractError("a bug"), 1, "panoptic config: a bug"),
-        (OSError(errno.ENOSPC, "Disk full"), 2, "panoptic config: Disk full: make room, also where compiled "
-         "kernels are kept (50 MB in the user's cache, or where NUMBA_CACHE_DIR says)"),
+        (
+            OSError(errno.ENOSPC, "Disk full"),
+            2,
+            "panoptic config: Disk full: make room, also where compiled "
+            "kernels are kept (50 MB in the user's cache, or where NUMBA_CACHE_DIR says)",
+        ),
         (KeyboardInterrupt(), 2, "panoptic config: interrupted"),
     ],
 )

@@ -1,4 +1,5 @@
 """`panoptic rig check` and `panoptic rig convert`."""
+
 from __future__ import annotations
 
 import json
@@ -14,9 +15,14 @@ from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.rigs import read_rig, write_rig
 
 TURN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # level, looking along +y
-BODY = {"nose": (0.0, 0.0, 1.6), "left_shoulder": (-0.2, 0.0, 1.4), "right_shoulder": (0.2, 0.0, 1.4),
-        "left_hip": (-0.1, 0.0, 0.9), "right_hip": (0.1, 0.0, 0.9),
-        "left_ankle": (-0.1, 0.1, 0.1)}  # fmt: skip
+BODY = {
+    "nose": (0.0, 0.0, 1.6),
+    "left_shoulder": (-0.2, 0.0, 1.4),
+    "right_shoulder": (0.2, 0.0, 1.4),
+    "left_hip": (-0.1, 0.0, 0.9),
+    "right_hip": (0.1, 0.0, 0.9),
+    "left_ankle": (-0.1, 0.1, 0.1),
+}
 
 
 @pytest.fixture
@@ -31,8 +37,10 @@ def write_detections(path: Path, rig: Rig) -> None:
     frames = []
     for index in range(6):
         points = np.array(list(BODY.values())) + [0.05 * index - 0.1, 0.1 * index, 0.0]
-        views = {c.name: {"stamp_ns": index, "persons": [[[*p, 0.9] for p in c.project(points)[0].tolist()]]}
-                 for c in rig.cameras}  # fmt: skip
+        views = {
+            c.name: {"stamp_ns": index, "persons": [[[*p, 0.9] for p in c.project(points)[0].tolist()]]}
+            for c in rig.cameras
+        }
         frames.append({"index": index, "stamp_ns": index, "views": views})
     document = {"format": "panoptic-detections-1", "joint_names": list(BODY), "frames": frames}
     path.write_text(json.dumps(document))
@@ -89,9 +97,13 @@ def test_convert(tmp_path: Path, rig: Rig, capsys: pytest.CaptureFixture[str]) -
     ],
 )
 def test_mistakes_of_the_user(
-    tmp_path: Path, rig: Rig, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-    arguments: list[str], says: str,
-) -> None:  # fmt: skip
+    tmp_path: Path,
+    rig: Rig,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    says: str,
+) -> None:
     monkeypatch.chdir(tmp_path)
     write_rig(Path("rig.json"), rig)
     assert main(["rig", *arguments]) == 2

@@ -1,4 +1,5 @@
 """`panoptic solve` says what `panoptic rig check` says, and why nobody was found."""
+
 from __future__ import annotations
 
 import json
@@ -115,14 +116,18 @@ def test_exchanged_lenses_are_named(tmp_path: Path, capsys: pytest.CaptureFixtur
 def alone(views: Views) -> Views:
     """Every camera at instants of its own."""
     at = {name: k for k, name in enumerate(captures.RIG.names)}
-    return [replace(view, frame_number=4 * view.frame_number + at[view.camera],
-                    stamp_ns=view.stamp_ns + 1000 * at[view.camera]) for view in views]  # fmt: skip
+    return [
+        replace(
+            view,
+            frame_number=4 * view.frame_number + at[view.camera],
+            stamp_ns=view.stamp_ns + 1000 * at[view.camera],
+        )
+        for view in views
+    ]
 
 
 def emptied(view: ViewDetections) -> ViewDetections:
-    return replace(
-        view, points=view.points[:0], scores=view.scores[:0], person_scores=view.person_scores[:0]
-    )
+    return replace(view, points=view.points[:0], scores=view.scores[:0], person_scores=view.person_scores[:0])
 
 
 def in_turn(views: Views) -> Views:
@@ -137,8 +142,9 @@ def faint(view: ViewDetections) -> ViewDetections:
 
 def in_few_joints(view: ViewDetections) -> ViewDetections:
     few = np.arange(view.scores.shape[1]) < 3
-    return replace(view, scores=np.where(few, view.scores, 0.0),
-                   points=np.where(few[:, None], view.points, np.nan))  # fmt: skip
+    return replace(
+        view, scores=np.where(few, view.scores, 0.0), points=np.where(few[:, None], view.points, np.nan)
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,5 @@
 """Fisheyes and lenses with more terms solve as well as Brown lenses, from files to the score."""
+
 from __future__ import annotations
 
 import json

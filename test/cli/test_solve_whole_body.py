@@ -1,4 +1,5 @@
 """133 joints from end to end: 2D people in a file, `solve`, and `evaluate` against the exact truth."""
+
 import json
 
 import numpy as np
@@ -27,12 +28,16 @@ def test_whole_bodies_are_solved_and_scored(tmp_path, capsys):
     write_rig(tmp_path / "rig.json", take.rig)
     write_detections(tmp_path / "detections.json", skeleton.joint_names, sets)
     frames = [
-        {"index": item.index, "stamp_ns": item.stamp_ns, "skeletons": [
-            {"id": k, "joints": person.tolist(), "scores": [1.0] * len(skeleton)}
-            for k, person in enumerate(rows)
-        ]}
+        {
+            "index": item.index,
+            "stamp_ns": item.stamp_ns,
+            "skeletons": [
+                {"id": k, "joints": person.tolist(), "scores": [1.0] * len(skeleton)}
+                for k, person in enumerate(rows)
+            ],
+        }
         for item, rows in zip(sets, joints)
-    ]  # fmt: skip
+    ]
     truth = {"format": "panoptic-skeletons-1", "joint_names": list(skeleton.joint_names), "frames": frames}
     write_json(tmp_path / "truth.json", truth)
     paths = {name: str(tmp_path / f"{name}.json") for name in ("rig", "detections", "truth", "result")}

@@ -1,4 +1,5 @@
 """`panoptic view`: wrong use is told in one line; the page is there until Ctrl-C."""
+
 import re
 import signal
 import subprocess

@@ -1,4 +1,5 @@
 """The line under one-way delays, against brute force and against delays with a known line."""
+
 import itertools
 
 import numpy as np

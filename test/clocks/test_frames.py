@@ -1,4 +1,5 @@
 """The clock of a camera from the stamps of its frames."""
+
 import numpy as np
 import pytest
 

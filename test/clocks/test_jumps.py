@@ -1,4 +1,5 @@
 """What jumps, and what runs on: clocks, timecode, sample counters, midnight, devices that stop or swap."""
+
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,4 +1,5 @@
 """Robust lines."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Clocks that are named for their timecode: lines between them by the samples of whoever hears them."""
+
 from dataclasses import replace
 from fractions import Fraction
 
@@ -88,8 +89,12 @@ def test_stamps_do_not_matter_to_clocks_with_timecode_and_tell_of_the_clock_of_t
 
 
 def test_recorders_that_share_a_clock_connect_the_others():
-    models, _ = heard(readings("A"), readings("B"), readings("B", "far", crystal=1 - 50e-6),
-                      readings("C", "far", crystal=1 - 50e-6))  # fmt: skip
+    models, _ = heard(
+        readings("A"),
+        readings("B"),
+        readings("B", "far", crystal=1 - 50e-6),
+        readings("C", "far", crystal=1 - 50e-6),
+    )
     assert max(abs(error_ns(model, "C", s)) for s, model in models["C"]) < 30
     assert {"A", "B", "C", "tc", "far"} == set(models)
 
@@ -168,10 +173,18 @@ def test_lines_behind_each_other_and_back():
     rng = np.random.default_rng(0)
     for _ in range(50):
         lines = [
-            ClockModel("x", int(rng.integers(1, 10**14)), int(rng.integers(1, 10**13)), rng.normal(0, 1e-4),
-                       np.diag([1e-12, 1e-16]), rng.uniform(-0.5, 0.5), 0, 10**14)
+            ClockModel(
+                "x",
+                int(rng.integers(1, 10**14)),
+                int(rng.integers(1, 10**13)),
+                rng.normal(0, 1e-4),
+                np.diag([1e-12, 1e-16]),
+                rng.uniform(-0.5, 0.5),
+                0,
+                10**14,
+            )
             for _ in range(2)
-        ]  # fmt: skip
+        ]
         at = int(rng.integers(1, 10**14))
         y = lines[0].master_from_device(at)[0]
         assert abs(inverse(lines[0], "y").master_from_device(y)[0] - at) <= 2

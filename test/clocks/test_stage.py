@@ -1,4 +1,5 @@
 """Clock models from readings with known offset and drift."""
+
 from __future__ import annotations
 
 from fractions import Fraction
@@ -18,9 +19,15 @@ START = 5_000_000_000_000  # device time of the first reading
 
 
 def readings(
-    count: int, rate: FrameRate = PAL, first: int = 90_000, drift: float = 40e-6, jitter_s: float = 0.0,
-    device: str = "mic", start_ns: int = START, seed: int = 0,
-) -> list[TimecodeReading]:  # fmt: skip
+    count: int,
+    rate: FrameRate = PAL,
+    first: int = 90_000,
+    drift: float = 40e-6,
+    jitter_s: float = 0.0,
+    device: str = "mic",
+    start_ns: int = START,
+    seed: int = 0,
+) -> list[TimecodeReading]:
     """A device whose clock runs `drift` slow against the timecode: master = device * (1 + drift) + const."""
     rng = np.random.default_rng(seed)
     result = []
@@ -48,9 +55,11 @@ def master_error(
 
 @settings(max_examples=30, deadline=None)
 @given(
-    drift=st.floats(-2e-4, 2e-4), rate=st.sampled_from([PAL, NTSC]), first=st.integers(0, 2_000_000),
+    drift=st.floats(-2e-4, 2e-4),
+    rate=st.sampled_from([PAL, NTSC]),
+    first=st.integers(0, 2_000_000),
     start_ns=st.integers(0, 10**15),
-)  # fmt: skip
+)
 def test_offset_and_drift_are_found(drift: float, rate: FrameRate, first: int, start_ns: int) -> None:
     items = readings(150, rate, first, drift, start_ns=start_ns)
     models, notices = run(items, period_s=1.0)
@@ -79,9 +88,15 @@ def test_late_stamps_of_a_busy_machine_are_left_out() -> None:
     items = readings(400)
     rng = np.random.default_rng(3)
     late = [
-        TimecodeReading(r.device, r.stamp_ns + int(rng.integers(5, 15) * 1e6) * (rng.random() < 0.1),
-                        r.timecode, r.start_sample, r.std_samples) for r in items
-    ]  # fmt: skip
+        TimecodeReading(
+            r.device,
+            r.stamp_ns + int(rng.integers(5, 15) * 1e6) * (rng.random() < 0.1),
+            r.timecode,
+            r.start_sample,
+            r.std_samples,
+        )
+        for r in items
+    ]
     model = run(late)[0][-1]
     assert abs(master_error(model, 200, items, PAL, 90_000)) < 2e-5
 
@@ -122,8 +137,15 @@ def test_models_are_renewed_every_period_and_forget_the_old() -> None:
     assert len(run(items, period_s=0.0)[0]) == 500 - 26
     slow, fast = readings(500, drift=0.0), []
     for k, item in enumerate(readings(500, first=90_500, drift=1e-4)):
-        fast.append(TimecodeReading("mic", slow[-1].stamp_ns + 40_000_000 + item.stamp_ns - START,
-                                    item.timecode, 1e6 + k * 1920.0, 0.02))  # fmt: skip
+        fast.append(
+            TimecodeReading(
+                "mic",
+                slow[-1].stamp_ns + 40_000_000 + item.stamp_ns - START,
+                item.timecode,
+                1e6 + k * 1920.0,
+                0.02,
+            )
+        )
     model = run(slow + fast, window_s=5.0)[0][-1]
     assert model.drift == pytest.approx(1e-4, abs=1e-8)
 

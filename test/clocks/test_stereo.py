@@ -1,4 +1,5 @@
 """Two timecodes on one recording."""
+
 from dataclasses import replace
 from fractions import Fraction
 
@@ -19,12 +20,14 @@ def channel(rate, first, start_s, seconds, speed=0.0, noise=0.0, seed=0):
     rng = np.random.default_rng(seed)
     return [
         TimecodeReading(
-            "recorder", k, Timecode.from_frame_count(first + k, rate),
+            "recorder",
+            k,
+            Timecode.from_frame_count(first + k, rate),
             RATE * (start_s + float(k / rate.exact) / (1 + speed)) + noise * rng.standard_normal(),
             noise or 0.01,
         )
         for k in range(int(seconds * rate.exact))
-    ]  # fmt: skip
+    ]
 
 
 @pytest.mark.parametrize("first", [5_000, 24 * 3600 * 30 - 60])  # the second one crosses midnight

@@ -1,4 +1,5 @@
 """Only functions that numba compiles go without annotations; mypy, which knows modules, checks the rest."""
+
 import re
 import sys
 from pathlib import Path

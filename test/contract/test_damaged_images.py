@@ -1,4 +1,5 @@
 """Damaged images and depth maps: refused in one line, or taken as frames that fit the rig; never a crash."""
+
 import copy
 
 import captures

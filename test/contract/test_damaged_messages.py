@@ -2,6 +2,7 @@
 
 Kernels trust indices, so what gets past `graph.entrance` and breaks one would end the process.
 """
+
 import copy
 
 import captures
@@ -39,9 +40,11 @@ def test_no_message_breaks_a_stage(name):
     items = [i for i in case.items if not isinstance(i, (EndOfStream, ViewFrame, DepthFrame))]
     refused, taken = [], 0
     pipeline = Pipeline(
-        configure({case.name: case.values}), case.context, [case.name],
+        configure({case.name: case.values}),
+        case.context,
+        [case.name],
         on_refused=lambda stage, error: refused.append(error),
-    )  # fmt: skip
+    )
     for k in range(EACH):
         item = items[k % len(items)]
         kind = type(item).__name__
@@ -62,10 +65,14 @@ def skeletons(items, live):
     found = {}
     configs = configure({**VALUES, **({"sync": {"deadline_s": 0.5}} if live else {})})
     pipeline = Pipeline(
-        configs, captures.CONTEXT, ("sync", *FUSION), on_refused=lambda stage, error: None,
-        on_record=lambda topic, record: found.update({record.stamp_ns: record.ids.tolist()})
-        if topic == "skeletons" else None,
-    )  # fmt: skip
+        configs,
+        captures.CONTEXT,
+        ("sync", *FUSION),
+        on_refused=lambda stage, error: None,
+        on_record=lambda topic, record: (
+            found.update({record.stamp_ns: record.ids.tolist()}) if topic == "skeletons" else None
+        ),
+    )
     for item in items:
         pipeline.push("detections", item)
     return found

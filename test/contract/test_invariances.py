@@ -1,4 +1,5 @@
 """What must not change the result of stage one: orders, the world's frame, pixel sizes, idle cameras."""
+
 from dataclasses import replace
 from functools import lru_cache
 
@@ -79,9 +80,7 @@ def test_order_of_people(scene, maps, seed):
 
 
 @settings(max_examples=8)
-@given(
-    scene=scenes, maps=with_maps, seed=st.integers(0, 99), shift=st.tuples(*[st.floats(-20.0, 20.0)] * 3)
-)
+@given(scene=scenes, maps=with_maps, seed=st.integers(0, 99), shift=st.tuples(*[st.floats(-20.0, 20.0)] * 3))
 @example(scene=(2, 4, 22), maps=True, seed=25, shift=(0.0, 0.0, 0.0))  # a person at the brink of being new
 @example(scene=(3, 4, 12), maps=False, seed=2, shift=(-13.0, 0.0, 0.0))  # a joint: of being hidden
 def test_frame_of_the_world(scene, maps, seed, shift):
@@ -126,8 +125,16 @@ def test_the_comparison_sees_differences():
     assert invariances.largest_gap(base, base) == 0.0
     moved = invariances.largest_gap(base, base, lambda points: points + [0.0, 0.01, 0.0])
     assert moved == pytest.approx(0.01)
-    fewer = [replace(item, sources=None, side_votes=None, **{
-        name: getattr(item, name)[:1]
-        for name in ("positions", "covariances", "scores", "views", "states", "person_scores")
-    }) for item in base]  # fmt: skip
+    fewer = [
+        replace(
+            item,
+            sources=None,
+            side_votes=None,
+            **{
+                name: getattr(item, name)[:1]
+                for name in ("positions", "covariances", "scores", "views", "states", "person_scores")
+            },
+        )
+        for item in base
+    ]
     assert invariances.largest_gap(base, fewer) == np.inf

@@ -1,4 +1,5 @@
 """Every module imports lower ranks only, and the checker catches every planted violation."""
+
 import os
 import subprocess
 import sys
@@ -106,9 +107,10 @@ def test_all_but_nodes_import_without_ros():
 def test_one_module_alone_imports_matplotlib():
     """It loads whatever MPLBACKEND says; `view.plotting` tells why."""
     found = [
-        name for name, path in MODULES.items()
+        name
+        for name, path in MODULES.items()
         if any(word in path.read_text() for word in ("from matplotlib", "import matplotlib", "mpl_toolkits"))
-    ]  # fmt: skip
+    ]
     assert found == ["panoptic_ros.view.plotting"]
 
 

@@ -1,4 +1,5 @@
 """No dependency reports to its maker: telemetry is off before a library loads, in every process."""
+
 import ast
 import os
 import shutil
@@ -14,9 +15,21 @@ ROOT = Path(panoptic_ros.__file__).parent
 TEST = Path(__file__).parent.parent
 SWITCH = "ORT_DISABLE_TELEMETRY"
 # onnxruntime itself stays silent under these and in its unit tests, which would hide a missing switch
-CI = ("TF_BUILD", "GITHUB_ACTIONS", "GITLAB_CI", "CIRCLECI", "TRAVIS", "JENKINS_URL", "CODEBUILD_BUILD_ID",
-      "BUILDKITE", "TEAMCITY_VERSION", "APPVEYOR", "BITBUCKET_BUILD_NUMBER", "ORT_RUNNING_UNIT_TESTS",
-      "CI")  # fmt: skip
+CI = (
+    "TF_BUILD",
+    "GITHUB_ACTIONS",
+    "GITLAB_CI",
+    "CIRCLECI",
+    "TRAVIS",
+    "JENKINS_URL",
+    "CODEBUILD_BUILD_ID",
+    "BUILDKITE",
+    "TEAMCITY_VERSION",
+    "APPVEYOR",
+    "BITBUCKET_BUILD_NUMBER",
+    "ORT_RUNNING_UNIT_TESTS",
+    "CI",
+)
 BY_NAME = ("import_module", "__import__")  # calls that import a module by its name
 RUN_A_MODEL = """
 import numpy as np

@@ -1,4 +1,5 @@
 """One suite over every pass: what each must do whatever it finds."""
+
 from functools import lru_cache
 from itertools import pairwise
 
@@ -85,16 +86,22 @@ def refinement():
     """Somebody whose surface is followed."""
     items = patch_scene.recording(4)
     tracks = [item for item in items if isinstance(item, PatchTracks)]
-    records = {("patch_tracks", name): [item for item in tracks if item.camera == name]
-               for name in captures.RIG.names}  # fmt: skip
+    records = {
+        ("patch_tracks", name): [item for item in tracks if item.camera == name]
+        for name in captures.RIG.names
+    }
     records["skeletons_raw"] = [item for item in items if not isinstance(item, PatchTracks)]
     return records, RefinementPass(configure({"patches": {"active": True}}), captures.CONTEXT)
 
 
 PASSES = {
-    "clocks from motion": clocks, "clocks from sound": sound, "biases": biases, "study of cameras": study,
-    "study of images": image_study, "refinement": refinement,
-}  # fmt: skip
+    "clocks from motion": clocks,
+    "clocks from sound": sound,
+    "biases": biases,
+    "study of cameras": study,
+    "study of images": image_study,
+    "refinement": refinement,
+}
 
 
 @lru_cache

@@ -1,4 +1,5 @@
 """One suite over every row of the table: what each stage must do whatever it computes."""
+
 import pickle
 import random
 from dataclasses import replace
@@ -199,8 +200,7 @@ def test_order_of_cameras_does_not_matter():
     order = [2, 0, 3, 1]
     context = StageContext(Rig(tuple(captures.RIG.cameras[i] for i in order)), captures.SKELETON)
     items = [
-        DetectionSet(s.index, s.stamp_ns, s.skeleton_hash, tuple(s.views[i] for i in order))
-        for s in SETS
+        DetectionSet(s.index, s.stamp_ns, s.skeleton_hash, tuple(s.views[i] for i in order)) for s in SETS
     ]
     for a, b in zip(skeletons(SETS), skeletons(items, context), strict=True):
         assert a.ids.tolist() == b.ids.tolist()
@@ -211,9 +211,11 @@ def test_another_rig_is_taken_over_between_two_sets():
     """Cameras that were calibrated anew: ids stay, and stages that know cameras by name go on."""
     configs, found = configure({}), []
     pipeline = Pipeline(
-        configs, captures.CONTEXT, FUSION,
+        configs,
+        captures.CONTEXT,
+        FUSION,
         on_record=lambda topic, record: found.append(record) if topic == "skeletons" else None,
-    )  # fmt: skip
+    )
     moved = replace(captures.RIG, frame_id="hall")
     for number, item in enumerate(SETS):
         if number == 6:

@@ -1,4 +1,5 @@
 """Every stage hands over its state: a recording that is cut anywhere gives the same bytes."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -99,12 +100,20 @@ def test_reset_gives_the_state_of_a_new_stage(name):
 
 ANOTHER = {
     "kinematics": {"gate": 0.3},
-    "timecode": {"agreeing_words": 5}, "clocks": {"window_s": 3.0}, "detection": {"input_side": 128},
-    "offsets": {"memory_s": 30.0}, "sync": {"queue_limit": 99}, "voting": {"explain_away": False},
+    "timecode": {"agreeing_words": 5},
+    "clocks": {"window_s": 3.0},
+    "detection": {"input_side": 128},
+    "offsets": {"memory_s": 30.0},
+    "sync": {"queue_limit": 99},
+    "voting": {"explain_away": False},
     "association": {"track_memory": 0.7},
-    "assembly": {"noise_memory": 1000.0}, "tracking": {"memory": 1.0}, "refinement": {"process_noise": 3.0},
-    "flow": {"width": 320}, "patches": {"life": 5}, "appearance": {"fewest": 3},
-}  # fmt: skip
+    "assembly": {"noise_memory": 1000.0},
+    "tracking": {"memory": 1.0},
+    "refinement": {"process_noise": 3.0},
+    "flow": {"width": 320},
+    "patches": {"life": 5},
+    "appearance": {"fewest": 3},
+}
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name in NODES] + ["sync-live"])

@@ -1,4 +1,5 @@
 """Skeletons name their 2D people: against captures of which the truth is known, through all of fusion."""
+
 from dataclasses import replace
 from functools import lru_cache
 
@@ -109,8 +110,9 @@ def two_d_people(item, given):
     return {
         (int(number), camera): views[camera].points[index].tobytes()
         for number, row in zip(item.ids, item.sources.persons)
-        for camera, index in zip(item.sources.cameras, row) if index >= 0
-    }  # fmt: skip
+        for camera, index in zip(item.sources.cameras, row)
+        if index >= 0
+    }
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.12])
@@ -141,6 +143,4 @@ def test_people_who_are_filled_have_no_2d_people():
 
 
 def nobody(view):
-    return replace(
-        view, points=view.points[:0], scores=view.scores[:0], person_scores=view.person_scores[:0]
-    )
+    return replace(view, points=view.points[:0], scores=view.scores[:0], person_scores=view.person_scores[:0])

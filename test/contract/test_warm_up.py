@@ -1,4 +1,5 @@
 """The constructors of stages make all kernels ready: whatever a live stage meets, nothing compiles."""
+
 import json
 import subprocess
 import sys

@@ -1,4 +1,5 @@
 """Tiny networks that see coloured blobs, for all tests of detection."""
+
 from __future__ import annotations
 
 import pytest

@@ -1,4 +1,5 @@
 """Looks never come in bursts, whatever was left out before, and nobody waits for ever."""
+
 import numpy as np
 import pytest
 
@@ -12,10 +13,12 @@ LOOKS = 5.0
 
 def granted(allowance, instants, wanted, names=NAMES):
     """Who may look (instants, cameras); wanted(k, camera index) says whether one is due."""
-    return np.array([
-        [allowance.takes(name, k * PERIOD, k, LOOKS, wanted(k, i)) for i, name in enumerate(names)]
-        for k in instants
-    ])  # fmt: skip
+    return np.array(
+        [
+            [allowance.takes(name, k * PERIOD, k, LOOKS, wanted(k, i)) for i, name in enumerate(names)]
+            for k in instants
+        ]
+    )
 
 
 def test_cameras_that_look_in_turn_are_never_put_off():

@@ -1,4 +1,5 @@
 """Means over areas: OpenCV's, to the byte."""
+
 import cv2
 import numpy as np
 import pytest
@@ -9,10 +10,16 @@ from panoptic_ros.detection.area import shares, shrunk
 @pytest.mark.parametrize(
     ("size", "smaller"),
     [
-        ((480, 640), (336, 448)), ((97, 133), (50, 70)), ((97, 133), (96, 17)), ((60, 90), (1, 1)),
-        ((60, 90), (30, 45)), ((60, 90), (30, 44)), ((60, 90), (60, 77)), ((7, 11), (7, 11)),
+        ((480, 640), (336, 448)),
+        ((97, 133), (50, 70)),
+        ((97, 133), (96, 17)),
+        ((60, 90), (1, 1)),
+        ((60, 90), (30, 45)),
+        ((60, 90), (30, 44)),
+        ((60, 90), (60, 77)),
+        ((7, 11), (7, 11)),
     ],
-)  # fmt: skip
+)
 def test_the_bytes_are_those_of_opencv(size, smaller):
     image = np.random.default_rng(1).integers(0, 256, (*size, 3), np.uint8)
     expected = cv2.resize(image, smaller[::-1], interpolation=cv2.INTER_AREA)

@@ -1,4 +1,5 @@
 """What a budget chooses: as much as fits, people smaller before looks get rare, the same for all cameras."""
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -30,9 +31,11 @@ def run(share, look_s, rest_s, cameras=8, rate=25.0, seconds=12.0, every=1):
 
 
 @given(
-    share=st.floats(0.1, 1.0), look_ms=st.floats(5.0, 60.0), rest_ms=st.floats(0.2, 2.0),
+    share=st.floats(0.1, 1.0),
+    look_ms=st.floats(5.0, 60.0),
+    rest_ms=st.floats(0.2, 2.0),
     cameras=st.integers(2, 12),
-)  # fmt: skip
+)
 def test_it_uses_what_is_allowed_and_no_more(share, look_ms, rest_ms, cameras):
     budget, used = run(share, 1e-3 * look_ms, 1e-3 * rest_ms, cameras)
     pace = budget.pace

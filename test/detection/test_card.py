@@ -4,9 +4,13 @@ from panoptic_ros.detection.card import card_from_mapping, expected_shapes
 from panoptic_ros.errors import ConfigError
 
 SIMCC = {
-    "name": "mine", "family": "simcc", "joints": ["nose", "left_eye"], "output": {"x": "a", "y": "b"},
-    "input": {"size": [256, 192], "fit": "crop"}, "split": 2,
-}  # fmt: skip
+    "name": "mine",
+    "family": "simcc",
+    "joints": ["nose", "left_eye"],
+    "output": {"x": "a", "y": "b"},
+    "input": {"size": [256, 192], "fit": "crop"},
+    "split": 2,
+}
 
 
 def test_a_card_is_read_with_defaults_and_lossless_conversions():
@@ -58,7 +62,13 @@ def test_missing_entries_are_named():
 
 def test_a_person_detector_belongs_to_crops_only():
     with pytest.raises(ConfigError, match="detector"):
-        card_from_mapping({
-            "name": "mine", "family": "points", "variant": "rtmo", "joints": ["nose"], "detector": "other",
-            "output": {"boxes": "dets", "points": "keypoints"},
-        })  # fmt: skip
+        card_from_mapping(
+            {
+                "name": "mine",
+                "family": "points",
+                "variant": "rtmo",
+                "joints": ["nose"],
+                "detector": "other",
+                "output": {"boxes": "dets", "points": "keypoints"},
+            }
+        )

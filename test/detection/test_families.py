@@ -1,4 +1,5 @@
 """Every family's whole path: picture, letterbox or crop, session, decoder, pixels of the picture."""
+
 import numpy as np
 import pytest
 
@@ -97,15 +98,20 @@ def points_network(blobs, variant, origin):
     return g.model(blobs.image_input([1, 3, *SIZE]), outputs)
 
 
-@pytest.mark.parametrize("variant, origin, half", [("rtmo", "center", 0.0), ("yolo", "corner", 0.5),
-                                                   ("yolo_end_to_end", "corner", 0.5)])  # fmt: skip
+@pytest.mark.parametrize(
+    "variant, origin, half",
+    [("rtmo", "center", 0.0), ("yolo", "corner", 0.5), ("yolo_end_to_end", "corner", 0.5)],
+)
 @pytest.mark.parametrize("fit", ["letterbox_topleft", "letterbox_center"])
 def test_points(blobs, variant, origin, half, fit):
     roles = {"boxes": "dets", "points": "keypoints"} if variant == "rtmo" else {"people": "people"}
     card = blobs.card(
-        family="points", variant=variant, output=roles, coords={"origin": origin},
+        family="points",
+        variant=variant,
+        output=roles,
+        coords={"origin": origin},
         input={"size": list(SIZE), "std": [255.0] * 3, "fit": fit, "pad": 0},
-    )  # fmt: skip
+    )
     stage = blobs.stage(card, points_network(blobs, variant, half))
     image = blobs.picture((400, 400), PLACES + 40)  # another shape than the input: padded
     found = stage.step(blobs.frame(image)).outputs[0]
@@ -121,25 +127,35 @@ def heatmap_network(blobs, size, udp, batch):
     g = blobs.Graph()
     if udp:
         sizes = g.constant([batch if batch != "N" else 1, 3, size[0] // 4, size[1] // 4], np.int64)
-        g("Resize", "input", "", "", sizes, mode="linear",
-          coordinate_transformation_mode="align_corners", name="output")  # fmt: skip
+        g(
+            "Resize",
+            "input",
+            "",
+            "",
+            sizes,
+            mode="linear",
+            coordinate_transformation_mode="align_corners",
+            name="output",
+        )
     else:
         ends = g.constant([size[0], size[1]], np.int64)
         starts, axes, steps = (g.constant(v, np.int64) for v in ([0, 0], [2, 3], [4, 4]))
         g("Slice", "input", starts, ends, axes, steps, name="output")
-    return g.model(
-        blobs.image_input([batch, 3, *size]), {"output": [batch, 3, size[0] // 4, size[1] // 4]}
-    )
+    return g.model(blobs.image_input([batch, 3, *size]), {"output": [batch, 3, size[0] // 4, size[1] // 4]})
 
 
-@pytest.mark.parametrize("variant, udp, tolerance", [("dark", True, 0.4), ("dark", False, 0.4),
-                                                     ("quarter", False, 2.0)])  # fmt: skip
+@pytest.mark.parametrize(
+    "variant, udp, tolerance", [("dark", True, 0.4), ("dark", False, 0.4), ("quarter", False, 2.0)]
+)
 def test_heatmap_on_the_whole_image(blobs, variant, udp, tolerance):
     size = (192, 256)
     card = blobs.card(
-        family="heatmap", variant=variant, output={"heat": "output"}, coords={"udp": udp},
+        family="heatmap",
+        variant=variant,
+        output={"heat": "output"},
+        coords={"udp": udp},
         input=crop_input(blobs, size),
-    )  # fmt: skip
+    )
     stage = blobs.stage(card, heatmap_network(blobs, size, udp, 1))
     found = stage.step(blobs.frame(blobs.picture(SIZE, PLACES, 9.0))).outputs[0]
     check(found, PLACES, tolerance)
@@ -150,8 +166,15 @@ def simcc_network(blobs, size):
     g = blobs.Graph()
     for name, axis in (("simcc_x", 2), ("simcc_y", 3)):
         line = g("ReduceMax", "input", axes=[axis], keepdims=0)
-        g("Resize", line, "", g.constant([1, 1, 2]), mode="linear",
-          coordinate_transformation_mode="asymmetric", name=name)  # fmt: skip
+        g(
+            "Resize",
+            line,
+            "",
+            g.constant([1, 1, 2]),
+            mode="linear",
+            coordinate_transformation_mode="asymmetric",
+            name=name,
+        )
     outputs = {"simcc_x": ["N", 3, 2 * size[1]], "simcc_y": ["N", 3, 2 * size[0]]}
     return g.model(blobs.image_input(["N", 3, *size]), outputs)
 
@@ -162,9 +185,13 @@ def finder(blobs, boxes):
     zero = g("Mul", g("ReduceMax", "input", axes=[1, 2, 3], keepdims=0), g.constant(0.0))
     g("Add", g.constant(np.asarray(boxes, np.float32)[None]), zero, name="boxes")
     card = blobs.card(
-        family="boxes", variant="detections", joints=[], output={"boxes": "boxes"},
-        input={"size": [320, 320], "fit": "letterbox_center"}, coords={"origin": "corner"},
-    )  # fmt: skip
+        family="boxes",
+        variant="detections",
+        joints=[],
+        output={"boxes": "boxes"},
+        input={"size": [320, 320], "fit": "letterbox_center"},
+        coords={"origin": "corner"},
+    )
     return DetectorModel(card, g.model(blobs.image_input([1, 3, 320, 320]), {"boxes": [1, "M", 5]}))
 
 
@@ -234,9 +261,12 @@ def test_activation_is_applied_to_scores(blobs):
     g("Sub", g("Mul", sliced, g.constant(16.0)), g.constant(8.0), name="output")  # logits
     data = g.model(blobs.image_input([1, 3, *size]), {"output": [1, 3, 16, 16]})
     card = blobs.card(
-        family="heatmap", variant="quarter", output={"heat": "output"}, activation="sigmoid",
+        family="heatmap",
+        variant="quarter",
+        output={"heat": "output"},
+        activation="sigmoid",
         input=crop_input(blobs, size),
-    )  # fmt: skip
+    )
     image = blobs.picture(size, [[20, 20], [40, 24], [32, 48]], 5.0, peak=255.0)
     found = blobs.stage(card, data).step(blobs.frame(image)).outputs[0]
     np.testing.assert_allclose(found.scores[0, :3], 1 / (1 + np.exp(-8)), atol=1e-3)

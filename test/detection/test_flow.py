@@ -1,4 +1,5 @@
 """People are carried along with the picture, and lost where it does not show them any more."""
+
 import cv2
 import numpy as np
 import pytest
@@ -27,9 +28,9 @@ def people(places, scores=None):
     return People(places, scores, np.full(len(places), 0.5), boxes)
 
 
-PLACES = np.array([
-    [[100, 100], [150, 200], [120, 300], [180, 260]], [[400, 90], [450, 200], [420, 310], [380, 250]]
-])  # fmt: skip
+PLACES = np.array(
+    [[[100, 100], [150, 200], [120, 300], [180, 260]], [[400, 90], [450, 200], [420, 310], [380, 250]]]
+)
 
 
 def with_people(image, stamp_ns, found):

@@ -1,4 +1,5 @@
 """A made network with MoveNet's behaviour: it finds people of some heights only."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings

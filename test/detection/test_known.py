@@ -1,4 +1,5 @@
 """Where cameras should see whom tracking follows."""
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Looks go round the rig by stamps alone; strangers raise alarms, and posters soon do not."""
+
 import numpy as np
 import pytest
 
@@ -12,9 +13,7 @@ BOX = np.array([[100.0, 100.0, 150.0, 250.0]])
 
 def looks(lookout, frames, nobody=False, start=0, names=NAMES):
     """What is done (frames, cameras), and which of them are scanned."""
-    found = [
-        [lookout.look(name, start + k * PERIOD, nobody) for name in names] for k in range(frames)
-    ]  # fmt: skip
+    found = [[lookout.look(name, start + k * PERIOD, nobody) for name in names] for k in range(frames)]
     return np.array([[what.value for what, _ in row] for row in found]), np.array(
         [[scan for _, scan in row] for row in found]
     )
@@ -66,9 +65,7 @@ def test_scans_come_to_every_camera_equally_often():
 
 def test_cameras_that_see_a_door_are_scanned_twice_as_often():
     lookout = Lookout(NAMES, 8.0, True)
-    scans = [
-        [lookout.look(name, k * PERIOD, False, name == "cam2")[1] for name in NAMES] for k in range(251)
-    ]
+    scans = [[lookout.look(name, k * PERIOD, False, name == "cam2")[1] for name in NAMES] for k in range(251)]
     counts = np.sum(scans, axis=0)
     assert counts[2] == pytest.approx(40, abs=2) and counts[0] == pytest.approx(20, abs=2)
 

@@ -1,4 +1,5 @@
 """OpenCV works on the calling thread for a while, and as before afterwards."""
+
 import cv2
 import pytest
 

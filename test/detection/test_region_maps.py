@@ -1,4 +1,5 @@
 """Maps of regions are those of the whole image, wherever the regions lie."""
+
 import cv2
 import numpy as np
 import pytest

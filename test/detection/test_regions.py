@@ -1,4 +1,5 @@
 """Regions hold whom they are for, at a scale that suits them, and cost little."""
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -76,9 +77,12 @@ def test_images_are_enlarged_for_those_who_ask_alone(height):
 
 
 @given(
-    x=st.floats(-50, 600), y=st.floats(-50, 400), height=st.floats(20, 900), width=st.floats(5, 500),
+    x=st.floats(-50, 600),
+    y=st.floats(-50, 400),
+    height=st.floats(20, 900),
+    width=st.floats(5, 500),
     tallest=st.sampled_from([64.0, 160.0, 220.0]),
-)  # fmt: skip
+)
 def test_a_region_holds_its_box_in_the_image_at_about_the_scale(x, y, height, width, tallest):
     boxes, heights, who = boxes_of(person(x, y, height, width))
     for box, tall, region in zip(boxes, heights, regions_of(boxes, heights, who, tallest)):

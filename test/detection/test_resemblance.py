@@ -1,4 +1,5 @@
 """Distances of 2D people, against their definition in numpy."""
+
 import numpy as np
 import pytest
 

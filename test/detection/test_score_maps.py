@@ -25,10 +25,12 @@ def record(levels, patches, joint_map=STRAIGHT):
 
 def gaussians(places, rows=40, columns=50, sigma=1.4):
     y, x = np.mgrid[:rows, :columns]
-    return np.array([
-        np.max([np.exp(-((x - px) ** 2 + (y - py) ** 2) / (2 * sigma**2)) for px, py in joint], axis=0)
-        for joint in places
-    ])  # fmt: skip
+    return np.array(
+        [
+            np.max([np.exp(-((x - px) ** 2 + (y - py) ** 2) / (2 * sigma**2)) for px, py in joint], axis=0)
+            for joint in places
+        ]
+    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -102,9 +104,12 @@ def test_unclaimed_joints_count_strong_peaks_of_nobody():
     patches = merged_patches(levels, np.array([[[20, 20], [10, 10]]]), np.ones((1, 2), bool), np.array([6.0]))
     made = PatchSet((50, 40), AFFINE, patches)
     assert made.unclaimed_joints(0.3) == 1
-    assert PatchSet((50, 40), AFFINE, merged_patches(
-        levels, np.zeros((0, 2, 2)), np.zeros((0, 2), bool), np.zeros(0)
-    )).unclaimed_joints(0.3) == 2  # fmt: skip
+    assert (
+        PatchSet(
+            (50, 40), AFFINE, merged_patches(levels, np.zeros((0, 2, 2)), np.zeros((0, 2), bool), np.zeros(0))
+        ).unclaimed_joints(0.3)
+        == 2
+    )
 
 
 def test_gates_of_one_person():

@@ -1,4 +1,5 @@
 """What the stage promises, with a made network of centre heads."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -35,10 +36,17 @@ def fingerprint(result):
     found = result.outputs[0]
     maps = found.maps
     return (
-        found.camera, found.stamp_ns, found.points.tobytes(), found.scores.tobytes(),
-        found.person_scores.tobytes(), maps.data.tobytes(), maps.corners.tobytes(), maps.grid_size,
-        maps.persons.tobytes(), tuple(note.text for note in result.notices),
-    )  # fmt: skip
+        found.camera,
+        found.stamp_ns,
+        found.points.tobytes(),
+        found.scores.tobytes(),
+        found.person_scores.tobytes(),
+        maps.data.tobytes(),
+        maps.corners.tobytes(),
+        maps.grid_size,
+        maps.persons.tobytes(),
+        tuple(note.text for note in result.notices),
+    )
 
 
 def test_the_record_carries_what_came_with_the_image(blobs, network, picture):

@@ -1,4 +1,5 @@
 """Cameras on their side: images turned upright, and what is found turned back."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -119,8 +120,10 @@ def test_people_of_a_rolled_camera_are_those_of_the_upright_one_turned(quarters)
     np.testing.assert_array_equal(rolled.person_scores, upright.person_scores)
     for name in ("grid_size", "data", "corners", "sizes", "joints", "persons"):
         np.testing.assert_array_equal(getattr(rolled.maps, name), getattr(upright.maps, name))
-    cells = [maps.grid_from_image[:, :2] @ point + maps.grid_from_image[:, 2]
-             for maps, point in ((rolled.maps, rolled.points[0, 0]), (upright.maps, upright.points[0, 0]))]
+    cells = [
+        maps.grid_from_image[:, :2] @ point + maps.grid_from_image[:, 2]
+        for maps, point in ((rolled.maps, rolled.points[0, 0]), (upright.maps, upright.points[0, 0]))
+    ]
     np.testing.assert_allclose(cells[0], cells[1], atol=1e-9)
 
 
@@ -155,9 +158,16 @@ def known(places, stamp_ns, index):
     states[..., :3] = DEPTH * rays @ LEVEL_POSE
     rest = np.zeros(pixels.shape[:2])
     return TrackSet(
-        index, stamp_ns, SKELETON.hash, np.arange(len(places)), states, np.full((*rest.shape, 3), 1e-5), rest,
-        rest, np.zeros(len(places)),
-    )  # fmt: skip
+        index,
+        stamp_ns,
+        SKELETON.hash,
+        np.arange(len(places)),
+        states,
+        np.full((*rest.shape, 3), 1e-5),
+        rest,
+        rest,
+        np.zeros(len(places)),
+    )
 
 
 @pytest.mark.parametrize("values", [{"regions": "on", "region_height": 64}, {"looks_per_s": 9.0}])
@@ -205,8 +215,10 @@ def ring(*degrees, spread=90.0):
 def in_world(given, world, up):
     """Move a rig to a world whose coordinates are world (3, 3) @ ours."""
     poses = [c.cam_from_world for c in given.cameras]
-    cameras = [replace(c, cam_from_world=Rigid(pose.rotation @ world.T, pose.translation))
-               for c, pose in zip(given.cameras, poses)]
+    cameras = [
+        replace(c, cam_from_world=Rigid(pose.rotation @ world.T, pose.translation))
+        for c, pose in zip(given.cameras, poses)
+    ]
     return Rig(tuple(cameras), up=up)
 
 
@@ -216,8 +228,10 @@ Y_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # of th
 def test_cameras_are_turned_one_by_one():
     rolls = rolls_of(ring(0.0, 90.0, 180.0, -90.0))
     assert {name: angle % 360.0 for name, angle in rolls.degrees.items()} == {
-        "cam1": 90.0, "cam2": 180.0, "cam3": 270.0
-    }  # fmt: skip
+        "cam1": 90.0,
+        "cam2": 180.0,
+        "cam3": 270.0,
+    }
     assert rolls.notice.code == "detection.turned" and rolls.notice.severity == "info"
     assert "cam1 by 90 degrees counter-clockwise" in rolls.notice.text and "cam0" not in rolls.notice.text
     assert rolls_of(ring(85.0, -82.0, 12.0)).degrees == {"cam0": 90.0, "cam1": -90.0}
@@ -290,9 +304,11 @@ def rolled(given, degrees):
     k1, k2, p1, p2, k3 = given.intrinsics.distortion
     p2, p1 = turning(-degrees) @ (p2, p1)  # tangential terms turn as a vector
     return replace(
-        given, image_size=turn.size, intrinsics=Intrinsics(matrix, [k1, k2, p1, p2, k3]),
+        given,
+        image_size=turn.size,
+        intrinsics=Intrinsics(matrix, [k1, k2, p1, p2, k3]),
         cam_from_world=Rigid(about @ pose.rotation, about @ pose.translation),
-    )  # fmt: skip
+    )
 
 
 def test_the_default_detector_finds_people_in_rolled_cameras_as_in_upright_ones():

@@ -1,4 +1,5 @@
 """What comes of every image where looks are rationed, with a made network that sees blobs."""
+
 from dataclasses import replace
 
 import numpy as np

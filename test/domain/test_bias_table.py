@@ -1,4 +1,5 @@
 """Correction of made people."""
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,4 +1,5 @@
 """Clock models: whole nanoseconds at stamps since 1970, and uncertainty that grows in holdover."""
+
 from fractions import Fraction
 
 import numpy as np
@@ -13,9 +14,11 @@ EPOCH = 1_700_000_000_123_456_789
 
 
 @given(
-    offset=st.integers(-EPOCH, EPOCH), residual=st.floats(-5.0, 5.0), drift=st.floats(-2e-4, 2e-4),
+    offset=st.integers(-EPOCH, EPOCH),
+    residual=st.floats(-5.0, 5.0),
+    drift=st.floats(-2e-4, 2e-4),
     since=st.integers(0, 3600 * 10**9),
-)  # fmt: skip
+)
 def test_master_time_is_exact_to_a_nanosecond(offset, residual, drift, since):
     model = ClockModel("a", EPOCH, offset, drift, np.zeros((2, 2)), residual)
     exact = Fraction(EPOCH + since + offset) + Fraction(residual) + Fraction(drift) * since

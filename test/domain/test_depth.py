@@ -1,4 +1,5 @@
 """Depth maps as records."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -23,15 +23,25 @@ from panoptic_ros.domain import (
 from panoptic_ros.errors import ClockError, ConfigError, DataError
 
 RATES = [
-    FrameRate(24, Fraction(24000, 1001)), FrameRate(24, Fraction(24)), FrameRate(25, Fraction(25)),
-    FrameRate(30, Fraction(30000, 1001)), FrameRate(30, Fraction(30000, 1001), True),
+    FrameRate(24, Fraction(24000, 1001)),
+    FrameRate(24, Fraction(24)),
+    FrameRate(25, Fraction(25)),
+    FrameRate(30, Fraction(30000, 1001)),
+    FrameRate(30, Fraction(30000, 1001), True),
     FrameRate(30, Fraction(30)),
-]  # fmt: skip
+]
 
 
 def view(points=((1.0, 2.0),), scores=(0.5,), **more):
-    fields = {"camera": "a", "stamp_ns": 1, "frame_number": 0, "image_size": (4, 3), "skeleton_hash": "h",
-              "person_scores": [0.5], **more}  # fmt: skip
+    fields = {
+        "camera": "a",
+        "stamp_ns": 1,
+        "frame_number": 0,
+        "image_size": (4, 3),
+        "skeleton_hash": "h",
+        "person_scores": [0.5],
+        **more,
+    }
     return ViewDetections(points=[points], scores=[scores], **fields)
 
 
@@ -47,12 +57,18 @@ def test_arrays_are_copied_and_read_only():
 @pytest.mark.parametrize(
     "bad",
     [
-        {"points": ((np.nan, 2.0),)}, {"points": ((np.inf, 2.0),), "scores": (0.0,)}, {"scores": (1.5,)},
-        {"scores": (np.nan,)}, {"scores": (0.5, 0.5)}, {"stamp_ns": -1}, {"stamp_ns": 1.5},
+        {"points": ((np.nan, 2.0),)},
+        {"points": ((np.inf, 2.0),), "scores": (0.0,)},
+        {"scores": (1.5,)},
+        {"scores": (np.nan,)},
+        {"scores": (0.5, 0.5)},
+        {"stamp_ns": -1},
+        {"stamp_ns": 1.5},
         {"image_size": (0, 3)},
-        {"person_scores": [0.1, 0.2]}, {"camera": ""},
+        {"person_scores": [0.1, 0.2]},
+        {"camera": ""},
     ],
-)  # fmt: skip
+)
 def test_bad_view_is_refused(bad):
     with pytest.raises(DataError):
         view(**bad)
@@ -86,9 +102,17 @@ def test_score_maps_take_the_maximum_of_patches():
 
 
 def test_poses_refuse_half_missing_joints_and_double_ids():
-    good = dict(index=0, stamp_ns=1, skeleton_hash="h", positions=np.zeros((2, 1, 3)),
-                covariances=np.zeros((2, 1, 3, 3)), scores=np.ones((2, 1)), views=np.ones((2, 1)),
-                states=np.ones((2, 1)), person_scores=np.ones(2))  # fmt: skip
+    good = dict(
+        index=0,
+        stamp_ns=1,
+        skeleton_hash="h",
+        positions=np.zeros((2, 1, 3)),
+        covariances=np.zeros((2, 1, 3, 3)),
+        scores=np.ones((2, 1)),
+        views=np.ones((2, 1)),
+        states=np.ones((2, 1)),
+        person_scores=np.ones(2),
+    )
     PoseSet(**good)
     with pytest.raises(DataError, match="missing"):
         PoseSet(**{**good, "states": np.zeros((2, 1))})
@@ -125,9 +149,17 @@ def test_rows_of_sources_and_of_somebody_whom_no_view_shows():
 
 
 def test_sources_are_of_as_many_people_and_say_nothing_without_views():
-    good = dict(index=0, stamp_ns=1, skeleton_hash="h", positions=np.zeros((2, 1, 3)),
-                covariances=np.zeros((2, 1, 3, 3)), scores=np.ones((2, 1)), views=np.ones((2, 1)),
-                states=np.ones((2, 1)), person_scores=np.ones(2))  # fmt: skip
+    good = dict(
+        index=0,
+        stamp_ns=1,
+        skeleton_hash="h",
+        positions=np.zeros((2, 1, 3)),
+        covariances=np.zeros((2, 1, 3, 3)),
+        scores=np.ones((2, 1)),
+        views=np.ones((2, 1)),
+        states=np.ones((2, 1)),
+        person_scores=np.ones(2),
+    )
     with pytest.raises(DataError, match="2D people of 1 people for 2"):
         PoseSet(**good, sources=ViewSources(("a",), [5], [[0]]))
     assert PoseSet(**good, sources=ViewSources((), (), np.zeros((2, 0)))).sources is None

@@ -1,4 +1,5 @@
 """Cameras, depth sensors and rigs: what they refuse and what they keep."""
+
 from __future__ import annotations
 
 from dataclasses import replace

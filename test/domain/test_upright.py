@@ -1,4 +1,5 @@
 """Which way is up in images, and what images say of the world's up."""
+
 from __future__ import annotations
 
 from dataclasses import replace

@@ -1,4 +1,5 @@
 """What waits of the views of an instant."""
+
 from collections import deque
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Hand-made people whose scores can be computed by hand."""
+
 from __future__ import annotations
 
 import numpy as np

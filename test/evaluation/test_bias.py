@@ -1,4 +1,5 @@
 """Biases of made people, whose offsets are known."""
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 

@@ -1,4 +1,5 @@
 """Errors against the ellipsoids that covariances state."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """Usual filters on motion that is known."""
+
 import captures
 import numpy as np
 import patch_scene

@@ -1,4 +1,5 @@
 """Offsets of joints in segments, of made people whose offsets are known."""
+
 import numpy as np
 from bodies import MODEL
 from scipy.spatial.transform import Rotation
@@ -13,10 +14,12 @@ from panoptic_ros.evaluation.joint_offsets import (
 
 NAMES = ("lShoulder", "rShoulder", "lHip", "rHip", "Nose")
 OFFSETS = {
-    "lShoulder": ("spine4", (0.0, 0.01, 0.04)), "rShoulder": ("spine4", (0.0, -0.01, 0.04)),
-    "lHip": ("lThigh", (0.03, -0.01, -0.02)), "rHip": ("rThigh", (0.03, 0.01, -0.02)),
+    "lShoulder": ("spine4", (0.0, 0.01, 0.04)),
+    "rShoulder": ("spine4", (0.0, -0.01, 0.04)),
+    "lHip": ("lThigh", (0.03, -0.01, -0.02)),
+    "rHip": ("rThigh", (0.03, 0.01, -0.02)),
     "Nose": ("head", (0.01, 0.0, 0.01)),
-}  # fmt: skip
+}
 
 
 def made_people(count, noise=0.0, seed=0):

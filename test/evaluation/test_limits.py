@@ -1,4 +1,5 @@
 """Bars for scores."""
+
 from __future__ import annotations
 
 import pytest
@@ -14,8 +15,9 @@ def test_bars_that_are_met_and_missed():
     assert failures(SCORES, met) == []
     missed = [parse_limit("person_recall = 0.98"), parse_limit("pck.0.05=0.8", upper=True)]
     assert failures(SCORES, missed) == [
-        "person_recall is 0.97, not at least 0.98", "pck.0.05 is 0.9, not at most 0.8",
-    ]  # fmt: skip
+        "person_recall is 0.97, not at least 0.98",
+        "pck.0.05 is 0.9, not at most 0.8",
+    ]
 
 
 def test_a_score_that_is_not_defined_misses_its_bar():

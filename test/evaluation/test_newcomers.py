@@ -1,4 +1,5 @@
 """How long newcomers wait until they are found."""
+
 from __future__ import annotations
 
 import math
@@ -27,6 +28,8 @@ def test_waits_are_from_the_first_true_frame_to_the_first_find(build):
 
 def test_scores_tell_the_longest_wait_of_those_found_and_who_is_missed(build):
     assert newcomers_scores(scene(build, 2)) == {
-        "newcomers": 2, "newcomers_missed": 1, "newcomers_wait_s": 0.0,
-    }  # fmt: skip
+        "newcomers": 2,
+        "newcomers_missed": 1,
+        "newcomers_wait_s": 0.0,
+    }
     assert newcomers_scores([])["newcomers_wait_s"] is None

@@ -1,4 +1,5 @@
 """Properties of pairing and matching, against brute force."""
+
 from __future__ import annotations
 
 from itertools import permutations

@@ -1,4 +1,5 @@
 """PCP by both rules on a stick figure with known answers."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -16,12 +17,22 @@ from panoptic_ros.evaluation.pcp_joints import (
 )
 
 STICK = {  # faces +x, m
-    "lAnkle": (0.0, 0.1, 0.1), "rAnkle": (0.0, -0.1, 0.1), "lKnee": (0.0, 0.1, 0.5),
-    "rKnee": (0.0, -0.1, 0.5), "lHip": (0.0, 0.1, 0.9), "rHip": (0.0, -0.1, 0.9),
-    "lWrist": (0.0, 0.3, 0.9), "rWrist": (0.0, -0.3, 0.9), "lElbow": (0.0, 0.25, 1.15),
-    "rElbow": (0.0, -0.25, 1.15), "lShoulder": (0.0, 0.2, 1.4), "rShoulder": (0.0, -0.2, 1.4),
-    "Nose": (0.1, 0.0, 1.6), "lEar": (0.0, 0.08, 1.62), "rEar": (0.0, -0.08, 1.62),
-}  # fmt: skip
+    "lAnkle": (0.0, 0.1, 0.1),
+    "rAnkle": (0.0, -0.1, 0.1),
+    "lKnee": (0.0, 0.1, 0.5),
+    "rKnee": (0.0, -0.1, 0.5),
+    "lHip": (0.0, 0.1, 0.9),
+    "rHip": (0.0, -0.1, 0.9),
+    "lWrist": (0.0, 0.3, 0.9),
+    "rWrist": (0.0, -0.3, 0.9),
+    "lElbow": (0.0, 0.25, 1.15),
+    "rElbow": (0.0, -0.25, 1.15),
+    "lShoulder": (0.0, 0.2, 1.4),
+    "rShoulder": (0.0, -0.2, 1.4),
+    "Nose": (0.1, 0.0, 1.6),
+    "lEar": (0.0, 0.08, 1.62),
+    "rEar": (0.0, -0.08, 1.62),
+}
 NAMES = tuple(STICK)
 POSE = np.array(list(STICK.values()))
 RULES = ("pcp-voxelpose", "pcp-4d-association")

@@ -1,4 +1,5 @@
 """Figures of smoothing against errors that are known exactly."""
+
 import captures
 import numpy as np
 import patch_scene

@@ -1,4 +1,5 @@
 """Scores of hand-made cases with known answers."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -155,9 +156,11 @@ def test_consistency_is_told_by_number_of_views(build):
     assert nees is not None
     told = {some.kind: (round(some.mean_per_dof, 6), some.joints) for some in nees.by_views}
     assert told == {
-        "predicted, filled": (3.0, 10), "1 or 2 views": (3.0, 20),
-        "3 views": (round(4 / 3, 6), 20), "5 views and more": (round(4 / 3, 6), 20),
-    }  # fmt: skip
+        "predicted, filled": (3.0, 10),
+        "1 or 2 views": (3.0, 20),
+        "3 views": (round(4 / 3, 6), 20),
+        "5 views and more": (round(4 / 3, 6), 20),
+    }
 
 
 def test_acceleration_error_of_a_zigzag(build):

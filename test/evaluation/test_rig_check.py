@@ -1,4 +1,5 @@
 """Rigs broken on purpose: each mistake is named, and a right rig is left in peace."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
@@ -17,12 +18,22 @@ from panoptic_ros.geometry import Intrinsics, Rigid
 Array = np.ndarray
 # x forward, y left, z up, m
 BODY: dict[str, tuple[float, float, float]] = {
-    "pelvis": (0.0, 0.0, 0.95), "neck": (0.0, 0.0, 1.45), "nose": (0.1, 0.0, 1.58),
-    "left_shoulder": (0.0, 0.18, 1.43), "left_elbow": (0.05, 0.22, 1.15), "left_wrist": (0.2, 0.22, 0.95),
-    "left_hip": (0.0, 0.1, 0.95), "left_knee": (0.05, 0.1, 0.5), "left_ankle": (0.0, 0.1, 0.08),
-    "right_shoulder": (0.0, -0.18, 1.43), "right_elbow": (0.0, -0.25, 1.15), "right_wrist": (0.1, -0.3, 0.92),
-    "right_hip": (0.0, -0.1, 0.95), "right_knee": (0.0, -0.1, 0.5), "right_ankle": (-0.1, -0.1, 0.08),
-}  # fmt: skip
+    "pelvis": (0.0, 0.0, 0.95),
+    "neck": (0.0, 0.0, 1.45),
+    "nose": (0.1, 0.0, 1.58),
+    "left_shoulder": (0.0, 0.18, 1.43),
+    "left_elbow": (0.05, 0.22, 1.15),
+    "left_wrist": (0.2, 0.22, 0.95),
+    "left_hip": (0.0, 0.1, 0.95),
+    "left_knee": (0.05, 0.1, 0.5),
+    "left_ankle": (0.0, 0.1, 0.08),
+    "right_shoulder": (0.0, -0.18, 1.43),
+    "right_elbow": (0.0, -0.25, 1.15),
+    "right_wrist": (0.1, -0.3, 0.92),
+    "right_hip": (0.0, -0.1, 0.95),
+    "right_knee": (0.0, -0.1, 0.5),
+    "right_ankle": (-0.1, -0.1, 0.08),
+}
 NAMES = tuple(BODY)
 LEFT = [name for name in NAMES if name.startswith("left")]
 SIDES = tuple((NAMES.index(name), NAMES.index(name.replace("left", "right"))) for name in LEFT)
@@ -64,8 +75,14 @@ def walkers(people: int, instants: int = 10) -> list[Array]:
     return result
 
 
-def detect(rig: Rig, people: Sequence[Array], noise: float = 0.0, misfit: float = 0.0, ghosts: float = 0.0,
-           misses: float = 0.0) -> list[DetectionSet]:  # fmt: skip
+def detect(
+    rig: Rig,
+    people: Sequence[Array],
+    noise: float = 0.0,
+    misfit: float = 0.0,
+    ghosts: float = 0.0,
+    misses: float = 0.0,
+) -> list[DetectionSet]:
     """What a detector would say: shuffled people, noise, a constant shift per camera, ghosts, misses."""
     rng = np.random.default_rng(1)
     angles = rng.uniform(0, 2 * np.pi, len(rig))
@@ -83,8 +100,18 @@ def detect(rig: Rig, people: Sequence[Array], noise: float = 0.0, misfit: float 
             found = np.concatenate([found, places + rng.normal(0, 60, (count, len(NAMES), 2))])
             scores = np.concatenate([scores, np.full((count, len(NAMES)), 0.5)])
             found = np.where(scores[..., None] > 0, found, np.nan)
-            views.append(ViewDetections(camera.name, index, index, camera.image_size, SKELETON.hash, found,
-                                        scores, np.full(len(found), 0.8)))  # fmt: skip
+            views.append(
+                ViewDetections(
+                    camera.name,
+                    index,
+                    index,
+                    camera.image_size,
+                    SKELETON.hash,
+                    found,
+                    scores,
+                    np.full(len(found), 0.8),
+                )
+            )
         sets.append(DetectionSet(index, index, SKELETON.hash, tuple(views)))
     return sets
 
@@ -147,8 +174,11 @@ def test_residuals_are_those_of_the_noise() -> None:
 )
 def test_wrong_unit_is_named(cameras: int, people: int, scale: float, unit: str) -> None:
     rig = ring(cameras)
-    wrong = with_cameras(rig, None, cam_from_world=lambda c: Rigid(
-        c.cam_from_world.rotation, scale * c.cam_from_world.translation))  # fmt: skip
+    wrong = with_cameras(
+        rig,
+        None,
+        cam_from_world=lambda c: Rigid(c.cam_from_world.rotation, scale * c.cam_from_world.translation),
+    )
     report = check(wrong, detect(rig, walkers(people), **NOISY))
     texts = [note.text for note in report.warnings]
     assert {note.code for note in report.warnings} == {"rig.units"}
@@ -156,8 +186,11 @@ def test_wrong_unit_is_named(cameras: int, people: int, scale: float, unit: str)
 
 
 def test_wrong_unit_is_suspected_without_people() -> None:
-    wrong = with_cameras(ring(3), None, cam_from_world=lambda c: Rigid(
-        c.cam_from_world.rotation, 1000.0 * c.cam_from_world.translation))  # fmt: skip
+    wrong = with_cameras(
+        ring(3),
+        None,
+        cam_from_world=lambda c: Rigid(c.cam_from_world.rotation, 1000.0 * c.cam_from_world.translation),
+    )
     code, text = only_warning(check(wrong, []))
     assert code == "rig.units" and "m apart" in text
 
@@ -281,8 +314,11 @@ def test_y_down_and_tilted_worlds(cameras: int, people: int) -> None:
     sets = detect(rig, walkers(people), **NOISY)
 
     def world(turn: Array) -> Rig:
-        return with_cameras(rig, None, cam_from_world=lambda c: Rigid(
-            c.cam_from_world.rotation @ turn.T, c.cam_from_world.translation))  # fmt: skip
+        return with_cameras(
+            rig,
+            None,
+            cam_from_world=lambda c: Rigid(c.cam_from_world.rotation @ turn.T, c.cam_from_world.translation),
+        )
 
     y_down = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # new y = -old z
     code, text = only_warning(check(world(y_down), sets))
@@ -297,8 +333,11 @@ def test_y_down_and_tilted_worlds(cameras: int, people: int) -> None:
 def test_a_camera_that_was_pushed_is_named_but_not_explained(cameras: int, people: int) -> None:
     rig = ring(cameras)
     push = Rotation.from_rotvec([0.14, 0.0, 0.05]).as_matrix()
-    wrong = with_cameras(rig, ["cam01"], cam_from_world=lambda c: Rigid(
-        push @ c.cam_from_world.rotation, push @ c.cam_from_world.translation))  # fmt: skip
+    wrong = with_cameras(
+        rig,
+        ["cam01"],
+        cam_from_world=lambda c: Rigid(push @ c.cam_from_world.rotation, push @ c.cam_from_world.translation),
+    )
     code, text = only_warning(check(wrong, detect(rig, walkers(people), **NOISY)))
     assert code == "rig.disagrees" and text.startswith("camera cam01 does not agree with the others")
 
@@ -406,8 +445,13 @@ def test_cameras_with_equal_lenses_are_exchanged_as_a_whole() -> None:
 
 def test_rays_that_miss_by_far_more_than_the_noise_do_not_agree() -> None:
     rig = varied(5)
-    wide = with_cameras(rig, ["cam02"], intrinsics=lambda c: Intrinsics(
-        np.diag([1.06, 1.06, 1.0]) @ c.intrinsics.matrix, c.intrinsics.distortion))  # fmt: skip
+    wide = with_cameras(
+        rig,
+        ["cam02"],
+        intrinsics=lambda c: Intrinsics(
+            np.diag([1.06, 1.06, 1.0]) @ c.intrinsics.matrix, c.intrinsics.distortion
+        ),
+    )
     for noise, warned in ((1.0, True), (15.0, False)):
         report = check(wide, detect(rig, walkers(3), noise=noise))
         assert bool(report.warnings) == warned, [note.text for note in report.notices]
@@ -431,8 +475,12 @@ def test_right_rigs_of_many_kinds_give_no_warning(cameras: int, people: int, noi
 def test_cut_people_give_no_warning() -> None:
     """Joints beyond the border are put inside with low scores, as networks do with people who are cut."""
     left = np.array([[0, 0, 410.0], [0, 0, 0], [0, 0, 0]])
-    cut = with_cameras(varied(5), None, image_size=lambda c: (1100, 1080), intrinsics=lambda c: Intrinsics(
-        c.intrinsics.matrix - left, c.intrinsics.distortion))  # fmt: skip
+    cut = with_cameras(
+        varied(5),
+        None,
+        image_size=lambda c: (1100, 1080),
+        intrinsics=lambda c: Intrinsics(c.intrinsics.matrix - left, c.intrinsics.distortion),
+    )
     rng, sets = np.random.default_rng(0), []
     for index, points in enumerate(walkers(4)):
         views = []
@@ -442,10 +490,18 @@ def test_cut_people_give_no_warning() -> None:
             kept = inside.mean(1) > 0.3
             squeezed = np.clip(pixels, 30.0, np.array(camera.image_size) - 30.0)
             pixels, scores = np.where(inside[..., None], pixels, squeezed), np.where(inside, 0.8, 0.25)
-            views.append(ViewDetections(
-                camera.name, index, index, camera.image_size, SKELETON.hash, pixels[kept], scores[kept],
-                np.full(kept.sum(), 0.8),
-            ))  # fmt: skip
+            views.append(
+                ViewDetections(
+                    camera.name,
+                    index,
+                    index,
+                    camera.image_size,
+                    SKELETON.hash,
+                    pixels[kept],
+                    scores[kept],
+                    np.full(kept.sum(), 0.8),
+                )
+            )
         sets.append(DetectionSet(index, index, SKELETON.hash, tuple(views)))
     assert [note.text for note in check(cut, sets).warnings] == []
 
@@ -453,8 +509,11 @@ def test_cut_people_give_no_warning() -> None:
 def test_a_world_with_y_down_is_all_that_is_told_of_one() -> None:
     rig = varied(5)
     y_down = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    turned = with_cameras(rig, None, cam_from_world=lambda c: Rigid(
-        c.cam_from_world.rotation @ y_down.T, c.cam_from_world.translation))  # fmt: skip
+    turned = with_cameras(
+        rig,
+        None,
+        cam_from_world=lambda c: Rigid(c.cam_from_world.rotation @ y_down.T, c.cam_from_world.translation),
+    )
     code, text = only_warning(check(turned, detect(rig, walkers(3), noise=1.0)))
     assert code == "rig.up" and "`panoptic rig convert IN OUT --up=-y`" in text
 
@@ -465,12 +524,18 @@ def test_images_between_those_of_other_cameras_agree(late_ms: int) -> None:
     rig = ring(4)
     late = {camera.name: late_ms * 1_000_000 * (k % 2) for k, camera in enumerate(rig.cameras)}
     paths = [points + [1.3 * 0.04 * k - 0.3, 0.0, 0.0] for k, points in enumerate(walkers(2, 12))]
-    views = {ns: detect(rig, [points + [1.3e-9 * ns, 0.0, 0.0] for points in paths], noise=1.0)
-             for ns in set(late.values())}  # fmt: skip
+    views = {
+        ns: detect(rig, [points + [1.3e-9 * ns, 0.0, 0.0] for points in paths], noise=1.0)
+        for ns in set(late.values())
+    }
     sets = []
     for k in range(len(paths)):
-        own = [replace(view, stamp_ns=40_000_000 * k + late[view.camera])
-               for ns in views for view in views[ns][k].views if late[view.camera] == ns]  # fmt: skip
+        own = [
+            replace(view, stamp_ns=40_000_000 * k + late[view.camera])
+            for ns in views
+            for view in views[ns][k].views
+            if late[view.camera] == ns
+        ]
         sets.append(DetectionSet(k, 40_000_000 * k, SKELETON.hash, tuple(own)))
     assert [note.text for note in check(rig, sets).warnings] == []
 
@@ -483,8 +548,9 @@ def reordered(camera: Camera) -> Intrinsics:
 
 @pytest.mark.parametrize("names", [["cam01"], None])
 def test_distortion_in_another_order_is_named(names: list[str] | None) -> None:
-    strong = Intrinsics(np.array([[1000.0, 0, 960], [0, 1000.0, 540], [0, 0, 1]]),
-                        np.array([-0.2, 0.1, 1e-3, -5e-4, -0.03]))  # fmt: skip
+    strong = Intrinsics(
+        np.array([[1000.0, 0, 960], [0, 1000.0, 540], [0, 0, 1]]), np.array([-0.2, 0.1, 1e-3, -5e-4, -0.03])
+    )
     rig = with_cameras(ring(4), None, intrinsics=lambda c: strong)
     wrong = with_cameras(rig, names, intrinsics=reordered)
     sets = detect(rig, walkers(4, 12), noise=0.5)

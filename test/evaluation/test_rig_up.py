@@ -1,4 +1,5 @@
 """Which way is up, from people who stand and sit, and rigs that are turned by it."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -21,16 +22,26 @@ from panoptic_ros.geometry import Intrinsics, Rigid
 Array = np.ndarray
 # x forward, y left, z up, m
 STANDS = {
-    "neck": (0.02, 0.0, 1.45), "nose": (0.12, 0.0, 1.6), "left_shoulder": (0.02, 0.18, 1.43),
-    "right_shoulder": (0.02, -0.18, 1.43), "left_hip": (0.0, 0.1, 0.95), "right_hip": (0.0, -0.1, 0.95),
-    "left_knee": (0.03, 0.1, 0.5), "right_knee": (0.0, -0.1, 0.5), "left_ankle": (0.0, 0.1, 0.08),
+    "neck": (0.02, 0.0, 1.45),
+    "nose": (0.12, 0.0, 1.6),
+    "left_shoulder": (0.02, 0.18, 1.43),
+    "right_shoulder": (0.02, -0.18, 1.43),
+    "left_hip": (0.0, 0.1, 0.95),
+    "right_hip": (0.0, -0.1, 0.95),
+    "left_knee": (0.03, 0.1, 0.5),
+    "right_knee": (0.0, -0.1, 0.5),
+    "left_ankle": (0.0, 0.1, 0.08),
     "right_ankle": (0.0, -0.1, 0.08),
-}  # fmt: skip
+}
 SITS = STANDS | {
-    "left_knee": (0.45, 0.1, 0.95), "right_knee": (0.45, -0.1, 0.95), "left_ankle": (0.45, 0.1, 0.5),
-    "right_ankle": (0.45, -0.1, 0.5), "neck": (0.1, 0.0, 1.44),
-    "left_shoulder": (0.1, 0.18, 1.42), "right_shoulder": (0.1, -0.18, 1.42),
-}  # fmt: skip
+    "left_knee": (0.45, 0.1, 0.95),
+    "right_knee": (0.45, -0.1, 0.95),
+    "left_ankle": (0.45, 0.1, 0.5),
+    "right_ankle": (0.45, -0.1, 0.5),
+    "neck": (0.1, 0.0, 1.44),
+    "left_shoulder": (0.1, 0.18, 1.42),
+    "right_shoulder": (0.1, -0.18, 1.42),
+}
 NAMES = tuple(STANDS)
 SKELETON = SkeletonModel("stick", NAMES, 0, tuple((0, i) for i in range(1, len(NAMES))), 1)
 
@@ -77,8 +88,13 @@ def level_rig() -> Rig:
     lens = Intrinsics(np.array([[800.0, 0, 320], [0, 800.0, 240], [0, 0, 1]]), np.zeros(5))
     places = ((-1.5, -3.0, 1.2), (0.0, -3.5, 1.0), (1.5, -3.0, 1.5))
     things = Occluders.box(np.array([1.0, 0.5, 0.7]), np.eye(3), np.array([0.0, 1.0, 0.35]))
-    return Rig(tuple(Camera(f"c{i}", (640, 480), lens, Rigid(level, -level @ np.array(place)))
-                     for i, place in enumerate(places)), occluders=things)  # fmt: skip
+    return Rig(
+        tuple(
+            Camera(f"c{i}", (640, 480), lens, Rigid(level, -level @ np.array(place)))
+            for i, place in enumerate(places)
+        ),
+        occluders=things,
+    )
 
 
 @pytest.mark.parametrize("word", ["-y", "y", "x", "-x", "-z", "z", "0.3,-0.5,0.8"])
@@ -94,7 +110,7 @@ def test_the_rig_is_turned_by_the_command_that_the_notice_names(word: str) -> No
         rig,
         cameras=tuple(replace(c, cam_from_world=pose) for c, pose in zip(rig.cameras, poses)),
         occluders=replace(rig.occluders, vertices=rig.occluders.vertices @ turn.T) if rig.occluders else None,
-    )  # fmt: skip
+    )
     (note,) = check_up(given, directions_of_people(people("ssss", turn), SKELETON)) or (None,)
     if up[2] > 0.72:
         assert note is None
@@ -119,10 +135,13 @@ def test_cameras_that_hang_upside_down_are_no_mistake() -> None:
     """Without people, a rig that states up may have turned cameras; one that does not has another up."""
     rig = level_rig()
     upside_down = np.diag([-1.0, -1.0, 1.0])
-    hanging = replace(rig, cameras=tuple(
-        replace(c, cam_from_world=Rigid(upside_down @ c.cam_from_world.rotation, [0.0, 0.0, 5.0]))
-        for c in rig.cameras
-    ))  # fmt: skip
+    hanging = replace(
+        rig,
+        cameras=tuple(
+            replace(c, cam_from_world=Rigid(upside_down @ c.cam_from_world.rotation, [0.0, 0.0, 5.0]))
+            for c in rig.cameras
+        ),
+    )
     nobody = np.zeros((0, 3))
     (note,) = check_up(hanging, nobody)
     assert note.severity == "info" and "upside down" in note.text and "--up=-z" in note.text

@@ -1,4 +1,5 @@
 """Steadiness of motion that is known."""
+
 import numpy as np
 import pytest
 

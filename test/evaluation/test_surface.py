@@ -1,4 +1,5 @@
 """Patches against points of the surface that are known."""
+
 import numpy as np
 import pytest
 

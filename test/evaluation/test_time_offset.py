@@ -1,4 +1,5 @@
 """A constant offset of the result's clock is found from the motion."""
+
 from __future__ import annotations
 
 import pytest

@@ -1,4 +1,5 @@
 """Scores of timecode decoders that are wrong in known ways."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable

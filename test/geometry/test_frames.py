@@ -1,4 +1,5 @@
 """Frames of a tree, from anywhere to anywhere."""
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -15,8 +16,9 @@ def some(seed):
 
 def test_a_point_is_the_same_whichever_way_it_goes():
     map_from_base, base_from_left, base_from_right = some(0), some(1), some(2)
-    tree = FrameTree({"base": ("map", map_from_base), "left": ("base", base_from_left),
-                      "right": ("base", base_from_right)})  # fmt: skip
+    tree = FrameTree(
+        {"base": ("map", map_from_base), "left": ("base", base_from_left), "right": ("base", base_from_right)}
+    )
     point = np.array([0.3, 1.0, -2.0])
     np.testing.assert_allclose(
         tree.fixed_from("map", "left").apply(point), map_from_base.apply(base_from_left.apply(point))

@@ -1,4 +1,5 @@
 """Undistortion of many points equals that of the camera model."""
+
 import numpy as np
 import pytest
 

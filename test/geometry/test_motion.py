@@ -1,4 +1,5 @@
 """The isotropic constant-velocity filter against the textbook."""
+
 import numpy as np
 
 from test.support.motion_filter import predict_motion, update_motion

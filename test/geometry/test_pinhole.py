@@ -1,4 +1,5 @@
 """The camera model against OpenCV, and against itself."""
+
 import cv2
 import numpy as np
 import pytest
@@ -9,9 +10,12 @@ from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Intrinsics
 
 LENSES = st.tuples(
-    st.floats(-0.3, 0.3), st.floats(-0.1, 0.1), st.floats(-3e-3, 3e-3), st.floats(-3e-3, 3e-3),
+    st.floats(-0.3, 0.3),
+    st.floats(-0.1, 0.1),
+    st.floats(-3e-3, 3e-3),
+    st.floats(-3e-3, 3e-3),
     st.floats(-0.05, 0.05),
-)  # fmt: skip
+)
 MATRIX = np.array([[812.5, 0, 640.25], [0, 805.0, 355.5], [0, 0, 1]])
 
 
@@ -63,15 +67,22 @@ def test_jacobian_is_the_derivative(lens, seed):
 
 # OpenCV's models with more terms, in its order: rational (Azure Kinect, OAK), thin prism, tilted sensor.
 RATIONAL = st.tuples(
-    st.floats(-0.3, 0.6), st.floats(-0.4, 0.1), st.floats(-3e-3, 3e-3), st.floats(-3e-3, 3e-3),
-    st.floats(-0.05, 0.2), st.floats(-0.2, 0.5), st.floats(-0.3, 0.1), st.floats(0.0, 0.2),
-)  # fmt: skip
+    st.floats(-0.3, 0.6),
+    st.floats(-0.4, 0.1),
+    st.floats(-3e-3, 3e-3),
+    st.floats(-3e-3, 3e-3),
+    st.floats(-0.05, 0.2),
+    st.floats(-0.2, 0.5),
+    st.floats(-0.3, 0.1),
+    st.floats(0.0, 0.2),
+)
 PRISM = st.tuples(*(st.floats(-5e-3, 5e-3) for _ in range(4)))
 TILT = st.tuples(*(st.floats(-0.05, 0.05) for _ in range(2)))
 MANY = st.one_of(
-    RATIONAL, st.builds(lambda a, b: a + b, RATIONAL, PRISM),
+    RATIONAL,
+    st.builds(lambda a, b: a + b, RATIONAL, PRISM),
     st.builds(lambda a, b, c: a + b + c, RATIONAL, PRISM, TILT),
-)  # fmt: skip
+)
 KINECT = (0.66, -2.7, 6e-4, -2e-4, 1.55, 0.54, -2.5, 1.48)  # as an Azure Kinect's colour camera
 OAK = (2.1, -11.5, -1e-3, 4e-4, 33.6, 2.0, -11.3, 33.1, 1e-3, -2e-4, 5e-4, 1e-4, 0.012, -0.02)  # of 14 terms
 
@@ -238,8 +249,10 @@ def test_a_fisheye_is_straight_on_its_axis():
 def test_a_fisheye_sees_nothing_beyond_ninety_degrees_and_beyond_its_fold():
     wide = Intrinsics(MATRIX, np.zeros(4), "fisheye")
     assert wide.project(np.array([[1.0, 0, 0.01], [1.0, 0, 0.0], [1.0, 0, -0.1]]))[1].tolist() == [
-        True, False, False
-    ]  # fmt: skip
+        True,
+        False,
+        False,
+    ]
     beyond = MATRIX[:2, 2] + [812.5 * 1.6, 0.0]  # 1.6 rad off the axis
     assert np.isnan(wide.undistort(beyond)).all()
     folded = Intrinsics(MATRIX, [-0.5, 0, 0, 0], "fisheye")  # t (1 - 0.5 t^2) turns at sqrt(2/3) rad

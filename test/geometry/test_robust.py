@@ -1,4 +1,5 @@
 """Large residuals count less; truncated costs are hardly more beyond the limit, and never alike."""
+
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,4 +1,5 @@
 """Against scipy."""
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 

@@ -1,4 +1,5 @@
 """Symmetric matrices against numpy."""
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,4 +1,5 @@
 """Torso frames of made bodies."""
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,4 +1,5 @@
 """Live images of a camera with a wrong clock: put together by arrival, and named by its third image."""
+
 import pytest
 
 from panoptic_ros.graph.aligned import AlignedTimes
@@ -6,9 +7,12 @@ from panoptic_ros.graph.aligned import AlignedTimes
 SECOND = 1_000_000_000
 EPOCH = 1_700_000_000 * SECOND
 WRONG = {
-    "5 s ahead": lambda t: t + 5 * SECOND, "1 h behind": lambda t: t - 3600 * SECOND,
-    "2^32 ns ahead": lambda t: t + 2**32, "zero": lambda t: 0, "since boot": lambda t: t - EPOCH + SECOND,
-}  # fmt: skip
+    "5 s ahead": lambda t: t + 5 * SECOND,
+    "1 h behind": lambda t: t - 3600 * SECOND,
+    "2^32 ns ahead": lambda t: t + 2**32,
+    "zero": lambda t: 0,
+    "since boot": lambda t: t - EPOCH + SECOND,
+}
 
 
 def images(rate, seconds, bad, begin_s, stamp):

@@ -1,4 +1,5 @@
 """Rate, age and losses of one topic."""
+
 import pytest
 
 from panoptic_ros.graph.arrivals import SECOND, Arrivals

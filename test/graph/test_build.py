@@ -1,4 +1,5 @@
 """Stages and configurations by name."""
+
 import pytest
 
 from panoptic_ros.errors import ConfigError
@@ -17,8 +18,11 @@ def test_settings():
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("sync", "write stage.parameter=value"), ("sync=1", "write stage.parameter=value"),
-        ("sink.window_s=1", "no stage 'sink'"), ("sync.width=1", "'width'"), ("sync.window_s=wide", "'wide'"),
+        ("sync", "write stage.parameter=value"),
+        ("sync=1", "write stage.parameter=value"),
+        ("sink.window_s=1", "no stage 'sink'"),
+        ("sync.width=1", "'width'"),
+        ("sync.window_s=wide", "'wide'"),
     ],
 )
 def test_wrong_settings(text, told):

@@ -1,4 +1,5 @@
 """Clocks from motion with the real stages: recorded, and fed back into sync while it runs."""
+
 from dataclasses import replace
 
 import numpy as np

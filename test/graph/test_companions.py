@@ -1,4 +1,5 @@
 """Live: images wait for their depth maps, and nobody waits for ever."""
+
 import weakref
 
 from hypothesis import given

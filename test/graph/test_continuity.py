@@ -1,4 +1,5 @@
 """Wild stamps do not get to stages; another time line does, once it is certain."""
+
 import pytest
 
 from panoptic_ros.graph.continuity import SECOND, SURE, Continuity

@@ -1,4 +1,5 @@
 """Counts of nodes go on where they are started anew."""
+
 from panoptic_ros.graph.drop_log import DropLog
 
 

@@ -1,4 +1,5 @@
 """Records that are not what their topic, the rig and the skeleton say are refused by name."""
+
 from dataclasses import replace
 
 import captures
@@ -49,9 +50,15 @@ def test_indices_beyond_cameras_and_joints():
         check(replace(proposals.association, evidence=replace(evidence, cameras=evidence.cameras + 1)))
     joint = np.full(1, len(captures.SKELETON.joint_names))
     beyond = replace(
-        proposals, nodes=np.zeros((1, 3)), node_joints=joint, node_scores=np.ones(1), node_views=np.ones(1),
-        parts=np.zeros((0, 2)), part_bones=np.zeros(0), part_scores=np.zeros(0),
-    )  # fmt: skip
+        proposals,
+        nodes=np.zeros((1, 3)),
+        node_joints=joint,
+        node_scores=np.ones(1),
+        node_views=np.ones(1),
+        parts=np.zeros((0, 2)),
+        part_bones=np.zeros(0),
+        part_scores=np.zeros(0),
+    )
     with pytest.raises(DataError, match="ProposalSet.node_joints names"):
         check(beyond)
 

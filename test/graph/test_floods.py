@@ -1,4 +1,5 @@
 """A topic is left alone while it brings more than can be read."""
+
 import pytest
 
 from panoptic_ros.graph.floods import LONGEST_PAUSE_NS, MOST_BAD, PAUSE_NS, SECOND, FloodGuard
@@ -6,9 +7,7 @@ from panoptic_ros.graph.floods import LONGEST_PAUSE_NS, MOST_BAD, PAUSE_NS, SECO
 
 def verdicts(rate, seconds, size=8000, bad=False):
     guard = FloodGuard()
-    return [
-        guard.came(k * SECOND // rate, size, k + 1 if bad else 0) for k in range(round(rate * seconds))
-    ]
+    return [guard.came(k * SECOND // rate, size, k + 1 if bad else 0) for k in range(round(rate * seconds))]
 
 
 @pytest.mark.parametrize(("rate", "size"), [(30, 12_000), (240, 12_000), (60, 365_000)])
@@ -18,9 +17,12 @@ def test_cameras_are_no_flood(rate, size):
 
 @pytest.mark.parametrize(
     ("rate", "size", "bad", "why"),
-    [(2400, 3000, True, "bad messages"), (100, 1_000_000, False, "MB a second"),
-     (2400, 100, False, "messages a second")],
-)  # fmt: skip
+    [
+        (2400, 3000, True, "bad messages"),
+        (100, 1_000_000, False, "MB a second"),
+        (2400, 100, False, "messages a second"),
+    ],
+)
 def test_floods_are_seen_within_a_second(rate, size, bad, why):
     found = [text for text in verdicts(rate, 1, size, bad) if text]
     assert found and why in found[0]

@@ -1,4 +1,5 @@
 """What a node says of its stages and inputs, and what the graph's status makes of it."""
+
 from panoptic_ros.graph.arrivals import SECOND, Arrivals
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.graph_health import GraphHealth

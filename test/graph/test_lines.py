@@ -1,4 +1,5 @@
 """What waits in lines: each in its order, all side by side."""
+
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor

@@ -1,4 +1,5 @@
 """The paper's averaging over a whole recording, against exact motion."""
+
 from dataclasses import replace
 
 import captures

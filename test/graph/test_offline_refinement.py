@@ -1,4 +1,5 @@
 """Refinement of a whole recording against exact motion."""
+
 from dataclasses import replace
 from functools import cache
 

@@ -1,4 +1,5 @@
 """What a node that falls behind works on next."""
+
 from panoptic_ros.graph.queues import InOrder, NewestInstant
 
 

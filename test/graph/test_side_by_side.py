@@ -1,4 +1,5 @@
 """Detection in several threads gives what one gives, in the same order, and ends with its recording."""
+
 import threading
 import time
 

@@ -1,4 +1,5 @@
 """Names of cameras as ROS allows them."""
+
 import re
 
 import pytest
@@ -12,7 +13,10 @@ from panoptic_ros.graph.topics import TOPICS, check_names, ros_name
 @pytest.mark.parametrize(
     ("name", "plain"),
     [
-        ("cam01", "cam01"), ("00_12", "camera_00_12"), ("left cam", "left_cam"), ("a-b/c.d", "a_b_c_d"),
+        ("cam01", "cam01"),
+        ("00_12", "camera_00_12"),
+        ("left cam", "left_cam"),
+        ("a-b/c.d", "a_b_c_d"),
         ("3", "camera_3"),
     ],
 )

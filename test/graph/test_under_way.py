@@ -1,4 +1,5 @@
 """Live: a long look at one camera holds up neither the others nor the next instant."""
+
 import queue
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -48,10 +49,14 @@ class Live:
     def __init__(self, pool):
         self.given, self.refused, self.calls = [], [], queue.Queue()
         self.pipeline = Pipeline(
-            configure({}), captures.CONTEXT, ("detection",), table=TABLE, everywhere=("detection", "sync"),
+            configure({}),
+            captures.CONTEXT,
+            ("detection",),
+            table=TABLE,
+            everywhere=("detection", "sync"),
             on_record=lambda topic, record: self.given.append((record.camera, record.frame_number)),
             on_refused=lambda stage, error: self.refused.append(str(error)),
-        )  # fmt: skip
+        )
         self.under_way = UnderWay(self.pipeline, pool, self.calls.put)
 
     def begin(self, number, cameras=CAMERAS):

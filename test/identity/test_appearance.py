@@ -1,4 +1,5 @@
 """How likely two people are one, by their clothes."""
+
 import numpy as np
 import pytest
 from scipy.stats import norm
@@ -66,9 +67,14 @@ def test_the_same_colours_tell_how_rare_they_are_and_others_are_not_taken_for_th
 
 
 def test_who_returns_keeps_what_was_learnt_before():
-    both = Colours(*(np.concatenate(pair) for pair in zip(
-        learnt(np.tile(SHIRT, (30, 1, 1))), learnt(np.tile(SHIRT + 0.04, (10, 1, 1))), strict=True
-    )))  # fmt: skip
+    both = Colours(
+        *(
+            np.concatenate(pair)
+            for pair in zip(
+                learnt(np.tile(SHIRT, (30, 1, 1))), learnt(np.tile(SHIRT + 0.04, (10, 1, 1))), strict=True
+            )
+        )
+    )
     both.take_over(0, 1)
     assert np.allclose(both.means[1], SHIRT + 0.01) and (both.counts[1] == 40).all()
     empty = Colours.of_new(2)

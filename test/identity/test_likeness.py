@@ -1,4 +1,5 @@
 """How likely somebody who comes is somebody who left."""
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal

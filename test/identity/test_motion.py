@@ -1,4 +1,5 @@
 """The compiled filter against the numpy one, and what is predicted of people who are followed."""
+
 import numpy as np
 import pytest
 
@@ -70,9 +71,16 @@ def tracks(unseen=(0.0, 0.0), unagreed=0.0):
     states[..., 0], states[..., 3] = [[0.0], [2.0]], 1.5
     numbers = np.zeros((2, 3))
     return TrackSet(
-        0, SECOND, "abc", np.array([0, -1]), states, np.full((2, 3, 3), 1e-4), numbers, numbers + unagreed,
+        0,
+        SECOND,
+        "abc",
+        np.array([0, -1]),
+        states,
+        np.full((2, 3, 3), 1e-4),
+        numbers,
+        numbers + unagreed,
         np.array(unseen),
-    )  # fmt: skip
+    )
 
 
 def test_people_are_predicted_where_they_walk_to():

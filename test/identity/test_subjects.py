@@ -1,4 +1,5 @@
 """Designated people."""
+
 import numpy as np
 import pytest
 

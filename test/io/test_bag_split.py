@@ -1,4 +1,5 @@
 """A recording in parts: each a bag by itself, and no message is lost between two."""
+
 import pytest
 from rosbags.rosbag2 import Reader
 

@@ -1,4 +1,5 @@
 """Messages of several topics and bags in one order, whatever the stamps do."""
+
 import struct
 
 import captures

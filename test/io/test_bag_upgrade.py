@@ -1,4 +1,5 @@
 """An older version's bag written anew opens without knowing of that version."""
+
 import captures
 import numpy as np
 import pytest
@@ -29,11 +30,14 @@ def old_bag(path):
     stamp = store.types["builtin_interfaces/msg/Time"](sec=1, nanosec=0)
     header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="mic")
     rows = [
-        ("/mic/audio", "panoptic_msgs/msg/AudioBlock",
-         {"first_sample": 0, "sample_rate": 8000, "samples": np.ones(5, np.float32)}),
+        (
+            "/mic/audio",
+            "panoptic_msgs/msg/AudioBlock",
+            {"first_sample": 0, "sample_rate": 8000, "samples": np.ones(5, np.float32)},
+        ),
         ("/proposals", "panoptic_msgs/msg/ProposalSet", {"nodes": np.zeros(3)}),
         ("/fruit", "fruit_msgs/msg/Basket", {"apples": 3}),
-    ]  # fmt: skip
+    ]
     with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         for k, (topic, kind, fields) in enumerate(rows):
             message = store.types[kind](header=header, **fields)

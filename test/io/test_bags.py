@@ -1,4 +1,5 @@
 """Bags appear whole or not at all, and damaged ones are refused in one line."""
+
 from concurrent.futures import ThreadPoolExecutor
 
 import captures

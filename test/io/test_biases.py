@@ -1,4 +1,5 @@
 """Bias tables: installed ones, round trips, and files that are none."""
+
 import numpy as np
 import pytest
 
@@ -34,12 +35,15 @@ def test_what_is_written_is_read_for_any_spelling(tmp_path):
 
 @pytest.mark.parametrize(
     "text, says",
-    [("offsets: {nose: [0, 0, 0]}", "format"), ("format: panoptic-biases-1", "no offsets"),
-     ("format: panoptic-biases-1\noffsets: {nose: [0, 0]}", "nose"),
-     ("format: panoptic-biases-1\noffsets: {nose: [0, 0, .nan]}", "nose"),
-     ("format: panoptic-biases-1\noffsets: {right_hip: [0, 0, 0]}", "right_hip"),
-     ("format: panoptic-biases-1\noffsets: {nose: [2, 0, 0]}", "torso length")],
-)  # fmt: skip
+    [
+        ("offsets: {nose: [0, 0, 0]}", "format"),
+        ("format: panoptic-biases-1", "no offsets"),
+        ("format: panoptic-biases-1\noffsets: {nose: [0, 0]}", "nose"),
+        ("format: panoptic-biases-1\noffsets: {nose: [0, 0, .nan]}", "nose"),
+        ("format: panoptic-biases-1\noffsets: {right_hip: [0, 0, 0]}", "right_hip"),
+        ("format: panoptic-biases-1\noffsets: {nose: [2, 0, 0]}", "torso length"),
+    ],
+)
 def test_files_that_are_no_tables_are_refused_by_name(tmp_path, text, says):
     path = tmp_path / "bad.yaml"
     path.write_text(text)

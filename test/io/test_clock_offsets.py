@@ -1,4 +1,5 @@
 """Saved clock offsets."""
+
 import json
 from dataclasses import replace
 
@@ -13,9 +14,12 @@ from panoptic_ros.offsets import CameraClocks
 
 def test_an_estimate_comes_back_where_it_is_applied(tmp_path):
     clocks = replace(
-        CameraClocks.unknown(("a", "b"), 10**9), offsets=np.array([0.03, 0.04]), drifts=np.array([4e-5, 0.0]),
-        covariance=np.diag([1e-8, 1e-8, 1e-10, 1e-10]), known=np.array([True, False]),
-    )  # fmt: skip
+        CameraClocks.unknown(("a", "b"), 10**9),
+        offsets=np.array([0.03, 0.04]),
+        drifts=np.array([4e-5, 0.0]),
+        covariance=np.diag([1e-8, 1e-8, 1e-10, 1e-10]),
+        known=np.array([True, False]),
+    )
     write_clocks(tmp_path / "o.json", clocks)
     saved = read_offsets(tmp_path / "o.json")
     assert list(saved) == ["a"]
@@ -35,7 +39,8 @@ def test_clocks_of_a_run_come_back_with_the_delays_that_they_came_on_top_of(tmp_
 @pytest.mark.parametrize(
     ("document", "told"),
     [
-        ([], "no panoptic-offsets-1"), ({"format": "other"}, "no panoptic-offsets-1"),
+        ([], "no panoptic-offsets-1"),
+        ({"format": "other"}, "no panoptic-offsets-1"),
         ({"format": "panoptic-offsets-1"}, "cameras"),
         ({"format": "panoptic-offsets-1", "cameras": [{"name": "a", "applied": True}]}, "offset_s"),
         (
@@ -43,15 +48,19 @@ def test_clocks_of_a_run_come_back_with_the_delays_that_they_came_on_top_of(tmp_
                 "format": "panoptic-offsets-1",
                 "cameras": [
                     {
-                        "name": "a", "applied": True, "offset_s": float("nan"), "offset_std_s": 0.0,
-                        "drift": 0.0, "drift_std": 0.0,
+                        "name": "a",
+                        "applied": True,
+                        "offset_s": float("nan"),
+                        "offset_std_s": 0.0,
+                        "drift": 0.0,
+                        "drift_std": 0.0,
                     }
                 ],
             },
             "offset_s of a is nan",
         ),
     ],
-)  # fmt: skip
+)
 def test_other_files_are_refused(tmp_path, document, told):
     path = tmp_path / "o.json"
     path.write_text(json.dumps(document))

@@ -1,4 +1,5 @@
 """Lens models by all names and with all counts of numbers that drivers and calibrators use."""
+
 import numpy as np
 import pytest
 
@@ -18,9 +19,20 @@ def lens_of(model, numbers):
 @pytest.mark.parametrize("count", [4, 5, 8, 12, 14])
 @pytest.mark.parametrize(
     "model",
-    ["rational_polynomial", "Rational Polynomial", "brown", "Brown-Conrady", "opencv", "FULL_OPENCV",
-     "thin_prism", "Thin Prism Model", "tilted", "pinhole-radtan", "rational"],
-)  # fmt: skip
+    [
+        "rational_polynomial",
+        "Rational Polynomial",
+        "brown",
+        "Brown-Conrady",
+        "opencv",
+        "FULL_OPENCV",
+        "thin_prism",
+        "Thin Prism Model",
+        "tilted",
+        "pinhole-radtan",
+        "rational",
+    ],
+)
 def test_all_models_of_opencv_are_one(model, count):
     intrinsics, told = lens_of(model, TERMS[:count])
     assert intrinsics.lens == "brown" and told == ""
@@ -66,9 +78,14 @@ def test_a_lens_without_a_model_and_without_numbers_is_straight(model):
 
 @pytest.mark.parametrize(
     ("model", "says"),
-    [("", "is not named, but has coefficients"), ("fov", "is 'fov'; models that are read: plumb_bob"),
-     ("omni", "is 'omni'"), ("inverse_brown_conrady", "is 'inverse_brown"), (3, "is 3, expected its")],
-)  # fmt: skip
+    [
+        ("", "is not named, but has coefficients"),
+        ("fov", "is 'fov'; models that are read: plumb_bob"),
+        ("omni", "is 'omni'"),
+        ("inverse_brown_conrady", "is 'inverse_brown"),
+        (3, "is 3, expected its"),
+    ],
+)
 def test_other_models_are_named(model, says):
     with pytest.raises(CalibrationError, match=says):
         lens_of(model, TERMS[:4])

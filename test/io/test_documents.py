@@ -1,4 +1,5 @@
 """Documents are bounded in size, nesting and what aliases expand to; errors are one short line."""
+
 import gzip
 import os
 import zlib
@@ -14,8 +15,9 @@ from panoptic_ros.io.loading import MIB, parsing, read_bytes, unpacked
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.binary(),
-    lambda inner: st.lists(inner) | st.tuples(inner) | st.dictionaries(st.text(), inner), max_leaves=30,
-)  # fmt: skip
+    lambda inner: st.lists(inner) | st.tuples(inner) | st.dictionaries(st.text(), inner),
+    max_leaves=30,
+)
 
 
 @given(VALUES)
@@ -41,10 +43,16 @@ def test_a_value_of_any_size_is_shown_at_once():
 
 @pytest.mark.parametrize(
     ("error", "words"),
-    [(KeyError("a"), "'a' is missing"), (IndexError("list index out of range"), "too short"),
-     (RecursionError(), "nested too deeply"), (MemoryError(), "memory"), (StopIteration(), "too early"),
-     (zlib.error("x"), "a value is wrong: x"), (OverflowError("too large"), "too large")],
-)  # fmt: skip
+    [
+        (KeyError("a"), "'a' is missing"),
+        (IndexError("list index out of range"), "too short"),
+        (RecursionError(), "nested too deeply"),
+        (MemoryError(), "memory"),
+        (StopIteration(), "too early"),
+        (zlib.error("x"), "a value is wrong: x"),
+        (OverflowError("too large"), "too large"),
+    ],
+)
 def test_whatever_a_parser_raises_names_the_file(error, words):
     with pytest.raises(DataError, match=f"a.json: .*{words}"), parsing("a.json"):
         raise error
@@ -85,12 +93,27 @@ def test_texts_of_windows_are_read(tmp_path, encoding):
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("a: &a [*a]", "within itself"), ("[" * 70 + "]" * 70, "levels deep"), ("a: 2026-13-45", "month"),
-     ("&a [1]\n--- *a", "not valid YAML"), ("? [a]\n: b", "not valid YAML"), ("!!bool foo", "foo"),
-     ("a: " + "9" * 5000, "digits"), ("a: !!python/object/apply:os.system [x]", "not valid YAML"),
-     ("a: &a {x: 1}\nb: &b {<<: [" + ", ".join(["*a"] * 99) + "]}\nc: &c {<<: [" + ", ".join(["*b"] * 99)
-      + "]}\nd: {<<: [" + ", ".join(["*c"] * 99) + "]}", "aliases expanded")],
-)  # fmt: skip
+    [
+        ("a: &a [*a]", "within itself"),
+        ("[" * 70 + "]" * 70, "levels deep"),
+        ("a: 2026-13-45", "month"),
+        ("&a [1]\n--- *a", "not valid YAML"),
+        ("? [a]\n: b", "not valid YAML"),
+        ("!!bool foo", "foo"),
+        ("a: " + "9" * 5000, "digits"),
+        ("a: !!python/object/apply:os.system [x]", "not valid YAML"),
+        (
+            "a: &a {x: 1}\nb: &b {<<: ["
+            + ", ".join(["*a"] * 99)
+            + "]}\nc: &c {<<: ["
+            + ", ".join(["*b"] * 99)
+            + "]}\nd: {<<: ["
+            + ", ".join(["*c"] * 99)
+            + "]}",
+            "aliases expanded",
+        ),
+    ],
+)
 def test_hostile_yaml(tmp_path, text, words):
     (tmp_path / "a.yaml").write_text(text)
     with pytest.raises(DataError, match=rf"a\.yaml.*{words}") as caught:

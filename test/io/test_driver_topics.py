@@ -1,4 +1,5 @@
 """The file of `panoptic run --topics`."""
+
 import pytest
 
 from panoptic_ros.errors import DataError

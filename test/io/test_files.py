@@ -1,4 +1,5 @@
 """Files are written whole or not at all, and errors name them."""
+
 import gzip
 
 import pytest

@@ -1,4 +1,5 @@
 """Streams of frames are whole up to their last sync, whatever cuts them."""
+
 import gzip
 import json
 import os

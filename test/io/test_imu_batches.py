@@ -1,4 +1,5 @@
 """Samples of IMUs that come several to a stamp are spread by their rate, and told in one line."""
+
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,4 +1,5 @@
 """Requests to end interrupt, or are told, and are not heard twice while a program tidies up."""
+
 import os
 import signal
 import sys

@@ -1,4 +1,5 @@
 """Files of where a detector sees joints."""
+
 import pytest
 
 from panoptic_ros.domain.segments import JointOffset

@@ -1,4 +1,5 @@
 """A full disk is told."""
+
 import errno
 
 import pytest

@@ -1,4 +1,5 @@
 """Every reader of JSON, YAML and TOML names a key that it does not know, with the nearest known one."""
+
 from __future__ import annotations
 
 import json
@@ -21,13 +22,22 @@ from panoptic_ros.running.benches.damage.formats import FORMATS
 
 # Tables whose keys are names that the user or the data choose, by reader: place, as a pattern.
 NAMES = {
-    "rig of aniposelib": "", "rig of caliscope": "|cameras", "poses.yaml": "poses",
-    "detections.json": r"frames\.views", "annotation": "frames", "subject.json": "segments|keypoints",
-    "parameters": "", "skeleton": "joints|mean_of", "segments": "segments|keypoints",
-    "topics": "", "bias table": "offsets", "joint offsets": "offsets", "sound.yaml": "",
+    "rig of aniposelib": "",
+    "rig of caliscope": "|cameras",
+    "poses.yaml": "poses",
+    "detections.json": r"frames\.views",
+    "annotation": "frames",
+    "subject.json": "segments|keypoints",
+    "parameters": "",
+    "skeleton": "joints|mean_of",
+    "segments": "segments|keypoints",
+    "topics": "",
+    "bias table": "offsets",
+    "joint offsets": "offsets",
+    "sound.yaml": "",
     "model card": r"fetch\.mean_outputs|output",
     "synctables": r"kinect\.color|kinect\.depth",
-}  # fmt: skip
+}
 # Readers that do not take every key of a table, as other programs write more: only misspelt ones are told.
 LOOSE = ("rig of a pack", "annotation", "synctables", "rig of caliscope")
 # Readers that say what a file must be where one of its needed keys is not there.
@@ -37,26 +47,45 @@ SUFFIXES = (".json", ".yaml", ".toml")
 # Modules that parse a document for others, or one that this package wrote itself for itself.
 OTHER_MODULES = {
     "io.documents": "parses for all others",
-    "io.frame_stream": "parses for plain_formats and body_files", "io.rigs.document": "parses for registry",
+    "io.frame_stream": "parses for plain_formats and body_files",
+    "io.rigs.document": "parses for registry",
     "running.takes": "hands on what frame_stream reads",
-    "io.bag_metadata": "metadata.yaml, which rosbag2 writes", "io.motion_files": "an installed table",
-    "io.models.tfjs": "a network of TensorFlow.js", "io.takes": "marks of takes, of our own",
-    "running.viewer.recordings": "report.json of our own", "running.runs.result_folder": "the same",
+    "io.bag_metadata": "metadata.yaml, which rosbag2 writes",
+    "io.motion_files": "an installed table",
+    "io.models.tfjs": "a network of TensorFlow.js",
+    "io.takes": "marks of takes, of our own",
+    "running.viewer.recordings": "report.json of our own",
+    "running.runs.result_folder": "the same",
     "running.joint_offsets": "tells bodies from skeletons, which others read",
-    "running.runs.over_dds": "launch.json of our own", "running.processes.fork_server": "the same",
-    "running.kinematics": "a value of --set", "nodes.main": "launch.json of our own",
-    "view.page.clients": "what a page says", "view.page.server": "the same",
+    "running.runs.over_dds": "launch.json of our own",
+    "running.processes.fork_server": "the same",
+    "running.kinematics": "a value of --set",
+    "nodes.main": "launch.json of our own",
+    "view.page.clients": "what a page says",
+    "view.page.server": "the same",
     "state.envelope": "states of stages",
-}  # fmt: skip
+}
 TELLING = {
-    "io.biases", "io.body_files", "io.body_models", "io.clock_offsets", "io.compared_skeletons",
-    "io.joint_offsets", "io.kinematic_files", "io.occluders.document", "io.plain_formats",
-    "io.rigs.camera_info", "io.skeletons", "io.synctables",
-}  # fmt: skip
+    "io.biases",
+    "io.body_files",
+    "io.body_models",
+    "io.clock_offsets",
+    "io.compared_skeletons",
+    "io.joint_offsets",
+    "io.kinematic_files",
+    "io.occluders.document",
+    "io.plain_formats",
+    "io.rigs.camera_info",
+    "io.skeletons",
+    "io.synctables",
+}
 REFUSING = {
-    "capture.sound.folder", "io.driver_topics", "io.models.cards", "running.plans.parameters",
+    "capture.sound.folder",
+    "io.driver_topics",
+    "io.models.cards",
+    "running.plans.parameters",
     "running.plans.presets",
-}  # fmt: skip
+}
 
 
 def told(read: Callable[[Path], object], path: Path) -> list[str]:
@@ -163,8 +192,9 @@ def test_every_module_that_parses_documents_is_known_here() -> None:
     pattern = re.compile(r"\b(read_json|read_yaml|read_frames|parse_json|parse_toml|json\.loads)\b(?=\(|\))")
     found = {
         ".".join(path.relative_to(root).with_suffix("").parts)
-        for path in root.rglob("*.py") if pattern.search(path.read_text())
-    }  # fmt: skip
+        for path in root.rglob("*.py")
+        if pattern.search(path.read_text())
+    }
     found = {name for name in found if not name.startswith(("running.benches.", "bench."))}
     assert found == {*OTHER_MODULES, *TELLING, *REFUSING}
     for name in TELLING:
@@ -190,21 +220,29 @@ KNOWN = keys(
     [
         ({"name": 1, "parts": [{"offset": 1}], "by_name": {"x": {"start": 1}}, "notes": {"who": 1}}, []),
         ({"Name": 1}, ["the key 'Name' is not known and not used; the nearest known one is 'name'"]),
-        ({"zzz": 1},
-         ["the key 'zzz' is not known and not used; known are name, size, parts, by_name, notes"]),
-        ({"parts": [{"ofset": 1}] * 3},
-         ["parts: the key 'ofset' (3 times) is not known and not used; the nearest known one is 'offset'"]),
+        (
+            {"zzz": 1},
+            ["the key 'zzz' is not known and not used; known are name, size, parts, by_name, notes"],
+        ),
+        (
+            {"parts": [{"ofset": 1}] * 3},
+            ["parts: the key 'ofset' (3 times) is not known and not used; the nearest known one is 'offset'"],
+        ),
         ({"mount": 1}, ["the key 'mount' is not known and not used; it belongs in parts"]),
-        ({"by_name": {"x": {"ends": 1}}},
-         ["by_name.*: the key 'ends' is not known and not used; the nearest known one is 'end'"]),
-        ({"notes": {"dates": 1}},
-         ["notes: the key 'dates' is not known and not used; the nearest known one is 'date'"]),
+        (
+            {"by_name": {"x": {"ends": 1}}},
+            ["by_name.*: the key 'ends' is not known and not used; the nearest known one is 'end'"],
+        ),
+        (
+            {"notes": {"dates": 1}},
+            ["notes: the key 'dates' is not known and not used; the nearest known one is 'date'"],
+        ),
         ({"notes": {"dates": 1, "date": 2}}, []),
         ({"parts": 5, "by_name": [1], "notes": None}, []),
         ([1, 2], []),
         ("text", []),
     ],
-)  # fmt: skip
+)
 def test_what_is_told(document: Any, lines: list[str]) -> None:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

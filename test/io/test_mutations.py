@@ -1,4 +1,5 @@
 """Readers refuse damaged files with errors of the family: 200 fixed mutations of a sample of every format."""
+
 import itertools
 
 import pytest

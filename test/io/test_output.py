@@ -1,4 +1,5 @@
 """A dead terminal, a pipe without a reader and a full disk end the printing, and nothing else."""
+
 import os
 import sys
 

@@ -1,4 +1,5 @@
 """Sizes of pictures from their headers are those that they are decoded to."""
+
 import cv2
 import numpy as np
 import pytest

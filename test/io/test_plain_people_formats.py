@@ -1,4 +1,5 @@
 """2D people of other programs are named with a remedy, and the program in the docs makes them ours."""
+
 from __future__ import annotations
 
 import json

@@ -1,4 +1,5 @@
 """Previews are small, true to their images, and ten a second."""
+
 import cv2
 import numpy as np
 import pytest
@@ -15,9 +16,15 @@ def decoded(preview):
 
 @pytest.mark.parametrize(
     ("size", "small"),
-    [((1920, 1080), (320, 180)), ((1080, 1920), (180, 320)), ((640, 480), (320, 240)),
-     ((200, 100), (200, 100)), ((4096, 3000), (320, 234)), ((3, 1), (3, 1))],
-)  # fmt: skip
+    [
+        ((1920, 1080), (320, 180)),
+        ((1080, 1920), (180, 320)),
+        ((640, 480), (320, 240)),
+        ((200, 100), (200, 100)),
+        ((4096, 3000), (320, 234)),
+        ((3, 1), (3, 1)),
+    ],
+)
 def test_sizes(size, small):
     image = np.zeros((size[1], size[0], 3), np.uint8)
     assert decoded(make_preview(ViewFrame("a", 1, 0, image))).shape[1::-1] == small

@@ -1,4 +1,5 @@
 """Skeletons written one by one are the same file as those written at once."""
+
 import pytest
 from stage_cases import cases
 

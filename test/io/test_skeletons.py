@@ -1,4 +1,5 @@
 """Skeleton files: what is installed, how detectors map onto it, and mistakes in a user's own."""
+
 import pytest
 import yaml
 
@@ -13,11 +14,14 @@ from panoptic_ros.io.skeletons import (
 )
 
 SMALL = {
-    "name": "small", "root": "hip", "head": "top",
+    "name": "small",
+    "root": "hip",
+    "head": "top",
     "joints": {"hip": "mid_hip", "top": "nose", "l": "left_hip", "r": "right_hip"},
     "bones": [["hip", "top"], ["hip", "l"], ["hip", "r"]],
-    "left_right": [["l", "r"]], "mean_of": {"hip": ["l", "r"]},
-}  # fmt: skip
+    "left_right": [["l", "r"]],
+    "mean_of": {"hip": ["l", "r"]},
+}
 
 
 def test_installed_skeletons_are_whole_and_have_sides():

@@ -1,4 +1,5 @@
 """Tables of stamps: this project's and caliscope's, by one reader."""
+
 import pytest
 
 from panoptic_ros.errors import DataError

@@ -1,4 +1,5 @@
 """Points of the surface in a capture folder."""
+
 import numpy as np
 import pytest
 
@@ -7,10 +8,17 @@ from panoptic_ros.io.surface_truth import part_of_bone, read_surface
 
 @pytest.mark.parametrize(
     ("bone", "part"),
-    [("upperarm02.R", "r elbow"), ("finger3-2.L", "l wrist"), ("toe1-2.R", "r ankle"),
-     ("upperleg01.L", "l knee"), ("shoulder01.R", "torso"), ("spine03", "torso"),
-     ("neck01", ""), ("oculi01.L", "head")],
-)  # fmt: skip
+    [
+        ("upperarm02.R", "r elbow"),
+        ("finger3-2.L", "l wrist"),
+        ("toe1-2.R", "r ankle"),
+        ("upperleg01.L", "l knee"),
+        ("shoulder01.R", "torso"),
+        ("spine03", "torso"),
+        ("neck01", ""),
+        ("oculi01.L", "head"),
+    ],
+)
 def test_bones_are_parts_of_ours(bone, part):
     assert part_of_bone(bone) == part
 

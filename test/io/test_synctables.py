@@ -1,4 +1,5 @@
 """Sync tables of Panoptic Studio: made here in the same form, with a Kinect whose color is 6.25 ms late."""
+
 import json
 import os
 from pathlib import Path
@@ -53,9 +54,12 @@ def test_kinect_frames_of_an_hd_frame_and_holes(tables):
 def test_what_is_no_table_is_told(tmp_path):
     bad = tmp_path / "x.json"
     for document, match in (
-        ({}, "no sync table"), ({"hd": {"univ_time": ["a"]}}, "hd.univ_time"), ([1], "no sync table"),
-        ({"hd": {"univ_time": [1.0], "index": [1, 2]}}, "2 indices"), ({"hd": 3}, "hd.univ_time"),
-    ):  # fmt: skip
+        ({}, "no sync table"),
+        ({"hd": {"univ_time": ["a"]}}, "hd.univ_time"),
+        ([1], "no sync table"),
+        ({"hd": {"univ_time": [1.0], "index": [1, 2]}}, "2 indices"),
+        ({"hd": 3}, "hd.univ_time"),
+    ):
         bad.write_text(json.dumps(document))
         with pytest.raises(DataError, match=match):
             read_synctables(bad)

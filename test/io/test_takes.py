@@ -1,4 +1,5 @@
 """A take is marked open from its first second, and named until somebody closes or saves it."""
+
 import os
 import signal
 import subprocess

@@ -1,4 +1,5 @@
 """WAV files of several kinds, and what is none."""
+
 from __future__ import annotations
 
 import struct
@@ -19,9 +20,14 @@ TONE = np.sin(np.arange(4000) / 7.0) * 0.8
 
 @pytest.mark.parametrize(
     ("dtype", "scale", "offset", "within"),
-    [(np.uint8, 127, 128, 0.02), (np.int16, 32767, 0, 1e-4), (np.int32, 2**31 - 1, 0, 1e-6),
-     (np.float32, 1, 0, 1e-6), (np.float64, 1, 0, 1e-6)],
-)  # fmt: skip
+    [
+        (np.uint8, 127, 128, 0.02),
+        (np.int16, 32767, 0, 1e-4),
+        (np.int32, 2**31 - 1, 0, 1e-6),
+        (np.float32, 1, 0, 1e-6),
+        (np.float64, 1, 0, 1e-6),
+    ],
+)
 def test_all_sample_formats(tmp_path: Path, dtype: type, scale: int, offset: int, within: float) -> None:
     values = (TONE * scale + offset).round(0 if scale > 1 else 9).astype(dtype)
     wavfile.write(tmp_path / "a.wav", 22050, values)

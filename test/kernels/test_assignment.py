@@ -1,4 +1,5 @@
 """Against scipy, to the same pairs: costs with many ties, more rows or more columns."""
+
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment

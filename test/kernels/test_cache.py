@@ -1,4 +1,5 @@
 """Compiled code is never stale, and is shared by all copies of the same sources."""
+
 import os
 import shutil
 import subprocess
@@ -27,8 +28,7 @@ SAMPLE = {
         "@njit(cache=True)\ndef height(pair):\n    return pair.height\n"
     ),
     "pair.py": (
-        "from typing import NamedTuple\n"
-        "class Pair(NamedTuple):\n    height: float\n    width: float\n"
+        "from typing import NamedTuple\nclass Pair(NamedTuple):\n    height: float\n    width: float\n"
     ),
     "other.py": "TEXT = ''\n",
 }
@@ -81,13 +81,19 @@ def run(package: Path, program: str = PROGRAM) -> tuple[str, str]:
     """What a program prints with a package: its result, and which kernels it compiled."""
     kept = str(package.parent.parent / "kept")
     environment = {
-        **os.environ, "PYTHONPATH": str(package.parent), "NUMBA_CACHE_DIR": kept,
+        **os.environ,
+        "PYTHONPATH": str(package.parent),
+        "NUMBA_CACHE_DIR": kept,
         "PYTHONDONTWRITEBYTECODE": "1",  # Python's own files go by the time of a source, which a test keeps
-    }  # fmt: skip
+    }
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment,
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment,
         cwd=package.parent,
-    )  # fmt: skip
+    )
     result, compiled = done.stdout.splitlines()
     return result, compiled
 
@@ -180,8 +186,9 @@ def test_old_versions_are_removed_and_the_last_used_kept(tmp_path):
     os.utime(tmp_path / "voting.kernels.more-0", (0, 0))
     cache.remove_old(tmp_path / "voting.kernels-0")
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        *(f"voting.kernels-{age_days}" for age_days in range(cache.KEPT)), "voting.kernels.more-0",
-    ]  # fmt: skip
+        *(f"voting.kernels-{age_days}" for age_days in range(cache.KEPT)),
+        "voting.kernels.more-0",
+    ]
 
 
 def test_no_folder_of_today_is_removed(tmp_path):

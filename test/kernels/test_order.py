@@ -1,4 +1,5 @@
 """Against numpy, on random numbers with many equal ones."""
+
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,4 +1,5 @@
 """Kernels are compiled as wholes: this numba allows it, they compute and raise alike, parts keep no code."""
+
 import configparser
 import re
 import subprocess

@@ -1,4 +1,5 @@
 """The closure of a module holds all that it imports, as Python's own parser sees it."""
+
 import ast
 from pathlib import Path
 

@@ -1,4 +1,5 @@
 """The record of solved bodies."""
+
 from dataclasses import replace
 
 import numpy as np

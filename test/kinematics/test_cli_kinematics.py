@@ -140,9 +140,18 @@ def test_devices_that_repeat_stamps_or_have_none_are_told_and_somebody_who_never
     document["devices"] = [row for row in document["devices"] if row["device"] != "imu07"]
     document["keypoints"]["rnee"] = document["keypoints"]["rKnee"]
     (tmp_path / "subject.json").write_text(json.dumps(document))
-    words = ["--rig", capture / "rig.json", "--detections", capture / "detections.json.gz",
-             "--imu", tmp_path / "imu.csv", "--subject", tmp_path / "subject.json",
-             "--out", tmp_path / "k.json"]  # fmt: skip
+    words = [
+        "--rig",
+        capture / "rig.json",
+        "--detections",
+        capture / "detections.json.gz",
+        "--imu",
+        tmp_path / "imu.csv",
+        "--subject",
+        tmp_path / "subject.json",
+        "--out",
+        tmp_path / "k.json",
+    ]
     assert main(["kinematics", *map(str, words), "--quiet", "--set", "clocks=false"]) == 0
     told = capsys.readouterr().err
     assert "no samples of imu05; bodies go on without" in told
@@ -220,9 +229,18 @@ def test_another_skeleton_is_solved_and_exported(capture, tmp_path, capsys):
     subject["segments"] = {name: row for name, row in subject["segments"].items() if name not in toes}
     subject["keypoints"] = {n: row for n, row in subject["keypoints"].items() if row["segment"] not in toes}
     (tmp_path / "subject.json").write_text(json.dumps(subject))
-    words = ["--rig", capture / "rig.json", "--detections", capture / "detections.json.gz",
-             "--subject", tmp_path / "subject.json", "--out", tmp_path / "k.json.gz",
-             "--set", f"segments={tmp_path / 'segments19.yaml'}"]  # fmt: skip
+    words = [
+        "--rig",
+        capture / "rig.json",
+        "--detections",
+        capture / "detections.json.gz",
+        "--subject",
+        tmp_path / "subject.json",
+        "--out",
+        tmp_path / "k.json.gz",
+        "--set",
+        f"segments={tmp_path / 'segments19.yaml'}",
+    ]
     assert main(["kinematics", *map(str, words), "--quiet"]) == 0
     names, found = read_bodies(tmp_path / "k.json.gz")
     kept = [MODEL.index(name) for name in names]

@@ -1,4 +1,5 @@
 """When instants are due."""
+
 import pytest
 
 from panoptic_ros.kinematics.people.seen_people import NEAR_NS

@@ -1,4 +1,5 @@
 """A small recorded bag, made once."""
+
 import captures
 import pytest
 from recordings import write_bag

@@ -1,4 +1,5 @@
 """Clocks in the graph: models to sync, time references and diagnostics from it, and other sound messages."""
+
 from types import SimpleNamespace
 
 import captures
@@ -72,8 +73,9 @@ def test_sync_takes_clock_models_and_tells_of_them(tester):
     spin_until(executor, lambda: len(sets) >= 3)
     item = from_message(sets[0], "DetectionSet")
     assert {view.stamp_ns for view in item.views} == {33_333_333} and item.stamp_ns == 33_333_333
-    models.publish(to_message(ClockModel(names[0], EPOCH, -EPOCH, 0.0, np.eye(2), 0.0, EPOCH, EPOCH + 5),
-                              ros_messages()))  # fmt: skip
+    models.publish(
+        to_message(ClockModel(names[0], EPOCH, -EPOCH, 0.0, np.eye(2), 0.0, EPOCH, EPOCH + 5), ros_messages())
+    )
     spin_until(executor, lambda: any(m.time_ref.sec == 0 for m in references[names[0]]))
     reference = references[names[0]][-1]
     assert reference.header.stamp.sec == 1_700_000_000 and reference.header.frame_id == names[0]

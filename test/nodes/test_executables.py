@@ -1,4 +1,5 @@
 """Every executable ends with exit code 0 on SIGINT and on SIGTERM, and says in one line what it lacks."""
+
 import signal
 import subprocess
 import sys

@@ -1,4 +1,5 @@
 """The graph over DDS gives the same bytes as the pipeline, and each bag the same bytes every time."""
+
 import gzip
 import json
 from dataclasses import replace
@@ -82,8 +83,9 @@ def test_limits_occluders_and_odd_names_reach_every_stage_without_one_camera(tmp
     rig = replace(rig, occluders=Occluders.box((1.5, 1.5, 2.0), np.eye(3), away))
     views = [
         replace(view, camera=names[view.camera], limit=near if view.camera == "cam1" else None)
-        for view in captures.views(12) if view.camera != "cam2"
-    ]  # fmt: skip
+        for view in captures.views(12)
+        if view.camera != "cam2"
+    ]
     bag = write_bag(tmp_path / "bag", views, rig)
     for out, more in (("dds", []), ("process", ["--in-process"])):
         assert main(["run", "--bag", str(bag), "--out", str(tmp_path / out), "--no-pictures", *more]) == 0

@@ -28,9 +28,10 @@ def start(executor, **parameters):
     """The node, publishers of the images of each camera and of tracks, and the detections that come."""
     rig = watching_rig()
     node = StageNode(
-        "detection", {"flow": "live", **SIZES, **parameters},
+        "detection",
+        {"flow": "live", **SIZES, **parameters},
         extras={"detection": lambda node, prefix, skeleton: watcher().extras},
-    )  # fmt: skip
+    )
     statics, tester = StaticsNode(rig, SKELETON), rclpy.create_node("tester")
     quality, found = data_quality(make_flow("live")), []
     image = message_class(TOPICS["image"].message)

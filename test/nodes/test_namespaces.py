@@ -1,4 +1,5 @@
 """Graphs in one domain do not hear each other: a node takes what comes in its namespace, and tells of it."""
+
 import captures
 import pytest
 from spinning import spin_until
@@ -43,8 +44,9 @@ def test_two_graphs_in_one_domain(lab):
     quality = data_quality(make_flow("live"))
     publishers = {
         (graph, name): tester.create_publisher(VIEW, f"/{graph}/{name}/detections", quality)
-        for graph in ("hall", "lab") for name in captures.RIG.names
-    }  # fmt: skip
+        for graph in ("hall", "lab")
+        for name in captures.RIG.names
+    }
     sets, told = {"hall": [], "lab": []}, []
     for graph, found in sets.items():
         tester.create_subscription(SET, f"/{graph}/detection_sets", found.append, 10)

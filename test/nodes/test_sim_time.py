@@ -1,4 +1,5 @@
 """Nodes on the time of a bag: people come at the bag's pace, and a dead camera is left out by its stamps."""
+
 import subprocess
 import sys
 import time
@@ -28,8 +29,9 @@ def test_a_live_graph_follows_the_clock_of_the_bag(executor, tmp_path, rate):
     period = max(1, round(rate)) / 30  # by the bag's clock: no more than 30 instants in a real second
     views = [
         replace(view, stamp_ns=round(1e9 * period * view.frame_number))
-        for view in captures.views(FRAMES) if view.camera != "cam3" or view.frame_number < DIES_AT
-    ]  # fmt: skip
+        for view in captures.views(FRAMES)
+        if view.camera != "cam3" or view.frame_number < DIES_AT
+    ]
     node = StageNode(AFTER_DETECTION, {"use_sim_time": True, "flow": "live"}, name="fusion")
     tester = rclpy.create_node("tester")
     seen = []

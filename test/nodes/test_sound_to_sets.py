@@ -1,4 +1,5 @@
 """From sound to sets through the nodes, while blocks are lost and nodes are started anew."""
+
 import captures
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
 """People whose joints move as told before cameras whose clocks are off by known amounts."""
+
 import numpy as np
 import pytest
 
@@ -47,19 +48,33 @@ class Capture:
             points = np.where(usable[..., None], points, np.nan)
             views.append(
                 ViewDetections(
-                    camera.name, int(tick), index, camera.image_size, SKELETON.hash, points, scores,
+                    camera.name,
+                    int(tick),
+                    index,
+                    camera.image_size,
+                    SKELETON.hash,
+                    points,
+                    scores,
                     np.full(2, 0.8),
                 )
-            )  # fmt: skip
+            )
         return DetectionSet(index, int(tick), SKELETON.hash, tuple(views))
 
     def _poses(self, index, tick):
         positions = self.joints(1e-9 * (tick - START))
         ones = np.ones(positions.shape[:2])
         return TrackedPoseSet(
-            index, int(tick), SKELETON.hash, positions, np.tile(1e-4 * np.eye(3), (*ones.shape, 1, 1)), ones,
-            5 * ones, JointState.MEASURED * ones, np.ones(2), ids=np.array([4, 9]),
-        )  # fmt: skip
+            index,
+            int(tick),
+            SKELETON.hash,
+            positions,
+            np.tile(1e-4 * np.eye(3), (*ones.shape, 1, 1)),
+            ones,
+            5 * ones,
+            JointState.MEASURED * ones,
+            np.ones(2),
+            ids=np.array([4, 9]),
+        )
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,5 @@
 """Banded kernels against dense algebra."""
+
 import numpy as np
 import pytest
 

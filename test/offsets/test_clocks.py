@@ -1,4 +1,5 @@
 """Clocks that are found of stamps which others corrected before."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +12,12 @@ NAMES = ("a", "b", "c")
 def clocks(reference, offsets, drifts, known, deviation):
     empty = CameraClocks.unknown(NAMES, reference)
     return replace(
-        empty, offsets=np.array(offsets), drifts=np.array(drifts), known=np.array(known),
+        empty,
+        offsets=np.array(offsets),
+        drifts=np.array(drifts),
+        known=np.array(known),
         covariance=np.diag(np.repeat([deviation**2, 1e-12], 3)),
-    )  # fmt: skip
+    )
 
 
 def test_one_after_the_other_moves_stamps_as_both_do():
@@ -38,9 +42,12 @@ def test_offsets_are_stated_where_a_clock_was_recorded_not_at_a_far_reference():
     there = 1e-3**2 + 1e-8 * 50.0**2  # at the reference, 50 s on
     covariance[1, 1], covariance[1, 3], covariance[3, 1] = there, 50.0 * 1e-8, 50.0 * 1e-8
     clocks = replace(
-        CameraClocks.unknown(("a", "b"), 1_000 * 10**9), offsets=np.array([0.0, 50.0]),
-        drifts=np.array([0.0, 2e-5]), covariance=covariance, known=np.ones(2, bool),
-    )  # fmt: skip
+        CameraClocks.unknown(("a", "b"), 1_000 * 10**9),
+        offsets=np.array([0.0, 50.0]),
+        drifts=np.array([0.0, 2e-5]),
+        covariance=covariance,
+        known=np.ones(2, bool),
+    )
     stamps = np.array([1_000, 950]) * 10**9
     offsets, deviations = clocks.stated_at(stamps)
     assert np.allclose(offsets, [0.0, 49.999]) and np.allclose(deviations, [0.0, 1e-3])

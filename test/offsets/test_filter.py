@@ -1,4 +1,5 @@
 """Blocks of motion added up: more blocks know more, and clocks that jump are found anew."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """What is told about clocks while they are found."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +12,11 @@ NAMES = ("a", "b", "c")
 
 def clocks(known, offsets=(0.02, -0.02, 0.0)):
     return replace(
-        CameraClocks.unknown(NAMES, 0), offsets=np.array(offsets), known=np.array(known),
+        CameraClocks.unknown(NAMES, 0),
+        offsets=np.array(offsets),
+        known=np.array(known),
         covariance=np.diag([1e-7] * 3 + [1e-10] * 3),
-    )  # fmt: skip
+    )
 
 
 def told(notices):

@@ -1,4 +1,5 @@
 """Clocks of simulated captures."""
+
 from dataclasses import replace
 
 import numpy as np

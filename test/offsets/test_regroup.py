@@ -1,4 +1,5 @@
 """Frames grouped anew by corrected stamps."""
+
 import numpy as np
 
 from panoptic_ros.offsets import regroup

@@ -1,4 +1,5 @@
 """Clocks while the motion goes on."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -84,9 +85,10 @@ def test_a_camera_that_is_lost_keeps_its_clock(capture):
     for k in range(1, 40):
         stamp = int(capture.ticks[-1]) + k * SECOND
         nobody = replace(
-            capture.tracked[0], stamp_ns=stamp,
+            capture.tracked[0],
+            stamp_ns=stamp,
             **{name: getattr(capture.tracked[0], name)[:0] for name in PER_PERSON},
-        )  # fmt: skip
+        )
         later += stage.step(nobody).outputs
     for model in later:  # as long as they are known
         assert shift(model, stamp) == pytest.approx(shift(last[model.device], stamp), abs=5e-3)

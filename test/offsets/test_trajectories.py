@@ -1,4 +1,5 @@
 """The kernel against the same written with dense matrices."""
+
 import numpy as np
 from scipy.interpolate import BSpline
 

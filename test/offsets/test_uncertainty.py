@@ -1,4 +1,5 @@
 """The common shift, and biases of the detector."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """A copy of the checkout's own files, so that builds leave nothing behind in it."""
+
 from __future__ import annotations
 
 import shutil

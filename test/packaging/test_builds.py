@@ -1,4 +1,5 @@
 """What pip and colcon make of the checkout."""
+
 from __future__ import annotations
 
 import importlib.util
@@ -34,18 +35,30 @@ def _names(folder: Path) -> set[str]:
 
 def test_the_wheel_holds_modules_data_and_one_command(checkout: Path, tmp_path: Path) -> None:
     _run(
-        sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--no-index",
-        "--wheel-dir", str(tmp_path / "wheels"), str(checkout),
-        cwd=tmp_path, home=tmp_path,
-    )  # fmt: skip
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--no-deps",
+        "--no-build-isolation",
+        "--no-index",
+        "--wheel-dir",
+        str(tmp_path / "wheels"),
+        str(checkout),
+        cwd=tmp_path,
+        home=tmp_path,
+    )
     (wheel,) = (tmp_path / "wheels").glob("panoptic_ros-*.whl")
     assert wheel.name.endswith("-py3-none-any.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
         scripts = next(name for name in names if name.endswith("entry_points.txt"))
         assert archive.read(scripts).decode().split() == [
-            "[console_scripts]", "panoptic", "=", "panoptic_ros.cli.main:program"
-        ]  # fmt: skip
+            "[console_scripts]",
+            "panoptic",
+            "=",
+            "panoptic_ros.cli.main:program",
+        ]
     modules = {name for name in _names(checkout) if name.startswith("panoptic_ros/") and name.endswith(".py")}
     assert modules <= names
     page = {name for name in _names(checkout) if name.startswith("panoptic_ros/view/page/static/")}
@@ -75,10 +88,20 @@ def test_colcon_builds_executables_where_ros_looks_for_them(
     checkout: Path, tmp_path: Path, option: tuple[str, ...]
 ) -> None:
     _run(
-        str(COLCON), "build", *option, "--base-paths", ".", "--packages-select", "panoptic_ros",
-        "--build-base", str(tmp_path / "build"), "--install-base", str(tmp_path / "install"),
-        cwd=checkout, home=tmp_path,
-    )  # fmt: skip
+        str(COLCON),
+        "build",
+        *option,
+        "--base-paths",
+        ".",
+        "--packages-select",
+        "panoptic_ros",
+        "--build-base",
+        str(tmp_path / "build"),
+        "--install-base",
+        str(tmp_path / "install"),
+        cwd=checkout,
+        home=tmp_path,
+    )
     prefix = tmp_path / "install" / "panoptic_ros"
     programs = {path.name for path in (prefix / "lib" / "panoptic_ros").iterdir()}
     assert {"panoptic", "camera", "rig", "detection", "sync", "voting", "refinement"} <= programs

@@ -1,4 +1,5 @@
 """The examples in the documents do what they say."""
+
 import shutil
 import subprocess
 import sys
@@ -47,9 +48,17 @@ def test_the_subscriber_in_python_tells_distances(tmp_path):
     positions[1, :, 0] = 2.5
     shape = positions.shape[:2]
     people = RefinedPoseSet(
-        0, 5, captures.SKELETON.hash, positions, np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.ones(shape),
-        np.full(shape, 4), np.full(shape, JointState.MEASURED), np.ones(2), ids=np.array([1, 12]),
-    )  # fmt: skip
+        0,
+        5,
+        captures.SKELETON.hash,
+        positions,
+        np.broadcast_to(np.eye(3), (*shape, 3, 3)),
+        np.ones(shape),
+        np.full(shape, 4),
+        np.full(shape, JointState.MEASURED),
+        np.ones(2),
+        ids=np.array([1, 12]),
+    )
     rclpy.init(args=[])
     node = rclpy.create_node("tester")
     executor = rclpy.executors.SingleThreadedExecutor()
@@ -83,7 +92,18 @@ def test_the_subscriber_in_cpp_compiles_against_the_real_messages(tmp_path):
     include = Path(sys.prefix) / "include"
     folders = [tmp_path, include, *(path for path in include.iterdir() if path.is_dir())]
     done = subprocess.run(
-        ["g++", "-std=c++17", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", *(f"-I{p}" for p in folders),
-         EXAMPLES / "distance.cpp"], capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
+        [
+            "g++",
+            "-std=c++17",
+            "-fsyntax-only",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            *(f"-I{p}" for p in folders),
+            EXAMPLES / "distance.cpp",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert done.returncode == 0, done.stderr[-2000:]

@@ -1,4 +1,5 @@
 """The launch file, with stand-ins for the launch system, which is not among the ROS wheels."""
+
 from __future__ import annotations
 
 import ast
@@ -80,9 +81,10 @@ def _nodes(launch_file: dict[str, Any], **given: str) -> dict[str, dict[str, Any
 
 def test_it_imports_nothing_that_a_jazzy_workspace_lacks() -> None:
     modules = {
-        item.module.split(".")[0] for item in ast.walk(ast.parse(FILE.read_text()))
+        item.module.split(".")[0]
+        for item in ast.walk(ast.parse(FILE.read_text()))
         if isinstance(item, ast.ImportFrom) and item.module
-    }  # fmt: skip
+    }
     assert modules <= {"functools", "pathlib", "launch", "launch_ros", "panoptic_ros", "yaml"}
 
 
@@ -143,9 +145,7 @@ def test_a_capture_folder_is_replayed(launch_file: dict[str, Any], rig_file: Pat
 
 
 @pytest.mark.parametrize("text", ["true", "false"])
-def test_nodes_are_started_anew_if_asked_for(
-    launch_file: dict[str, Any], rig_file: Path, text: str
-) -> None:
+def test_nodes_are_started_anew_if_asked_for(launch_file: dict[str, Any], rig_file: Path, text: str) -> None:
     given = {**_defaults(launch_file), "rig": str(rig_file), "devices": "left=0 right=1", "respawn": text}
     started = launch_file["start_graph"](Context(**given))
     nodes = [item.options for item in started if type(item).__name__ == "Node"]

@@ -1,4 +1,5 @@
 """What setup.cfg, setup.py, package.xml and the build files of the messages say must agree."""
+
 from __future__ import annotations
 
 import ast

@@ -1,4 +1,5 @@
 """Several processes that test share the files out: no file is split between two of them."""
+
 import re
 import subprocess
 import sys

@@ -1,4 +1,5 @@
 """The script `run`, with a stand-in for Python that notes what it is asked to do."""
+
 from __future__ import annotations
 
 import os
@@ -14,9 +15,28 @@ import panoptic_ros
 
 ROOT = Path(panoptic_ros.__file__).resolve().parent.parent
 TOOLS = (
-    "bash", "cat", "dirname", "env", "find", "flock", "getconf", "grep", "head", "mkdir", "mktemp",
-    "readlink", "rm", "sed", "sha256sum", "sleep", "sort", "tail", "touch", "uname", "xargs",
-)  # fmt: skip
+    "bash",
+    "cat",
+    "dirname",
+    "env",
+    "find",
+    "flock",
+    "getconf",
+    "grep",
+    "head",
+    "mkdir",
+    "mktemp",
+    "readlink",
+    "rm",
+    "sed",
+    "sha256sum",
+    "sleep",
+    "sort",
+    "tail",
+    "touch",
+    "uname",
+    "xargs",
+)
 
 PYTHON = """#!/usr/bin/env bash
 # Stands for the system's Python and for the one in .venv/; the latter notes each call of pip.
@@ -72,10 +92,15 @@ class Machine:
     def start(self, *arguments: str, **variables: str) -> subprocess.Popen[str]:
         environment = {"PATH": str(self.programs), "HOME": str(self.checkout), "CALLS": str(self.calls)}
         return subprocess.Popen(
-            [str(self.checkout / "run"), *arguments], cwd=self.checkout.parent,
-            env={**environment, **variables}, start_new_session=True, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            [str(self.checkout / "run"), *arguments],
+            cwd=self.checkout.parent,
+            env={**environment, **variables},
+            start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
 
     def run(self, *arguments: str, **variables: str) -> tuple[int, str, list[str]]:
         """Exit code, standard output, lines of standard error."""
@@ -215,9 +240,11 @@ def test_other_environments_stay_outside(machine: Machine, tmp_path: Path) -> No
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "librcl.so").touch()
     code, _, errors = machine.run(
-        "setup", PYTHONPATH="/opt/ros/jazzy", _ROS_WHEELS_BOOTSTRAP_COMPLETE="1",
+        "setup",
+        PYTHONPATH="/opt/ros/jazzy",
+        _ROS_WHEELS_BOOTSTRAP_COMPLETE="1",
         LD_LIBRARY_PATH=f"{tmp_path / 'other'}:/usr/lib",
-    )  # fmt: skip
+    )
     assert code == 0, errors
     assert all("PYTHONPATH=unset GUARD=unset" in call for call in machine.pip_calls())
 
@@ -227,8 +254,9 @@ def test_demo_and_test_pass_arguments_and_exit_codes(machine: Machine) -> None:
     out = machine.checkout / "out" / "demo"
     assert code == 7, errors
     assert output.splitlines() == [
-        "panoptic models fetch", f"panoptic run --demo --out {out} --live-view a b"
-    ]  # fmt: skip
+        "panoptic models fetch",
+        f"panoptic run --demo --out {out} --live-view a b",
+    ]
     code, output, _ = machine.run("test", "-k", "some thing")
     assert code == 5
     side_by_side = "--numprocesses auto --maxprocesses 4"

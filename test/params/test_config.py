@@ -1,4 +1,5 @@
 """Parameters refuse what they should and survive every way out and back."""
+
 from dataclasses import dataclass
 
 import pytest
@@ -33,12 +34,18 @@ def test_what_nobody_says_when_to_change_is_for_experts():
 @pytest.mark.parametrize(
     ("name", "value", "told"),
     [
-        ("size_m", 2.0, "above 1.0 m"), ("size_m", 0.0, "below 0.01 m"), ("size_m", "x", "not a float"),
-        ("size_m", float("nan"), "not finite"), ("count", 1.5, "not a int"), ("count", True, "not a int"),
-        ("method", "best", "none of quick, exact"), ("on", 1, "not a bool"), ("names", "ab", "not a list"),
+        ("size_m", 2.0, "above 1.0 m"),
+        ("size_m", 0.0, "below 0.01 m"),
+        ("size_m", "x", "not a float"),
+        ("size_m", float("nan"), "not finite"),
+        ("count", 1.5, "not a int"),
+        ("count", True, "not a int"),
+        ("method", "best", "none of quick, exact"),
+        ("on", 1, "not a bool"),
+        ("names", "ab", "not a list"),
         ("names", [1], "not a str"),
     ],
-)  # fmt: skip
+)
 def test_bad_value_is_refused_by_name(name, value, told):
     with pytest.raises(ConfigError, match=f"Sample.{name}.*{told}"):
         load(Sample, {name: value})
@@ -63,9 +70,14 @@ def test_integers_serve_as_floats():
 @pytest.mark.parametrize(
     ("name", "text", "value"),
     [
-        ("size_m", "0.5", 0.5), ("on", "false", False), ("names", "a, b", ("a", "b")),
-        ("weights", "1,2.5", (1.0, 2.5)), ("names", "[a, b]", ("a", "b")), ("weights", "[]", ()),
-        ("names", '["mic=A,", "line=B,C"]', ("mic=A,", "line=B,C")), ("names", "['a,b']", ("a,b",)),
+        ("size_m", "0.5", 0.5),
+        ("on", "false", False),
+        ("names", "a, b", ("a", "b")),
+        ("weights", "1,2.5", (1.0, 2.5)),
+        ("names", "[a, b]", ("a", "b")),
+        ("weights", "[]", ()),
+        ("names", '["mic=A,", "line=B,C"]', ("mic=A,", "line=B,C")),
+        ("names", "['a,b']", ("a,b",)),
     ],
 )
 def test_text(name, text, value):

@@ -1,4 +1,5 @@
 """Numbers by name."""
+
 import pytest
 
 from panoptic_ros.errors import ConfigError

@@ -66,8 +66,9 @@ def run(items, context=CONTEXT):
 def test_a_joint_in_free_space_is_found_and_no_other():
     given, notices = run(with_depth(12, wrong=(6, 9)))
     assert {item.index: item.free.tolist() for item in given if len(item.free)} == {
-        6: [[7, WRIST]], 9: [[7, WRIST]]
-    }  # fmt: skip
+        6: [[7, WRIST]],
+        9: [[7, WRIST]],
+    }
     assert notices == []
 
 

@@ -1,4 +1,5 @@
 """How many points each view follows, where many views see a person."""
+
 from dataclasses import replace
 
 import captures
@@ -46,7 +47,8 @@ def test_views_that_look_elsewhere_take_no_share():
     here = ring(6)
     there = tuple(
         replace(
-            camera, name=f"far{camera.name}",
+            camera,
+            name=f"far{camera.name}",
             cam_from_world=replace(
                 camera.cam_from_world,
                 translation=camera.cam_from_world.translation
@@ -54,7 +56,7 @@ def test_views_that_look_elsewhere_take_no_share():
             ),
         )
         for camera in ring(6).cameras
-    )  # fmt: skip
+    )
     assert followed(Rig((*here.cameras, *there)), 6, first=6).all()
 
 

@@ -58,10 +58,13 @@ def test_a_third_of_tracks_that_are_wrong_changes_little():
     positions = captures.people(0.0)[1]
     after = patch_scene.turned(positions, ANGLE, SHIFT, about)
     errors = [
-        np.linalg.norm(moved_by(given[1].motions, row, positions[list(patch_scene.PARTS[part].joints)])
-                       - after[list(patch_scene.PARTS[part].joints)], axis=1).max()
+        np.linalg.norm(
+            moved_by(given[1].motions, row, positions[list(patch_scene.PARTS[part].joints)])
+            - after[list(patch_scene.PARTS[part].joints)],
+            axis=1,
+        ).max()
         for row, part in enumerate(given[1].motions.parts.tolist())
-    ]  # fmt: skip
+    ]
     assert np.median(errors) < 0.002 and max(errors) < 0.01
 
 

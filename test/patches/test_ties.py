@@ -1,4 +1,5 @@
 """Parts that hang together: a limb is corrected by the part that carries it."""
+
 import captures
 import numpy as np
 import patch_scene

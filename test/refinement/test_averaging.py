@@ -1,4 +1,5 @@
 """The paper's averaging against what it must do to exact motion."""
+
 import captures
 import numpy as np
 import pytest
@@ -21,9 +22,15 @@ def shifts(count, step=STEP):
     """Every part is measured to move so, from the second instant on."""
     number, nothing = len(PARTS), np.zeros((len(PARTS), 3))
     motions = PartMotions(
-        np.full(number, 7), np.arange(number), nothing, nothing, np.tile(step, (number, 1)),
-        np.tile(np.eye(6), (number, 1, 1)), np.full(number, 9), np.ones(number),
-    )  # fmt: skip
+        np.full(number, 7),
+        np.arange(number),
+        nothing,
+        nothing,
+        np.tile(step, (number, 1)),
+        np.tile(np.eye(6), (number, 1, 1)),
+        np.full(number, 9),
+        np.ones(number),
+    )
     return [None] + [motions] * (count - 1)
 
 
@@ -46,6 +53,8 @@ def test_what_no_motion_reaches_stays_missing_and_noise_is_averaged():
     found, rounds = averaged(noisy, lambda joints: shifts(30), captures.SKELETON)
     assert rounds == 1 and all(np.isnan(own[7][WRIST]).all() for own in found)
     elbow = WRIST - 1
-    errors = [[np.linalg.norm(own[7][elbow] - true[7][elbow]) for own, true in zip(all_of, truth)]
-              for all_of in (noisy, found)]  # fmt: skip
+    errors = [
+        [np.linalg.norm(own[7][elbow] - true[7][elbow]) for own, true in zip(all_of, truth)]
+        for all_of in (noisy, found)
+    ]
     assert np.mean(errors[1][1:-1]) < 0.7 * np.mean(errors[0][1:-1])

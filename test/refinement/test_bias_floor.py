@@ -1,4 +1,5 @@
 """Biases are stated at the end, and nobody is lost before a gap."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -17,10 +18,17 @@ def tracked(index, time, ids=(4,)):
     positions = np.array([[[time, 0.0, 1.4], [time, 0.3, 1.4]]])[: len(ids)]
     shape = positions.shape[:2]
     return TrackedPoseSet(
-        index, round(1e9 * (1.0 + time)), MODEL.hash, positions,
-        np.tile(1e-4 * np.eye(3), (*shape, 1, 1)), np.ones(shape), np.full(shape, 3),
-        np.full(shape, JointState.MEASURED), np.ones(len(ids)), ids=np.array(ids, np.int64),
-    )  # fmt: skip
+        index,
+        round(1e9 * (1.0 + time)),
+        MODEL.hash,
+        positions,
+        np.tile(1e-4 * np.eye(3), (*shape, 1, 1)),
+        np.ones(shape),
+        np.full(shape, 3),
+        np.full(shape, JointState.MEASURED),
+        np.ones(len(ids)),
+        ids=np.array(ids, np.int64),
+    )
 
 
 def run(times, model=MODEL, **settings):
@@ -59,10 +67,13 @@ def covariance_of_elbow(times, lost=(), views=3, **settings):
             gone = np.array([[False, True]])
             states = np.where(gone, JointState.MISSING, item.states)
             item = replace(
-                item, positions=np.where(gone[..., None], np.nan, item.positions), states=states,
-                scores=np.where(gone, 0.0, item.scores), views=np.where(gone, 0, item.views),
+                item,
+                positions=np.where(gone[..., None], np.nan, item.positions),
+                states=states,
+                scores=np.where(gone, 0.0, item.scores),
+                views=np.where(gone, 0, item.views),
                 covariances=np.where(gone[..., None, None], np.nan, item.covariances),
-            )  # fmt: skip
+            )
         stage.step(item)
     return stage.flush().outputs[-1].covariances[0, 1]
 

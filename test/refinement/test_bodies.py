@@ -1,4 +1,5 @@
 """Skeletons that are mended by bodies whose truth is known."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -32,10 +33,25 @@ def seen_at(stamp_ns):
 def bodies(stamp_ns, devices, error=0.0):
     one = np.zeros((1, 1, 3))
     return BodyStateSet(
-        0, stamp_ns, stamp_ns, "hash", ("hips",), [-1], [7], [2], [2], [devices], one, np.zeros((1, 6)), one,
-        to_quaternions(hips_at(stamp_ns)[None])[None], np.zeros((1, 1, 6)), np.zeros((1, 1, 6, 6)),
-        joints_at(stamp_ns)[None] + error, np.tile(1e-4 * np.eye(3), (1, 3, 1, 1)),
-    )  # fmt: skip
+        0,
+        stamp_ns,
+        stamp_ns,
+        "hash",
+        ("hips",),
+        [-1],
+        [7],
+        [2],
+        [2],
+        [devices],
+        one,
+        np.zeros((1, 6)),
+        one,
+        to_quaternions(hips_at(stamp_ns)[None])[None],
+        np.zeros((1, 1, 6)),
+        np.zeros((1, 1, 6, 6)),
+        joints_at(stamp_ns)[None] + error,
+        np.tile(1e-4 * np.eye(3), (1, 3, 1, 1)),
+    )
 
 
 NO_BIASES = np.zeros((3, 3, 3))
@@ -45,9 +61,10 @@ def judged(stamp_ns, error, states, sigma=0.03):
     there = np.array(states)[:, None] != JointState.MISSING
     return Judged(
         np.where(there, seen_at(stamp_ns) + error, np.nan)[None],
-        np.where(there[..., None], sigma**2 * np.eye(3), np.nan)[None], 0.8 * there[None, :, 0],
+        np.where(there[..., None], sigma**2 * np.eye(3), np.nan)[None],
+        0.8 * there[None, :, 0],
         np.array([states], np.uint8),
-    )  # fmt: skip
+    )
 
 
 def taught(devices, looks=40):

@@ -1,4 +1,5 @@
 """The compiled loops over bones against numpy."""
+
 import numpy as np
 
 from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
@@ -103,11 +104,20 @@ def test_errors_that_last_are_taken_off_bones_and_stay_in_covariances():
         for index in range(200):
             off = 0.02 * np.sin(2.0 * np.pi * index / 50)  # of the elbow along the bone, for a second
             positions = np.array([[[0.0, 0.0, 1.4], [0.0, 0.3 + off, 1.4]]])
-            outputs += stage.step(TrackedPoseSet(
-                index, SECOND + index * SECOND // 50, model.hash, positions,
-                np.tile(4e-4 * np.eye(3), (1, 2, 1, 1)), np.ones((1, 2)), np.full((1, 2), 4),
-                np.full((1, 2), JointState.MEASURED), np.ones(1), ids=np.array([4]),
-            )).outputs  # fmt: skip
+            outputs += stage.step(
+                TrackedPoseSet(
+                    index,
+                    SECOND + index * SECOND // 50,
+                    model.hash,
+                    positions,
+                    np.tile(4e-4 * np.eye(3), (1, 2, 1, 1)),
+                    np.ones((1, 2)),
+                    np.full((1, 2), 4),
+                    np.full((1, 2), JointState.MEASURED),
+                    np.ones(1),
+                    ids=np.array([4]),
+                )
+            ).outputs
         lengths = [np.linalg.norm(item.positions[0, 1] - item.positions[0, 0]) for item in outputs[100:]]
         found[share] = np.std(lengths), np.trace(outputs[-1].covariances[0, 1])
     assert found[0.5][0] < 0.6 * found[0.0][0]

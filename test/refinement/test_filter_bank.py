@@ -1,4 +1,5 @@
 """Everybody's filters at once are as everybody's alone."""
+
 import numpy as np
 import pytest
 
@@ -35,10 +36,18 @@ def tracked(numbers, frame, moving):
     shift = TimeShift(0.01 * eyes, 0.5 * speeds, speeds, 3.0 * eyes) if moving else None
     covariances = np.where(known[..., None, None], 1e-4 * np.eye(3), np.nan)
     return TrackedPoseSet(
-        frame, 10**9 + frame * 33_333_333, MODEL.hash, positions, covariances, 0.8 * known, 3 * known,
-        np.where(known, JointState.MEASURED, JointState.MISSING), np.full(len(ids), 0.9), time_shift=shift,
+        frame,
+        10**9 + frame * 33_333_333,
+        MODEL.hash,
+        positions,
+        covariances,
+        0.8 * known,
+        3 * known,
+        np.where(known, JointState.MEASURED, JointState.MISSING),
+        np.full(len(ids), 0.9),
+        time_shift=shift,
         ids=ids,
-    )  # fmt: skip
+    )
 
 
 def refined(numbers, moving, lag):

@@ -1,4 +1,5 @@
 """What is measured, and what of the rest is told."""
+
 import numpy as np
 import pytest
 
@@ -46,9 +47,7 @@ def test_gaps_that_are_long_or_uncertain_are_missing(change, state):
     measured.scores[0], measured.noises[0, 0] = 0.8, case["noise"] ** 2 * np.eye(3)
     motion = Motion(np.ones((1, 1, 6)), 0.25 * case["sigma"] ** 2 * np.eye(6)[None, None])
     motion.states[...] = 1.0 if case["known"] else np.nan
-    judged = Judged(
-        np.empty((1, 1, 3)), np.empty((1, 1, 3, 3)), np.empty((1, 1)), np.empty((1, 1), np.uint8)
-    )
+    judged = Judged(np.empty((1, 1, 3)), np.empty((1, 1, 3, 3)), np.empty((1, 1)), np.empty((1, 1), np.uint8))
     judge(motion, measured, np.array([[case["again"]]]), np.array([4.0]), np.ones((1, 1)), LIMITS, judged)
     assert judged.states[0, 0] == state
     if state == JointState.MISSING:

@@ -1,4 +1,5 @@
 """Filter and smoother against least squares over the whole sequence."""
+
 import numpy as np
 import pytest
 from gaussians import conditioned, positive
@@ -148,9 +149,13 @@ def one(array):
 def scene(seed):
     rng = np.random.default_rng(seed)
     return (
-        rng, rng.standard_normal(6), positive(rng, 6, 0.3), rng.standard_normal(3), positive(rng, 3, 0.1),
+        rng,
+        rng.standard_normal(6),
+        positive(rng, 6, 0.3),
+        rng.standard_normal(3),
+        positive(rng, 3, 0.1),
         0.02 * rng.standard_normal((3, 3)),
-    )  # fmt: skip
+    )
 
 
 def test_a_position_in_motion_is_one_measurement():

@@ -1,4 +1,5 @@
 """The meaning of the lag, by stamps alone."""
+
 from types import SimpleNamespace
 
 import numpy as np

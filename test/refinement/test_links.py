@@ -56,10 +56,15 @@ def motions(rng, parts, people=(7,)):
     keys = [(person, part) for person in people for part in parts]
     count = len(keys)
     return PartMotions(
-        [key[0] for key in keys], [key[1] for key in keys], rng.normal(size=(count, 3)),
-        0.3 * rng.normal(size=(count, 3)), 0.02 * rng.normal(size=(count, 3)),
-        np.array([spread(rng, 6, 1e-6) for _ in keys]), np.full(count, 20), np.ones(count),
-    )  # fmt: skip
+        [key[0] for key in keys],
+        [key[1] for key in keys],
+        rng.normal(size=(count, 3)),
+        0.3 * rng.normal(size=(count, 3)),
+        0.02 * rng.normal(size=(count, 3)),
+        np.array([spread(rng, 6, 1e-6) for _ in keys]),
+        np.full(count, 20),
+        np.ones(count),
+    )
 
 
 def test_joints_of_one_part_move_as_it_says():
@@ -124,8 +129,11 @@ def test_differences_of_measurements_are_averaged_with_links_by_their_informatio
 
 
 def refined(items, lag):
-    stage = make_stage("refinement", configure({"refinement": {"lag": lag, "bone_sigma": 0.0}})["refinement"],
-                       captures.CONTEXT)  # fmt: skip
+    stage = make_stage(
+        "refinement",
+        configure({"refinement": {"lag": lag, "bone_sigma": 0.0}})["refinement"],
+        captures.CONTEXT,
+    )
     return [output for item in items for output in stage.step(item).outputs] + list(stage.flush().outputs)
 
 
@@ -165,8 +173,10 @@ def test_a_joint_that_began_at_a_wrong_place_is_not_carried_on_against_all_views
             positions[0, wrist] += (0.5, 0.3, -0.6)
             item = replace(item, positions=positions)
         items.append(item)
-    errors = [np.linalg.norm(item.positions[0, wrist] - truth[k, wrist])
-              for k, item in enumerate(refined(items, 0.0))]  # fmt: skip
+    errors = [
+        np.linalg.norm(item.positions[0, wrist] - truth[k, wrist])
+        for k, item in enumerate(refined(items, 0.0))
+    ]
     assert min(errors[:6]) > 0.5
     assert max(errors[16:]) < 0.03
 

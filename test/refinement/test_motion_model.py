@@ -1,4 +1,5 @@
 """Transitions against integration in small steps, and what they become at the ends of their range."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """People come and go in all arrays at once."""
+
 import numpy as np
 
 from panoptic_ros.domain.of_all import joined, of_all, selected

@@ -86,9 +86,15 @@ def test_places_move_with_the_torso_as_it_does():
     rng = np.random.default_rng(4)
     turn, centre, shift = 0.3 * rng.normal(size=3), rng.normal(size=3), rng.normal(size=3)
     motions = PartMotions(
-        [7, 7], [LIMBS.torso, LIMBS.torso + 2], np.stack([centre, centre]), np.stack([turn, turn + 1.0]),
-        np.stack([shift, shift + 1.0]), np.tile(np.eye(6), (2, 1, 1)), np.full(2, 9), np.ones(2),
-    )  # fmt: skip
+        [7, 7],
+        [LIMBS.torso, LIMBS.torso + 2],
+        np.stack([centre, centre]),
+        np.stack([turn, turn + 1.0]),
+        np.stack([shift, shift + 1.0]),
+        np.tile(np.eye(6), (2, 1, 1)),
+        np.full(2, 9),
+        np.ones(2),
+    )
     places, rotation = rng.normal(size=(2, JOINTS, 3)), np.empty((3, 3))
     rotation_of(turn, rotation)
     moved = with_torso(motions, LIMBS.torso, [5, 7], places)

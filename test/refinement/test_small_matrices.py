@@ -1,4 +1,5 @@
 """Factors of small matrices against numpy."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """Refinement of motions with exact truth."""
+
 import numpy as np
 import pytest
 
@@ -24,11 +25,18 @@ def tracked(index, positions, rate=30.0, ids=(4,), **more):
     positions = np.array(positions, float).reshape(-1, 3, 3)
     there = np.isfinite(positions[..., 0])
     return TrackedPoseSet(
-        index, round(1e9 + index * 1e9 / rate), MODEL.hash, positions,
-        np.where(there[..., None, None], SIGMA**2 * np.eye(3), np.nan), 0.8 * there, 3 * there,
-        np.where(there, JointState.MEASURED, JointState.MISSING), np.full(len(positions), 0.8),
-        ids=np.array(ids[: len(positions)], np.int64), **more,
-    )  # fmt: skip
+        index,
+        round(1e9 + index * 1e9 / rate),
+        MODEL.hash,
+        positions,
+        np.where(there[..., None, None], SIGMA**2 * np.eye(3), np.nan),
+        0.8 * there,
+        3 * there,
+        np.where(there, JointState.MEASURED, JointState.MISSING),
+        np.full(len(positions), 0.8),
+        ids=np.array(ids[: len(positions)], np.int64),
+        **more,
+    )
 
 
 def run(sets, **settings):
@@ -92,9 +100,11 @@ class TestStampsOfTheirOwn:
             velocity = (truth(time + 1e-4) - truth(time - 1e-4)) / 2e-4
             seen = truth(time) + velocity @ self.delays + rng.normal(0, 0.2 * SIGMA, (3, 3))
             shift = TimeShift(
-                np.tile(self.delays, (1, 3, 1, 1)), np.zeros((1, 3, 3)), velocity[None],
+                np.tile(self.delays, (1, 3, 1, 1)),
+                np.zeros((1, 3, 3)),
+                velocity[None],
                 np.tile(0.1 * np.eye(3), (1, 3, 1, 1)),
-            )  # fmt: skip
+            )
             stamp = round(1e9 + index * 1e9 / rate)
             more = {"time_shift": shift} if known else {}
             sets.append(tracked(index, seen, rate, newest_ns=stamp + self.newest, **more))

@@ -1,4 +1,5 @@
 """Velocities of new joints: motion where views show it, rest where they only disagree."""
+
 import numpy as np
 import pytest
 from gaussians import conditioned, positive
@@ -83,15 +84,24 @@ class TestSlowCameras:
         for index in range(8):
             _, velocities, information = seen(rng, 0.0, errors, (0.7, 1.5, 30.0))
             shift = TimeShift(
-                np.tile(0.4 * np.eye(3), (1, JOINTS, 1, 1)), np.zeros((1, JOINTS, 3)), velocities[None],
+                np.tile(0.4 * np.eye(3), (1, JOINTS, 1, 1)),
+                np.zeros((1, JOINTS, 3)),
+                velocities[None],
                 information[None],
-            )  # fmt: skip
+            )
             yield TrackedPoseSet(
-                index, 10**9 + index * 500_000_000, self.model.hash,
+                index,
+                10**9 + index * 500_000_000,
+                self.model.hash,
                 self.person + rng.normal(0.0, 0.01, (1, JOINTS, 3)),
-                np.tile(1e-4 * np.eye(3), (1, JOINTS, 1, 1)), ones, 3 * ones, ones, np.ones(1),
-                time_shift=shift, ids=[0],
-            )  # fmt: skip
+                np.tile(1e-4 * np.eye(3), (1, JOINTS, 1, 1)),
+                ones,
+                3 * ones,
+                ones,
+                np.ones(1),
+                time_shift=shift,
+                ids=[0],
+            )
 
     @pytest.mark.parametrize("errors", [1.0, 4.0])
     def test_who_stands_is_not_moved_by_what_views_disagree_about(self, errors):

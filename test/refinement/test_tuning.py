@@ -1,4 +1,5 @@
 """Learning from innovations: motions and noise of known strength."""
+
 import numpy as np
 import pytest
 
@@ -42,9 +43,17 @@ def refined(process, sigma=0.01, stated=None, lasting=0.0, count=150):
         noise = lasting * noise + fresh
         truth.append(places)
         item = TrackedPoseSet(
-            index, round(1e9 * index * dt), MODEL.hash, (places + noise)[None], covariances, ones, 4 * ones,
-            ones, np.ones(1), ids=[0],
-        )  # fmt: skip
+            index,
+            round(1e9 * index * dt),
+            MODEL.hash,
+            (places + noise)[None],
+            covariances,
+            ones,
+            4 * ones,
+            ones,
+            np.ones(1),
+            ids=[0],
+        )
         outputs += stage.step(item).outputs
     squares, errors = [], []
     for output in outputs[80:]:

@@ -74,31 +74,52 @@ def test_what_is_no_motion_is_told(tmp_path, capsys):
 
 
 BODY = {  # joint: parent and offset in cm, y up, in a T
-    "Hips": ("", (0, 95, 0)), "Chest": ("Hips", (0, 20, 0)), "Neck": ("Chest", (0, 32, 0)),
-    "Head": ("Neck", (0, 9, 1)), "LeftCollar": ("Chest", (3, 26, 0)),
-    "LeftShoulder": ("LeftCollar", (14, 0, 0)), "LeftElbow": ("LeftShoulder", (28, 0, 0)),
+    "Hips": ("", (0, 95, 0)),
+    "Chest": ("Hips", (0, 20, 0)),
+    "Neck": ("Chest", (0, 32, 0)),
+    "Head": ("Neck", (0, 9, 1)),
+    "LeftCollar": ("Chest", (3, 26, 0)),
+    "LeftShoulder": ("LeftCollar", (14, 0, 0)),
+    "LeftElbow": ("LeftShoulder", (28, 0, 0)),
     "LeftWrist": ("LeftElbow", (25, 0, 0)),
-    "RightCollar": ("Chest", (-3, 26, 0)), "RightShoulder": ("RightCollar", (-14, 0, 0)),
-    "RightElbow": ("RightShoulder", (-28, 0, 0)), "RightWrist": ("RightElbow", (-25, 0, 0)),
-    "LeftHip": ("Hips", (9, -8, 0)), "LeftKnee": ("LeftHip", (0, -41, 0)),
+    "RightCollar": ("Chest", (-3, 26, 0)),
+    "RightShoulder": ("RightCollar", (-14, 0, 0)),
+    "RightElbow": ("RightShoulder", (-28, 0, 0)),
+    "RightWrist": ("RightElbow", (-25, 0, 0)),
+    "LeftHip": ("Hips", (9, -8, 0)),
+    "LeftKnee": ("LeftHip", (0, -41, 0)),
     "LeftAnkle": ("LeftKnee", (0, -40, 0)),
-    "RightHip": ("Hips", (-9, -8, 0)), "RightKnee": ("RightHip", (0, -41, 0)),
+    "RightHip": ("Hips", (-9, -8, 0)),
+    "RightKnee": ("RightHip", (0, -41, 0)),
     "RightAnkle": ("RightKnee", (0, -40, 0)),
-}  # fmt: skip
+}
 MIXAMO = {
-    "Chest": "Spine", "LeftCollar": "LeftShoulder", "LeftShoulder": "LeftArm", "LeftElbow": "LeftForeArm",
-    "LeftWrist": "LeftHand", "LeftHip": "LeftUpLeg", "LeftKnee": "LeftLeg", "LeftAnkle": "LeftFoot",
-}  # fmt: skip
+    "Chest": "Spine",
+    "LeftCollar": "LeftShoulder",
+    "LeftShoulder": "LeftArm",
+    "LeftElbow": "LeftForeArm",
+    "LeftWrist": "LeftHand",
+    "LeftHip": "LeftUpLeg",
+    "LeftKnee": "LeftLeg",
+    "LeftAnkle": "LeftFoot",
+}
 MIXAMO |= {name.replace("Left", "Right"): other.replace("Left", "Right") for name, other in MIXAMO.items()}
 BIPED = {
-    "Hips": "Pelvis", "Chest": "Spine", "LeftCollar": "L Clavicle", "LeftShoulder": "L UpperArm",
-    "LeftElbow": "L Forearm", "LeftWrist": "L Hand", "LeftHip": "L Thigh", "LeftKnee": "L Calf",
+    "Hips": "Pelvis",
+    "Chest": "Spine",
+    "LeftCollar": "L Clavicle",
+    "LeftShoulder": "L UpperArm",
+    "LeftElbow": "L Forearm",
+    "LeftWrist": "L Hand",
+    "LeftHip": "L Thigh",
+    "LeftKnee": "L Calf",
     "LeftAnkle": "L Foot",
-}  # fmt: skip
+}
 BIPED |= {
     name.replace("Left", "Right"): other.replace("L ", "R ", 1)
-    for name, other in BIPED.items() if "Left" in name
-}  # fmt: skip
+    for name, other in BIPED.items()
+    if "Left" in name
+}
 SPELLINGS = {
     "Biovision": lambda name: name,
     "BIOVISION": str.upper,
@@ -108,9 +129,16 @@ SPELLINGS = {
     "biped": lambda name: "Bip01_" + BIPED.get(name, name).replace(" ", "_"),
 }
 SEGMENTS = {
-    "Hips": "hips", "Neck": "neck", "Head": "head", "LeftShoulder": "lUpperArm", "LeftElbow": "lForearm",
-    "LeftWrist": "lHand", "LeftHip": "lThigh", "LeftKnee": "lShin", "LeftAnkle": "lFoot",
-}  # fmt: skip
+    "Hips": "hips",
+    "Neck": "neck",
+    "Head": "head",
+    "LeftShoulder": "lUpperArm",
+    "LeftElbow": "lForearm",
+    "LeftWrist": "lHand",
+    "LeftHip": "lThigh",
+    "LeftKnee": "lShin",
+    "LeftAnkle": "lFoot",
+}
 SEGMENTS |= {
     name.replace("Left", "Right"): "r" + other[1:] for name, other in SEGMENTS.items() if "Left" in name
 }
@@ -122,8 +150,10 @@ def test_joints_are_known_however_they_are_spelt(kind):
     joints = np.tile(np.arange(len(names))[:, None], (2, 1, 3)).astype(float)  # the number of the joint
     sites = read_sites(MODEL)
     motion = named_plainly(JointMotion("a", names, joints, 30.0), sites)
-    found = {MODEL.names[sites[name].segment]: list(BODY)[int(k)]
-             for name, k in zip(motion.joint_names, motion.joints[0, :, 0])}  # fmt: skip
+    found = {
+        MODEL.names[sites[name].segment]: list(BODY)[int(k)]
+        for name, k in zip(motion.joint_names, motion.joints[0, :, 0])
+    }
     assert found == {segment: name for name, segment in SEGMENTS.items()}
 
 

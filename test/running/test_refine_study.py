@@ -1,4 +1,5 @@
 """The study of refinement from the command line."""
+
 from panoptic_ros.cli.main import main
 from panoptic_ros.running.studies.refine import study_lines
 
@@ -11,10 +12,24 @@ def test_a_capture_and_its_truth_are_asked_for(tmp_path, capsys):
 
 
 def test_the_table_has_a_line_for_every_row():
-    row = {"method": "smoother, patches", "lag_s": 0.12, "acceleration_error": 1.16, "mpjpe_mm": 25.5,
-           "offset_free_mm": 10.21, "offset_free_p95_mm": 24.7, "fast_mm": 12.0, "pck_10cm": 1.0}  # fmt: skip
-    motion = {"t_median_mm": 0.94, "t_p90_mm": 4.1, "t_available": 0.99, "free_true": 0.0,
-              "free_measured": 0.001, "free_outliers": 0.54}  # fmt: skip
+    row = {
+        "method": "smoother, patches",
+        "lag_s": 0.12,
+        "acceleration_error": 1.16,
+        "mpjpe_mm": 25.5,
+        "offset_free_mm": 10.21,
+        "offset_free_p95_mm": 24.7,
+        "fast_mm": 12.0,
+        "pck_10cm": 1.0,
+    }
+    motion = {
+        "t_median_mm": 0.94,
+        "t_p90_mm": 4.1,
+        "t_available": 0.99,
+        "free_true": 0.0,
+        "free_measured": 0.001,
+        "free_outliers": 0.54,
+    }
     result = {"capture": "social", "cameras": ["a", "b"], "rows": [row, row], "motions": {"depth": motion}}
     lines = study_lines(result)
     assert len(lines) == 6 and "10.21" in lines[3] and "2 cameras" in lines[0]

@@ -1,4 +1,5 @@
 """`panoptic simulate` and `panoptic evaluate` from the command line."""
+
 from __future__ import annotations
 
 import json

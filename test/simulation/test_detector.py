@@ -1,4 +1,5 @@
 """Each fault of the simulated detector, alone, does what it says."""
+
 from __future__ import annotations
 
 from dataclasses import replace

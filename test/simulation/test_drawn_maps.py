@@ -1,4 +1,5 @@
 """Maps drawn from 2D people: peaks where the joints are, as high as their scores."""
+
 import numpy as np
 
 from panoptic_ros.domain import ViewDetections
@@ -13,8 +14,9 @@ def view(points, scores):
 def test_maps_show_what_the_people_show():
     drawing = MapDrawing()
     points = [
-        [(100.0, 200.0), (np.nan, np.nan), (1919.0, 1079.0)], [(900.5, 20.0), (3.0, 3.0), (40.0, 900.0)],
-    ]  # fmt: skip
+        [(100.0, 200.0), (np.nan, np.nan), (1919.0, 1079.0)],
+        [(900.5, 20.0), (3.0, 3.0), (40.0, 900.0)],
+    ]
     scores = [[0.9, 0.0, 0.5], [0.4, 0.7, 0.6]]
     maps = draw_maps(view(points, scores), drawing)
     assert maps.grid_size == (128, 72) and len(maps.joints) == 5

@@ -1,4 +1,5 @@
 """Cameras chosen farthest first: nested, spread, in the order of the rig."""
+
 import numpy as np
 import pytest
 

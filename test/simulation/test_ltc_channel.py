@@ -1,4 +1,5 @@
 """Channels that move edges move the truth with them; filters that do not, do not."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -20,10 +21,16 @@ def crossings(signal: LtcSignal) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("channel", "within"),
-    [(Channel(), 0.05), (Channel(speed=0.8), 0.05), (Channel(ramp=0.3), 0.05),
-     (Channel(wow=0.03, wow_hz=3.0), 0.05), (Channel(inverted=True), 0.05),
-     (Channel(low_pass_hz=4000.0), 1.5), (Channel(clip=0.5), 0.2)],
-)  # fmt: skip
+    [
+        (Channel(), 0.05),
+        (Channel(speed=0.8), 0.05),
+        (Channel(ramp=0.3), 0.05),
+        (Channel(wow=0.03, wow_hz=3.0), 0.05),
+        (Channel(inverted=True), 0.05),
+        (Channel(low_pass_hz=4000.0), 1.5),
+        (Channel(clip=0.5), 0.2),
+    ],
+)
 def test_words_start_with_an_edge(channel: Channel, within: float) -> None:
     signal = play_ltc(START, 20, 48000, channel, lead=0.1001)
     found = crossings(signal)

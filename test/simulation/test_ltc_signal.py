@@ -1,4 +1,5 @@
 """Timecode as audio: bits against the standard's table, edges against the truth."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -21,10 +22,27 @@ def test_bits_of_a_word_by_hand() -> None:
     # 01:23:45:12 at 30, user groups 1 to 8 = 1, 2, ..., 8; every digit least significant bit first.
     label = Timecode(1, 23, 45, 12, timecode_rate("30"))
     groups = [
-        "0100", "1000", "1000", "0100", "1010", "1100", "0010", "0010",  # 2 u1 1. u2 5 u3 4. u4
-        "1100", "1010", "0100", "0110", "1000", "1110", "0000", "0001",  # 3 u5 2. u6 1 u7 0. u8
-        "0011", "1111", "1111", "1101",
-    ]  # fmt: skip
+        "0100",
+        "1000",
+        "1000",
+        "0100",
+        "1010",
+        "1100",
+        "0010",
+        "0010",  # 2 u1 1. u2 5 u3 4. u4
+        "1100",
+        "1010",
+        "0100",
+        "0110",
+        "1000",
+        "1110",
+        "0000",
+        "0001",  # 3 u5 2. u6 1 u7 0. u8
+        "0011",
+        "1111",
+        "1111",
+        "1101",
+    ]
     assert word_bits(label, 0x87654321, balanced=False) == [int(bit) for bit in "".join(groups)]
 
 

@@ -1,4 +1,5 @@
 """What hides what."""
+
 from __future__ import annotations
 
 import numpy as np

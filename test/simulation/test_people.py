@@ -1,4 +1,5 @@
 """Bodies keep their limbs, move smoothly and stay on the floor, at every instant."""
+
 from __future__ import annotations
 
 import numpy as np

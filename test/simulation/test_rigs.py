@@ -1,4 +1,5 @@
 """Rigs look at the space, in every size."""
+
 from __future__ import annotations
 
 import numpy as np

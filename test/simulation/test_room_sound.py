@@ -1,4 +1,5 @@
 """Sound in simulated rooms: the way takes its time, echoes fall as they should, clocks run as they say."""
+
 import numpy as np
 import pytest
 

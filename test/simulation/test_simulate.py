@@ -1,4 +1,5 @@
 """Takes of scenes: the same seed gives the same take, records and truth are well formed."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -76,9 +77,13 @@ def test_true_associations_triangulate_to_the_truth():
                 pixels[source[known, 0], source[known, 1], c] = points[known]
         for number, person in enumerate(take.people):
             truth = person.joints(tick)[0]
-            rays = np.stack([
-                camera.intrinsics.undistort(pixels[number, :, c]) for c, camera in enumerate(take.rig.cameras)
-            ], axis=1)  # fmt: skip
+            rays = np.stack(
+                [
+                    camera.intrinsics.undistort(pixels[number, :, c])
+                    for c, camera in enumerate(take.rig.cameras)
+                ],
+                axis=1,
+            )
             sigmas = np.ones(rays.shape[:2])
             found = triangulate_robust(take.rig.stack(), rays, sigmas)
             gaps.append(np.linalg.norm(found.points - truth, axis=-1))

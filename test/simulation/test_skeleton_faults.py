@@ -1,4 +1,5 @@
 """Faults on true joints are those that are asked for."""
+
 import numpy as np
 
 from panoptic_ros.simulation.skeleton_faults import with_faults

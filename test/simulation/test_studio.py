@@ -1,4 +1,5 @@
 """Rigs that are given: centred, scaled, paired by place."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +45,4 @@ def test_noise_is_a_share_of_the_size_and_people_are_in_the_rig():
     assert faults.noise_px == 2.5 and faults.size_px == 250.0 and faults.ghosts == NOISY.ghosts
     take = simulate(study_scene(RIG, 3, 1.5, faults), 0, 2)
     assert len(take.people) == 3 and take.rig.names == RIG.names
-    assert np.array_equal(
-        next(iter(take.detection_sets())).views[0].points.shape[1:], (19, 2)
-    )
+    assert np.array_equal(next(iter(take.detection_sets())).views[0].points.shape[1:], (19, 2))

@@ -1,4 +1,5 @@
 """Exposures and stamps."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -24,9 +25,12 @@ def test_a_slower_camera_misses_sets():
 
 @settings(max_examples=40, deadline=None)
 @given(
-    st.sampled_from([24.0, 25.0, 29.97, 30.0, 60.0]), st.floats(0.0, 0.02), st.floats(0.0, 100.0),
-    st.integers(1, 40), st.integers(0, 99),
-)  # fmt: skip
+    st.sampled_from([24.0, 25.0, 29.97, 30.0, 60.0]),
+    st.floats(0.0, 0.02),
+    st.floats(0.0, 100.0),
+    st.integers(1, 40),
+    st.integers(0, 99),
+)
 def test_every_exposure_is_nearest_to_its_set(rate, phase, drift, frames, seed):
     timing = Timing(30.0, (rate,), phase=phase, drift_ppm=drift)
     schedule = make_schedule([seed], timing, frames, 2)

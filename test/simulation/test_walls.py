@@ -1,4 +1,5 @@
 """Walls hide what is behind them, in detections and as occluders alike."""
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Landmarks of face, hands and feet: every installed skeleton can be simulated, with sensible shapes."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """Bodies whom one or two views show, from their bones."""
+
 import numpy as np
 import pytest
 from seen_views import observations
@@ -30,9 +31,16 @@ def solved(joints, lengths):
     places, information = NOTHING.copy(), np.zeros((4, 3, 3))
     places[joints], information[joints] = TRUTH[joints], 1e4 * np.eye(3)
     return Known(
-        places, information, np.zeros((3, 3)), np.full(3, np.inf), np.array(lengths), np.full(3, 0.05),
-        np.zeros((4, 3)), np.zeros(3), np.inf,
-    )  # fmt: skip
+        places,
+        information,
+        np.zeros((3, 3)),
+        np.full(3, np.inf),
+        np.array(lengths),
+        np.full(3, 0.05),
+        np.zeros((4, 3)),
+        np.zeros(3),
+        np.inf,
+    )
 
 
 def rays(*joints, precision=500.0, places=TRUTH):
@@ -46,9 +54,7 @@ def rays(*joints, precision=500.0, places=TRUTH):
     cams = Cameras(
         np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]), np.zeros(len(poses))
     )
-    shown_joints = observations(
-        seen[..., :2] / seen[..., 2:], shown, views, np.arange(len(poses) + 1), cams
-    )
+    shown_joints = observations(seen[..., :2] / seen[..., 2:], shown, views, np.arange(len(poses) + 1), cams)
     return Rays(views, np.tile(np.arange(4), (len(poses), 1)), np.zeros((4, 3)), np.ones(4), shown_joints)
 
 

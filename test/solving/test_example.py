@@ -67,9 +67,11 @@ def test_desk_rigs_start(rig):
     """No stage refuses the people with which it warms up, whatever the rig."""
     context, topics = StageContext(rig, SKELETON), []
     pipeline = Pipeline(
-        configure({"offsets": {"active": True}}), context, (*FUSION, "offsets"),
+        configure({"offsets": {"active": True}}),
+        context,
+        (*FUSION, "offsets"),
         on_record=lambda topic, record: topics.append(topic),
-    )  # fmt: skip
+    )
     items = list(easy_instants(rig, SKELETON))
     for item in items:
         pipeline.push("detection_sets", item)
@@ -79,10 +81,12 @@ def test_desk_rigs_start(rig):
 
 def test_cameras_on_a_desk_see_the_example(scenes):
     rig = scenes.ring(4)
-    small = Rig(tuple(
-        replace(c, cam_from_world=Rigid(c.cam_from_world.rotation, 0.15 * c.cam_from_world.translation))
-        for c in rig.cameras
-    ))  # fmt: skip
+    small = Rig(
+        tuple(
+            replace(c, cam_from_world=Rigid(c.cam_from_world.rotation, 0.15 * c.cam_from_world.translation))
+            for c in rig.cameras
+        )
+    )
     for example in (rig, small):
         first = next(easy_instants(example, SKELETON))
         assert all((view.scores[0] > 0.0).sum() > 10 and view.scores[1, -1] > 0.0 for view in first.views)

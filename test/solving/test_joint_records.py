@@ -1,4 +1,5 @@
 """The 2D person of each view that a skeleton was made of."""
+
 import numpy as np
 from fed_stages import FedAssembly
 
@@ -61,10 +62,13 @@ def test_the_2d_person_that_gave_most_joints_wins_and_association_at_a_tie():
     residuals = np.full((2, 4, 3), -1.0)
     picks = np.full((2, 4, 3, 2), -1)
     for person, joint, view, row in [
-        (0, 0, 0, 0), (0, 1, 0, 1), (0, 2, 0, 1),  # two of three joints from the other one
-        (0, 0, 1, 3), (0, 1, 1, 2),  # a tie
+        (0, 0, 0, 0),
+        (0, 1, 0, 1),
+        (0, 2, 0, 1),  # two of three joints from the other one
+        (0, 0, 1, 3),
+        (0, 1, 1, 2),  # a tie
         (1, 3, 1, 3),  # one joint of a view where association found nobody
-    ]:  # fmt: skip
+    ]:
         residuals[person, joint, view], picks[person, joint, view] = 0.5, (row, joint)
     assert main_people(starts, member, residuals, picks).tolist() == [[1, 2, -1], [1, -1, -1]]
 

@@ -1,4 +1,5 @@
 """The compiled solver against the numpy one."""
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -82,7 +83,7 @@ def test_agreement_of_pairs_is_that_of_their_rays(scenes):
         centres = stack.centres[[a, b]][:, None]
         gap = ray_distances(centres[0], rays[a], centres[1], rays[b])
         _, depth_a, depth_b = closest_points(centres[0], rays[a], centres[1], rays[b])
-        expected = np.where((depth_a > 0) & (depth_b > 0), np.exp(-gap**2 / (2 * 0.05**2)), 0.0)
+        expected = np.where((depth_a > 0) & (depth_b > 0), np.exp(-(gap**2) / (2 * 0.05**2)), 0.0)
         assert np.isclose(value[a, b], expected.mean()) and common[a, b] == plane.shape[1]
 
 
@@ -111,9 +112,14 @@ def test_the_gate_is_wider_where_few_views_are_left(scenes):
         picks[count:] = -1
         found = np.zeros(views)
         refine_point(
-            truth.copy(), np.zeros(3), picks, seen(stack, plane), SolverRules(4.0, 3.0, gate, 4.0, 45),
-            Steps(6, True), Result(np.zeros((3, 3)), found, np.empty((views, TABLE))),
-        )  # fmt: skip
+            truth.copy(),
+            np.zeros(3),
+            picks,
+            seen(stack, plane),
+            SolverRules(4.0, 3.0, gate, 4.0, 45),
+            Steps(6, True),
+            Result(np.zeros((3, 3)), found, np.empty((views, TABLE))),
+        )
         return found
 
     for count, factor in ((3, FEW_FACTOR), (6, 1.0)):

@@ -1,4 +1,5 @@
 """Limbs and sides for every skeleton that is installed."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """What views see of a scene is what `VisibilityLimit.sees` says; which views are spread."""
+
 from dataclasses import replace
 
 import captures

@@ -1,4 +1,5 @@
 """The robust point refinement against many plain steps; the linear solution against numpy."""
+
 import numpy as np
 from seen_views import observations
 

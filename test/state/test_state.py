@@ -1,4 +1,5 @@
 """What a state can hold, that it comes back to the last bit, and which bytes are refused."""
+
 from __future__ import annotations
 
 import struct
@@ -47,9 +48,13 @@ class Plain:
 
 
 CLASSES = (
-    Colour, Pair, Record, Queue, Fields.named(Fraction, "_numerator _denominator", is_value=True),
+    Colour,
+    Pair,
+    Record,
+    Queue,
+    Fields.named(Fraction, "_numerator _denominator", is_value=True),
     Fields.named(Plain, "a b"),
-)  # fmt: skip
+)
 
 
 class Toy(Stateful):
@@ -78,17 +83,23 @@ def record(values: np.ndarray) -> Record:
 
 
 PLAIN = (
-    st.none() | st.booleans() | st.integers() | st.text() | st.floats(allow_nan=False)
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.text()
+    | st.floats(allow_nan=False)
     | st.sampled_from(Colour)
-)  # fmt: skip
+)
 KEYS = st.integers() | st.text() | st.tuples(st.integers(), st.text())
 VALUES = st.recursive(
     PLAIN,
-    lambda inner: st.lists(inner)
-    | st.lists(inner).map(tuple)
-    | st.dictionaries(KEYS, inner)
-    | st.builds(Pair, inner, inner)
-    | st.lists(inner).map(lambda items: deque(items, maxlen=20)),
+    lambda inner: (
+        st.lists(inner)
+        | st.lists(inner).map(tuple)
+        | st.dictionaries(KEYS, inner)
+        | st.builds(Pair, inner, inner)
+        | st.lists(inner).map(lambda items: deque(items, maxlen=20))
+    ),
     max_leaves=12,
 )
 
@@ -118,11 +129,20 @@ def test_floats_keep_their_bits(bits: int) -> None:
 @pytest.mark.parametrize(
     "array",
     [
-        np.arange(6.0).reshape(2, 3), np.array(2.5), np.zeros((0, 3)), np.zeros((3, 0), np.int32),
-        np.array([True, False]), np.array(["left", "b"]), np.arange(3, dtype=np.uint8),
-        np.arange(24).reshape(2, 3, 4).T, np.arange(24.0).reshape(2, 3, 4).transpose(1, 0, 2),
-        np.arange(24.0).reshape(2, 3, 4)[:, :, 1:3], np.arange(9.0)[::3], np.arange(9.0)[::-1],
-        np.broadcast_to(np.arange(3.0), (2, 3)), np.asfortranarray(np.arange(6.0).reshape(2, 3, 1)),
+        np.arange(6.0).reshape(2, 3),
+        np.array(2.5),
+        np.zeros((0, 3)),
+        np.zeros((3, 0), np.int32),
+        np.array([True, False]),
+        np.array(["left", "b"]),
+        np.arange(3, dtype=np.uint8),
+        np.arange(24).reshape(2, 3, 4).T,
+        np.arange(24.0).reshape(2, 3, 4).transpose(1, 0, 2),
+        np.arange(24.0).reshape(2, 3, 4)[:, :, 1:3],
+        np.arange(9.0)[::3],
+        np.arange(9.0)[::-1],
+        np.broadcast_to(np.arange(3.0), (2, 3)),
+        np.asfortranarray(np.arange(6.0).reshape(2, 3, 1)),
     ],
     ids=lambda array: f"{array.dtype}{array.shape}{array.strides}",
 )
@@ -164,8 +184,13 @@ def test_what_is_shared_stays_shared() -> None:
 def test_equal_values_are_equal_bytes_whether_they_are_one_object_or_two() -> None:
     values, other = np.zeros(3), np.zeros(3)
     values.flags.writeable = other.flags.writeable = False
-    for one, same in ((values, other), (record(values), record(other)), ((1, 2), tuple([1, 2])),
-                      (Fraction(1, 3), Fraction(1, 3)), (Pair(1, 2), Pair(1, 2))):  # fmt: skip
+    for one, same in (
+        (values, other),
+        (record(values), record(other)),
+        ((1, 2), tuple([1, 2])),
+        (Fraction(1, 3), Fraction(1, 3)),
+        (Pair(1, 2), Pair(1, 2)),
+    ):
         assert Toy([one, one]).state() == Toy([one, same]).state()
     changing = np.zeros(3)
     assert Toy([changing, changing]).state() != Toy([changing, changing.copy()]).state()

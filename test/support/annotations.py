@@ -1,4 +1,5 @@
 """Which functions of a module lack annotations, and which of these numba compiles."""
+
 from __future__ import annotations
 
 import ast
@@ -28,7 +29,7 @@ def _own_compilers(tree: ast.Module) -> Iterator[str]:
 
 
 def _called(node: ast.expr) -> str:
-    """"njit" of njit, njit(...) and numba.njit(...)."""
+    """ "njit" of njit, njit(...) and numba.njit(...)."""
     while isinstance(node, ast.Call):
         node = node.func
     return node.attr if isinstance(node, ast.Attribute) else getattr(node, "id", "")

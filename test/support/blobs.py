@@ -3,6 +3,7 @@
 Joint 0, 1 and 2 is the red, green and blue blob; the networks are told nothing but their input, so
 that a wrong order of colours, a wrong normalisation or a shifted picture changes what is found.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -91,13 +92,15 @@ class Blobs:
     @staticmethod
     def heads_card(**values: Any) -> ModelCard:
         """A card for `heads_network`."""
-        return Blobs.card(**{
-            "family": "center_heads",
-            "input": {"name": "image", "layout": "NHWC", "dtype": "uint8", "size": "dynamic"},
-            "output": {r: r for r in ("center", "heat", "regress", "offset", "box_scale", "box_offset")},
-            "coords": {"origin": "corner", "shift_px": [0.25, 0.0]},
-            **values,
-        })  # fmt: skip
+        return Blobs.card(
+            **{
+                "family": "center_heads",
+                "input": {"name": "image", "layout": "NHWC", "dtype": "uint8", "size": "dynamic"},
+                "output": {r: r for r in ("center", "heat", "regress", "offset", "box_scale", "box_offset")},
+                "coords": {"origin": "corner", "shift_px": [0.25, 0.0]},
+                **values,
+            }
+        )
 
     @staticmethod
     def heads_network(regress: Any = (0.0,) * 6, box: float = 1000.0) -> bytes:
@@ -116,7 +119,14 @@ class Blobs:
         g("Add", zero, g.constant(np.full((1, 2, 1, 1), box)), name="box_scale")
         g("Add", zero, g.constant(np.zeros((1, 2, 1, 1))), name="box_offset")
         cells = ["h", "w"]
-        return g.model(image_input(["N", "H", "W", 3], "uint8", "image"), {
-            "center": ["N", 1, *cells], "heat": ["N", 3, *cells], "regress": ["N", 6, *cells],
-            "offset": ["N", 6, *cells], "box_scale": ["N", 2, *cells], "box_offset": ["N", 2, *cells],
-        })  # fmt: skip
+        return g.model(
+            image_input(["N", "H", "W", 3], "uint8", "image"),
+            {
+                "center": ["N", 1, *cells],
+                "heat": ["N", 3, *cells],
+                "regress": ["N", 6, *cells],
+                "offset": ["N", 6, *cells],
+                "box_scale": ["N", 2, *cells],
+                "box_offset": ["N", 2, *cells],
+            },
+        )

@@ -1,4 +1,5 @@
 """A headless Chromium that tests look into, spoken to over its debugging protocol."""
+
 from __future__ import annotations
 
 import base64
@@ -15,11 +16,20 @@ from urllib.parse import urlsplit
 from websockets.sync.client import connect
 
 FLAGS = (
-    "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-dev-shm-usage",
-    "--disable-background-networking", "--disable-component-update", "--no-first-run", "--mute-audio",
-    "--remote-debugging-port=0", "--remote-allow-origins=*",
-)  # fmt: skip
+    "--headless=new",
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--disable-dev-shm-usage",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--no-first-run",
+    "--mute-audio",
+    "--remote-debugging-port=0",
+    "--remote-allow-origins=*",
+)
 
 BAD = ("error", "warning", "assert")  # words of a console
 
@@ -40,8 +50,11 @@ class Browser:
     def __init__(self, profile: Path, size: tuple[int, int] = (1400, 900)):
         self._process = subprocess.Popen(
             [str(find_browser()), *FLAGS, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"],
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
         self._size = size
         assert self._process.stderr is not None
         for line in self._process.stderr:
@@ -125,9 +138,7 @@ class Page:
 
     def evaluate(self, expression: str):
         """The value of an expression in the page, which may be a promise."""
-        answer = self.call(
-            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
-        )
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in answer:
             raise RuntimeError(f"{expression}: {answer['exceptionDetails']}")
         return answer["result"].get("value")

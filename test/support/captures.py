@@ -1,4 +1,5 @@
 """A small exact capture for the contract suite: two people who move, four cameras round them."""
+
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig, ViewDetections
@@ -8,11 +9,18 @@ from panoptic_ros.stage import StageContext
 
 SKELETON = load_skeleton("panoptic19")
 HEIGHTS = {  # m: (forward, left, up) of a standing person's joints
-    "Neck": (0, 0, 1.45), "Nose": (0.1, 0, 1.6), "BodyCenter": (0, 0, 0.95),
-    "lShoulder": (0, 0.18, 1.43), "lElbow": (0.02, 0.25, 1.15), "lWrist": (0.1, 0.25, 0.92),
-    "lHip": (0, 0.1, 0.94), "lKnee": (0.03, 0.11, 0.5), "lAnkle": (0, 0.11, 0.09),
-    "lEye": (0.09, 0.03, 1.64), "lEar": (0, 0.07, 1.62),
-}  # fmt: skip
+    "Neck": (0, 0, 1.45),
+    "Nose": (0.1, 0, 1.6),
+    "BodyCenter": (0, 0, 0.95),
+    "lShoulder": (0, 0.18, 1.43),
+    "lElbow": (0.02, 0.25, 1.15),
+    "lWrist": (0.1, 0.25, 0.92),
+    "lHip": (0, 0.1, 0.94),
+    "lKnee": (0.03, 0.11, 0.5),
+    "lAnkle": (0, 0.11, 0.09),
+    "lEye": (0.09, 0.03, 1.64),
+    "lEar": (0, 0.07, 1.62),
+}
 
 
 def look_at(name, eye, target=(0.0, 0.0, 1.0), focal=800.0, size=(1280, 720)):

@@ -2,6 +2,7 @@
 
 A request is {"words": [...], "folder": ..., "told": file}, the answer {"code", "memory", "cpu_s"}.
 """
+
 import io
 import json
 import os
@@ -47,9 +48,10 @@ def serve():
         before = int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
         _, status, usage = os.wait4(pid, 0)
         answer = {
-            "code": os.waitstatus_to_exitcode(status), "memory": 1024 * usage.ru_maxrss - before,
+            "code": os.waitstatus_to_exitcode(status),
+            "memory": 1024 * usage.ru_maxrss - before,
             "cpu_s": usage.ru_utime + usage.ru_stime,
-        }  # fmt: skip
+        }
         print(json.dumps(answer), flush=True)
 
 

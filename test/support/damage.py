@@ -1,4 +1,5 @@
 """Messages as a broken writer might send them."""
+
 from __future__ import annotations
 
 from typing import Any

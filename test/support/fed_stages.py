@@ -1,4 +1,5 @@
 """Stages behind association, fed as the graph feeds them."""
+
 from dataclasses import fields, replace
 
 import numpy as np

@@ -5,6 +5,7 @@
 
 The browser runs before the command is given, as it does on a desk. `repeated_bag.py` makes long recordings.
 """
+
 import argparse
 import os
 import subprocess
@@ -68,8 +69,10 @@ def main() -> int:
                 time.sleep(args.pause)
             if took:
                 each = (browser.processor_s() - before) / len(took)
-                print(f"{len(took)} seeks: median {median(took):.2f} s, most {max(took):.2f} s; "
-                      f"{each:.2f} s of a processor each in the browser; load {os.getloadavg()[0]:.1f}")
+                print(
+                    f"{len(took)} seeks: median {median(took):.2f} s, most {max(took):.2f} s; "
+                    f"{each:.2f} s of a processor each in the browser; load {os.getloadavg()[0]:.1f}"
+                )
             for layer in filter(None, args.layers.split(",")):
                 page.evaluate(f"panoptic.switchLayer({layer!r})")
             if args.picture:

@@ -1,4 +1,5 @@
 """Normal distributions as linear algebra tells them."""
+
 import numpy as np
 
 

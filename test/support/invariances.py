@@ -1,4 +1,5 @@
 """The same capture told differently: other orders, another world frame, other pixels, one more camera."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -57,9 +58,7 @@ def other_order_of_people(sets, rng):
 
 def moved_world(rig, new_from_old: Rigid):
     old_from_new = new_from_old.inverse()
-    return Rig(tuple(
-        replace(c, cam_from_world=c.cam_from_world.compose(old_from_new)) for c in rig.cameras
-    ))  # fmt: skip
+    return Rig(tuple(replace(c, cam_from_world=c.cam_from_world.compose(old_from_new)) for c in rig.cameras))
 
 
 def scaled_images(rig, sets, factor):
@@ -93,10 +92,17 @@ def with_blind_cameras(rig, sets, count):
         )
         joints = like.points.shape[1]
         empty = [
-            replace(like, camera=c.name, image_size=c.image_size, points=np.zeros((0, joints, 2)),
-                    scores=np.zeros((0, joints)), person_scores=np.zeros(0), maps=maps)
+            replace(
+                like,
+                camera=c.name,
+                image_size=c.image_size,
+                points=np.zeros((0, joints, 2)),
+                scores=np.zeros((0, joints)),
+                person_scores=np.zeros(0),
+                maps=maps,
+            )
             for c in blind
-        ]  # fmt: skip
+        ]
         return replace(s, views=(*s.views, *empty))
 
     return Rig((*rig.cameras, *blind)), [extended(s) for s in sets]

@@ -6,16 +6,43 @@ import ast
 from pathlib import Path
 
 STAGES = (
-    "detection", "timecode", "clocks", "sync", "offsets", "association", "voting", "assembly", "tracking",
-    "appearance", "patches", "refinement", "kinematics", "simulation", "evaluation",
-)  # fmt: skip
+    "detection",
+    "timecode",
+    "clocks",
+    "sync",
+    "offsets",
+    "association",
+    "voting",
+    "assembly",
+    "tracking",
+    "appearance",
+    "patches",
+    "refinement",
+    "kinematics",
+    "simulation",
+    "evaluation",
+)
 RANKS: dict[str, int] = {
-    "errors": 0, "kernels": 0, "geometry": 1, "params": 1, "state": 1,
-    "domain": 2, "stage": 3, "solving": 3, "identity": 3,
+    "errors": 0,
+    "kernels": 0,
+    "geometry": 1,
+    "params": 1,
+    "state": 1,
+    "domain": 2,
+    "stage": 3,
+    "solving": 3,
+    "identity": 3,
     **{stage: 4 for stage in STAGES},
-    "io": 5, "capture": 5, "export": 5, "graph": 5, "nodes": 6, "view": 6, "bench": 6,
-    "running": 7, "cli": 8,
-}  # fmt: skip
+    "io": 5,
+    "capture": 5,
+    "export": 5,
+    "graph": 5,
+    "nodes": 6,
+    "view": 6,
+    "bench": 6,
+    "running": 7,
+    "cli": 8,
+}
 # kernels is free to find the cache of compiled code, on which no result depends
 PURE = 4  # up to this rank, and graph: no printing, files, clocks, environment, global randomness
 THIRD_PARTY: dict[str, set[str]] = {
@@ -42,12 +69,24 @@ STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", 
 IMPURE_CALLS = {"print", "open", "input"}
 # outside of nodes: the only modules that import it
 _NEED = (
-    "benches.failures", "benches.fed_bodies", "benches.fed_graph", "benches.played_graph", "benches.player",
+    "benches.failures",
+    "benches.fed_bodies",
+    "benches.fed_graph",
+    "benches.played_graph",
+    "benches.player",
     "benches.viewed_graph",
-    "plans.driver_plan", "plans.driver_rig", "processes.fork_server", "recordings.control",
-    "recordings.facts", "recordings.record", "recordings.replay", "runs.listening", "runs.over_dds",
-    "viewer.live", "watching",
-)  # fmt: skip
+    "plans.driver_plan",
+    "plans.driver_rig",
+    "processes.fork_server",
+    "recordings.control",
+    "recordings.facts",
+    "recordings.record",
+    "recordings.replay",
+    "runs.listening",
+    "runs.over_dds",
+    "viewer.live",
+    "watching",
+)
 NEED_ROS = {f"panoptic_ros.running.{name}" for name in _NEED}
 # A verb parses, calls running (or a bench), and prints the records, tables and plots that come back: it knows
 # no stage, no graph and no arrays.

@@ -3,6 +3,7 @@
 Bytes of the size of the graph's messages go through a chain of processes, each of which publishes what it
 takes as it is: no message is made or read, no stage runs. Executor, Fast DDS profile and QoS are the graph's.
 """
+
 from __future__ import annotations
 
 import argparse
@@ -82,9 +83,7 @@ def feed(args: argparse.Namespace) -> list[float]:
         latencies.append(1e-6 * (time.monotonic_ns() - int.from_bytes(data[-8:], "little")))
 
     publisher = node.create_publisher(KIND, "hop_0", data_quality(make_flow("live")))
-    node.create_subscription(
-        KIND, f"hop_{args.relays}", take, data_quality(make_flow("live")), raw=True
-    )
+    node.create_subscription(KIND, f"hop_{args.relays}", take, data_quality(make_flow("live")), raw=True)
     filler = HEADER + args.bytes.to_bytes(4, "little") + bytes(args.bytes - 8)
     due = time.monotonic() + SETTLE_S
     for _ in range(round(args.rate * args.seconds)):

@@ -3,6 +3,7 @@
 `python live_situations.py '[["chain", [cameras, settings, skeleton]], ["offsets", []], ...]'` prints one JSON
 list for each case. A process of its own, forked after the imports, runs each case.
 """
+
 from __future__ import annotations
 
 import json
@@ -75,11 +76,14 @@ def situations(scene: Scene, skeleton: SkeletonModel) -> Iterator[list[Detection
     maps = [with_drawn_maps(item, MapDrawing((256, 144))) for item in plain]
     bare = tuple(
         replace(
-            view, points=view.points[:0], scores=view.scores[:0], person_scores=view.person_scores[:0],
+            view,
+            points=view.points[:0],
+            scores=view.scores[:0],
+            person_scores=view.person_scores[:0],
             maps=replace(view.maps, persons=0 * view.maps.persons - 1),
         )
         for view in maps[1].views
-    )  # fmt: skip
+    )
     yield plain
     yield maps
     yield [limited(item) for item in plain]
@@ -97,11 +101,15 @@ def sets_of(scene: Scene, skeleton: SkeletonModel) -> list[DetectionSet]:
     joints = np.arange(len(skeleton)) % len(SKELETON)
     frames = 5 if scene.rig.cameras < 20 else 3
     return [
-        replace(item, views=tuple(
-            replace(view, points=view.points[:, joints], scores=view.scores[:, joints]) for view in item.views
-        ))
+        replace(
+            item,
+            views=tuple(
+                replace(view, points=view.points[:, joints], scores=view.scores[:, joints])
+                for view in item.views
+            ),
+        )
         for item in simulate(scene, 3, frames).detection_sets(skeleton.hash)
-    ]  # fmt: skip
+    ]
 
 
 def limited(item: DetectionSet) -> DetectionSet:
@@ -141,10 +149,15 @@ def timecode() -> set[tuple[str, str, str]]:
     stages = [make_stage(name, configure({})[name], context) for name in ("timecode", "clocks")]
     before, models = kernels(), 0
     for channel in (
-        Channel(), Channel(clip=0.4), Channel(faults=BAD_LINE), Channel(low_pass_hz=2500.0),
-        Channel(high_pass_hz=200.0), Channel(echo_s=0.3, direct_db=5.0), Channel(speed=1.1, ramp=0.1),
+        Channel(),
+        Channel(clip=0.4),
+        Channel(faults=BAD_LINE),
+        Channel(low_pass_hz=2500.0),
+        Channel(high_pass_hz=200.0),
+        Channel(echo_s=0.3, direct_db=5.0),
+        Channel(speed=1.1, ramp=0.1),
         Channel(wow=0.02, jitter_s=1e-5, inverted=True),
-    ):  # fmt: skip
+    ):
         for rate, reverse in ((48000, False), (16000, True)):
             start = Timecode.from_frame_count(1000, timecode_rate("30"))
             sound = play_ltc(start, 45, rate, channel, reverse=reverse).samples
@@ -211,9 +224,13 @@ def detection() -> set[tuple[str, str, str]]:
 
 
 PROGRAMS: dict[str, Callable[..., set[tuple[str, str, str]]]] = {
-    "chain": chain, "offsets": offsets, "timecode": timecode, "surface": surface,
-    "bodies": bodies, "detection": detection,
-}  # fmt: skip
+    "chain": chain,
+    "offsets": offsets,
+    "timecode": timecode,
+    "surface": surface,
+    "bodies": bodies,
+    "detection": detection,
+}
 
 
 def found_late(program: str, arguments: list[Any]) -> list[tuple[str, str, str]]:

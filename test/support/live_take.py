@@ -2,6 +2,7 @@
 
 It takes views at 30 Hz and appends the stamp of each instant to the file that the variable TOLD names.
 """
+
 import os
 import sys
 import time

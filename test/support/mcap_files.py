@@ -1,4 +1,5 @@
 """MCAP files as programs other than ours write them: with parts left out, or with what is no ROS 2."""
+
 from __future__ import annotations
 
 import struct
@@ -55,8 +56,9 @@ def write_mcap(
     data = bytearray(MAGIC + _record(0x01, _string(layout.profile) + _string("test")))
     schemas = b"".join(
         _record(0x03, struct.pack("<H", k + 1) + b"".join(map(_string, (c.kind, c.language, c.definition))))
-        for k, c in enumerate(channels) if c.kind
-    )  # fmt: skip
+        for k, c in enumerate(channels)
+        if c.kind
+    )
     described = schemas + b"".join(_channel(k, channel) for k, channel in enumerate(channels))
     chunks, begun = [], bytearray(described)
     for first in range(0, len(rows), layout.chunk or len(rows)):
@@ -80,9 +82,16 @@ def write_mcap(
             table = b"".join(struct.pack("<HQ", *row) for row in counts.items())
             stamps = [stamp for _, stamp, _ in rows] or [0]
             head = struct.pack(
-                "<QHIIIIQQ", len(rows) + layout.stated, 1, len(channels), 0, 0, len(chunks), min(stamps),
+                "<QHIIIIQQ",
+                len(rows) + layout.stated,
+                1,
+                len(channels),
+                0,
+                0,
+                len(chunks),
+                min(stamps),
                 max(stamps),
-            )  # fmt: skip
+            )
             data += _record(0x0B, head + struct.pack("<I", len(table)) + table)
     has_summary = len(data) > summary
     data += _record(0x02, struct.pack("<QQI", summary if has_summary else 0, 0, 0)) + MAGIC
@@ -106,10 +115,12 @@ def _add_chunk(
         data += _record(0x07, struct.pack("<HI", channel, len(own)) + own)
     table = b"".join(struct.pack("<HQ", *row) for row in offsets)
     return (
-        struct.pack("<QQQQI", min(stamps), max(stamps), begin, end - begin, len(table)) + table
-        + struct.pack("<Q", len(data) - end) + _string(layout.compression)
+        struct.pack("<QQQQI", min(stamps), max(stamps), begin, end - begin, len(table))
+        + table
+        + struct.pack("<Q", len(data) - end)
+        + _string(layout.compression)
         + struct.pack("<QQ", len(packed), len(content))
-    )  # fmt: skip
+    )
 
 
 def _channel(number: int, channel: Channel) -> bytes:

@@ -3,6 +3,7 @@
 A cheap filter for prediction and gating; state (..., 6) position m and velocity m/s, variances
 (..., 3): of position, covariance of position and velocity, of velocity (per axis).
 """
+
 from __future__ import annotations
 
 import numpy as np
@@ -10,9 +11,7 @@ import numpy as np
 Array = np.ndarray
 
 
-def predict_motion(
-    states: Array, variances: Array, dt: float, acceleration: float
-) -> tuple[Array, Array]:
+def predict_motion(states: Array, variances: Array, dt: float, acceleration: float) -> tuple[Array, Array]:
     """States and variances dt s later, under white acceleration with that standard deviation, m/s^2.
 
     The acceleration is constant over the step, so its effect does not depend on the frame rate

@@ -1,4 +1,5 @@
 """JavaScript of the viewer's page, run by Node where there is one."""
+
 from __future__ import annotations
 
 import json
@@ -17,8 +18,12 @@ def run_js(code: str, data: object = None):
     """What `code`, a module that may import "#view/...", prints as JSON; `data` is there as a constant."""
     program = f"const data = {json.dumps(data)};\n{code}"
     done = subprocess.run(
-        [str(NODE), "--input-type=module", "-"], input=program, cwd=STATIC, capture_output=True, text=True,
+        [str(NODE), "--input-type=module", "-"],
+        input=program,
+        cwd=STATIC,
+        capture_output=True,
+        text=True,
         timeout=60,
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     return json.loads(done.stdout)

@@ -1,4 +1,5 @@
 """Grey images: their brightness is their number."""
+
 import numpy as np
 
 DARKER = 2.7  # grey levels that FFmpeg's conversion to YUV loses

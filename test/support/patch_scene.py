@@ -35,10 +35,18 @@ def skeletons(index, positions, noise=0.0, missing=()):
     names = captures.RIG.names
     sources = ViewSources(names, np.full(len(names), index), np.zeros((1, len(names))))
     return TrackedPoseSet(
-        index, SECOND + index * STEP, captures.SKELETON.hash, points[None], covariances[None],
-        there[None].astype(float), 4 * there[None], states[None], np.ones(1), sources=sources,
+        index,
+        SECOND + index * STEP,
+        captures.SKELETON.hash,
+        points[None],
+        covariances[None],
+        there[None].astype(float),
+        4 * there[None],
+        states[None],
+        np.ones(1),
+        sources=sources,
         ids=np.array([7]),
-    )  # fmt: skip
+    )
 
 
 def tracks(index, before, move, noise_px=0.0, wrong=0.0, cameras=captures.RIG.cameras):
@@ -65,11 +73,21 @@ def tracks(index, before, move, noise_px=0.0, wrong=0.0, cameras=captures.RIG.ca
         (begins, inside), (ends, later) = camera.project(points), camera.project(after)
         good = seen & inside & later
         ends = ends + noise_px * rng.standard_normal(ends.shape)
-        found.append(PatchTracks(
-            camera.name, SECOND + index * STEP, index, SECOND + (index - 1) * STEP, index - 1,
-            captures.SKELETON.hash, begins[good], ends[good], np.tile([16.0, 0.0, 16.0], (good.sum(), 1)),
-            np.zeros(good.sum()), own[good],
-        ))  # fmt: skip
+        found.append(
+            PatchTracks(
+                camera.name,
+                SECOND + index * STEP,
+                index,
+                SECOND + (index - 1) * STEP,
+                index - 1,
+                captures.SKELETON.hash,
+                begins[good],
+                ends[good],
+                np.tile([16.0, 0.0, 16.0], (good.sum(), 1)),
+                np.zeros(good.sum()),
+                own[good],
+            )
+        )
     return found
 
 
@@ -92,10 +110,17 @@ def recording(count=8, angle=0.05, shift=(0.02, -0.01, 0.005), start=0, **values
 def moved_stamps(items, by_ns):
     """The same later."""
     return [
-        replace(item, stamp_ns=item.stamp_ns + by_ns, **({"before_ns": item.before_ns + by_ns}
-                if isinstance(item, PatchTracks) else {"newest_ns": item.newest_ns + by_ns}))
+        replace(
+            item,
+            stamp_ns=item.stamp_ns + by_ns,
+            **(
+                {"before_ns": item.before_ns + by_ns}
+                if isinstance(item, PatchTracks)
+                else {"newest_ns": item.newest_ns + by_ns}
+            ),
+        )
         for item in items
-    ]  # fmt: skip
+    ]
 
 
 def depth_map(sensor, index, joints, wall=4.0):

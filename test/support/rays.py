@@ -1,4 +1,5 @@
 """Distances between viewing rays."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """A bag of people who stand still, with images, as `panoptic run` leaves one; all numbers are known."""
+
 from __future__ import annotations
 
 from pathlib import Path
@@ -26,9 +27,12 @@ from panoptic_ros.io.messages.family import bag_typestore
 
 START_NS = 1_700_000_000_000_000_000
 SKELETON = SkeletonModel(
-    "stick", ("hip", "head", "left_knee", "left_ankle", "right_knee", "right_ankle"), 0,
-    ((0, 1), (0, 2), (2, 3), (0, 4), (4, 5)), 1,
-)  # fmt: skip
+    "stick",
+    ("hip", "head", "left_knee", "left_ankle", "right_knee", "right_ankle"),
+    0,
+    ((0, 1), (0, 2), (2, 3), (0, 4), (4, 5)),
+    1,
+)
 BODY = np.array([[0, 0, 1], [0, 0, 1.7], [0.2, 0, 0.5], [0.2, 0, 0.1], [-0.2, 0, 0.5], [-0.2, 0, 0.1]])
 SIZE = 640, 480
 GREY = 90  # of every image
@@ -45,8 +49,9 @@ def make_rig(count: int = 4) -> Rig:
         matrix = [[420.0, 0.0, 322.0], [0.0, 425.0, 238.0], [0.0, 0.0, 1.0]]
         lens = (
             Intrinsics(matrix, [0.05, -0.01, 0.0, 0.0], "fisheye")
-            if i == count - 1 else Intrinsics(matrix, [-0.25, 0.06, 0.002, -0.001, 0.0])
-        )  # fmt: skip
+            if i == count - 1
+            else Intrinsics(matrix, [-0.25, 0.06, 0.002, -0.001, 0.0])
+        )
         cameras.append(Camera(f"cam{i}", SIZE, lens, Rigid(rotation, -rotation @ centre)))
     return Rig(tuple(cameras))
 
@@ -65,23 +70,38 @@ def make_poses(rig: Rig, index: int, stamp_ns: int) -> RefinedPoseSet:
     states[:, 5] = JointState.PREDICTED
     spread = np.broadcast_to(np.diag([1e-4, 4e-4, 9e-4]), (*positions.shape, 3))
     sources = ViewSources(
-        rig.names, np.full(len(rig), 1000 + index, np.uint64),
+        rig.names,
+        np.full(len(rig), 1000 + index, np.uint64),
         np.tile(np.arange(len(who), dtype=np.int32)[:, None], (1, len(rig))),
-    )  # fmt: skip
+    )
     return RefinedPoseSet(
-        index, stamp_ns, SKELETON.hash, positions, spread, np.full(positions.shape[:2], 0.9),
-        np.full(positions.shape[:2], len(rig)), states, np.full(len(who), 0.9), sources=sources,
+        index,
+        stamp_ns,
+        SKELETON.hash,
+        positions,
+        spread,
+        np.full(positions.shape[:2], 0.9),
+        np.full(positions.shape[:2], len(rig)),
+        states,
+        np.full(len(who), 0.9),
+        sources=sources,
         ids=list(who),
-    )  # fmt: skip
+    )
 
 
 def make_view(camera: Camera, poses: RefinedPoseSet, stamp_ns: int, shift=(3.0, -4.0)) -> ViewDetections:
     """What a camera sees of them, 5 px off."""
     points = camera.project(poses.positions)[0] + shift
     return ViewDetections(
-        camera.name, stamp_ns, 1000 + poses.index, camera.image_size, SKELETON.hash, points,
-        0.8 * np.isfinite(points).all(-1), np.full(len(points), 0.8),
-    )  # fmt: skip
+        camera.name,
+        stamp_ns,
+        1000 + poses.index,
+        camera.image_size,
+        SKELETON.hash,
+        points,
+        0.8 * np.isfinite(points).all(-1),
+        np.full(len(points), 0.8),
+    )
 
 
 def make_patches(rig: Rig, index: int, stamp_ns: int) -> PatchTrajectories:
@@ -93,14 +113,24 @@ def make_patches(rig: Rig, index: int, stamp_ns: int) -> PatchTrajectories:
     seen = np.ones((count, len(rig)))
     seen[:, -1] = 0.1
     return PatchTrajectories(
-        index, stamp_ns, stamp_ns, SKELETON.hash, np.arange(count), np.zeros(count),
-        np.repeat(list(who), joints), np.tile(np.arange(joints), len(who)), positions,
-        np.tile([0.0, -1.0, 0.0], (count, 1)), np.full(count, 0.001), rig.names, seen,
+        index,
+        stamp_ns,
+        stamp_ns,
+        SKELETON.hash,
+        np.arange(count),
+        np.zeros(count),
+        np.repeat(list(who), joints),
+        np.tile(np.arange(joints), len(who)),
+        positions,
+        np.tile([0.0, -1.0, 0.0], (count, 1)),
+        np.full(count, 0.001),
+        rig.names,
+        seen,
         PartMotions(
             np.zeros(0), np.zeros(0), *np.zeros((3, 0, 3)), np.zeros((0, 6, 6)), np.zeros(0), np.zeros(0)
         ),
         np.zeros((0, 2)),
-    )  # fmt: skip
+    )
 
 
 def make_preview(camera: str, stamp_ns: int) -> Preview:

@@ -1,4 +1,5 @@
 """Bags for tests."""
+
 import captures
 
 from panoptic_ros.graph.topics import TOPICS

@@ -26,10 +26,22 @@ Array = np.ndarray
 
 
 def paint_reference(
-    frames: Array, origins: Array, lengths: Array, radii: Array, materials: Array, seeds: Array,
-    colours: Array, people: Array, eye: Array, world_from_camera: Array, plane: Array, depth: Array,
-    hits: Array, image: Array, ids: Array,
-) -> None:  # fmt: skip
+    frames: Array,
+    origins: Array,
+    lengths: Array,
+    radii: Array,
+    materials: Array,
+    seeds: Array,
+    colours: Array,
+    people: Array,
+    eye: Array,
+    world_from_camera: Array,
+    plane: Array,
+    depth: Array,
+    hits: Array,
+    image: Array,
+    ids: Array,
+) -> None:
     """As `paint_pixels`, in numpy."""
     rows, columns = np.nonzero(hits >= 0)
     n = hits[rows, columns]
@@ -72,9 +84,16 @@ def _face_reference(unit: Array) -> Array:
 
 
 def cast_rays_reference(
-    frames: Array, origins: Array, lengths: Array, radii: Array, materials: Array, boxes: Array,
-    plane: Array, depth: Array, hits: Array,
-) -> None:  # fmt: skip
+    frames: Array,
+    origins: Array,
+    lengths: Array,
+    radii: Array,
+    materials: Array,
+    boxes: Array,
+    plane: Array,
+    depth: Array,
+    hits: Array,
+) -> None:
     """As `cast_rays`, in numpy; boxes are not used."""
     with np.errstate(invalid="ignore", divide="ignore"):
         for n in range(len(lengths)):

@@ -5,6 +5,7 @@
 Stamps and the numbers of frames and instants go on. What is said once for all (`/rig`, `/skeleton_model`) is
 written once.
 """
+
 import argparse
 import struct
 import sys
@@ -22,8 +23,10 @@ SECOND = 1_000_000_000
 FRAMES = 100_000  # on from one time to the next: more than a bag has
 STAMP_AT = 4  # of a message that begins with a header: int32 s, uint32 ns, behind four bytes of CDR
 MARK = 0x7A11_B0B5_0000_0000  # stands for a number of which the place is looked for
-NUMBERS = {"panoptic_msgs/msg/ViewDetections": ("frame_number",),
-           "panoptic_msgs/msg/Skeletons": ("view_frames", "index")}  # fmt: skip
+NUMBERS = {
+    "panoptic_msgs/msg/ViewDetections": ("frame_number",),
+    "panoptic_msgs/msg/Skeletons": ("view_frames", "index"),
+}
 
 
 class Template(NamedTuple):

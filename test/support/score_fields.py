@@ -3,6 +3,7 @@
 A score field tells how likely a joint of a kind lies at a pixel, from score maps or from keypoints: h_j(z) =
 max_i h_ij(z) in Joo et al. 2017, 5.1. `vote_reference` is their eq. 1.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence

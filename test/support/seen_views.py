@@ -1,4 +1,5 @@
 """2D joints as the solver of joints takes them."""
+
 import numpy as np
 
 from panoptic_ros.domain.rig_arrays import CAMERA

@@ -1,4 +1,5 @@
 """Waiting for what nodes do."""
+
 import time
 
 

@@ -1,4 +1,5 @@
 """A recording for every stage of the table, and the comparison of what comes out of it, deeply."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -113,9 +114,10 @@ def disturbed():
     changes = {"cam0": (17, -SECOND // 2), "cam1": (15, 3 * SECOND), "cam3": (20, -SECOND // 5)}
     jumped = [
         replace(item, stamp_ns=item.stamp_ns + changes[item.camera][1])
-        if item.camera in changes and item.frame_number > changes[item.camera][0] else item
+        if item.camera in changes and item.frame_number > changes[item.camera][0]
+        else item
         for item in moved
-    ]  # fmt: skip
+    ]
     jumped.insert(20, clock("cam0", 1_500_000, SECOND))
     jumped.insert(44, clock("cam0", 1_700_000, SECOND))
     jumped.insert(80, clock("cam1", -3 * SECOND, 5 * SECOND, 1))
@@ -123,9 +125,12 @@ def disturbed():
 
 
 TAKEN = {
-    "detection_sets": "association", "associations": "voting", "proposals": "assembly", "poses": "tracking",
+    "detection_sets": "association",
+    "associations": "voting",
+    "proposals": "assembly",
+    "poses": "tracking",
     "skeletons_raw": "refinement",
-}  # fmt: skip
+}
 
 
 @cache
@@ -133,9 +138,11 @@ def chain(frames=14, start=0):
     """What each stage after detection takes."""
     table = {key: [] for key in (*TAKEN, "tracks")}
     pipeline = Pipeline(
-        configure(VALUES), captures.CONTEXT, ("sync", *FUSION),
+        configure(VALUES),
+        captures.CONTEXT,
+        ("sync", *FUSION),
         on_record=lambda topic, record: table.setdefault(topic, []).append(record),
-    )  # fmt: skip
+    )
     items = views(frames, start)
     for item in items:
         pipeline.push("detections", item)
@@ -150,9 +157,17 @@ def tracked(index, stamp_ns):
     positions = captures.people(stamp_ns / SECOND)
     ones = np.ones(positions.shape[:2])
     return TrackedPoseSet(
-        index, stamp_ns, captures.SKELETON.hash, positions, np.tile(1e-4 * np.eye(3), (*ones.shape, 1, 1)),
-        ones, 4 * ones, JointState.MEASURED * ones, np.ones(2), ids=np.array([4, 9]),
-    )  # fmt: skip
+        index,
+        stamp_ns,
+        captures.SKELETON.hash,
+        positions,
+        np.tile(1e-4 * np.eye(3), (*ones.shape, 1, 1)),
+        ones,
+        4 * ones,
+        JointState.MEASURED * ones,
+        np.ones(2),
+        ids=np.array([4, 9]),
+    )
 
 
 def motion(start=0, instants=11):
@@ -243,8 +258,11 @@ FOCAL, DEPTH = 300.0, 2.0  # px, m: of the cameras that watch, and of those whom
 def watching_rig(size=(256, 192), names=("left", "right", "third")):
     """Cameras in one place, so that a pixel is the same place for all of them."""
     matrix = np.array([[FOCAL, 0.0, 127.5], [0.0, FOCAL, 95.5], [0.0, 0.0, 1.0]])
-    return Rig(tuple(Camera(name, size, Intrinsics(matrix, [0.0] * 5), Rigid(np.eye(3), np.zeros(3)))
-        for name in names))
+    return Rig(
+        tuple(
+            Camera(name, size, Intrinsics(matrix, [0.0] * 5), Rigid(np.eye(3), np.zeros(3))) for name in names
+        )
+    )
 
 
 def known_people(places, stamp_ns, index=0, unseen=0.0):
@@ -256,9 +274,16 @@ def known_people(places, stamp_ns, index=0, unseen=0.0):
     states[..., 2] = DEPTH
     rest = np.zeros((people, joints))
     return TrackSet(
-        index, stamp_ns, SKELETON.hash, np.arange(people), states, np.full((people, joints, 3), 1e-5), rest,
-        rest, np.full(people, unseen),
-    )  # fmt: skip
+        index,
+        stamp_ns,
+        SKELETON.hash,
+        np.arange(people),
+        states,
+        np.full((people, joints, 3), 1e-5),
+        rest,
+        rest,
+        np.full(people, unseen),
+    )
 
 
 def watched(cameras=("left", "right"), count=22, start=0):
@@ -297,8 +322,11 @@ def worn(frames=8, start=0):
     found = [item for pair in zip(table["detection_sets"], table["refinement"]) for item in pair]
     samples = imu_samples("back", frames, 2 * start)
     for sample in samples:  # those of an instant before its people; one that is far ahead after the fifth
-        later = (k for k, item in enumerate(found)
-                 if sample.stamp_ns < item.stamp_ns and not isinstance(item, ImuSample))  # fmt: skip
+        later = (
+            k
+            for k, item in enumerate(found)
+            if sample.stamp_ns < item.stamp_ns and not isinstance(item, ImuSample)
+        )
         end = 10 if sample.stamp_ns == 9 * SECOND else len(found)
         found.insert(next(later, end), sample)
     return found
@@ -317,7 +345,7 @@ def watcher():
     extras = {
         "detector": DetectorModel(Blobs.heads_card(), Blobs.heads_network([-10, -2, 0, 0, 10, 2])),
         "joint_map": JOINT_MAP,
-    }  # fmt: skip
+    }
     return StageContext(watching_rig(), SKELETON, extras)
 
 
@@ -373,10 +401,18 @@ def walked(camera, count=9, start=0):
         found += [frame, frame] if k == start + 3 else [frame]
         if k != start + 5:
             scores = np.full((2, len(model)), 0.9)
-            found.append(ViewDetections(
-                camera, frame.stamp_ns, k, frame.image_size, model.hash, points + (2.0 * k, k), scores,
-                scores[:, 0],
-            ))  # fmt: skip
+            found.append(
+                ViewDetections(
+                    camera,
+                    frame.stamp_ns,
+                    k,
+                    frame.image_size,
+                    model.hash,
+                    points + (2.0 * k, k),
+                    scores,
+                    scores[:, 0],
+                )
+            )
     return found
 
 
@@ -401,27 +437,35 @@ def small_images():
 @cache
 def cases():
     ways = {
-        "replay": {"window_s": 0.005}, "live": {"deadline_s": 0.1},
+        "replay": {"window_s": 0.005},
+        "live": {"deadline_s": 0.1},
         "grid": {"rate_hz": 29.97, "minimum_views": 2, "queue_limit": 12},
         "interpolated": {"resampling": "interpolate", "clocks": ["cam0=cam0"], "delays_ms": ["cam3=-7.5"]},
-    }  # fmt: skip
+    }
     sizes = {"input_side": 0, "smallest_input": 64, "largest_input": 512}
     return {
         "timecode": Case(
-            "timecode", {}, merged(audio("mic", 20, 1), audio("line", 16, 2, 48_000, 2500)),
+            "timecode",
+            {},
+            merged(audio("mic", 20, 1), audio("line", 16, 2, 48_000, 2500)),
             audio("mic", 12, 7),
         ),
         "clocks": Case(
             "clocks", {"window_s": 2.0, "period_s": 0.1}, readings(), readings(5000, ("up", "left"))
         ),
         "clocks-named": Case(
-            "clocks", {"window_s": 2.0, "period_s": 0.1, "least_span_s": 0.4}, named_readings(),
+            "clocks",
+            {"window_s": 2.0, "period_s": 0.1, "least_span_s": 0.4},
+            named_readings(),
             named_readings(5000, ("B", "A")),
         ),
         "detection": Case("detection", sizes, frames(), frames("right", "third", 12)[::-1], detector()),
         "detection-looks": Case(
-            "detection", {**sizes, "looks_per_s": 9.0, "region_height": 64}, watched(),
-            watched(("third", "left"), 9, 50), watcher(),
+            "detection",
+            {**sizes, "looks_per_s": 9.0, "region_height": 64},
+            watched(),
+            watched(("third", "left"), 9, 50),
+            watcher(),
         ),
         "offsets": Case("offsets", {"active": True, "block_s": 0.5}, motion(), motion(20)),
         **{
@@ -430,15 +474,18 @@ def cases():
         },
         **{name: Case(name, VALUES.get(name, {}), chain()[name], chain(7, 200)[name]) for name in FUSION},
         "tracking-subjects": Case(
-            "tracking", {"subjects": ["7"]}, [*chain()["tracking"][:6], OTHERS, *chain()["tracking"][6:]],
+            "tracking",
+            {"subjects": ["7"]},
+            [*chain()["tracking"][:6], OTHERS, *chain()["tracking"][6:]],
             chain(7, 200)["tracking"],
         ),
-        "kinematics": Case(
-            "kinematics", {"rate_hz": 40.0, "lag": 0.05}, worn(), worn(7, 200), wearer()
-        ),
+        "kinematics": Case("kinematics", {"rate_hz": 40.0, "lag": 0.05}, worn(), worn(7, 200), wearer()),
         "kinematics-everybody": Case(
-            "kinematics", {"rate_hz": 15.0, "lag": 0.0, "everybody": True}, chain()["refinement"],
-            chain(7, 200)["refinement"], wearer(),
+            "kinematics",
+            {"rate_hz": 15.0, "lag": 0.0, "everybody": True},
+            chain()["refinement"],
+            chain(7, 200)["refinement"],
+            wearer(),
         ),
         "flow": Case(
             "flow", {}, merged(walked("cam0"), walked("cam1", 5)), walked("cam1", 4, 30), small_images()
@@ -450,12 +497,12 @@ def cases():
             "tracking", {"appearance": True}, dressed(chain()["tracking"]), dressed(chain(7, 200)["tracking"])
         ),
         "patches": Case(
-            "patches", {"per_part": 4, "life": 4}, patch_scene.recording(8),
+            "patches",
+            {"per_part": 4, "life": 4},
+            patch_scene.recording(8),
             patch_scene.recording(4, start=90),
         ),
-        "patches-depth": Case(
-            "patches", {"per_part": 4, "life": 4}, sensed(8), sensed(4, 90), SENSED
-        ),
+        "patches-depth": Case("patches", {"per_part": 4, "life": 4}, sensed(8), sensed(4, 90), SENSED),
         "refinement-patches": Case("refinement", {"lag": 0.08}, with_patches(0), with_patches(90)),
         "refinement-bodies": Case("refinement", {"bodies": True}, with_bodies(14), with_bodies(7, 200)),
         "refinement-lag": Case(
@@ -465,12 +512,29 @@ def cases():
 
 
 NAMES = (
-    "timecode", "clocks", "clocks-named", "detection", "detection-looks", "offsets",
-    "sync-replay", "sync-live", "sync-grid", "sync-interpolated",
-    *FUSION, "tracking-subjects", "tracking-appearance", "appearance", "kinematics",
-    "kinematics-everybody", "refinement-lag", "refinement-patches", "refinement-bodies", "flow", "patches",
+    "timecode",
+    "clocks",
+    "clocks-named",
+    "detection",
+    "detection-looks",
+    "offsets",
+    "sync-replay",
+    "sync-live",
+    "sync-grid",
+    "sync-interpolated",
+    *FUSION,
+    "tracking-subjects",
+    "tracking-appearance",
+    "appearance",
+    "kinematics",
+    "kinematics-everybody",
+    "refinement-lag",
+    "refinement-patches",
+    "refinement-bodies",
+    "flow",
+    "patches",
     "patches-depth",
-)  # fmt: skip
+)
 
 
 # ---------------------------------------------------------------- comparing

@@ -1,4 +1,5 @@
 """Scenes with exact truth: standing people, a ring of cameras, 2D joints with chosen faults."""
+
 import numpy as np
 import pytest
 from fed_stages import unassociated
@@ -10,11 +11,18 @@ from panoptic_ros.stage import StageContext
 
 SKELETON = load_skeleton("panoptic19")
 SHAPE = {  # m, facing +x, left is +y
-    "Neck": (0, 0, 1.45), "Nose": (0.12, 0, 1.6), "BodyCenter": (0, 0, 0.95),
-    "Shoulder": (0, 0.18, 1.42), "Elbow": (0.02, 0.24, 1.15), "Wrist": (0.15, 0.26, 0.95),
-    "Hip": (0, 0.1, 0.93), "Knee": (0.03, 0.11, 0.5), "Ankle": (0, 0.11, 0.08),
-    "Eye": (0.1, 0.035, 1.64), "Ear": (0.02, 0.075, 1.62),
-}  # fmt: skip
+    "Neck": (0, 0, 1.45),
+    "Nose": (0.12, 0, 1.6),
+    "BodyCenter": (0, 0, 0.95),
+    "Shoulder": (0, 0.18, 1.42),
+    "Elbow": (0.02, 0.24, 1.15),
+    "Wrist": (0.15, 0.26, 0.95),
+    "Hip": (0, 0.1, 0.93),
+    "Knee": (0.03, 0.11, 0.5),
+    "Ankle": (0, 0.11, 0.08),
+    "Eye": (0.1, 0.035, 1.64),
+    "Ear": (0.02, 0.075, 1.62),
+}
 
 
 def person(x=0.0, y=0.0, turn=0.0):
@@ -58,9 +66,17 @@ def proposals(rig, people, index=0, noise=0.0, seed=0, change=None, skeleton=SKE
             change(i, points, scores)
         scores[np.isnan(points[..., 0])] = 0.0
         views.append(
-            ViewDetections(camera.name, stamp, index, camera.image_size, skeleton.hash, points, scores,
-                           scores.mean(axis=1))
-        )  # fmt: skip
+            ViewDetections(
+                camera.name,
+                stamp,
+                index,
+                camera.image_size,
+                skeleton.hash,
+                points,
+                scores,
+                scores.mean(axis=1),
+            )
+        )
     detections = DetectionSet(index, stamp, skeleton.hash, tuple(views))
     return ProposalSet.of_nothing(unassociated(detections, len(skeleton)))
 

@@ -248,7 +248,7 @@ TABLE = {
         row("hinter", "Hinter", (Port("seen"), Port("known")), ("hint",)),
         row("finisher", "Finisher", (Port("patch"), Port("known"), Port("hint")), ("final",)),
     )
-}  # fmt: skip
+}
 CONFIGS = {name: ToyConfig() for name in TABLE}
 
 

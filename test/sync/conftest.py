@@ -1,4 +1,5 @@
 """A rig of three cameras, views without people, and what a stage makes of them."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Live: one camera whose clock is off never rules the graph; it is named, and used again when it agrees."""
+
 from __future__ import annotations
 
 import random
@@ -49,9 +50,19 @@ class Take:
 
 
 def live(
-    bench, cameras="abcd", rate=30.0, seconds=20.0, stamp=lambda camera, t: t, lost=0.0, latency_s=None,
-    told=True, seed=0, jitter_s=0.0, late=lambda camera, t: 0, rates=None,
-):  # fmt: skip
+    bench,
+    cameras="abcd",
+    rate=30.0,
+    seconds=20.0,
+    stamp=lambda camera, t: t,
+    lost=0.0,
+    latency_s=None,
+    told=True,
+    seed=0,
+    jitter_s=0.0,
+    late=lambda camera, t: 0,
+    rates=None,
+):
     """Let cameras give frames at one moment each; stamps are `stamp(camera, true time)`.
 
     A frame comes late by `late(camera, true time)` ns; None: it is lost.
@@ -96,9 +107,11 @@ def check_named(take, rate, begin_ns, end_ns, bad="c"):
     """No frame of the accident is grouped; the camera is named once, in time."""
     period = SECOND / rate
     assert not [
-        view for _, item in take.sets for view in item.views
+        view
+        for _, item in take.sets
+        for view in item.views
         if view.camera == bad and begin_ns <= EPOCH + round(view.frame_number * period) < end_ns
-    ]  # fmt: skip
+    ]
     ((at, note),) = take.about_clocks()
     assert note.code == "sync.clock_off" and f"camera {bad} " in note.text
     assert note.values["device"] == bad
@@ -200,9 +213,13 @@ def test_the_host_decides_for_the_camera_that_was_wrong_so_far(bench):
 def test_a_camera_that_nobody_confirms_does_not_begin(bench):
     """One of two cameras is there, with stamps since boot; the other comes after 12 s."""
     take = live(
-        bench, "ab", 4.0, 16.0, lambda c, t: t - EPOCH + BOOT if c == "a" else t,
+        bench,
+        "ab",
+        4.0,
+        16.0,
+        lambda c, t: t - EPOCH + BOOT if c == "a" else t,
         late=lambda c, t: None if c == "b" and t < EPOCH + 12 * SECOND else 0,
-    )  # fmt: skip
+    )
     assert all(item.stamp_ns >= EPOCH for _, item in take.sets) and take.sets
     assert ["camera a " in note.text for _, note in take.about_clocks()] == [True]
 
@@ -227,6 +244,7 @@ def test_cameras_of_other_rates_give_no_line(bench):
 
 def test_a_stall_of_one_camera_and_the_burst_after_it_give_no_line(bench):
     """Images of one camera come up to 4 s late, all at once."""
+
     def late(camera, t):
         since = t - EPOCH - 5 * SECOND
         return max(0, 4 * SECOND - since) if camera == "b" and since >= 0 else 0
@@ -240,15 +258,21 @@ def test_a_stall_of_one_camera_and_the_burst_after_it_give_no_line(bench):
 @pytest.mark.parametrize("who", ["abcd", "b"])
 def test_a_pause_gives_no_line(bench, pause_s, who):
     """Cameras of 6 and 1 Hz pause."""
+
     def late(camera, t):
         return None if camera in who and 0 <= t - EPOCH - 5 * SECOND < pause_s * SECOND else 0
 
     seconds = min(pause_s, 60.0) + 12.0
     if pause_s > seconds:  # frames of the pause are not made
         take = live(
-            bench, "abcd", 6.0, 12.0, lambda c, t: t + (3600 * SECOND if t > EPOCH + 6 * SECOND else 0),
-            late=lambda c, t: 3600 * SECOND if t > EPOCH + 6 * SECOND else 0, rates={"d": 1.0},
-        )  # fmt: skip
+            bench,
+            "abcd",
+            6.0,
+            12.0,
+            lambda c, t: t + (3600 * SECOND if t > EPOCH + 6 * SECOND else 0),
+            late=lambda c, t: 3600 * SECOND if t > EPOCH + 6 * SECOND else 0,
+            rates={"d": 1.0},
+        )
     else:
         take = live(bench, "abcd", 6.0, seconds, late=late, rates={"d": 1.0})
     assert take.about_clocks() == []
@@ -260,9 +284,14 @@ def test_the_host_s_clock_is_set(bench, step_s):
     """All cameras are stamped by it; ahead the stamps follow, back they run on."""
     moved = round(step_s * SECOND)
     take = live(
-        bench, "abcd", 15.0, 10.0, lambda c, t: t + (moved if t > EPOCH + 5 * SECOND else 0), latency_s=0.05,
+        bench,
+        "abcd",
+        15.0,
+        10.0,
+        lambda c, t: t + (moved if t > EPOCH + 5 * SECOND else 0),
+        latency_s=0.05,
         rates={"d": 5.0} if abs(step_s) > 1.0 else None,
-    )  # fmt: skip
+    )
     codes = [note.code for _, note in take.about_clocks()]
     assert codes == (["sync.clock_set_back"] if step_s < 0 else [])
     assert len(take.sets) >= 140

@@ -1,4 +1,5 @@
 """Recorded sets: views with stamps of another clock are left out and named."""
+
 import pytest
 
 from panoptic_ros.domain import DetectionSet
@@ -6,9 +7,12 @@ from panoptic_ros.sync.far_views import without_far_views
 
 SECOND = 10**9
 KINDS = {
-    "5 s ahead": lambda t: t + 5 * SECOND, "1 h ahead": lambda t: t + 3600 * SECOND,
-    "since boot": lambda t: t + 652 * SECOND, "zero": lambda t: 0, "2^32 ns ahead": lambda t: t + 2**32,
-}  # fmt: skip
+    "5 s ahead": lambda t: t + 5 * SECOND,
+    "1 h ahead": lambda t: t + 3600 * SECOND,
+    "since boot": lambda t: t + 652 * SECOND,
+    "zero": lambda t: 0,
+    "2^32 ns ahead": lambda t: t + 2**32,
+}
 
 
 def sets(bench, cameras="abcde", bad="", kind="since boot", rate=30.0, count=40):
@@ -55,10 +59,14 @@ def test_good_sets_are_as_they_were(bench, rate):
     good = sets(bench, rate=rate)
     late = [
         DetectionSet(
-            item.index, item.stamp_ns, item.skeleton_hash,
-            tuple(bench.view(v.camera, v.stamp_ns + 0.45 * SECOND / rate, k) if v.camera == "d" else v
-                  for v in item.views),
+            item.index,
+            item.stamp_ns,
+            item.skeleton_hash,
+            tuple(
+                bench.view(v.camera, v.stamp_ns + 0.45 * SECOND / rate, k) if v.camera == "d" else v
+                for v in item.views
+            ),
         )
         for k, item in enumerate(good)
-    ]  # fmt: skip
+    ]
     assert without_far_views(late) == (late, [])

@@ -1,4 +1,5 @@
 """Clocks of cameras that jump: nothing is grouped wrongly, told once, over within two seconds."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -26,17 +27,16 @@ def capture(bench, seconds, stamp, cameras="abc"):
     """Triggered frames; `stamp(camera, true_ns)` is what the camera's clock says."""
     return [
         bench.view(c, stamp(c, round(SECOND * (10 + k / RATE))), k)
-        for k in range(int(seconds * RATE)) for c in cameras
-    ]  # fmt: skip
+        for k in range(int(seconds * RATE))
+        for c in cameras
+    ]
 
 
 @pytest.mark.parametrize("live", [0.0, 0.3])
 @pytest.mark.parametrize("step", [-5.0, -0.5, -3600.0])
 def test_a_clock_of_all_cameras_that_is_set_back(bench, live, step):
     start = 7200 * SECOND
-    items = capture(
-        bench, 6, lambda c, t: start + t + (round(step * SECOND) if t > 12 * SECOND else 0)
-    )
+    items = capture(bench, 6, lambda c, t: start + t + (round(step * SECOND) if t > 12 * SECOND else 0))
     frames, stamps, warnings = groups(bench, bench.stage(deadline_s=live), items)
     assert all(len(set(f.values())) == 1 for f in frames)
     assert sum(len(f) for f in frames) >= len(items) - 3
@@ -48,9 +48,10 @@ def test_a_clock_of_all_cameras_that_is_set_back(bench, live, step):
 def test_a_single_camera_that_jumps_without_a_clock_model_is_left_out_live(bench, step):
     start = 7200 * SECOND
     items = capture(
-        bench, 8,
+        bench,
+        8,
         lambda c, t: start + t + (round(step * SECOND) if c == "b" and 12 * SECOND < t < 15 * SECOND else 0),
-    )  # fmt: skip
+    )
     frames, _, warnings = groups(bench, bench.stage(deadline_s=0.3), items)
     assert all(len(set(f.values())) == 1 for f in frames)
     assert len(frames) == 240
@@ -118,9 +119,10 @@ def test_a_gap_of_a_camera_is_no_jump_once_its_clock_is_heard_again(bench):
 def test_a_gap_while_nothing_is_heard_is_trusted_after_two_seconds(bench):
     items = [_model(c, 0, 11 * SECOND, 0) for c in "abc"]
     items += [
-        v for v in capture(bench, 8, lambda c, t: t)
+        v
+        for v in capture(bench, 8, lambda c, t: t)
         if not (v.camera == "b" and 12 * SECOND < v.stamp_ns < 13 * SECOND)
-    ]  # fmt: skip
+    ]
     frames, _, warnings = groups(bench, bench.stage(clocks=("a=a", "b=b", "c=c")), items)
     assert warnings == ["sync.clock_silent"] * 3  # each is told once
     assert len(frames) == 240 and sum("b" in f for f in frames) == 240 - 29
@@ -212,9 +214,10 @@ def test_a_camera_whose_clock_jumped_does_not_rule_when_the_others_have_ended(be
 @settings(max_examples=40, deadline=None)
 @given(
     steps=st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 150), st.floats(-20, 20)), max_size=6),
-    live=st.sampled_from([0.0, 0.2]), clocks=st.booleans(),
+    live=st.sampled_from([0.0, 0.2]),
+    clocks=st.booleans(),
     resampling=st.sampled_from(["nearest", "interpolate"]),
-)  # fmt: skip
+)
 def test_whatever_clocks_do_frames_are_used_once_and_sets_never_go_back(steps, live, clocks, resampling):
     own = globals()["_bench"]
 

@@ -1,4 +1,5 @@
 """Live: cameras that die and come back, and stamps of one camera that must not cost the others anything."""
+
 import pytest
 
 SECOND = 10**9

@@ -1,4 +1,5 @@
 """Clocks that the rig names, that nobody hears, that fall silent, or that are those of others."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -28,8 +29,9 @@ def views(bench, clocks, seconds):
     """Frames at the same instants, from 100 s on, stamped by clocks that are so many seconds ahead."""
     return [
         bench.view("abc"[k], 100 * SECOND + ahead * SECOND + i * PERIOD, i)
-        for i in range(seconds * 25) for k, ahead in enumerate(clocks)
-    ]  # fmt: skip
+        for i in range(seconds * 25)
+        for k, ahead in enumerate(clocks)
+    ]
 
 
 def told(sync, items):
@@ -72,8 +74,10 @@ def test_a_clock_that_falls_silent_is_told_once_each_time(bench):
 
 
 def test_stamps_far_from_all_that_was_heard_are_not_believed(bench):
-    clocks = [model("A", 0, 110 * SECOND, 95 * SECOND),
-              model("B", -3600 * SECOND, 3710 * SECOND, 3695 * SECOND)]  # fmt: skip
+    clocks = [
+        model("A", 0, 110 * SECOND, 95 * SECOND),
+        model("B", -3600 * SECOND, 3710 * SECOND, 3695 * SECOND),
+    ]
     swapped = views(bench, (3600, 0), 3)
     sets, notices = told(stage(bench, "AB", clocks=("a=A", "b=B")), clocks + swapped)
     assert not sets
@@ -90,8 +94,9 @@ def test_a_model_that_cannot_be_true_is_left_out_and_told_once(bench, drift):
     sets, notices = told(stage(bench, ("", "")), [bad, bad, *views(bench, (0, 0), 2)])
     assert len(sets) == 50 and all(len(item.views) == 2 for item in sets)
     assert [(n.code, n.severity) for n in notices] == [
-        ("sync.clock_implausible", "warning"), ("sync.clock_implausible", "info"),
-    ]  # fmt: skip
+        ("sync.clock_implausible", "warning"),
+        ("sync.clock_implausible", "info"),
+    ]
 
 
 @pytest.mark.parametrize("offset", [7 * SECOND, -7 * SECOND, 10**17, 2**63 - 1, 1 - 2**63])

@@ -1,4 +1,5 @@
 """Stamps that cannot be right cost the frame that has them and nothing else."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -14,9 +15,10 @@ def capture(bench, stamps_of, seconds=8):
     """Frames of three triggered cameras; `stamps_of(camera, frame, true_ns)`: with which stamps one comes."""
     return [
         bench.view(c, stamp, k)
-        for k in range(int(seconds * RATE)) for c in "abc"
+        for k in range(int(seconds * RATE))
+        for c in "abc"
         for stamp in stamps_of(c, k, START + round(SECOND * k / RATE))
-    ]  # fmt: skip
+    ]
 
 
 def grouped(bench, items, live):
@@ -51,9 +53,12 @@ def test_a_stamp_that_stands_still_far_away_is_dropped_until_it_is_right_again(b
     assert len(frames) == 240 and sum("b" in f for f in frames) == 180
     if live:
         assert codes == {
-            "sync.clock_off": 1, "sync.out_of_time": 60, "sync.clock_agrees": 1,
-            "sync.camera_silent": 1, "sync.camera_back": 1,
-        }  # fmt: skip
+            "sync.clock_off": 1,
+            "sync.out_of_time": 60,
+            "sync.clock_agrees": 1,
+            "sync.camera_silent": 1,
+            "sync.camera_back": 1,
+        }
     else:
         assert codes == {"sync.stray_stamp": 60}
 

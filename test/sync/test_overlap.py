@@ -1,4 +1,5 @@
 """Recordings: cameras whose stamps are of another time are left out and named."""
+
 import pytest
 
 from panoptic_ros.domain import EndOfStream
@@ -6,10 +7,13 @@ from panoptic_ros.domain import EndOfStream
 SECOND = 10**9
 EPOCH = 1_795_000_000 * SECOND
 KINDS = {
-    "since boot": lambda t: t - EPOCH + 653 * SECOND, "zero on": lambda t: t - EPOCH,
-    "1 h ahead": lambda t: t + 3600 * SECOND, "1 h behind": lambda t: t - 3600 * SECOND,
-    "2^32 us behind": lambda t: t - 1000 * 2**32, "20 s ahead": lambda t: t + 20 * SECOND,
-}  # fmt: skip
+    "since boot": lambda t: t - EPOCH + 653 * SECOND,
+    "zero on": lambda t: t - EPOCH,
+    "1 h ahead": lambda t: t + 3600 * SECOND,
+    "1 h behind": lambda t: t - 3600 * SECOND,
+    "2^32 us behind": lambda t: t - 1000 * 2**32,
+    "20 s ahead": lambda t: t + 20 * SECOND,
+}
 
 
 def recorded(bench, cameras, stamp, seconds=4, rate=30.0, begin=lambda camera: 0.0, parameters=None):
@@ -18,8 +22,9 @@ def recorded(bench, cameras, stamp, seconds=4, rate=30.0, begin=lambda camera: 0
     for c in cameras:
         own = [
             bench.view(c, stamp(c, EPOCH + round(k * SECOND / rate)), k)
-            for k in range(int(seconds * rate)) if k / rate >= begin(c)
-        ]  # fmt: skip
+            for k in range(int(seconds * rate))
+            if k / rate >= begin(c)
+        ]
         frames += [((0 if k < 4 else 1, v.stamp_ns, c), v) for k, v in enumerate(own)]
         frames.append(((1, own[-1].stamp_ns + 1, c), EndOfStream(c)))
     sync = bench.stage(cameras, **(parameters or {}))

@@ -1,4 +1,5 @@
 """People interpolated to the instant of their set."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """Sync: sets on the master time line, independent of the order of arrival."""
+
 import itertools
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Stated deviations say what errors are, also where the signal is not as a fit supposes."""
+
 from __future__ import annotations
 
 from typing import Any

@@ -1,4 +1,5 @@
 """Tapes whose speed swings: every word is read, and its deviation says how exactly."""
+
 from __future__ import annotations
 
 from typing import Any
@@ -15,9 +16,14 @@ WORDS = 100
 
 
 def _tape(
-    rate: str, sample_rate: int, seed: int, reverse: bool = False, snr_db: float = 18.0,
-    words: int = WORDS, **swing: Any,
-) -> LtcSignal:  # fmt: skip
+    rate: str,
+    sample_rate: int,
+    seed: int,
+    reverse: bool = False,
+    snr_db: float = 18.0,
+    words: int = WORDS,
+    **swing: Any,
+) -> LtcSignal:
     channel = Channel(speed=1.00003, seed=seed, faults=AudioFaults(snr_db=snr_db, seed=seed), **swing)
     start = Timecode.from_frame_count(40_000 + 1000 * seed, timecode_rate(rate))
     return play_ltc(start, words, sample_rate, channel, lead=0.3 + 7e-6 * seed, reverse=reverse)

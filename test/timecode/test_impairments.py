@@ -1,4 +1,5 @@
 """Whatever a recording holds: no exception, usable deviations, no wrong label."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -54,9 +55,15 @@ LTC = encode_ltc(Timecode.from_frame_count(1000, timecode_rate("25")), 25, RATE)
 
 
 DEGENERATE = {
-    "empty": np.zeros(0), "one sample": np.ones(1), "silence": np.zeros(RATE), "constant": np.ones(RATE),
-    "negative": -np.ones(RATE), "huge": 1e30 * LTC, "tiny": 1e-20 * LTC[:20_000], "offset": LTC + 1e3,
-}  # fmt: skip
+    "empty": np.zeros(0),
+    "one sample": np.ones(1),
+    "silence": np.zeros(RATE),
+    "constant": np.ones(RATE),
+    "negative": -np.ones(RATE),
+    "huge": 1e30 * LTC,
+    "tiny": 1e-20 * LTC[:20_000],
+    "offset": LTC + 1e3,
+}
 
 
 @pytest.mark.parametrize("name", DEGENERATE)

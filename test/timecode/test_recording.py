@@ -1,4 +1,5 @@
 """The offline form: what is learnt later serves the beginning."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Encode, degrade, decode: what comes out is the truth, or nothing."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -80,16 +81,39 @@ def test_every_sample_rate(sample_rate: int) -> None:
     speed=st.floats(0.8, 1.25),
     lead=st.floats(0.0, 3000.0),
     faults=st.builds(
-        AudioFaults, snr_db=st.floats(10.0, 40.0), hum_db=st.none() | st.floats(-20.0, 6.0),
-        dc=st.floats(-0.3, 0.3), gain_db=st.floats(0.0, 10.0), seed=st.integers(0, 99),
+        AudioFaults,
+        snr_db=st.floats(10.0, 40.0),
+        hum_db=st.none() | st.floats(-20.0, 6.0),
+        dc=st.floats(-0.3, 0.3),
+        gain_db=st.floats(0.0, 10.0),
+        seed=st.integers(0, 99),
     ),
-)  # fmt: skip
+)
 def test_what_is_decoded_from_a_bad_line_is_the_truth(
-    rate: str, count: int, sample_rate: int, user_bits: int, inverted: bool, balanced: bool, reverse: bool,
-    speed: float, lead: float, faults: AudioFaults,
-) -> None:  # fmt: skip
-    signal = make(rate, 25, sample_rate, count, lead=lead, tail=300, speed=speed, user_bits=user_bits,
-                  inverted=inverted, balanced=balanced, reverse=reverse)  # fmt: skip
+    rate: str,
+    count: int,
+    sample_rate: int,
+    user_bits: int,
+    inverted: bool,
+    balanced: bool,
+    reverse: bool,
+    speed: float,
+    lead: float,
+    faults: AudioFaults,
+) -> None:
+    signal = make(
+        rate,
+        25,
+        sample_rate,
+        count,
+        lead=lead,
+        tail=300,
+        speed=speed,
+        user_bits=user_bits,
+        inverted=inverted,
+        balanced=balanced,
+        reverse=reverse,
+    )
     bad = degrade_audio(signal.samples, sample_rate, faults)
     readings = decode(blocks(bad, sample_rate))
     check(signal, readings, missing=3, within_us=12.0)
@@ -98,9 +122,15 @@ def test_what_is_decoded_from_a_bad_line_is_the_truth(
 
 @pytest.mark.parametrize(
     "faults",
-    [AudioFaults(hum_db=0.0), AudioFaults(dc=0.25), AudioFaults(gain_db=10.0, gain_hz=5.0),
-     AudioFaults(bits=8), AudioFaults(snr_db=6.0), AudioFaults(clicks_per_s=30.0)],
-)  # fmt: skip
+    [
+        AudioFaults(hum_db=0.0),
+        AudioFaults(dc=0.25),
+        AudioFaults(gain_db=10.0, gain_hz=5.0),
+        AudioFaults(bits=8),
+        AudioFaults(snr_db=6.0),
+        AudioFaults(clicks_per_s=30.0),
+    ],
+)
 def test_single_faults(faults: AudioFaults) -> None:
     signal = make("25", 50, 48000, lead=500, tail=100)
     bad = degrade_audio(signal.samples, 48000, faults)

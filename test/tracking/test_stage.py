@@ -1,4 +1,5 @@
 """Identities over time."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -29,11 +30,16 @@ def poses(index, people, views=3, rate=30.0, stamp=None, sigma=0.005):
     there = np.isfinite(positions[..., 0])
     counts = np.broadcast_to(np.asarray(views), len(positions))
     return PoseSet(
-        index, round(1e9 + index * 1e9 / rate) if stamp is None else stamp, MODEL.hash, positions,
-        np.where(there[..., None, None], sigma**2 * np.eye(3), np.nan), 0.8 * there,
-        there * counts[:, None], np.where(there, JointState.MEASURED, JointState.MISSING),
+        index,
+        round(1e9 + index * 1e9 / rate) if stamp is None else stamp,
+        MODEL.hash,
+        positions,
+        np.where(there[..., None, None], sigma**2 * np.eye(3), np.nan),
+        0.8 * there,
+        there * counts[:, None],
+        np.where(there, JointState.MEASURED, JointState.MISSING),
         np.full(len(positions), 0.8),
-    )  # fmt: skip
+    )
 
 
 def body(x, y=0.0, size=1.0):
@@ -121,8 +127,10 @@ def test_ids_are_never_used_twice():
 def test_a_ghost_gets_no_identity_and_a_weak_person_gets_one_soon():
     sparse = body(1.0)
     sparse[2:] = np.nan  # two joints
-    sets = [poses(i, [body(0.0)] + ([sparse] if i in (3, 9) else []), views=[3, 2][: 1 + (i in (3, 9))])
-            for i in range(12)]  # fmt: skip
+    sets = [
+        poses(i, [body(0.0)] + ([sparse] if i in (3, 9) else []), views=[3, 2][: 1 + (i in (3, 9))])
+        for i in range(12)
+    ]
     assert {tuple(o.ids.tolist()) for o in run(sets)} == {(0,)}
     steady = [poses(i, [body(0.0), sparse], views=[3, 2]) for i in range(6)]
     assert [len(o.ids) for o in run(steady)] == [1, 1, 1, 1, 2, 2]
@@ -173,8 +181,11 @@ def test_by_head_people_are_not_predicted_and_wait_for_the_window():
     assert [o.ids.tolist() for o in run(fast, method="head", max_distance=0.3)] == [[0], [1], [2]]
     assert [o.ids.tolist() for o in run(fast, method="head", max_distance=0.5)] == [[0], [0], [0]]
     for gap, expected in ((2, 0), (3, 1)):  # in frames of 40 ms
-        sets = [poses(0, [body(0.0)], rate=25.0), *(poses(i, [], rate=25.0) for i in range(1, gap)),
-                poses(gap, [body(0.0)], rate=25.0)]  # fmt: skip
+        sets = [
+            poses(0, [body(0.0)], rate=25.0),
+            *(poses(i, [], rate=25.0) for i in range(1, gap)),
+            poses(gap, [body(0.0)], rate=25.0),
+        ]
         assert run(sets, method="head", memory=0.09)[-1].ids.tolist() == [expected]
 
 

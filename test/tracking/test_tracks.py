@@ -1,4 +1,5 @@
 """Tables of tracks against plain numpy."""
+
 import numpy as np
 import pytest
 
@@ -18,7 +19,15 @@ def poses(positions, index=0, votes=None):
     there = np.isfinite(positions[..., 0])
     covariances = np.where(there[..., None, None], 1e-4 * np.eye(3), np.nan)
     return PoseSet(
-        index, index, "abc", positions, covariances, 1.0 * there, 4 * there, 1 * there, np.ones(shape[0]),
+        index,
+        index,
+        "abc",
+        positions,
+        covariances,
+        1.0 * there,
+        4 * there,
+        1 * there,
+        np.ones(shape[0]),
         side_votes=votes,
     )
 

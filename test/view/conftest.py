@@ -1,4 +1,5 @@
 """A small skeleton, a rig on a ring and poses to draw."""
+
 import numpy as np
 import pytest
 
@@ -65,8 +66,14 @@ def detect(skeleton):
         points = points[list(order)] if order is not None else points
         scores = 0.8 * np.isfinite(points).all(-1)
         return ViewDetections(
-            camera.name, poses.stamp_ns, poses.index, camera.image_size, skeleton.hash, points, scores,
+            camera.name,
+            poses.stamp_ns,
+            poses.index,
+            camera.image_size,
+            skeleton.hash,
+            points,
+            scores,
             np.full(len(points), 0.8),
-        )  # fmt: skip
+        )
 
     return make

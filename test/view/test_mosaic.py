@@ -1,4 +1,5 @@
 """Mosaics: bounded, steady, nothing lost."""
+
 import numpy as np
 import pytest
 from hypothesis import given

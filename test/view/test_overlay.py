@@ -1,4 +1,5 @@
 """Overlays: the right colour at the right pixel, whatever the lens, the scale and the state."""
+
 import numpy as np
 import pytest
 
@@ -9,8 +10,11 @@ from panoptic_ros.view.overlay import DETECTION_COLOR, draw_view
 
 BLACK = np.zeros((240, 320, 3), np.uint8)
 MEASURED, PREDICTED, FILLED, MISSING = (
-    JointState.MEASURED, JointState.PREDICTED, JointState.FILLED, JointState.MISSING,
-)  # fmt: skip
+    JointState.MEASURED,
+    JointState.PREDICTED,
+    JointState.FILLED,
+    JointState.MISSING,
+)
 
 
 def _near(image, pixel, color, radius=1):
@@ -65,8 +69,18 @@ def test_bones_that_reach_behind_the_camera_are_clipped(make_camera, make_poses,
     poses = make_poses([(0.0, 0.0)], [1])
     positions = poses.positions.copy()
     positions[0, 1] = [5.0, 0.0, 1.2]  # the head is behind the camera, the hip before it
-    behind = type(poses)(0, 0, skeleton.hash, positions, poses.covariances, poses.scores, poses.views,
-                         poses.states, poses.person_scores, ids=[1])  # fmt: skip
+    behind = type(poses)(
+        0,
+        0,
+        skeleton.hash,
+        positions,
+        poses.covariances,
+        poses.scores,
+        poses.views,
+        poses.states,
+        poses.person_scores,
+        ids=[1],
+    )
     picture = draw_view(BLACK, camera, behind, skeleton)
     assert _near(picture, camera.project(positions[0, 0])[0], bgr_of(1))
     assert not picture[:, :100].any() and not picture[:, 220:].any()  # nothing is thrown across

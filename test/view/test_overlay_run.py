@@ -1,4 +1,5 @@
 """Overlays of a run: every picture shows its own frames and poses."""
+
 import cv2
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
 """Pictures in files."""
+
 import cv2
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
 """The 3D plot: geometry that is right, a picture with the right colours in it."""
+
 from dataclasses import replace
 
 import cv2
@@ -57,8 +58,11 @@ def test_plots_without_people_and_of_one_camera(tmp_path, rig, skeleton, make_po
     plot_capture(tmp_path / "a.png", Rig(rig.cameras[:1]), skeleton, [])
     plot_capture(tmp_path / "b.png", rig, skeleton, [make_poses([], [])])
     whole = make_poses([(0.0, 0.5)], [3])
-    gone = {"positions": np.full_like(whole.positions, np.nan), "states": np.zeros_like(whole.states),
-            "scores": np.zeros_like(whole.scores)}  # fmt: skip
+    gone = {
+        "positions": np.full_like(whole.positions, np.nan),
+        "states": np.zeros_like(whole.states),
+        "scores": np.zeros_like(whole.scores),
+    }
     plot_capture(tmp_path / "c.png", rig, skeleton, [replace(whole, **gone)])
     assert all(cv2.imread(str(tmp_path / f"{name}.png")) is not None for name in "abc")
 

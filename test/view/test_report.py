@@ -1,4 +1,5 @@
 """The report: numbers that are known, text that fits, JSON that any program reads."""
+
 import json
 import math
 
@@ -102,15 +103,30 @@ def _report(rig, skeleton, make_poses, detect, **more):
 def test_table_and_document_say_the_same(rig, skeleton, make_poses, detect, tmp_path):
     notices = [Notice("sync.late_frame", "warning", "a frame came late"), Notice("x.y", "info", "other")] * 2
     report = _report(
-        rig, skeleton, make_poses, detect,
-        frames_in={"cam0": 3, "cam1": 3}, dropped={"queue full": 2, "late": 0},
+        rig,
+        skeleton,
+        make_poses,
+        detect,
+        frames_in={"cam0": 3, "cam1": 3},
+        dropped={"queue full": 2, "late": 0},
         latency_ms={"detection": Latency(101, 50.0, 99.0), "sync": Latency(0, np.nan, np.nan)},
         notices=notices,
         facts={"model": "movenet"},
-    )  # fmt: skip
+    )
     table = report.table()
-    for text in ("id 2", "id 11", "movenet", "6 images of 2 cameras", "2 queue full", "100.0 %",
-                 "a frame came late (2 times)", "detection", "50.0", "99.0", "5.0"):  # fmt: skip
+    for text in (
+        "id 2",
+        "id 11",
+        "movenet",
+        "6 images of 2 cameras",
+        "2 queue full",
+        "100.0 %",
+        "a frame came late (2 times)",
+        "detection",
+        "50.0",
+        "99.0",
+        "5.0",
+    ):
         assert text in table
     assert "late\n" not in table and "nan" not in table
     report.write(tmp_path / "report.json")
@@ -120,8 +136,11 @@ def test_table_and_document_say_the_same(rig, skeleton, make_poses, detect, tmp_
     assert document["reprojection_px"]["cameras"]["cam2"]["median"] == pytest.approx(5.0)
     assert document["latency_ms"]["sync"] == {"count": 0, "p50": None, "p99": None}
     assert document["frames"] == {
-        "in": {"cam0": 3, "cam1": 3}, "out": 3, "with_people": 3, "dropped": {"queue full": 2, "late": 0},
-    }  # fmt: skip
+        "in": {"cam0": 3, "cam1": 3},
+        "out": 3,
+        "with_people": 3,
+        "dropped": {"queue full": 2, "late": 0},
+    }
     assert document["notices"][0]["count"] == 2
 
 

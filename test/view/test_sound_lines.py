@@ -1,4 +1,5 @@
 """Clocks from sound in words, and where motion contradicts them."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -13,9 +14,11 @@ NAMES = ("a", "b", "c", "d")
 def clocks(offsets, deviation, known=(True, True, True, True)):
     variances = np.concatenate([np.full(4, deviation**2), np.full(4, 1e-10)])
     return replace(
-        CameraClocks.unknown(NAMES, 0), offsets=np.array(offsets), known=np.array(known),
+        CameraClocks.unknown(NAMES, 0),
+        offsets=np.array(offsets),
+        known=np.array(known),
         covariance=np.diag(variances),
-    )  # fmt: skip
+    )
 
 
 def heard(known=(True, True, True, True)):
@@ -30,8 +33,9 @@ def test_every_camera_has_a_line_that_says_what_is_done():
     assert "no more than chance; stamps kept" in lines[3] and "not known: it repeats; stamps kept" in lines[4]
     assert "17 ms" in lines[5]
     assert [line.strip() for line in pair_lines(heard())] == [
-        "a and b: agree in 8 of 9 windows of 2 s", "a and d: not compared: it repeats"
-    ]  # fmt: skip
+        "a and b: agree in 8 of 9 windows of 2 s",
+        "a and d: not compared: it repeats",
+    ]
 
 
 def test_motion_beyond_what_sound_leaves_open_is_one_line_for_its_camera():

@@ -1,4 +1,5 @@
 """The plot of clocks stays a picture that can be looked at, however many cameras there are."""
+
 import cv2
 import numpy as np
 import pytest

@@ -1,4 +1,5 @@
 """Progress bar and live table: right numbers, in place in a terminal, plain elsewhere."""
+
 import io
 import re
 from itertools import pairwise

@@ -1,4 +1,5 @@
 """Videos that are written: complete or not there, and what was put into them at its time."""
+
 import resource
 import signal
 

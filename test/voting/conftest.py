@@ -1,4 +1,5 @@
 """Exact little scenes: cameras on a ring, people of 19 joints, keypoints and maps without any noise."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -14,14 +15,27 @@ from panoptic_ros.io.skeletons import load_skeleton
 SKELETON = load_skeleton("panoptic19")
 UPRIGHT = np.array(
     [
-        [0.0, 0.0, 1.45], [0.12, 0.0, 1.55], [0.0, 0.0, 0.95],
-        [0.0, 0.18, 1.42], [0.05, 0.25, 1.15], [0.2, 0.22, 0.95],
-        [0.0, 0.1, 0.92], [0.03, 0.11, 0.5], [-0.02, 0.12, 0.08],
-        [0.0, -0.18, 1.42], [0.02, -0.24, 1.16], [0.15, -0.3, 0.97],
-        [0.0, -0.1, 0.92], [0.02, -0.11, 0.5], [-0.05, -0.12, 0.08],
-        [0.1, 0.03, 1.6], [0.02, 0.08, 1.58], [0.1, -0.03, 1.6], [0.02, -0.08, 1.58],
+        [0.0, 0.0, 1.45],
+        [0.12, 0.0, 1.55],
+        [0.0, 0.0, 0.95],
+        [0.0, 0.18, 1.42],
+        [0.05, 0.25, 1.15],
+        [0.2, 0.22, 0.95],
+        [0.0, 0.1, 0.92],
+        [0.03, 0.11, 0.5],
+        [-0.02, 0.12, 0.08],
+        [0.0, -0.18, 1.42],
+        [0.02, -0.24, 1.16],
+        [0.15, -0.3, 0.97],
+        [0.0, -0.1, 0.92],
+        [0.02, -0.11, 0.5],
+        [-0.05, -0.12, 0.08],
+        [0.1, 0.03, 1.6],
+        [0.02, 0.08, 1.58],
+        [0.1, -0.03, 1.6],
+        [0.02, -0.08, 1.58],
     ]
-)  # fmt: skip
+)
 
 
 def ring(count: int, lens: tuple[float, ...] | Intrinsics = (), radius: float = 4.0) -> Rig:
@@ -96,10 +110,17 @@ def detect(rig: Rig, people: list, maps: str = "none", score: float = 0.9) -> De
             drawn = draw(points, scores, grid, affine, names, owners)
         views.append(
             ViewDetections(
-                camera.name, 1000, 0, camera.image_size, SKELETON.hash, points, scores,
-                np.full(len(people), score), drawn,
+                camera.name,
+                1000,
+                0,
+                camera.image_size,
+                SKELETON.hash,
+                points,
+                scores,
+                np.full(len(people), score),
+                drawn,
             )
-        )  # fmt: skip
+        )
     return DetectionSet(0, 1000, SKELETON.hash, tuple(views))
 
 

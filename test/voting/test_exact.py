@@ -1,4 +1,5 @@
 """The exact search against the dense one."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -20,12 +21,22 @@ from panoptic_ros.voting.volume import Volume
 
 TWICE = (0.0, 0.0, 0.003, -0.002)  # shows places more than 88 degrees off its axis once more
 LENSES = [
-    (), (-0.25, 0.06, 0.001, -0.002, 0.01), (-0.6,), (0.3, 0.1), TWICE,
-    Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye"), Intrinsics(np.eye(3), (-0.3,), "fisheye"),
-]  # fmt: skip
+    (),
+    (-0.25, 0.06, 0.001, -0.002, 0.01),
+    (-0.6,),
+    (0.3, 0.1),
+    TWICE,
+    Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye"),
+    Intrinsics(np.eye(3), (-0.3,), "fisheye"),
+]
 NUMBERS = [  # threshold, view threshold, least
-    (0.05, 0.1, 2), (0.2, 0.1, 3), (0.0, 0.0, 0), (0.3, 0.3, 4), (0.4, 0.1, 2), (0.5, 0.1, 1),
-]  # fmt: skip
+    (0.05, 0.1, 2),
+    (0.2, 0.1, 3),
+    (0.0, 0.0, 0),
+    (0.3, 0.3, 4),
+    (0.4, 0.1, 2),
+    (0.5, 0.1, 1),
+]
 
 
 def searched(scene, volume, wanted):
@@ -82,13 +93,26 @@ def random_view(rng, camera, joints, people, maps, limits):
         values = rng.integers(0, 256, int(sizes.prod(1).sum()))
         values[rng.random(len(values)) < 0.4] = 0
         drawn = ScoreMaps(
-            grid, affine, rng.integers(0, joints, count), np.full(count, -1), corners, sizes,
+            grid,
+            affine,
+            rng.integers(0, joints, count),
+            np.full(count, -1),
+            corners,
+            sizes,
             values.astype(np.uint8),
-        )  # fmt: skip
+        )
     return ViewDetections(
-        camera.name, 0, 0, camera.image_size, "x", points, scores, np.full(people, 0.5), drawn,
+        camera.name,
+        0,
+        0,
+        camera.image_size,
+        "x",
+        points,
+        scores,
+        np.full(people, 0.5),
+        drawn,
         random_limit(rng) if limits and rng.random() < 0.7 else None,
-    )  # fmt: skip
+    )
 
 
 @settings(max_examples=120, deadline=None)
@@ -103,7 +127,7 @@ def random_view(rng, camera, joints, people, maps, limits):
     numbers=st.sampled_from(NUMBERS),
     inside=st.booleans(),
     limits=st.booleans(),
-)  # fmt: skip
+)
 def test_finds_what_the_dense_search_finds(
     seed, views, lens, joints, people, maps, shape, numbers, inside, limits
 ):

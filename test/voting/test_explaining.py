@@ -1,4 +1,5 @@
 """Explaining away: what the 2D people tell already is not searched for again, what they lack is."""
+
 import numpy as np
 import pytest
 from fed_stages import FedVoting
@@ -23,20 +24,34 @@ def without_people(item, which, views=None):
     """The set with these people cut out of the lists of 2D people, their blobs left in the maps."""
     kept = [
         ViewDetections(
-            v.camera, v.stamp_ns, v.frame_number, v.image_size, v.skeleton_hash,
-            np.delete(v.points, which, 0), np.delete(v.scores, which, 0), np.delete(v.person_scores, which),
+            v.camera,
+            v.stamp_ns,
+            v.frame_number,
+            v.image_size,
+            v.skeleton_hash,
+            np.delete(v.points, which, 0),
+            np.delete(v.scores, which, 0),
+            np.delete(v.person_scores, which),
             v.maps,
         )
-        if views is None or k in views else v
+        if views is None or k in views
+        else v
         for k, v in enumerate(item.views)
-    ]  # fmt: skip
+    ]
     return DetectionSet(item.index, item.stamp_ns, item.skeleton_hash, tuple(kept))
 
 
 def at(item, stamp_ns, index=0):
     views = [
         ViewDetections(
-            v.camera, stamp_ns, index, v.image_size, v.skeleton_hash, v.points, v.scores, v.person_scores,
+            v.camera,
+            stamp_ns,
+            index,
+            v.image_size,
+            v.skeleton_hash,
+            v.points,
+            v.scores,
+            v.person_scores,
             v.maps,
         )
         for v in item.views
@@ -82,7 +97,14 @@ def test_finds_a_joint_that_a_known_person_lacks(scenes):
         points[:, 5], scores[:, 5] = np.nan, 0.0
         views.append(
             ViewDetections(
-                v.camera, v.stamp_ns, 0, v.image_size, v.skeleton_hash, points, scores, v.person_scores,
+                v.camera,
+                v.stamp_ns,
+                0,
+                v.image_size,
+                v.skeleton_hash,
+                points,
+                scores,
+                v.person_scores,
                 v.maps,
             )
         )

@@ -1,4 +1,5 @@
 """Votes where things that are known stand between."""
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The arrays of a scene against what they mean."""
+
 import numpy as np
 import pytest
 from score_fields import keypoint_widths

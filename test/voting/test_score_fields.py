@@ -15,9 +15,14 @@ def view(points, scores, maps=None):
 def one_patch(joint=0, person=-1, corner=(2, 3), values=((0, 102), (204, 255)), grid=(20, 16)):
     values = np.array(values, np.uint8)
     return ScoreMaps(
-        grid, np.array([[0.2, 0.0, 0.1], [0.0, 0.2, -0.3]]), [joint], [person], [corner],
-        [values.shape[::-1]], values.ravel(),
-    )  # fmt: skip
+        grid,
+        np.array([[0.2, 0.0, 0.1], [0.0, 0.2, -0.3]]),
+        [joint],
+        [person],
+        [corner],
+        [values.shape[::-1]],
+        values.ravel(),
+    )
 
 
 def pixel_of(cell_x, cell_y):

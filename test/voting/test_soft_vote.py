@@ -80,9 +80,7 @@ def test_views_of_several_stamps_vote_where_the_joint_was_at_theirs(scenes, maps
     rig, person = scenes.ring(6), scenes.person(0.3, 0.2)
     velocity = np.tile([1.2, -0.8, 0.1], (19, 1))
     delays = np.array([0.0, 0.04, -0.04, 0.0, 0.04, -0.02])
-    views = [
-        scenes.detect(rig, [person + late * velocity], maps).views[v] for v, late in enumerate(delays)
-    ]  # fmt: skip
+    views = [scenes.detect(rig, [person + late * velocity], maps).views[v] for v, late in enumerate(delays)]
     scene = build_scene(rig.cameras, DetectionSet(0, 1, views[0].skeleton_hash, tuple(views)).views, 19)
     joints, starts = np.arange(19), person + np.random.default_rng(0).uniform(-0.01, 0.01, (19, 3))
     nodes = moved(scene, joints, starts, 0.1, Moving(velocity, delays, np.zeros(19)))

@@ -133,11 +133,17 @@ def test_detectors_that_see_half_of_the_body_twice(scenes):
     item = scenes.detect(rig, [scenes.person(0.0, 0.0)])
     views = [
         ViewDetections(
-            v.camera, 0, 0, v.image_size, v.skeleton_hash, np.repeat(v.points, 2, 0),
-            np.repeat(v.scores, 2, 0), np.repeat(v.person_scores, 2),
+            v.camera,
+            0,
+            0,
+            v.image_size,
+            v.skeleton_hash,
+            np.repeat(v.points, 2, 0),
+            np.repeat(v.scores, 2, 0),
+            np.repeat(v.person_scores, 2),
         )
         for v in item.views
-    ]  # fmt: skip
+    ]
     twice = propose(scenes, rig, DetectionSet(0, 0, item.skeleton_hash, tuple(views)))
     once = propose(scenes, rig, item)
     assert np.array_equal(once.nodes, twice.nodes)

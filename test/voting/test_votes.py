@@ -1,4 +1,5 @@
 """The compiled kernels against the numpy meaning."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -76,9 +77,7 @@ def test_eq_1_divides_by_the_views_that_see_the_point(scenes):
     people = [scenes.person(0.0, 0.0)]
     views = scenes.detect(rig, people, score=0.8).views
     scene = build_scene(rig.cameras, views, 19)
-    votes, support = vote_points(
-        scene, np.array([1]), people[0][1:2], at_rest(people[0][1:2], scene), 0.1
-    )
+    votes, support = vote_points(scene, np.array([1]), people[0][1:2], at_rest(people[0][1:2], scene), 0.1)
     assert votes == pytest.approx([0.8])
     assert support.tolist() == [4]
     behind = np.array([[4.5 * np.cos(0.1 * np.pi), 4.5 * np.sin(0.1 * np.pi), 1.0]])  # behind camera 0
@@ -97,15 +96,19 @@ def test_a_view_behind_a_wall_neither_counts_nor_adds(scenes):
     blind = replace(item.views[0], points=nobody[0], scores=nobody[1], person_scores=nobody[2])
     votes = {}
     for name, first in {
-        "open": item.views[0], "empty": blind, "walled": replace(blind, limit=wall),
+        "open": item.views[0],
+        "empty": blind,
+        "walled": replace(blind, limit=wall),
         "dreaming": replace(item.views[0], limit=wall),
-    }.items():  # fmt: skip
+    }.items():
         scene = build_scene(rig.cameras, (first, *item.views[1:]), 19)
         votes[name] = tuple(float(x[0]) for x in vote_points(scene, joint, head, at_rest(head, scene), 0.1))
         _, seen = person_scores(scene, joint, head)
         assert seen[0].tolist() == [first.limit is None, True, True, True]
         assert moved(scene, joint, head, 0.1).points == pytest.approx(head, abs=0.01)
     assert votes == {
-        "open": pytest.approx((0.8, 4)), "empty": pytest.approx((0.6, 3)),
-        "walled": pytest.approx((0.8, 3)), "dreaming": pytest.approx((0.8, 3)),
-    }  # fmt: skip
+        "open": pytest.approx((0.8, 4)),
+        "empty": pytest.approx((0.6, 3)),
+        "walled": pytest.approx((0.8, 3)),
+        "dreaming": pytest.approx((0.8, 3)),
+    }

@@ -1,4 +1,5 @@
 """Built as this project's own messages are."""
+
 import runpy
 from pathlib import Path
 

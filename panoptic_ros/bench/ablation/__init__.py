@@ -5,6 +5,7 @@ one world with every mechanism off in turn (in a process of its own), `figures` 
 solution, `differences` and `summary` compare them pair by pair, `command` and `table` are what
 `panoptic bench ablation` calls.
 """
+
 from panoptic_ros.bench.ablation.command import add_arguments, measure
 from panoptic_ros.bench.ablation.table import lines
 

@@ -1,4 +1,5 @@
 """One case in a process of its own: solves it by default and with each mechanism off, prints the figures."""
+
 from __future__ import annotations
 
 from typing import Any

@@ -1,4 +1,5 @@
 """The bench `ablation`: its options, its cases, and what came of them."""
+
 from __future__ import annotations
 
 import argparse
@@ -35,16 +36,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", type=int, default=3, metavar="N", help="how many; default 3")
     parser.add_argument("--first-seed", type=int, default=0, metavar="N", help="default 0")
     parser.add_argument(
-        "--scenes", default=",".join(SIMULATED), metavar="NAME,NAME",
+        "--scenes",
+        default=",".join(SIMULATED),
+        metavar="NAME,NAME",
         help="of `panoptic simulate`; behind the name of one that is not rendered "
         f"{', '.join('+' + word for word in VARIANTS)} (drawn score maps; somebody whom these alone show; "
         f"two cameras only); empty = none; default {','.join(SIMULATED)}",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--capture", nargs="+", action="append", default=[], metavar="PATH", dest="captures",
+        "--capture",
+        nargs="+",
+        action="append",
+        default=[],
+        metavar="PATH",
+        dest="captures",
         help="a recording with its truth: a folder (rig.json, detections.json.gz, truth.json.gz); or a bag "
         "(or folder) of `panoptic run` and TRUTH; or RIG DETECTIONS TRUTH. May be given several times",
-    )  # fmt: skip
+    )
     parser.add_argument("--only", default="", metavar="NAME,NAME", help="these mechanisms, or these parts")
     parser.add_argument("--frames", type=int, metavar="N", help="of each scene at most")
     parser.add_argument("--model", default="movenet-multipose", help="detector of rendered scenes")
@@ -68,10 +76,12 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
         for name, figures in answer["runs"].items():
             own.setdefault(name, []).extend(figures)
     return {
-        "bench": "ablation", "seeds": _seeds(args), "threads": 1,
+        "bench": "ablation",
+        "seeds": _seeds(args),
+        "threads": 1,
         "mechanisms": [{"part": m.part, "name": m.name, "about": m.about, "off": m.off} for m in mechanisms],
         "scenes": summary(samples, [mechanism.name for mechanism in mechanisms]),
-    }  # fmt: skip
+    }
 
 
 def _jobs(args: argparse.Namespace, only: list[str]) -> list[_Job]:

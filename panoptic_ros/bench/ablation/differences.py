@@ -1,4 +1,5 @@
 """What figures change by, pair by pair, and whether that is more than chance."""
+
 from __future__ import annotations
 
 import math

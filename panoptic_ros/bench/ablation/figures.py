@@ -1,4 +1,5 @@
 """The figures of one solution: how good its skeletons are, and what they cost."""
+
 from __future__ import annotations
 
 import math
@@ -73,9 +74,13 @@ def solve(world: World, settings: dict[str, dict[str, Any]], names: Sequence[str
             frames.append(_frame(record))
 
     pipeline = Pipeline(
-        configure(settings), StageContext(world.rig, world.skeleton), FUSION, on_record=take,
-        on_step=lambda stage, ns: spent.setdefault(stage, []).append(ns), clock=time.thread_time_ns,
-    )  # fmt: skip
+        configure(settings),
+        StageContext(world.rig, world.skeleton),
+        FUSION,
+        on_record=take,
+        on_step=lambda stage, ns: spent.setdefault(stage, []).append(ns),
+        clock=time.thread_time_ns,
+    )
     for item in world.sets:
         pipeline.push("detection_sets", item)
     pipeline.flush()

@@ -1,4 +1,5 @@
 """The mechanisms of voting, association, assembly, tracking and refinement, and what switches them off."""
+
 from __future__ import annotations
 
 from collections.abc import Collection
@@ -57,35 +58,51 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _association("guidance", "known people first, from the last instant", temporal_guidance=False),
     _association("view-share", "new people need a share of the views that should see them", view_share=0.0),
     _association("three-views", "new people need three views where enough see them", min_views=2),
-    _association("two-views", "two views in accord make a new person where few see it",
-                 few_views_agreement=1.0),
+    _association(
+        "two-views", "two views in accord make a new person where few see it", few_views_agreement=1.0
+    ),
     _association("delays", "views are shifted to the instant by their stamps", compensate_stamps=False),
     _assembly("capture-space", "no people who stand in the view of two cameras alone", capture_views=2),
-    _assembly("learnt-noise", "the noise of 2D joints is learnt, by score, view and being hidden",
-              learn_noise=False),
+    _assembly(
+        "learnt-noise", "the noise of 2D joints is learnt, by score, view and being hidden", learn_noise=False
+    ),
     _assembly("cauchy", "large residuals count less", cauchy=NO_LIMIT),
     _assembly("gate", "views with large residuals are left out", gate=NO_LIMIT),
-    _assembly("robustness", "gate and Cauchy weight, and a limit to what an observation costs",
-              truncation=NO_LIMIT, gate=NO_LIMIT, cauchy=NO_LIMIT),
-    Mechanism("assembly", "image-borders", "2D joints whose joint lies outside of the image are left out",
-              {"association": {"image_borders": False}, "assembly": {"image_borders": False}}),
+    _assembly(
+        "robustness",
+        "gate and Cauchy weight, and a limit to what an observation costs",
+        truncation=NO_LIMIT,
+        gate=NO_LIMIT,
+        cauchy=NO_LIMIT,
+    ),
+    Mechanism(
+        "assembly",
+        "image-borders",
+        "2D joints whose joint lies outside of the image are left out",
+        {"association": {"image_borders": False}, "assembly": {"image_borders": False}},
+    ),
     _assembly("starts", "a joint is begun from many pairs of views", max_pairs=1),
     _assembly("foreign-joints", "joints are taken from other 2D people of the view", foreign_penalty=100.0),
     _assembly("agreed-share", "views agree on half of a person's joints", min_agreed_share=0.0),
     _assembly("fewest-joints", "a person has five joints", min_person_joints=1),
     _assembly("map-votes", "joints go to the soft votes of the maps", True, vote_distance=0.0),
     _assembly("lost-people", "people whom the maps alone show are added", True, lost_people=False),
-    _assembly("two-view-joints", "joints on which two views disagree, or that one shows, are placed",
-              two_view_joints=False),
+    _assembly(
+        "two-view-joints",
+        "joints on which two views disagree, or that one shows, are placed",
+        two_view_joints=False,
+    ),
     _assembly("longest-sigma", "joints that are too uncertain are missing", max_joint_sigma=10.0),
     _assembly("longest-bone", "no bone is longer than people's", max_bone=10.0),
     _assembly("lowest", "no people under the floor", lowest=-1000.0),
     _assembly("few-views-variance", "covariances grow where few views agree", covariance_inflation=0.0),
     _tracking("memory", "identities wait longer than 0.1 s for people who are not seen", memory=0.1),
-    _tracking("predicted-joints", "joints decide who is who, not the middle of the body alone",
-              joint_memory=0.0),
-    _tracking("returns", "people who were lost come back near that place", return_distance=0.0,
-              return_speed=0.0),
+    _tracking(
+        "predicted-joints", "joints decide who is who, not the middle of the body alone", joint_memory=0.0
+    ),
+    _tracking(
+        "returns", "people who were lost come back near that place", return_distance=0.0, return_speed=0.0
+    ),
     _tracking("confirmation", "doubtful skeletons must be seen often", confirm_frames=1),
     _refinement("smoothing", "motion is smoothed", enabled=False),
     _refinement("lag", "later views are used, too", lag=0.0),
@@ -96,7 +113,7 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _refinement("bone-lengths", "bones keep their learnt lengths", bone_sigma=0.0),
     _refinement("lasting-errors", "part of the errors lasts", lasting_share=0.0),
     _refinement("bias-floor", "covariances know of constant biases", bias_floor=0.0),
-)  # fmt: skip
+)
 
 
 def chosen(words: Collection[str]) -> tuple[Mechanism, ...]:

@@ -1,4 +1,5 @@
 """From the figures of all samples to what each mechanism changes, in each scene and in all together."""
+
 from __future__ import annotations
 
 import math
@@ -35,13 +36,15 @@ def summary(samples: Mapping[str, Mapping[str, Samples]], names: Sequence[str]) 
     blocks += [(scene, means[scene], len(samples[scene][DEFAULT]), own) for scene, own in differences.items()]
     return [
         {
-            "scene": scene, "samples": count, "default": {key: _number(value) for key, value in mean.items()},
+            "scene": scene,
+            "samples": count,
+            "default": {key: _number(value) for key, value in mean.items()},
             "off": {
                 name: {key: _row(found) for key, found in figures.items()} for name, figures in own.items()
             },
         }
         for scene, mean, count, own in blocks
-    ]  # fmt: skip
+    ]
 
 
 def _differences(off: Samples, default: Samples) -> dict[str, Difference]:

@@ -1,4 +1,5 @@
 """The result of the bench `ablation` as a table for people."""
+
 from __future__ import annotations
 
 from typing import Any
@@ -31,8 +32,10 @@ def earns_nothing(name: str, scenes: list[dict[str, Any]]) -> bool:
     """Whether no figure of quality is clearly worse in any scene, or in all together, when it is off."""
     return not any(
         _is_worse(scene["off"][name][figure.key], figure)
-        for scene in scenes if name in scene["off"] for figure in FIGURES
-    )  # fmt: skip
+        for scene in scenes
+        if name in scene["off"]
+        for figure in FIGURES
+    )
 
 
 def _is_worse(change: dict[str, Any], figure: Figure) -> bool:

@@ -1,4 +1,5 @@
 """Variants of a scene, named behind it: what detectors and rigs do that the scene itself does not."""
+
 from __future__ import annotations
 
 from collections.abc import Callable
@@ -68,9 +69,12 @@ def _unlisted(view: ViewDetections, theirs: Array) -> ViewDetections:
     if isinstance(maps, ScoreMaps):
         maps = replace(maps, persons=numbers[maps.persons])
     return replace(
-        view, points=view.points[listed], scores=view.scores[listed],
-        person_scores=view.person_scores[listed], maps=maps,
-    )  # fmt: skip
+        view,
+        points=view.points[listed],
+        scores=view.scores[listed],
+        person_scores=view.person_scores[listed],
+        maps=maps,
+    )
 
 
 def _with_few_views(take: Simulation, rig: Rig, sets: Sets) -> tuple[Rig, Sets]:

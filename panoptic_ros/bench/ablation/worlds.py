@@ -1,4 +1,5 @@
 """What is solved: simulated people, rendered images through a detector, recordings with a truth."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -16,11 +17,26 @@ from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.simulation import SKELETON, simulate
 
 SIMULATED = (
-    "clean-4p5v", "noisy-4p5v+2views", "noisy-4p5v+maps", "noisy-4p5v+unlisted", "noisy-8p5v", "noisy-8p10v",
-    "noisy-8p31v", "three-views-2p", "sitting-group-6p5v", "sitting-group-6p5v+maps", "crossing", "occluded",
-    "bystanders", "enter-leave", "unsync-5v", "mixed-rates", "rendered-4p6v", "rendered-3p8v",
+    "clean-4p5v",
+    "noisy-4p5v+2views",
+    "noisy-4p5v+maps",
+    "noisy-4p5v+unlisted",
+    "noisy-8p5v",
+    "noisy-8p10v",
+    "noisy-8p31v",
+    "three-views-2p",
+    "sitting-group-6p5v",
+    "sitting-group-6p5v+maps",
+    "crossing",
+    "occluded",
+    "bystanders",
+    "enter-leave",
+    "unsync-5v",
+    "mixed-rates",
+    "rendered-4p6v",
+    "rendered-3p8v",
     "rendered-table-4p8v",
-)  # fmt: skip
+)
 QUICK = ("noisy-4p5v+maps", "three-views-2p", "noisy-8p5v")
 RENDERED_FRAMES = 25  # at most: images take most of the time
 STRETCHES = 8  # into which a recording is cut, to know what is chance

@@ -7,6 +7,7 @@ of the nearest; linear triangulation, aniposelib's and a robust one with identit
 Rigs differ with the number of views (corners of a room, ring, dome, studio panels), so growth in views is
 that of typical rigs.
 """
+
 from panoptic_ros.bench.stage1.command import add_arguments, measure
 from panoptic_ros.bench.stage1.table import lines
 

@@ -1,7 +1,8 @@
 """Times aniposelib's triangulation in whatever Python has it: a script that needs nothing of this project.
 
-    python aniposelib_child.py IN.npz OUT.npz
+python aniposelib_child.py IN.npz OUT.npz
 """
+
 from __future__ import annotations
 
 import importlib

@@ -1,4 +1,5 @@
 """Worlds of other skeletons: the growth of time with the number of joints, and recordings without some."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -31,7 +32,10 @@ def any_skeleton_world(name: str, people: int, views: int, frames: int, seed: in
     ]
     truth = [SkeletonFrame(to_stamp(tick), ids, rows) for tick, rows in zip(ticks, joints)]
     return World(
-        take.rig, skeleton, tuple(with_drawn_maps(item, layout.maps) for item in sets), layout.bounds,
+        take.rig,
+        skeleton,
+        tuple(with_drawn_maps(item, layout.maps) for item in sets),
+        layout.bounds,
         SkeletonSequence(skeleton.joint_names, tuple(truth)),
     )
 
@@ -68,6 +72,10 @@ def maps_of(maps: ScoreMaps, joint_map: JointMap) -> ScoreMaps:
     kept = new[maps.joints] >= 0
     lengths = maps.sizes.prod(axis=1)
     return replace(
-        maps, joints=new[maps.joints[kept]], persons=maps.persons[kept], corners=maps.corners[kept],
-        sizes=maps.sizes[kept], data=maps.data[np.repeat(kept, lengths)],
-    )  # fmt: skip
+        maps,
+        joints=new[maps.joints[kept]],
+        persons=maps.persons[kept],
+        corners=maps.corners[kept],
+        sizes=maps.sizes[kept],
+        data=maps.data[np.repeat(kept, lengths)],
+    )

@@ -1,4 +1,5 @@
 """Rows of named baselines on the same 2D people."""
+
 from __future__ import annotations
 
 import importlib.util
@@ -32,9 +33,12 @@ def greedy_rows(rows: Rows) -> None:
         return item.stamp_ns, *baseline.step(item)
 
     rows.run(
-        "2D people to ids", "greedy, DLT, nearest id (baseline)", step, rows.world.sets,
+        "2D people to ids",
+        "greedy, DLT, nearest id (baseline)",
+        step,
+        rows.world.sets,
         lambda result: of_points(*result),
-    )  # fmt: skip
+    )
 
 
 def given_rows(rows: Rows, anipose: str | None) -> None:
@@ -84,16 +88,21 @@ def _anipose_row(rows: Rows, python: str | None) -> None:
     with tempfile.TemporaryDirectory() as folder:
         inputs, outputs = Path(folder) / "in.npz", Path(folder) / "out.npz"
         np.savez(
-            inputs, points=points, matrices=[lens.matrix for lens in lenses],
-            distortions=[lens.distortion for lens in lenses], rotations=stack.rotations,
-            translations=stack.translations, budget_s=rows.budget_s,
-        )  # fmt: skip
+            inputs,
+            points=points,
+            matrices=[lens.matrix for lens in lenses],
+            distortions=[lens.distortion for lens in lenses],
+            rotations=stack.rotations,
+            translations=stack.translations,
+            budget_s=rows.budget_s,
+        )
         command = [python or sys.executable, str(Path(aniposelib_child.__file__)), str(inputs), str(outputs)]
         answer_of(
-            subprocess.run(command, text=True, capture_output=True, env={**os.environ, **ONE_THREAD},
-                           check=False),
+            subprocess.run(
+                command, text=True, capture_output=True, env={**os.environ, **ONE_THREAD}, check=False
+            ),
             "aniposelib",
-        )  # fmt: skip
+        )
         with np.load(outputs) as found:
             positions, wall, cpu = found["positions"], found["wall_ms"], found["cpu_ms"]
     times = Times.of(wall, cpu, None)

@@ -1,4 +1,5 @@
 """One case in a process of its own: reads a request as JSON, prints the rows as JSON."""
+
 from __future__ import annotations
 
 import time
@@ -35,9 +36,14 @@ def measure(request: dict[str, Any]) -> dict[str, Any]:
             given_rows(rows, request.get("aniposelib"))
     people = max((len(frame.ids) for frame in world.truth.frames), default=0) if world.truth else None
     return {
-        "people": people, "views": len(world.rig), "joints": len(world.skeleton),
-        "frames": len(world.sets), "maps": _grid(world), "rows": rows.rows, "cpu_s": time.process_time(),
-    }  # fmt: skip
+        "people": people,
+        "views": len(world.rig),
+        "joints": len(world.skeleton),
+        "frames": len(world.sets),
+        "maps": _grid(world),
+        "rows": rows.rows,
+        "cpu_s": time.process_time(),
+    }
 
 
 def _world(request: dict[str, Any], maps: bool) -> World:
@@ -45,7 +51,10 @@ def _world(request: dict[str, Any], maps: bool) -> World:
         from panoptic_ros.bench.stage1.recorded import recorded_world
 
         world = recorded_world(
-            request["bag"], request.get("cameras"), request.get("truth"), request["frames"],
+            request["bag"],
+            request.get("cameras"),
+            request.get("truth"),
+            request["frames"],
             request.get("volume"),
         )
         return in_joints_of(world, request["skeleton"]) if request.get("skeleton") else world

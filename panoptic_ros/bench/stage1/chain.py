@@ -1,4 +1,5 @@
 """Rows of this project's stages: voting on maps, assembly, tracking, refinement."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
@@ -43,9 +44,7 @@ def voting_rows(rows: Rows, dense: bool) -> None:
     if dense:
         little = Volume.between((0, 0, 0, 1, 1, 1), 0.25)
         dense_nodes(scene(world.sets[0]), little, WANTED)  # compiles
-        expected = rows.run(
-            "voting", "dense (baseline)", every_voxel, world.sets, note=note, warmed=True
-        )
+        expected = rows.run("voting", "dense (baseline)", every_voxel, world.sets, note=note, warmed=True)
         same = (np.array_equal(a, b) for pair in zip(expected, found) for a, b in zip(*pair))
         rows.rows[-1]["equal_to_exact"] = all(same)
     associations = _associations(rows)

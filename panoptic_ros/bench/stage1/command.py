@@ -1,4 +1,5 @@
 """The bench `stage1`: which cases there are, each measured in a fresh process of one thread."""
+
 from __future__ import annotations
 
 import argparse
@@ -23,13 +24,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--people", default=(1, 4, 8), help="default 1,4,8", **numbers)
     parser.add_argument("--views", default=(3, 5, 10, 31), help="default 3,5,10,31", **numbers)
     parser.add_argument(
-        "--many-views", default=(96, 480), **numbers,
+        "--many-views",
+        default=(96, 480),
+        **numbers,
         help="rigs of VGA cameras with smaller maps, without dense voting; default 96,480; 0 = none",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--skeletons", default="panoptic15,panoptic19,body25,blazepose33,wholebody133", metavar="NAME,NAME",
+        "--skeletons",
+        default="panoptic15,panoptic19,body25,blazepose33,wholebody133",
+        metavar="NAME,NAME",
         help="models for the growth with joints, at 4 people and 5 views; empty = none",
-    )  # fmt: skip
+    )
     parser.add_argument("--frames", type=int, default=60, metavar="N", help="per case; default 60")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the simulation")
     parser.add_argument("--quick", action="store_true", help="fewer cases and frames, within a minute")
@@ -65,27 +70,36 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
         cases.append({"request": request} | run_child(CASE, request))
     progress(1.0, "done")
     return {
-        "bench": "stage1", "machine": platform.processor() or platform.machine(),
-        "threads": 1, "cases": cases, "growth": growth(cases),
-    }  # fmt: skip
+        "bench": "stage1",
+        "machine": platform.processor() or platform.machine(),
+        "threads": 1,
+        "cases": cases,
+        "growth": growth(cases),
+    }
 
 
 def _simulated(args: argparse.Namespace) -> list[dict[str, Any]]:
     quick = args.quick
     common = {
-        "frames": min(args.frames, 25) if quick else args.frames, "seed": args.seed,
-        "budget_s": 0.15 if quick else 0.5, "aniposelib": args.aniposelib,
-    }  # fmt: skip
+        "frames": min(args.frames, 25) if quick else args.frames,
+        "seed": args.seed,
+        "budget_s": 0.15 if quick else 0.5,
+        "aniposelib": args.aniposelib,
+    }
     dense_views = DENSE_VIEWS_QUICK if quick else DENSE_VIEWS
     people = (4,) if quick and args.people == (1, 4, 8) else args.people
     views = (5, 10) if quick and args.views == (3, 5, 10, 31) else args.views
     requests = [
-        common | {
-            "kind": "grid", "people": p, "views": v,
+        common
+        | {
+            "kind": "grid",
+            "people": p,
+            "views": v,
             "parts": [*ALL, *(["dense"] if v <= dense_views and not (quick and v > 5) else [])],
         }
-        for p in people for v in views
-    ]  # fmt: skip
+        for p in people
+        for v in views
+    ]
     for v in () if quick else [v for v in args.many_views if v]:
         requests.append(
             common | {"kind": "many", "people": MANY_PEOPLE, "views": v, "frames": 8, "parts": list(ALL[:3])}
@@ -100,12 +114,19 @@ def _simulated(args: argparse.Namespace) -> list[dict[str, Any]]:
 
 
 def _recorded(args: argparse.Namespace) -> list[dict[str, Any]]:
-    return [{
-        "kind": "bag", "bag": str(args.bag), "cameras": args.cameras.split(",") if args.cameras else None,
-        "skeleton": args.skeleton, "truth": str(args.truth) if args.truth else None, "volume": args.volume,
-        "frames": args.frames, "budget_s": 0.2 if args.quick else 1.0,
-        "parts": [*ALL, *([] if args.quick else ["dense"])],
-    }]  # fmt: skip
+    return [
+        {
+            "kind": "bag",
+            "bag": str(args.bag),
+            "cameras": args.cameras.split(",") if args.cameras else None,
+            "skeleton": args.skeleton,
+            "truth": str(args.truth) if args.truth else None,
+            "volume": args.volume,
+            "frames": args.frames,
+            "budget_s": 0.2 if args.quick else 1.0,
+            "parts": [*ALL, *([] if args.quick else ["dense"])],
+        }
+    ]
 
 
 def growth(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -121,8 +142,10 @@ def growth(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
         "joints": [c for c in cases if c["request"]["kind"] == "joints"],
     }
     where = {
-        "views": f"{most['people']} people", "people": f"{fixed_views} views", "joints": "4 people, 5 views",
-    }  # fmt: skip
+        "views": f"{most['people']} people",
+        "people": f"{fixed_views} views",
+        "joints": "4 people, 5 views",
+    }
     for what, members in series.items():
         times: dict[tuple[str, str], list[tuple[int, float]]] = {}
         for case in members:
@@ -133,10 +156,16 @@ def growth(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
         for (step, method), points in times.items():
             power = exponent(*zip(*points))
             if power is not None:
-                found.append({
-                    "in": what, "at": where[what], "step": step, "method": method, "exponent": power,
-                    "points": [list(point) for point in points],
-                })  # fmt: skip
+                found.append(
+                    {
+                        "in": what,
+                        "at": where[what],
+                        "step": step,
+                        "method": method,
+                        "exponent": power,
+                        "points": [list(point) for point in points],
+                    }
+                )
     return found
 
 

@@ -1,4 +1,5 @@
 """The baseline of the exact search: eq. 1 of Joo et al. 2017 at every voxel, and its local maxima."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -2,6 +2,7 @@
 
 What a small script does that takes 2D people to 3D: no robust weights, no prediction, no model of noise.
 """
+
 from __future__ import annotations
 
 import numpy as np

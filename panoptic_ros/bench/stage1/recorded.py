@@ -1,4 +1,5 @@
 """A recorded bag as the world of a bench: real 2D people and real score maps."""
+
 from __future__ import annotations
 
 import heapq

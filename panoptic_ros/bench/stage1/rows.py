@@ -1,4 +1,5 @@
 """One row of the table per method: its times and, where it gives skeletons, how good these are."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
@@ -34,10 +35,15 @@ class Rows:
         return make_stage(name, configure(settings)[name], context)
 
     def run(
-        self, step: str, method: str, call: Callable[[Any], Any], items: Iterable[Any],
-        skeletons: Callable[[Any], SkeletonFrame] | None = None, note: str = "",
+        self,
+        step: str,
+        method: str,
+        call: Callable[[Any], Any],
+        items: Iterable[Any],
+        skeletons: Callable[[Any], SkeletonFrame] | None = None,
+        note: str = "",
         warmed: bool = False,
-    ) -> list[Any]:  # fmt: skip
+    ) -> list[Any]:
         """Time `call` on the items and add a row; returns what the calls gave.
 
         Args:
@@ -49,9 +55,13 @@ class Rows:
         return results
 
     def add(
-        self, step: str, method: str, times: Times | None, frames: Sequence[SkeletonFrame] | None,
+        self,
+        step: str,
+        method: str,
+        times: Times | None,
+        frames: Sequence[SkeletonFrame] | None,
         note: str = "",
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Add a row; `frames` are those of the first sets."""
         row: dict[str, Any] = {"step": step, "method": method, "note": note}
         row |= times.to_mapping() if times else {}

@@ -1,4 +1,5 @@
 """The result of the bench `stage1` as tables for people."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,4 +1,5 @@
 """What the bench measures on: simulated people, rigs of any number of views, maps, truth, identities."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
@@ -103,9 +104,7 @@ def make_world(people: int, views: int, frames: int, seed: int, maps: bool) -> W
     sets = tuple(take.detection_sets())
     if maps:
         sets = tuple(with_drawn_maps(item, layout.maps) for item in sets)
-    return World(
-        take.rig, SKELETON, sets, layout.bounds, truth_of(take), tuple(_given(take, frames))
-    )
+    return World(take.rig, SKELETON, sets, layout.bounds, truth_of(take), tuple(_given(take, frames)))
 
 
 def truth_of(take: Simulation) -> SkeletonSequence:

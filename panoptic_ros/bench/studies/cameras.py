@@ -1,4 +1,5 @@
 """The study of the number of cameras."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -80,6 +81,9 @@ def study_cameras(
             for (count, method), found in zip(config.cases, scores)
         ]
     return {
-        "study": "cameras", "noise_share": takes.noise, "frames": takes.frames, "seed": takes.seed,
+        "study": "cameras",
+        "noise_share": takes.noise,
+        "frames": takes.frames,
+        "seed": takes.seed,
         "rows": rows,
-    }  # fmt: skip
+    }

@@ -1,4 +1,5 @@
 """The study of resolution: rendered images of as many HD, VGA and QVGA cameras at the same places."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -62,9 +63,13 @@ class ImageStudy:
 
 
 def study_resolution(
-    rigs: tuple[Rig, Rig], cameras: int, takes: Takes, methods: Sequence[Method], model: str,
+    rigs: tuple[Rig, Rig],
+    cameras: int,
+    takes: Takes,
+    methods: Sequence[Method],
+    model: str,
     progress: Progress,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Scores for every number of people, each resolution and each method.
 
     Args:
@@ -91,8 +96,12 @@ def study_resolution(
                 for method, found in zip(methods, scores)
             ]
     return {
-        "study": "resolution", "model": model, "frames": takes.frames, "seed": takes.seed, "rows": rows,
-    }  # fmt: skip
+        "study": "resolution",
+        "model": model,
+        "frames": takes.frames,
+        "seed": takes.seed,
+        "rows": rows,
+    }
 
 
 def _render(take: Simulation, progress: Progress) -> dict[str, list[Array]]:

@@ -1,4 +1,5 @@
 """From detection sets to skeletons with stage one, how good they are and what they cost."""
+
 from __future__ import annotations
 
 import time
@@ -19,9 +20,22 @@ from panoptic_ros.io.skeletons import map_joints
 from panoptic_ros.stage import StageContext
 
 SCORED = (
-    "Neck", "Nose", "BodyCenter", "lShoulder", "lElbow", "lWrist", "lHip", "lKnee", "lAnkle",
-    "rShoulder", "rElbow", "rWrist", "rHip", "rKnee", "rAnkle",
-)  # fmt: skip
+    "Neck",
+    "Nose",
+    "BodyCenter",
+    "lShoulder",
+    "lElbow",
+    "lWrist",
+    "lHip",
+    "lKnee",
+    "lAnkle",
+    "rShoulder",
+    "rElbow",
+    "rWrist",
+    "rHip",
+    "rKnee",
+    "rAnkle",
+)
 SETTLED = 2  # frames at the start that do not count: the noise of the detector is being learnt
 STAGES = ("association", "voting", "assembly")
 ALONE = {"association": {"temporal_guidance": False}}  # every instant by itself, as the paper's first stage
@@ -48,9 +62,13 @@ def solve(method: Method, rig: Rig, skeleton: SkeletonModel, sets: Iterable[Dete
             frames.append(SkeletonFrame(record.stamp_ns, ids, record.positions, record.covariances))
 
     pipeline = Pipeline(
-        configure(merged(ALONE, method.settings)), StageContext(rig, working), STAGES, on_record=take,
-        on_step=lambda stage, ns: spent[stage].append(ns), clock=time.thread_time_ns,
-    )  # fmt: skip
+        configure(merged(ALONE, method.settings)),
+        StageContext(rig, working),
+        STAGES,
+        on_record=take,
+        on_step=lambda stage, ns: spent[stage].append(ns),
+        clock=time.thread_time_ns,
+    )
     for item in sets:
         seen = replace(item, views=tuple(view for view in item.views if view.camera in names))
         pipeline.push("detection_sets", change(seen))

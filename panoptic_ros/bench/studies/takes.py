@@ -1,4 +1,5 @@
 """What a study simulates and by what it is solved, and how its progress is shared out."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,5 @@
 """The study of time: what one minute of capture costs, procedure by procedure, as in Table 2."""
+
 from __future__ import annotations
 
 import time
@@ -42,14 +43,22 @@ def study_time(
         for method, part in zip(methods, shared_out(of_people(number, told), [1.0] * len(methods))):
             timed = each(sets, len(sets), part, f"solving {len(rig)} cameras, {method.name}")
             seconds = {"detection": len(rig) * image_s, **solve(method, take.rig, SKELETON, timed).seconds}
-            rows.append({
-                "people": number, "cameras": len(rig), "method": method.name,
-                "seconds": {stage: instants * value for stage, value in seconds.items()},
-            })  # fmt: skip
+            rows.append(
+                {
+                    "people": number,
+                    "cameras": len(rig),
+                    "method": method.name,
+                    "seconds": {stage: instants * value for stage, value in seconds.items()},
+                }
+            )
     return {
-        "study": "time", "model": model, "instants": instants, "frames": takes.frames, "seed": takes.seed,
+        "study": "time",
+        "model": model,
+        "instants": instants,
+        "frames": takes.frames,
+        "seed": takes.seed,
         "rows": rows,
-    }  # fmt: skip
+    }
 
 
 def seconds_per_image(context: StageContext, instants: Sequence[Sequence[ViewFrame]]) -> float:

@@ -3,6 +3,7 @@
 Every source is a `SoundSource`: the blocks of one device in order, with the names of the clocks whose
 timecode its channels carry. A new kind is a class of that form, and a row in `described`.
 """
+
 from panoptic_ros.capture.sound.described import described_sound, open_sound
 from panoptic_ros.capture.sound.folder import SOUND_NAMES, folder_sounds, sound_files, track_sound
 from panoptic_ros.capture.sound.source import SoundSource

@@ -1,4 +1,5 @@
 """Opening a source of sound from a plain description, as it stands in a run's plan."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence

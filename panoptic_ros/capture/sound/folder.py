@@ -1,4 +1,5 @@
 """The sound of a capture folder: `<device>.wav`, tracks of videos, and what sound.yaml says of them."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -50,9 +51,10 @@ def folder_sounds(
     for name in dict.fromkeys([*named, *files, *(() if says else tracks)]):
         said = named.get(name, {})
         sound = (
-            _described(files[name], said, stamps, cameras) if name in files
+            _described(files[name], said, stamps, cameras)
+            if name in files
             else {"track": 0, **tracks[name], "clocks": [], **said}
-        )  # fmt: skip
+        )
         device = sound["device"]
         if name in files and "track" in said:
             raise DataError(f"{path / SOUND_NAMES}: {name}: a WAV file has no tracks")
@@ -65,9 +67,13 @@ def folder_sounds(
 
 
 def track_sound(
-    path: Path, device: str, start_ns: int, stamps: Sequence[int] = (), clocks: Sequence[str] = (),
+    path: Path,
+    device: str,
+    start_ns: int,
+    stamps: Sequence[int] = (),
+    clocks: Sequence[str] = (),
     track: int = 0,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Describe a sound track of a video; for the rest see `VideoSound`."""
     own: dict[str, Any] = {"stamps": list(stamps)} if len(stamps) else {"start_ns": start_ns}
     own |= {"track": track} if track else {}
@@ -80,9 +86,11 @@ def sound_files(path: Path) -> list[Path]:
 
 
 def _described(
-    file: Path, said: Mapping[str, Any], stamps: Mapping[str, Sequence[tuple[int, int]]],
+    file: Path,
+    said: Mapping[str, Any],
+    stamps: Mapping[str, Sequence[tuple[int, int]]],
     cameras: Mapping[str, int],
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     own, device = stamps.get(file.stem), file.stem
     begin = said.get("start_ns", cameras.get(device, 0))
     more = {"stamps": [list(row) for row in own]} if own else {"start_ns": begin}

@@ -1,4 +1,5 @@
 """Microphones and line inputs, through PortAudio (the package sounddevice, which is optional)."""
+
 from __future__ import annotations
 
 import importlib
@@ -43,9 +44,14 @@ class MicrophoneSource:
     """
 
     def __init__(
-        self, device: str, address: str, *, clocks: Sequence[str] = (),
-        clock: Callable[[], int] = time.time_ns, library: Any | None = None,
-    ):  # fmt: skip
+        self,
+        device: str,
+        address: str,
+        *,
+        clocks: Sequence[str] = (),
+        clock: Callable[[], int] = time.time_ns,
+        library: Any | None = None,
+    ):
         self.device, self.clocks = device, tuple(clocks)
         self._what = f"microphone {device} at {address}"
         self._clock = clock
@@ -58,9 +64,13 @@ class MicrophoneSource:
         self._closed = False
         try:
             self._stream = self._portaudio.InputStream(
-                device=found["index"], channels=self.channels, samplerate=self.sample_rate, dtype="float32",
-                blocksize=int(BLOCK_S * self.sample_rate), callback=self._take,
-            )  # fmt: skip
+                device=found["index"],
+                channels=self.channels,
+                samplerate=self.sample_rate,
+                dtype="float32",
+                blocksize=int(BLOCK_S * self.sample_rate),
+                callback=self._take,
+            )
             self._stream.start()
         except self._portaudio.PortAudioError as error:
             raise BackendError(f"{self._what} cannot be opened: {_one_line(error)}") from None
@@ -95,9 +105,10 @@ class MicrophoneSource:
             return self._portaudio.query_devices(address, "input")
         except (ValueError, self._portaudio.PortAudioError):
             inputs = [
-                f"{row['index']} {row['name']}" for row in self._portaudio.query_devices()
+                f"{row['index']} {row['name']}"
+                for row in self._portaudio.query_devices()
                 if row["max_input_channels"]
-            ]  # fmt: skip
+            ]
             raise BackendError(
                 f"{self._what}: no such input; there are {', '.join(inputs) or 'none'}"
             ) from None

@@ -1,4 +1,5 @@
 """A recording that is played as if a device heard it now: to try a live run without hardware."""
+
 from __future__ import annotations
 
 import threading
@@ -24,9 +25,14 @@ class PlayedSource:
     """
 
     def __init__(
-        self, device: str, path: Path, *, clocks: Sequence[str] = (), clock: Callable[[], int] = time.time_ns,
+        self,
+        device: str,
+        path: Path,
+        *,
+        clocks: Sequence[str] = (),
+        clock: Callable[[], int] = time.time_ns,
         wait: Callable[[float], bool] | None = None,
-    ):  # fmt: skip
+    ):
         self.device, self.clocks = device, tuple(clocks)
         self._file = WavSource(device, path, clocks=clocks)
         self._closed = threading.Event()

@@ -1,4 +1,5 @@
 """What every source of sound offers."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator

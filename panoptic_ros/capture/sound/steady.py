@@ -1,4 +1,5 @@
 """When samples were at the input of a device, though blocks tell of it late, and sometimes early."""
+
 from __future__ import annotations
 
 from bisect import bisect_left, insort

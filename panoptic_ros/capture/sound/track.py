@@ -1,4 +1,5 @@
 """Sound tracks of files, decoded through PyAV (FFmpeg): samples, and where they lie in the file's time."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator

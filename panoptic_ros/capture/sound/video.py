@@ -1,4 +1,5 @@
 """The sound of a video as what its camera heard, on the time line of its frames."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
@@ -39,9 +40,16 @@ class VideoSound:
     """
 
     def __init__(
-        self, device: str, path: Path, *, clocks: Sequence[str] = (), start_ns: int = 0,
-        stamps: Sequence[int] = (), from_sample: int = 0, track: int = 0,
-    ):  # fmt: skip
+        self,
+        device: str,
+        path: Path,
+        *,
+        clocks: Sequence[str] = (),
+        start_ns: int = 0,
+        stamps: Sequence[int] = (),
+        from_sample: int = 0,
+        track: int = 0,
+    ):
         self.device, self.path = device, Path(path)
         self.clocks = tuple(clocks)
         self._what = f"the sound of {self.path}"
@@ -149,10 +157,11 @@ def _follows(waiting: Sequence[Piece], piece: Piece) -> bool:
     """Whether a piece continues others, and there is room for it."""
     first, last = waiting[0], waiting[-1]
     return (
-        piece.first == last.first + len(last.samples) and piece.sample_rate == first.sample_rate
+        piece.first == last.first + len(last.samples)
+        and piece.sample_rate == first.sample_rate
         and piece.samples.shape[1] == first.samples.shape[1]
         and piece.first + len(piece.samples) - first.first <= BLOCK_S * first.sample_rate
-    )  # fmt: skip
+    )
 
 
 def _together(pieces: Sequence[Piece]) -> Piece:

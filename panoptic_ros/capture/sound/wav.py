@@ -1,4 +1,5 @@
 """WAV files as what a device heard."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
@@ -29,9 +30,15 @@ class WavSource:
     """
 
     def __init__(
-        self, device: str, path: Path, *, clocks: Sequence[str] = (), start_ns: int = 0, stamps: Stamps = (),
+        self,
+        device: str,
+        path: Path,
+        *,
+        clocks: Sequence[str] = (),
+        start_ns: int = 0,
+        stamps: Stamps = (),
         from_sample: int = 0,
-    ):  # fmt: skip
+    ):
         self.device = device
         self.clocks = tuple(clocks)
         self._file = WavFile(Path(path))
@@ -62,9 +69,13 @@ class WavSource:
             for first in range(begin, min(until, end), step):
                 last = min(first + step, until, end)
                 yield AudioBlock(
-                    self.device, max(0, since + self._ns(first)), first, self.sample_rate,
-                    self._file.samples(first, last), self.clocks,
-                )  # fmt: skip
+                    self.device,
+                    max(0, since + self._ns(first)),
+                    first,
+                    self.sample_rate,
+                    self._file.samples(first, last),
+                    self.clocks,
+                )
 
     def _ns(self, sample: int) -> int:
         return sample * SECOND // self.sample_rate

@@ -1,4 +1,5 @@
 """`panoptic run`: cameras, videos, a capture folder or a bag to skeletons."""
+
 from __future__ import annotations
 
 import argparse
@@ -22,78 +23,171 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("capture", nargs="?", type=Path, metavar="CAPTURE_DIR", help="a capture folder")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     parser.add_argument("--demo", nargs="?", const="multi", help="the demo capture: multi or single")
-    parser.add_argument("--bag", action="append", default=[], type=Path,
-                        help="a rosbag2 with detections or images; may be given several times")  # fmt: skip
-    parser.add_argument("--topic", action="append", default=[], metavar="CAMERA=TOPIC",
-                        help="with --bag: a camera's topic, where it does not tell by its name")  # fmt: skip
-    parser.add_argument("--depth-topic", action="append", default=[], metavar="CAMERA=TOPIC",
-                        help="with --bag: the same for the depth maps of a camera")  # fmt: skip
-    parser.add_argument("--encoding", action="append", default=[], metavar="[CAMERA=]ENCODING",
-                        help="with --bag: of images, in place of what they say, e.g. yuyv")  # fmt: skip
-    parser.add_argument("--arrival-stamps", action="store_true",
-                        help="with --bag: times of recording in place of the stamps in headers")  # fmt: skip
-    parser.add_argument("--redetect", action="store_true",
-                        help="with --bag: use its images, not its detections")  # fmt: skip
+    parser.add_argument(
+        "--bag",
+        action="append",
+        default=[],
+        type=Path,
+        help="a rosbag2 with detections or images; may be given several times",
+    )
+    parser.add_argument(
+        "--topic",
+        action="append",
+        default=[],
+        metavar="CAMERA=TOPIC",
+        help="with --bag: a camera's topic, where it does not tell by its name",
+    )
+    parser.add_argument(
+        "--depth-topic",
+        action="append",
+        default=[],
+        metavar="CAMERA=TOPIC",
+        help="with --bag: the same for the depth maps of a camera",
+    )
+    parser.add_argument(
+        "--encoding",
+        action="append",
+        default=[],
+        metavar="[CAMERA=]ENCODING",
+        help="with --bag: of images, in place of what they say, e.g. yuyv",
+    )
+    parser.add_argument(
+        "--arrival-stamps",
+        action="store_true",
+        help="with --bag: times of recording in place of the stamps in headers",
+    )
+    parser.add_argument(
+        "--redetect", action="store_true", help="with --bag: use its images, not its detections"
+    )
     parser.add_argument("--rig", type=Path, help="calibration, in place of the capture's own")
     add_occluder_option(parser)
-    parser.add_argument("--video", action="append", default=[], metavar="CAMERA=FILE",
-                        help="a video or a folder of images")  # fmt: skip
-    parser.add_argument("--device", action="append", default=[], metavar="CAMERA=DEVICE",
-                        help="V4L2 device or RTSP/HTTP address")  # fmt: skip
-    parser.add_argument("--topics", type=Path, metavar="FILE",
-                        help="topics of running drivers: {camera: {image, camera_info, depth, encoding}}; "
-                        "without --rig, poses come from TF")  # fmt: skip
-    parser.add_argument("--imus", action="store_true",
-                        help="live, no cameras: bodies of --subject from /<device>/imu alone")  # fmt: skip
-    parser.add_argument("--fixed-frame", default="", metavar="FRAME",
-                        help="with --topics and without --rig: the world among the frames of TF")  # fmt: skip
-    parser.add_argument("--microphone", action="append", default=[], metavar="NAME=DEVICE",
-                        help="with --device: an input that hears timecode, as PortAudio calls it, e.g. "
-                        "mic=hw:1, or a WAV file that is played")  # fmt: skip
-    parser.add_argument("--latency-ms", type=number(float, 0, 60_000), default=0.0, metavar="MS",
-                        help="of the devices, from exposure to arrival")  # fmt: skip
-    parser.add_argument("--subject", action="append", default=[], type=Path, metavar="FILE",
-                        help="a designated person; may be given several times. All others are bystanders and "
-                        "left out. subject*.json of a capture folder count as given")  # fmt: skip
-    parser.add_argument("--cameras", help="use only these, names separated by commas")
-    parser.add_argument("--frame-rate", type=number(float, 0.01, 10_000), metavar="HZ",
-                        help="in place of the files' own; of devices, 30 unless given")  # fmt: skip
-    parser.add_argument("--size-policy", choices=("strict", "scale", "letterbox", "crop"),
-                        default="strict",
-                        help="images of another size than calibrated: refuse, or fit it so")  # fmt: skip
-    parser.add_argument("--hardware", default="", metavar="KIND",
-                        help="what decodes videos in place of the processor: cuda, qsv, ...")  # fmt: skip
     parser.add_argument(
-        "--skip-damaged", action="store_true",
+        "--video", action="append", default=[], metavar="CAMERA=FILE", help="a video or a folder of images"
+    )
+    parser.add_argument(
+        "--device",
+        action="append",
+        default=[],
+        metavar="CAMERA=DEVICE",
+        help="V4L2 device or RTSP/HTTP address",
+    )
+    parser.add_argument(
+        "--topics",
+        type=Path,
+        metavar="FILE",
+        help="topics of running drivers: {camera: {image, camera_info, depth, encoding}}; "
+        "without --rig, poses come from TF",
+    )
+    parser.add_argument(
+        "--imus", action="store_true", help="live, no cameras: bodies of --subject from /<device>/imu alone"
+    )
+    parser.add_argument(
+        "--fixed-frame",
+        default="",
+        metavar="FRAME",
+        help="with --topics and without --rig: the world among the frames of TF",
+    )
+    parser.add_argument(
+        "--microphone",
+        action="append",
+        default=[],
+        metavar="NAME=DEVICE",
+        help="with --device: an input that hears timecode, as PortAudio calls it, e.g. "
+        "mic=hw:1, or a WAV file that is played",
+    )
+    parser.add_argument(
+        "--latency-ms",
+        type=number(float, 0, 60_000),
+        default=0.0,
+        metavar="MS",
+        help="of the devices, from exposure to arrival",
+    )
+    parser.add_argument(
+        "--subject",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE",
+        help="a designated person; may be given several times. All others are bystanders and "
+        "left out. subject*.json of a capture folder count as given",
+    )
+    parser.add_argument("--cameras", help="use only these, names separated by commas")
+    parser.add_argument(
+        "--frame-rate",
+        type=number(float, 0.01, 10_000),
+        metavar="HZ",
+        help="in place of the files' own; of devices, 30 unless given",
+    )
+    parser.add_argument(
+        "--size-policy",
+        choices=("strict", "scale", "letterbox", "crop"),
+        default="strict",
+        help="images of another size than calibrated: refuse, or fit it so",
+    )
+    parser.add_argument(
+        "--hardware",
+        default="",
+        metavar="KIND",
+        help="what decodes videos in place of the processor: cuda, qsv, ...",
+    )
+    parser.add_argument(
+        "--skip-damaged",
+        action="store_true",
         help="leave out frames that are damaged, and count them, in place of an error",
-    )  # fmt: skip
+    )
     parser.add_argument("--model", help="pose model: name, card or ONNX file (as --set detection.model=)")
     parser.add_argument(
-        "--skeleton", default="",
+        "--skeleton",
+        default="",
         help=f"working skeleton: name or YAML file; default: the preset's, or {DEFAULT_SKELETON}",
-    )  # fmt: skip
+    )
     parser.add_argument("--in-process", action="store_true", help="all stages in one process, without ROS")
-    parser.add_argument("--offline", action="store_true",
-                        help="recordings: skeletons refined over all of it, in both directions of time (in "
-                        "one process; with --preset patches by the motion of the surface)")  # fmt: skip
-    parser.add_argument("--node-per-stage", action="store_true",
-                        help="a node and a process for every stage after detection too")  # fmt: skip
-    parser.add_argument("--jpeg", type=number(int, 0, 100), default=0, metavar="QUALITY",
-                        help="send images as JPEG of this quality (1-100); 0: as they are")  # fmt: skip
-    parser.add_argument("--publish", default="", metavar="WORDS",
-                        help="skeletons in other words too, separated by commas: roots (PoseArray), tf (of "
-                        "joints), bodies (REP 155), boxes (Detection3DArray); of --subject joints "
-                        "(JointState, URDF), segments (TF), stream (WebSocket); also heat_maps")  # fmt: skip
-    parser.add_argument("--namespace", default="", metavar="NAME",
-                        help="of nodes and topics, so that several graphs can run side by side")  # fmt: skip
+    parser.add_argument(
+        "--offline",
+        action="store_true",
+        help="recordings: skeletons refined over all of it, in both directions of time (in "
+        "one process; with --preset patches by the motion of the surface)",
+    )
+    parser.add_argument(
+        "--node-per-stage",
+        action="store_true",
+        help="a node and a process for every stage after detection too",
+    )
+    parser.add_argument(
+        "--jpeg",
+        type=number(int, 0, 100),
+        default=0,
+        metavar="QUALITY",
+        help="send images as JPEG of this quality (1-100); 0: as they are",
+    )
+    parser.add_argument(
+        "--publish",
+        default="",
+        metavar="WORDS",
+        help="skeletons in other words too, separated by commas: roots (PoseArray), tf (of "
+        "joints), bodies (REP 155), boxes (Detection3DArray); of --subject joints "
+        "(JointState, URDF), segments (TF), stream (WebSocket); also heat_maps",
+    )
+    parser.add_argument(
+        "--namespace",
+        default="",
+        metavar="NAME",
+        help="of nodes and topics, so that several graphs can run side by side",
+    )
     parser.add_argument("--live-view", action="store_true", help="show a table while it runs")
     parser.add_argument("--no-pictures", action="store_true", help="no overlays, video and plot")
-    parser.add_argument("--duration", type=number(float, 0.1, 1e9), metavar="S",
-                        help="of a recording: its first seconds, by its stamps; live: stop so long "
-                        "after the first image")  # fmt: skip
+    parser.add_argument(
+        "--duration",
+        type=number(float, 0.1, 1e9),
+        metavar="S",
+        help="of a recording: its first seconds, by its stamps; live: stop so long after the first image",
+    )
     add_saved_option(parser)
-    parser.add_argument("--offsets-from-sound", action="store_true",
-                        help="find clocks of cameras from what they hear, and correct stamps")  # fmt: skip
+    parser.add_argument(
+        "--offsets-from-sound",
+        action="store_true",
+        help="find clocks of cameras from what they hear, and correct stamps",
+    )
     add_apart_option(parser)
     add_parameter_options(parser)
 
@@ -118,10 +212,17 @@ def _run(args: argparse.Namespace, ahead: Ahead) -> int:
     plan = replace(make_plan(args), publish=tuple(names(args.publish) or ()), namespace=args.namespace)
     with Watch(args.live_view) as watch:
         outcome = run_plan(
-            plan, args.out, in_process=args.in_process, offline=args.offline, jpeg_quality=args.jpeg,
-            node_per_stage=args.node_per_stage, duration_s=args.duration, pictures=not args.no_pictures,
-            observer=watch, ahead=ahead,
-        )  # fmt: skip
+            plan,
+            args.out,
+            in_process=args.in_process,
+            offline=args.offline,
+            jpeg_quality=args.jpeg,
+            node_per_stage=args.node_per_stage,
+            duration_s=args.duration,
+            pictures=not args.no_pictures,
+            observer=watch,
+            ahead=ahead,
+        )
     if outcome.report is not None:
         print(outcome.report.table())
     for line in outcome.troubles:

@@ -1,4 +1,5 @@
 """What is begun before a run is planned, as loading and listening take seconds."""
+
 from __future__ import annotations
 
 import argparse

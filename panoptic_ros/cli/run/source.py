@@ -1,4 +1,5 @@
 """The plan of a run, from the command line."""
+
 from __future__ import annotations
 
 import argparse
@@ -25,14 +26,18 @@ def make_plan(args: argparse.Namespace) -> Plan:
     """
     preset = read_preset(args.preset)
     options = RunOptions(
-        read_parameters(args.config, args.settings, preset.parameters), args.model or "", args.skeleton,
-        preset.skeleton or DEFAULT_SKELETON, args.occluders, args.offsets, args.offsets_from_sound,
-        args.apart, tuple(args.subject),
-    )  # fmt: skip
+        read_parameters(args.config, args.settings, preset.parameters),
+        args.model or "",
+        args.skeleton,
+        preset.skeleton or DEFAULT_SKELETON,
+        args.occluders,
+        args.offsets,
+        args.offsets_from_sound,
+        args.apart,
+        tuple(args.subject),
+    )
     if args.bag:
-        return plan_bags(
-            args.bag, options, rig=args.rig, choice=_choice(args), size_policy=args.size_policy
-        )
+        return plan_bags(args.bag, options, rig=args.rig, choice=_choice(args), size_policy=args.size_policy)
     if args.topics:
         from panoptic_ros.running.plans.driver_plan import plan_drivers  # needs ROS
 
@@ -43,13 +48,19 @@ def make_plan(args: argparse.Namespace) -> Plan:
     if args.device:
         devices = pairs(args.device, "--device")
         return plan_devices(
-            args.rig, devices, options, frame_rate=rate, latency_ms=args.latency_ms,
+            args.rig,
+            devices,
+            options,
+            frame_rate=rate,
+            latency_ms=args.latency_ms,
             microphones=pairs(args.microphone, "--microphone"),
-        )  # fmt: skip
+        )
     fit = {
-        "frame_rate": rate, "size_policy": args.size_policy, "hardware": args.hardware,
+        "frame_rate": rate,
+        "size_policy": args.size_policy,
+        "hardware": args.hardware,
         "skip_damaged": args.skip_damaged,
-    }  # fmt: skip
+    }
     if args.video:
         files = {name: Path(path) for name, path in pairs(args.video, "--video").items()}
         return plan_videos(args.rig, files, options, **fit)
@@ -59,9 +70,13 @@ def make_plan(args: argparse.Namespace) -> Plan:
 
 def _choice(args: argparse.Namespace) -> BagChoice:
     return BagChoice(
-        names(args.cameras), pairs(args.topic, "--topic"), pairs(args.depth_topic, "--depth-topic"),
-        args.arrival_stamps, args.redetect, _encodings(args.encoding),
-    )  # fmt: skip
+        names(args.cameras),
+        pairs(args.topic, "--topic"),
+        pairs(args.depth_topic, "--depth-topic"),
+        args.arrival_stamps,
+        args.redetect,
+        _encodings(args.encoding),
+    )
 
 
 def _encodings(texts: list[str]) -> dict[str, str]:

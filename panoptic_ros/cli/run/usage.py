@@ -1,4 +1,5 @@
 """Which options of `panoptic run` go together: one that would change nothing is a misunderstanding."""
+
 from __future__ import annotations
 
 import argparse

@@ -1,4 +1,5 @@
 """What a person sees while a run goes on: a progress bar, or the live table."""
+
 from __future__ import annotations
 
 import sys
@@ -17,9 +18,14 @@ from panoptic_ros.view.progress import ProgressBar
 
 EACH_TEXT = "sync.clock_off"  # printed for each text: each camera and each clock offset
 EACH = (  # told for each device
-    "kinematics.imu_", "kinematics.odd_", "kinematics.never_", "kinematics.mounting", "kinematics.strap",
-    "graph.unusable", "graph.encoding",
-)  # fmt: skip
+    "kinematics.imu_",
+    "kinematics.odd_",
+    "kinematics.never_",
+    "kinematics.mounting",
+    "kinematics.strap",
+    "graph.unusable",
+    "graph.encoding",
+)
 PATIENCE_S = 10.0  # without a result after the first detections
 START_S = 20.0  # live, without a result since the start
 

@@ -1,4 +1,5 @@
 """`panoptic sync`: what the clocks of a capture do, and how its frames belong together."""
+
 from __future__ import annotations
 
 import argparse

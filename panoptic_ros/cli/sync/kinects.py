@@ -1,4 +1,5 @@
 """`panoptic sync kinects`: frames of Panoptic Studio's Kinects that belong to HD frames."""
+
 from __future__ import annotations
 
 import argparse
@@ -9,14 +10,28 @@ from panoptic_ros.io.synctables import DEMO_BASE, HD_BASES, hd_time_ms, match_ki
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the action."""
-    parser.add_argument("tables", type=Path, nargs="+", metavar="TABLE.json",
-                        help="synctables_<sequence>.json and ksynctables_<sequence>.json")  # fmt: skip
-    parser.add_argument("--frame", type=int, action="append", required=True, metavar="N",
-                        help="HD image file, counted from 0; may be given several times")  # fmt: skip
     parser.add_argument(
-        "--hd-base", type=int, default=DEMO_BASE, choices=HD_BASES,
+        "tables",
+        type=Path,
+        nargs="+",
+        metavar="TABLE.json",
+        help="synctables_<sequence>.json and ksynctables_<sequence>.json",
+    )
+    parser.add_argument(
+        "--frame",
+        type=int,
+        action="append",
+        required=True,
+        metavar="N",
+        help="HD image file, counted from 0; may be given several times",
+    )
+    parser.add_argument(
+        "--hd-base",
+        type=int,
+        default=DEMO_BASE,
+        choices=HD_BASES,
         help="element of hd.univ_time for file N is N + this; contested, 1 is that of CMU's demo (default)",
-    )  # fmt: skip
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,4 +1,5 @@
 """`panoptic sync report`: the clocks of a capture, what is wrong with them, and what to do."""
+
 from __future__ import annotations
 
 import argparse
@@ -12,12 +13,15 @@ from panoptic_ros.view.sync_table import sync_table
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the action."""
     parser.add_argument(
-        "source", type=Path, metavar="BAG|CAPTURE_DIR",
+        "source",
+        type=Path,
+        metavar="BAG|CAPTURE_DIR",
         help="a bag, a capture folder, or a file: timestamps.csv, sync tables, WAV or video with timecode",
-    )  # fmt: skip
+    )
     parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
-    parser.add_argument("--out", type=output_folder, metavar="DIR",
-                        help="write sync_report.json and sync.png there")  # fmt: skip
+    parser.add_argument(
+        "--out", type=output_folder, metavar="DIR", help="write sync_report.json and sync.png there"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

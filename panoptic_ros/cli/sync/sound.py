@@ -1,4 +1,5 @@
 """`panoptic sync sound`: the clocks of cameras from what their microphones hear."""
+
 from __future__ import annotations
 
 import argparse
@@ -13,14 +14,23 @@ from panoptic_ros.view.sound_lines import pair_lines, sound_lines
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the action."""
-    parser.add_argument("source", type=Path, metavar="BAG|CAPTURE_DIR",
-                        help="a capture folder with WAV files or videos with sound, or a bag")  # fmt: skip
+    parser.add_argument(
+        "source",
+        type=Path,
+        metavar="BAG|CAPTURE_DIR",
+        help="a capture folder with WAV files or videos with sound, or a bag",
+    )
     parser.add_argument("--rig", type=Path, help="where cameras are, in place of the folder's calibration")
-    parser.add_argument("--out", type=output_file, metavar="FILE",
-                        help="write the offsets as JSON, for --offsets")  # fmt: skip
-    parser.add_argument("--trusted-camera", default="", metavar="NAME",
-                        help="its stamps are right; default: those of most cameras if they agree, else of "
-                        "the one that is farthest ahead")  # fmt: skip
+    parser.add_argument(
+        "--out", type=output_file, metavar="FILE", help="write the offsets as JSON, for --offsets"
+    )
+    parser.add_argument(
+        "--trusted-camera",
+        default="",
+        metavar="NAME",
+        help="its stamps are right; default: those of most cameras if they agree, else of "
+        "the one that is farthest ahead",
+    )
     add_apart_option(parser)
 
 
@@ -29,8 +39,9 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.running.sound.clocks import folder_clocks  # only now: --help must be quick
 
     with PassBar("clocks from sound") as bar:
-        found = folder_clocks(args.source, args.rig, trusted=args.trusted_camera, apart=args.apart,
-                              progress=bar.show)  # fmt: skip
+        found = folder_clocks(
+            args.source, args.rig, trusted=args.trusted_camera, apart=args.apart, progress=bar.show
+        )
     print("\n".join([*sound_lines(found), *pair_lines(found)]))
     if args.out is not None:
         write_clocks(args.out, found.clocks)

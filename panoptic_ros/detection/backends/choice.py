@@ -1,4 +1,5 @@
 """Which library runs a network."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

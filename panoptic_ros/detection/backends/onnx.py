@@ -3,6 +3,7 @@
 This is the only module that imports onnxruntime. `panoptic_ros/__init__.py` has switched its telemetry off by
 then; `test/contract/test_no_network.py` checks both.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -36,9 +37,7 @@ class OnnxNetwork:
             from the card.
     """
 
-    def __init__(
-        self, card: ModelCard, onnx_bytes: bytes, providers: Sequence[str] = (), threads: int = 1
-    ):
+    def __init__(self, card: ModelCard, onnx_bytes: bytes, providers: Sequence[str] = (), threads: int = 1):
         self.card = card
         self._session = _open(card, onnx_bytes, _checked_providers(providers), threads)
         _check_tensors(card, self._session)
@@ -131,6 +130,7 @@ def _check_shape(
         want is None or not isinstance(have, int) or have == want for have, want in zip(shape, expected)
     )
     if not fits:
+
         def text(sizes: Sequence[int | str | None]) -> str:
             return " x ".join("any" if size is None else str(size) for size in sizes)
 

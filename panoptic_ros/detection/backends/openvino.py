@@ -6,6 +6,7 @@ processors that are not Intel's.
 The import of openvino reports itself to a web service by the package openvino_telemetry, where that is
 installed. This module is the only one that imports openvino, and it imports openvino without that package.
 """
+
 from __future__ import annotations
 
 import importlib
@@ -93,9 +94,11 @@ class OpenVinoNetwork:
         """The one of this thread."""
         if not hasattr(self._own, "request"):
             settings = {
-                "INFERENCE_PRECISION_HINT": self.precision, "INFERENCE_NUM_THREADS": self._threads,
-                "NUM_STREAMS": 1, "ENABLE_CPU_PINNING": False,
-            }  # fmt: skip
+                "INFERENCE_PRECISION_HINT": self.precision,
+                "INFERENCE_NUM_THREADS": self._threads,
+                "NUM_STREAMS": 1,
+                "ENABLE_CPU_PINNING": False,
+            }
             try:
                 compiled = self._core.compile_model(self._model, "CPU", settings)
                 self._own.request = compiled.create_infer_request()

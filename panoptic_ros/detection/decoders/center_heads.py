@@ -6,6 +6,7 @@ regressed place that has the best score, moved by the offset that is regressed t
 scores: exp(-d^2 / variance), d the distance in cells; only cells in the person's box count. A box between
 cells, or beyond the border, has the next cell.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -21,9 +22,12 @@ HEADS = ("center", "heat", "regress", "offset", "box_scale", "box_offset")
 
 
 def decode_center_heads(
-    heads: Mapping[str, Array], stride: int, max_people: int, threshold: float,
+    heads: Mapping[str, Array],
+    stride: int,
+    max_people: int,
+    threshold: float,
     variance: float | None = None,
-) -> People:  # fmt: skip
+) -> People:
     """The people of one image, in net px told from the image's corner.
 
     Args:

@@ -1,4 +1,5 @@
 """The compiled loops of `center_heads`. They call nothing outside of this file."""
+
 from __future__ import annotations
 
 import numpy as np

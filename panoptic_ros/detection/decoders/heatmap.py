@@ -4,6 +4,7 @@ The cell with the largest value, refined either by a quarter of a cell towards t
 (Newell et al. 2016, as in HRNet) or by a Newton step on the logarithm of the blurred map (DARK,
 Zhang et al. 2020), which is exact for a Gaussian.
 """
+
 from __future__ import annotations
 
 import cv2

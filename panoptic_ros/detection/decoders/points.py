@@ -3,6 +3,7 @@
 Lu et al., "RTMO", 2024; Ge et al., "YOLOX", 2021; the tensors of Ultralytics' exports. Coordinates
 are those of the network's input.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -75,9 +76,7 @@ def _none(count: int) -> Array:
     return np.zeros((count, 0, 3))
 
 
-def _people(
-    boxes: Array, scores: Array, points: Array, threshold: float, iou: float, most: int
-) -> People:
+def _people(boxes: Array, scores: Array, points: Array, threshold: float, iou: float, most: int) -> People:
     """People above the threshold, best first, without those that overlap a better one."""
     kept = np.flatnonzero((scores >= max(threshold, 1e-6)) & np.isfinite(boxes).all(axis=1))
     order = kept[np.argsort(-scores[kept], kind="stable")]

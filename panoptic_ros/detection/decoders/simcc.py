@@ -4,6 +4,7 @@ Li et al., "SimCC: a simple coordinate classification perspective for human pose
 The values are no probabilities: they are not normalised, may pass 1, and are 0 or less where the
 joint is not there.
 """
+
 from __future__ import annotations
 
 import numpy as np

@@ -4,6 +4,7 @@ MoveNet's own post-processing: the centre of the person is where the centre map,
 distance to the middle of the crop, is largest; each joint is the cell where its map, divided by the
 distance to the place that was regressed from there, is largest, moved by the offset regressed there.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -6,6 +6,7 @@ distance in metres (their Fig. 8), and the node and skeleton accuracy of their T
 Other than in `joint_scores`, all joints of all true people count: a joint of a person whom nobody found
 is wrong.
 """
+
 from panoptic_ros.evaluation.studies.score import StudyScore, score_study
 
 __all__ = ["StudyScore", "score_study"]

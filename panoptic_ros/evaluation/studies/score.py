@@ -1,4 +1,5 @@
 """PCK over all joints of all people, and the accuracy of nodes and skeletons."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -45,9 +46,7 @@ class StudyScore:
         return asdict(self) | {"pck_thresholds_m": THRESHOLDS.round(4).tolist()}
 
 
-def score_study(
-    pairs: Sequence[FramePair], joints: Sequence[int], outlier_m: float = OUTLIER
-) -> StudyScore:
+def score_study(pairs: Sequence[FramePair], joints: Sequence[int], outlier_m: float = OUTLIER) -> StudyScore:
     """The score over frames, on some of the joints (column indices)."""
     columns = list(joints)
     rows = [np.zeros((0, len(columns)))]
@@ -62,10 +61,14 @@ def score_study(
     right = errors <= outlier_m
     curve = [ratio(int((errors <= limit).sum()), errors.size) for limit in THRESHOLDS]
     return StudyScore(
-        skeletons=len(errors), nodes=errors.size, outlier_nodes=int((there & ~right).sum()),
-        missed_nodes=int((~there).sum()), ghosts=ghosts,
+        skeletons=len(errors),
+        nodes=errors.size,
+        outlier_nodes=int((there & ~right).sum()),
+        missed_nodes=int((~there).sum()),
+        ghosts=ghosts,
         node_accuracy=ratio(int(right.sum()), errors.size),
         skeleton_accuracy=ratio(int(right.all(axis=1).sum()), len(errors)),
         median_mm=1e3 * float(np.median(errors[there])) if there.any() else float("nan"),
-        pck=tuple(curve), outlier_m=outlier_m,
-    )  # fmt: skip
+        pck=tuple(curve),
+        outlier_m=outlier_m,
+    )

@@ -38,8 +38,9 @@ def bone_axes(model: SegmentModel, places: Array, frames: Array) -> Array:
             wanted.append(model.shares[s] / np.linalg.norm(model.shares[s]))
     ways = [
         np.array([sign * np.eye(3)[axis] for sign, axis in zip(signs, axes)])
-        for axes in permutations(range(3)) for signs in product((1.0, -1.0), repeat=3)
-    ]  # fmt: skip
+        for axes in permutations(range(3))
+        for signs in product((1.0, -1.0), repeat=3)
+    ]
     turns = [way for way in ways if np.linalg.det(way) > 0.0]
     if not found:
         raise DataError("no two joints of a bone are there at the same time")

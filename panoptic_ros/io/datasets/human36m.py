@@ -24,13 +24,28 @@ from panoptic_ros.io.rigs.fields import camera
 Array = np.ndarray
 RATE, MM, JOINTS, SUBJECTS = 50.0, 1e-3, 32, 11
 SIZES = {  # of the images of each camera, px
-    "54138969": (1000, 1002), "55011271": (1000, 1000), "58860488": (1000, 1000), "60457274": (1000, 1002),
-}  # fmt: skip
+    "54138969": (1000, 1002),
+    "55011271": (1000, 1000),
+    "58860488": (1000, 1000),
+    "60457274": (1000, 1002),
+}
 POSES, LENS = 6, 9  # numbers of each camera and subject, and of each camera
 NAMED = {  # of the 32 joints, those with names that detectors share; the others repeat these or lie between
-    "BodyCenter": 0, "rHip": 1, "rKnee": 2, "rAnkle": 3, "lHip": 6, "lKnee": 7, "lAnkle": 8, "Neck": 13,
-    "lShoulder": 17, "lElbow": 18, "lWrist": 19, "rShoulder": 25, "rElbow": 26, "rWrist": 27,
-}  # fmt: skip
+    "BodyCenter": 0,
+    "rHip": 1,
+    "rKnee": 2,
+    "rAnkle": 3,
+    "lHip": 6,
+    "lKnee": 7,
+    "lAnkle": 8,
+    "Neck": 13,
+    "lShoulder": 17,
+    "lElbow": 18,
+    "lWrist": 19,
+    "rShoulder": 25,
+    "rElbow": 26,
+    "rWrist": 27,
+}
 MAGIC = (b"\xcd\xf3", b"\xcd\xf2", b"\x00\x00")  # of CDF 3, 2.6 and older
 
 

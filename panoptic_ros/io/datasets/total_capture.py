@@ -25,19 +25,31 @@ Array = np.ndarray
 RATE, INCH = 60.0, 0.0254
 GRAVITY, TOLERANCE = np.array([0.0, 0.0, 9.81]), 2.0  # m/s^2, of the mean specific force of who moves
 _SIDE = {
-    "Arm": "UpperArm", "ForeArm": "Forearm", "Hand": "Hand", "UpLeg": "Thigh", "Leg": "Shin", "Foot": "Foot",
-}  # fmt: skip
+    "Arm": "UpperArm",
+    "ForeArm": "Forearm",
+    "Hand": "Hand",
+    "UpLeg": "Thigh",
+    "Leg": "Shin",
+    "Foot": "Foot",
+}
 SEGMENTS = {  # ours by their joint
-    "Hips": "hips", "Spine": "spine1", "Spine1": "spine2", "Spine2": "spine3", "Spine3": "spine4",
-    "Neck": "neck", "Head": "head",
+    "Hips": "hips",
+    "Spine": "spine1",
+    "Spine1": "spine2",
+    "Spine2": "spine3",
+    "Spine3": "spine4",
+    "Neck": "neck",
+    "Head": "head",
     **{f"Left{theirs}": f"l{ours}" for theirs, ours in _SIDE.items()},
     **{f"Right{theirs}": f"r{ours}" for theirs, ours in _SIDE.items()},
-}  # fmt: skip
+}
 _LIMBS = {"UpArm": "UpperArm", "LowArm": "Forearm", "UpLeg": "Thigh", "LowLeg": "Shin", "Foot": "Foot"}
 WORN = {  # segments by their sensor
-    "Head": "head", "Sternum": "spine4", "Pelvis": "hips",
+    "Head": "head",
+    "Sternum": "spine4",
+    "Pelvis": "hips",
     **{f"{side}_{name}": f"{side.lower()}{ours}" for side in "LR" for name, ours in _LIMBS.items()},
-}  # fmt: skip
+}
 
 
 def read_truth(positions: Path, orientations: Path, model: SegmentModel) -> tuple[list[BodyState], Array]:

@@ -3,6 +3,7 @@
 `Messages` stands for one family of message classes. The converters fill flat arrays without a
 Python loop over values; `from_message` builds the record, whose checks refuse bad content.
 """
+
 from panoptic_ros.io.messages.camera_infos import camera_info_message
 from panoptic_ros.io.messages.depths import depth_from_message
 from panoptic_ros.io.messages.family import Messages, bag_messages, stamp_of

@@ -1,4 +1,5 @@
 """Colours of clothes as sensor_msgs/PointCloud2: a point per 2D person of an image."""
+
 from __future__ import annotations
 
 from typing import Any
@@ -27,10 +28,14 @@ def write_appearance(item: ViewAppearance, family: Messages, frame_id: str) -> A
         points[name] = values
     fields = [
         family.make(
-            "sensor_msgs/msg/PointField", name=name, offset=offset,
-            datatype=FLOAT64 if name == NUMBER else FLOAT32, count=1,
-        ) for name, offset in zip(NAMES, OFFSETS)
-    ]  # fmt: skip
+            "sensor_msgs/msg/PointField",
+            name=name,
+            offset=offset,
+            datatype=FLOAT64 if name == NUMBER else FLOAT32,
+            count=1,
+        )
+        for name, offset in zip(NAMES, OFFSETS)
+    ]
     return family.make(
         "sensor_msgs/msg/PointCloud2",
         header=family.header(item.stamp_ns, item.camera),
@@ -61,6 +66,8 @@ def read_appearance(message: Any) -> ViewAppearance:
     if not 0.0 <= number < 2**53:
         raise DataError(f"colours of clothes of image {number}; images count from 0")
     return ViewAppearance(
-        str(message.header.frame_id), stamp_of(message.header), int(number),
+        str(message.header.frame_id),
+        stamp_of(message.header),
+        int(number),
         colours.reshape(count, len(REGIONS), CHANNELS),
-    )  # fmt: skip
+    )

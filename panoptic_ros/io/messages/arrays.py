@@ -1,4 +1,5 @@
 """Flat arrays of messages and shaped arrays of records."""
+
 from __future__ import annotations
 
 import math

@@ -1,4 +1,5 @@
 """Association and tracks as messages, and back."""
+
 from __future__ import annotations
 
 from typing import Any
@@ -94,11 +95,16 @@ def _read_evidence(message: Any) -> Evidence:
     if scores.size and not (0.0 <= scores.min() <= scores.max() <= 1.0 and magnification.min() > 0.0):
         raise DataError("AssociationSet has scores outside of 0..1, or a magnification that is not positive")
     return Evidence(
-        cameras, _array(message, "slots", np.int64, views),
-        np.concatenate([[0], np.cumsum(counts)]), np.repeat(np.arange(views), counts),
-        _array(message, "rows", np.int64, people), _array(message, "plane", np.float64, people, joints, 2),
-        magnification, scores, _array(message, "delays", np.float64, views),
-    )  # fmt: skip
+        cameras,
+        _array(message, "slots", np.int64, views),
+        np.concatenate([[0], np.cumsum(counts)]),
+        np.repeat(np.arange(views), counts),
+        _array(message, "rows", np.int64, people),
+        _array(message, "plane", np.float64, people, joints, 2),
+        magnification,
+        scores,
+        _array(message, "delays", np.float64, views),
+    )
 
 
 def write_tracks(item: TrackSet, family: Messages, frame_id: str) -> Any:
@@ -128,11 +134,14 @@ def read_tracks(message: Any) -> TrackSet:
         for name, tail in _TRACKS.items()
     }
     return TrackSet(
-        int(message.index), stamp_of(message.header), str(message.skeleton_hash),
-        np.array(message.ids, np.int64), **arrays,
+        int(message.index),
+        stamp_of(message.header),
+        str(message.skeleton_hash),
+        np.array(message.ids, np.int64),
+        **arrays,
         unseen=np.array(shaped(message.unseen, "TrackSet.unseen", people), np.float64),
         lengths=_lengths(message, "TrackSet", people),
-    )  # fmt: skip
+    )
 
 
 def _lengths(message: Any, kind: str, people: int) -> Array:
@@ -162,8 +171,9 @@ def read_subjects(message: Any) -> SubjectSet:
     number, tails = len(message.ids), {"places": (3,), "times": (), "tracks": ()}
     given = {
         name: shaped(getattr(message, name), f"SubjectSet.{name}", number, *tail)
-        for name, tail in tails.items() if len(getattr(message, name))
-    }  # fmt: skip
+        for name, tail in tails.items()
+        if len(getattr(message, name))
+    }
     return SubjectSet(stamp_of(message.header), np.array(message.ids, np.int64), **given)
 
 

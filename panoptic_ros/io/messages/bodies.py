@@ -16,10 +16,15 @@ from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 
 Array = np.ndarray
 _FIELDS = {  # of one body: shape, where a name stands for a size
-    "offsets": ("S", 3), "freedoms": ("D",), "positions": ("S", 3), "orientations": ("S", 4),
-    "velocities": ("S", 6), "covariances": ("S", 6, 6), "keypoints": ("J", 3),
+    "offsets": ("S", 3),
+    "freedoms": ("D",),
+    "positions": ("S", 3),
+    "orientations": ("S", 4),
+    "velocities": ("S", 6),
+    "covariances": ("S", 6, 6),
+    "keypoints": ("J", 3),
     "keypoint_covariances": ("J", 3, 3),
-}  # fmt: skip
+}
 UNKNOWN = -1.0  # first element of a covariance in sensor_msgs/Imu: not measured (REP 145)
 
 
@@ -37,13 +42,15 @@ def write_bodies(item: BodyStateSet, family: Messages, frame_id: str) -> Any:
         bodies=[
             family.make(
                 "Body",
-                id=int(item.ids[k]), source=int(item.sources[k]),
-                views=int(item.views[k]), devices=int(item.devices[k]),
+                id=int(item.ids[k]),
+                source=int(item.sources[k]),
+                views=int(item.views[k]),
+                devices=int(item.devices[k]),
                 **{name: flat(family, getattr(item, name)[k], np.float64) for name in _FIELDS},
             )
             for k in range(len(item.ids))
         ],
-    )  # fmt: skip
+    )
 
 
 def read_bodies(message: Any) -> BodyStateSet:
@@ -60,12 +67,18 @@ def read_bodies(message: Any) -> BodyStateSet:
         rows = [shaped(getattr(body, name), f"Body.{name}", *shape) for body in bodies]
         arrays[name] = np.array(rows, np.float64).reshape(len(bodies), *shape)
     return BodyStateSet(
-        int(message.index), stamp_of(message.header), time_ns(message.newest_stamp),
-        str(message.skeleton_hash), names, shaped(message.parents, "Bodies.parents", len(names)),
+        int(message.index),
+        stamp_of(message.header),
+        time_ns(message.newest_stamp),
+        str(message.skeleton_hash),
+        names,
+        shaped(message.parents, "Bodies.parents", len(names)),
         np.array([body.id for body in bodies], np.int64),
         np.array([body.source for body in bodies], np.uint8),
-        _counts("views", bodies), _counts("devices", bodies), **arrays,
-    )  # fmt: skip
+        _counts("views", bodies),
+        _counts("devices", bodies),
+        **arrays,
+    )
 
 
 def _counts(name: str, bodies: Sequence[Any]) -> Array:
@@ -109,12 +122,14 @@ def read_imu(message: Any, device: str) -> ImuSample:
     """
     turn, rate, force = message.orientation, message.angular_velocity, message.linear_acceleration
     return _sample(
-        device, stamp_of(message.header), (
+        device,
+        stamp_of(message.header),
+        (
             ("orientation", (turn.w, turn.x, turn.y, turn.z), message.orientation_covariance[0]),
             ("angular_velocity", (rate.x, rate.y, rate.z), message.angular_velocity_covariance[0]),
             ("linear_acceleration", (force.x, force.y, force.z), message.linear_acceleration_covariance[0]),
         ),
-    )  # fmt: skip
+    )
 
 
 def imu_of_numbers(numbers: Sequence[float], stamp_ns: int, device: str) -> ImuSample:
@@ -132,11 +147,14 @@ def imu_of_numbers(numbers: Sequence[float], stamp_ns: int, device: str) -> ImuS
             parts = {"orientation": whole[:4], "rate": whole[4:7], "force": whole[7:]}
             return known_good(ImuSample, {"device": device, "stamp_ns": stamp_ns, **parts})
     return _sample(
-        device, stamp_ns, (
-            ("orientation", (w, x, y, z), numbers[4]), ("angular_velocity", numbers[13:16], numbers[16]),
+        device,
+        stamp_ns,
+        (
+            ("orientation", (w, x, y, z), numbers[4]),
+            ("angular_velocity", numbers[13:16], numbers[16]),
             ("linear_acceleration", numbers[25:28], numbers[28]),
         ),
-    )  # fmt: skip
+    )
 
 
 def _sample(device: str, stamp_ns: int, parts: Sequence[tuple[str, Sequence[float], float]]) -> ImuSample:

@@ -22,10 +22,13 @@ def joint_state_message(item: BodyStateSet, k: int, model: SegmentModel, family:
     body = body_name(int(item.ids[k]))
     nothing = family.sequence(np.zeros(0))
     return family.make(
-        "sensor_msgs/msg/JointState", header=family.header(item.stamp_ns, f"body_{body}"),
-        name=joint_names(model, body), position=family.sequence(np.ascontiguousarray(angles)),
-        velocity=nothing, effort=nothing,
-    )  # fmt: skip
+        "sensor_msgs/msg/JointState",
+        header=family.header(item.stamp_ns, f"body_{body}"),
+        name=joint_names(model, body),
+        position=family.sequence(np.ascontiguousarray(angles)),
+        velocity=nothing,
+        effort=nothing,
+    )
 
 
 def segment_transforms(

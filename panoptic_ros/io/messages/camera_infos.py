@@ -1,4 +1,5 @@
 """sensor_msgs/CameraInfo (REP 104) as cameras, and back: lenses, rectified images, binning, regions."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -71,9 +72,7 @@ def rectified(camera: Camera, message: Any) -> Camera:
     rotation = np.array(message.r, float).reshape(3, 3)
     turned = Rigid(rotation if rotation.any() else np.eye(3), np.zeros(3))
     pose = turned.compose(camera.cam_from_world)
-    return replace(
-        camera, intrinsics=Intrinsics(matrix, np.zeros(0)), cam_from_world=pose, covariance=None
-    )
+    return replace(camera, intrinsics=Intrinsics(matrix, np.zeros(0)), cam_from_world=pose, covariance=None)
 
 
 def whole_size(message: Any) -> tuple[int, int]:

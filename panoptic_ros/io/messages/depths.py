@@ -1,4 +1,5 @@
 """Depth maps from sensor_msgs: images (REP 118), and what compressed_depth_image_transport makes of them."""
+
 from __future__ import annotations
 
 import struct

@@ -1,4 +1,5 @@
 """2D people as messages, and back."""
+
 from __future__ import annotations
 
 from typing import Any

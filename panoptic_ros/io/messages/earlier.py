@@ -3,6 +3,7 @@
 Fields have been added over time, and a few have changed their type. What is in both definitions is taken
 over; what is new says "not known", which for most fields is empty or 0.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
@@ -67,9 +68,7 @@ def _can_follow(kind: str, before: Typestore, now: Typestore) -> bool:
         return False
     if NEEDED.get(_name(kind), frozenset()) - set(old):
         return False
-    inner = [
-        part for name, node in new.items() if name in old and (part := _message_in(node)) is not None
-    ]
+    inner = [part for name, node in new.items() if name in old and (part := _message_in(node)) is not None]
     return all(_can_follow(part, before, now) for part in inner if part != kind)
 
 

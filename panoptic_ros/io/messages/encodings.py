@@ -3,6 +3,7 @@
 All of sensor_msgs/image_encodings (ROS 2 Jazzy and later) that carry a picture: neither signed nor floating
 numbers. Upper case and blanks mean nothing. YUV is BT.601 with luma from 16 to 235, as OpenCV takes it.
 """
+
 from __future__ import annotations
 
 import difflib
@@ -16,28 +17,43 @@ from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
 
 Array = np.ndarray
 _CONVERSIONS = {
-    "rgb": "COLOR_RGB2BGR", "bgra": "COLOR_BGRA2BGR", "rgba": "COLOR_RGBA2BGR", "mono": "COLOR_GRAY2BGR",
-    "bayer_rggb": "COLOR_BayerRGGB2BGR", "bayer_bggr": "COLOR_BayerBGGR2BGR",
-    "bayer_gbrg": "COLOR_BayerGBRG2BGR", "bayer_grbg": "COLOR_BayerGRBG2BGR",
-    "yuyv": "COLOR_YUV2BGR_YUY2", "uyvy": "COLOR_YUV2BGR_UYVY",
-    "nv12": "COLOR_YUV2BGR_NV12", "nv21": "COLOR_YUV2BGR_NV21",
-}  # fmt: skip
+    "rgb": "COLOR_RGB2BGR",
+    "bgra": "COLOR_BGRA2BGR",
+    "rgba": "COLOR_RGBA2BGR",
+    "mono": "COLOR_GRAY2BGR",
+    "bayer_rggb": "COLOR_BayerRGGB2BGR",
+    "bayer_bggr": "COLOR_BayerBGGR2BGR",
+    "bayer_gbrg": "COLOR_BayerGBRG2BGR",
+    "bayer_grbg": "COLOR_BayerGRBG2BGR",
+    "yuyv": "COLOR_YUV2BGR_YUY2",
+    "uyvy": "COLOR_YUV2BGR_UYVY",
+    "nv12": "COLOR_YUV2BGR_NV12",
+    "nv21": "COLOR_YUV2BGR_NV21",
+}
 _CHANNELS = {"bgr": 3, "rgb": 3, "bgra": 4, "rgba": 4, "yuyv": 2, "uyvy": 2}  # others have 1
 BAYER = "bayer_"  # how encodings of mosaics begin
 _MOSAICS = tuple(BAYER + pattern for pattern in ("rggb", "bggr", "gbrg", "grbg"))
 _COLOURS = ("mono", "bgr", "rgb", "bgra", "rgba", *_MOSAICS)
 _YUV = {
-    "yuyv": "yuyv", "yuv422_yuy2": "yuyv", "yuy2": "yuyv", "uyvy": "uyvy", "yuv422": "uyvy",
-    "nv12": "nv12", "nv21": "nv21", "nv24": "nv24",
-}  # fmt: skip
+    "yuyv": "yuyv",
+    "yuv422_yuy2": "yuyv",
+    "yuy2": "yuyv",
+    "uyvy": "uyvy",
+    "yuv422": "uyvy",
+    "nv12": "nv12",
+    "nv21": "nv21",
+    "nv24": "nv24",
+}
 _PLANES = {"nv12": 3, "nv21": 3, "nv24": 6}  # halves of a byte for each pixel
 _OF_CHANNELS = ("mono", "yuyv", "bgr", "bgra")  # OpenCV's meaning of 8UC1 to 8UC4
 _DEPTHS = (8, 10, 12, 14, 16)  # bits of values that stand in 16 bits
-_FROM_YUV = np.array([  # ITU-R BT.601 with offsets, as OpenCV has it: rows B, G, R of Y, U, V
-    [1.164, 2.018, 0.0, -16 * 1.164 - 128 * 2.018],
-    [1.164, -0.391, -0.813, -16 * 1.164 + 128 * (0.391 + 0.813)],
-    [1.164, 0.0, 1.596, -16 * 1.164 - 128 * 1.596],
-])  # fmt: skip
+_FROM_YUV = np.array(
+    [  # ITU-R BT.601 with offsets, as OpenCV has it: rows B, G, R of Y, U, V
+        [1.164, 2.018, 0.0, -16 * 1.164 - 128 * 2.018],
+        [1.164, -0.391, -0.813, -16 * 1.164 + 128 * (0.391 + 0.813)],
+        [1.164, 0.0, 1.596, -16 * 1.164 - 128 * 1.596],
+    ]
+)
 # Mean steps between bytes of a picture, levels of 255. The brightness of two neighbours differs no more than
 # that of pixels two apart. Bytes of colour alternate between U and V, which differ more, or hardly differ.
 _LEAST_STEP = 0.5  # below, a picture has no details that could tell
@@ -47,8 +63,9 @@ _ROWS = 64  # rows of a picture that are looked at
 
 ENCODINGS = (
     *(f"{name}{bits}" for name in _COLOURS for bits in (8, 16)),
-    *(f"{bits}UC{count}" for bits in (8, 16) for count in (1, 2, 3, 4)), *_YUV,
-)  # fmt: skip
+    *(f"{bits}UC{count}" for bits in (8, 16) for count in (1, 2, 3, 4)),
+    *_YUV,
+)
 
 
 class Encoding(NamedTuple):
@@ -162,8 +179,10 @@ def shown_by(message: Any, what: str) -> Shown | None:
         is_colour = luma.near > _LIKE_COLOUR * luma.far or luma.far < _FLAT * chroma.far
         if is_colour and chroma.near < _LIKE_BRIGHTNESS * chroma.far:
             other = "uyvy" if form.layout == "yuyv" else "yuyv"
-            return Shown(other, f"{what} calls itself {stated}, but shows brightness where that has colour: "
-                                f"taken as {other}")  # fmt: skip
+            return Shown(
+                other,
+                f"{what} calls itself {stated}, but shows brightness where that has colour: taken as {other}",
+            )
     if form.is_assumed:
         return Shown("", f"{what} calls itself {stated}, which names no colours: taken as {form.layout}")
     if form.size == 2 and not form.bits:

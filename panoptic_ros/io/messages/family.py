@@ -1,4 +1,5 @@
 """Families of message classes: rclpy's, and those that rosbags makes from the same .msg files."""
+
 from __future__ import annotations
 
 import importlib.util

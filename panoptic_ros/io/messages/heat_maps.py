@@ -1,4 +1,5 @@
 """Score maps of a view as one picture."""
+
 from __future__ import annotations
 
 from typing import Any

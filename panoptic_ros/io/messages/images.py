@@ -1,4 +1,5 @@
 """Images as sensor_msgs, and back."""
+
 from __future__ import annotations
 
 from typing import Any

@@ -1,4 +1,5 @@
 """Skeletons as visualization_msgs/MarkerArray, for RViz and Foxglove."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable
@@ -49,9 +50,19 @@ def _person(
 
 
 def _marker(
-    family: Messages, header: Any, person_id: int, part: int, kind: int, points: list[Any], size: float,
-    colour: tuple[float, float, float], *, text: str = "", at: Any = (0.0, 0.0, 0.0), action: int = ADD,
-) -> Any:  # fmt: skip
+    family: Messages,
+    header: Any,
+    person_id: int,
+    part: int,
+    kind: int,
+    points: list[Any],
+    size: float,
+    colour: tuple[float, float, float],
+    *,
+    text: str = "",
+    at: Any = (0.0, 0.0, 0.0),
+    action: int = ADD,
+) -> Any:
     def point(xyz: Any) -> Any:
         x, y, z = (float(value) for value in xyz)
         return family.make("geometry_msgs/msg/Point", x=x, y=y, z=z)
@@ -73,16 +84,12 @@ def _marker(
         ),
         scale=family.make("geometry_msgs/msg/Vector3", x=size, y=size, z=size),
         color=family.make("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0),
-        lifetime=family.make(
-            "builtin_interfaces/msg/Duration", sec=int(seconds), nanosec=int(rest * 1e9)
-        ),
+        lifetime=family.make("builtin_interfaces/msg/Duration", sec=int(seconds), nanosec=int(rest * 1e9)),
         frame_locked=False,
         points=[point(xyz) for xyz in points],
         colors=[],
         texture_resource="",
-        texture=family.make(
-            "sensor_msgs/msg/CompressedImage", header=header, format="", data=nothing
-        ),
+        texture=family.make("sensor_msgs/msg/CompressedImage", header=header, format="", data=nothing),
         uv_coordinates=[],
         text=text,
         mesh_resource="",

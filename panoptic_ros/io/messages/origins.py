@@ -1,12 +1,15 @@
 """Messages that records came as: inside of another message a record goes on as it came, not written anew."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Any
 
 INSIDE = {  # what the messages of a record hold inside that comes from another node
-    "DetectionSet": "ViewDetections", "AssociationSet": "DetectionSet", "ProposalSet": "AssociationSet",
-}  # fmt: skip
+    "DetectionSet": "ViewDetections",
+    "AssociationSet": "DetectionSet",
+    "ProposalSet": "AssociationSet",
+}
 MOST = 64  # kept; what is older is written anew
 
 

@@ -13,18 +13,29 @@ from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 Fields = dict[str, tuple[Any, tuple[int, ...]]]  # type and shape of one value, by name
 
 _TRACKS: Fields = {
-    "begins": (np.float32, (2,)), "ends": (np.float32, (2,)), "information": (np.float32, (3,)),
-    "persons": (np.int32, ()), "parts": (np.int32, ()),
-}  # fmt: skip
+    "begins": (np.float32, (2,)),
+    "ends": (np.float32, (2,)),
+    "information": (np.float32, (3,)),
+    "persons": (np.int32, ()),
+    "parts": (np.int32, ()),
+}
 _PATCHES: Fields = {
-    "ages": (np.int32, ()), "people": (np.int64, ()), "parts": (np.int32, ()),
-    "positions": (np.float32, (3,)), "normals": (np.float32, (3,)), "sigmas": (np.float32, ()),
-}  # fmt: skip
+    "ages": (np.int32, ()),
+    "people": (np.int64, ()),
+    "parts": (np.int32, ()),
+    "positions": (np.float32, (3,)),
+    "normals": (np.float32, (3,)),
+    "sigmas": (np.float32, ()),
+}
 _MOTIONS: Fields = {
-    "parts": (np.int32, ()), "centres": (np.float64, (3,)), "rotations": (np.float64, (3,)),
-    "translations": (np.float64, (3,)), "covariances": (np.float64, (6, 6)), "tracks": (np.int32, ()),
+    "parts": (np.int32, ()),
+    "centres": (np.float64, (3,)),
+    "rotations": (np.float64, (3,)),
+    "translations": (np.float64, (3,)),
+    "covariances": (np.float64, (6, 6)),
+    "tracks": (np.int32, ()),
     "residuals": (np.float64, ()),
-}  # fmt: skip
+}
 
 
 def write_tracks(item: PatchTracks, family: Messages, frame_id: str) -> Any:
@@ -52,9 +63,14 @@ def read_tracks(message: Any) -> PatchTracks:
         for name, (_, tail) in _TRACKS.items()
     }
     return PatchTracks(
-        str(message.header.frame_id), stamp_of(message.header), int(message.frame_number),
-        time_ns(message.before), int(message.before_number), str(message.skeleton_hash), **arrays,
-    )  # fmt: skip
+        str(message.header.frame_id),
+        stamp_of(message.header),
+        int(message.frame_number),
+        time_ns(message.before),
+        int(message.before_number),
+        str(message.skeleton_hash),
+        **arrays,
+    )
 
 
 def write_trajectories(item: PatchTrajectories, family: Messages, frame_id: str) -> Any:
@@ -95,9 +111,14 @@ def read_trajectories(message: Any) -> PatchTrajectories:
         for name, (_, tail) in _MOTIONS.items()
     }
     return PatchTrajectories(
-        int(message.index), stamp_of(message.header), time_ns(message.before), str(message.skeleton_hash),
-        np.asarray(message.ids), cameras=tuple(str(name) for name in cameras),
+        int(message.index),
+        stamp_of(message.header),
+        time_ns(message.before),
+        str(message.skeleton_hash),
+        np.asarray(message.ids),
+        cameras=tuple(str(name) for name in cameras),
         visible=shaped(message.visible, "PatchTrajectories.visible", count, len(cameras)),
         motions=PartMotions(np.asarray(message.motion_people), **motions),
-        free=shaped(message.free, "PatchTrajectories.free", len(message.free) // 2, 2), **patches,
-    )  # fmt: skip
+        free=shaped(message.free, "PatchTrajectories.free", len(message.free) // 2, 2),
+        **patches,
+    )

@@ -1,4 +1,5 @@
 """People as other packages know them: roots, TF of joints, REP-155 bodies, boxes."""
+
 from __future__ import annotations
 
 import re
@@ -57,9 +58,13 @@ def body_frame(poses: TrackedPoseSet, k: int, skeleton: SkeletonModel) -> Rigid 
 
 
 def joint_transforms(
-    poses: TrackedPoseSet, skeleton: SkeletonModel, frame_id: str, prefix: str, family: Messages,
+    poses: TrackedPoseSet,
+    skeleton: SkeletonModel,
+    frame_id: str,
+    prefix: str,
+    family: Messages,
     solved: frozenset[int] = frozenset(),
-) -> list[Any]:  # fmt: skip
+) -> list[Any]:
     """A TransformStamped of every known joint, `<prefix>p<id>_<joint>`, turned as the world, and of every
     body, `<prefix>body_p<id>`, but of those whose segments are solved for, who have one from there.
     """
@@ -80,9 +85,10 @@ def joint_transforms(
 def bodies_message(poses: TrackedPoseSet, frame_id: str, family: Messages) -> Any:
     """hri_msgs/IdsList of REP 155: who is there."""
     return family.make(
-        "hri_msgs/msg/IdsList", header=family.header(poses.stamp_ns, frame_id),
+        "hri_msgs/msg/IdsList",
+        header=family.header(poses.stamp_ns, frame_id),
         ids=[body_name(person_id) for person_id in poses.ids.tolist()],
-    )  # fmt: skip
+    )
 
 
 def boxes_message(poses: TrackedPoseSet, frame_id: str, family: Messages) -> Any:
@@ -101,18 +107,23 @@ def boxes_message(poses: TrackedPoseSet, frame_id: str, family: Messages) -> Any
         spread = family.make(
             "geometry_msgs/msg/PoseWithCovariance", pose=middle, covariance=np.zeros(36, np.float64)
         )
-        detections.append(family.make(
-            "vision_msgs/msg/Detection3D",
-            header=family.header(poses.stamp_ns, frame_id),
-            results=[family.make(
-                "vision_msgs/msg/ObjectHypothesisWithPose", hypothesis=hypothesis, pose=spread
-            )],
-            bbox=family.make(
-                "vision_msgs/msg/BoundingBox3D", center=middle,
-                size=family.make("geometry_msgs/msg/Vector3", **size),
-            ),
-            id=body_name(person_id),
-        ))  # fmt: skip
+        detections.append(
+            family.make(
+                "vision_msgs/msg/Detection3D",
+                header=family.header(poses.stamp_ns, frame_id),
+                results=[
+                    family.make(
+                        "vision_msgs/msg/ObjectHypothesisWithPose", hypothesis=hypothesis, pose=spread
+                    )
+                ],
+                bbox=family.make(
+                    "vision_msgs/msg/BoundingBox3D",
+                    center=middle,
+                    size=family.make("geometry_msgs/msg/Vector3", **size),
+                ),
+                id=body_name(person_id),
+            )
+        )
     header = family.header(poses.stamp_ns, frame_id)
     return family.make("vision_msgs/msg/Detection3DArray", header=header, detections=detections)
 

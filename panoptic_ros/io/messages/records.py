@@ -1,4 +1,5 @@
 """Every record of the graph as a message, and back."""
+
 from __future__ import annotations
 
 import math
@@ -152,12 +153,18 @@ def _read_poses(cls: type[PoseSet]) -> Callable[[Any], PoseSet]:
         arrays = {name: _of_all(people, name, joints, *tail) for name, tail in shapes.items()}
         ids = {"ids": np.array([p.id for p in people], np.int64)} if issubclass(cls, TrackedPoseSet) else {}
         return cls(
-            int(message.index), stamp_of(message.header), str(message.skeleton_hash),
+            int(message.index),
+            stamp_of(message.header),
+            str(message.skeleton_hash),
             person_scores=np.array([p.score for p in people], float),
-            newest_ns=time_ns(message.newest_stamp), time_shift=_read_time_shift(people, joints),
-            sources=_read_sources(message), side_votes=_read_side_votes(people),
-            corrections=_read_corrections(people, joints), **arrays, **ids,
-        )  # fmt: skip
+            newest_ns=time_ns(message.newest_stamp),
+            time_shift=_read_time_shift(people, joints),
+            sources=_read_sources(message),
+            side_votes=_read_side_votes(people),
+            corrections=_read_corrections(people, joints),
+            **arrays,
+            **ids,
+        )
 
     return read
 
@@ -166,9 +173,7 @@ def _read_time_shift(people: Any, joints: int) -> TimeShift | None:
     """None where no skeleton has one."""
     if not any(len(p.delays) for p in people):
         return None
-    return TimeShift(
-        *(_of_all(people, field, joints, *tail) for field, (_, tail) in _TIME_SHIFT.items())
-    )
+    return TimeShift(*(_of_all(people, field, joints, *tail) for field, (_, tail) in _TIME_SHIFT.items()))
 
 
 def _read_side_votes(people: Any) -> Array | None:

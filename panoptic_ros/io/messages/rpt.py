@@ -1,4 +1,5 @@
 """rpt_msgs/Poses of RapidPoseTriangulation: the 2D people that its detectors find in one camera."""
+
 from __future__ import annotations
 
 import re

@@ -1,4 +1,5 @@
 """RVL, the run-length code of depth maps in compressed_depth_image_transport (Wilson 2017)."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """What does not change with every frame as messages: rig, skeleton model, audio, timecode, clocks."""
+
 from __future__ import annotations
 
 import math
@@ -59,10 +60,15 @@ def read_skeleton_model(message: Any) -> SkeletonModel:
         for joint, n, end in zip(message.derived_joints, message.derived_counts, ends)
     )
     return SkeletonModel(
-        str(message.name), tuple(map(str, message.joint_names)), int(message.root),
-        pairs("bones"), int(message.head), pairs("left_right"), derived,
+        str(message.name),
+        tuple(map(str, message.joint_names)),
+        int(message.root),
+        pairs("bones"),
+        int(message.head),
+        pairs("left_right"),
+        derived,
         tuple(float(floor) for floor in message.bias_floors),
-    )  # fmt: skip
+    )
 
 
 def write_rig(rig: Rig, family: Messages, frame_id: str) -> Any:
@@ -166,10 +172,13 @@ def read_audio(message: Any) -> AudioBlock:
     if len(samples) % channels:
         raise DataError(f"AudioBlock.samples has {len(samples)} values for {channels} channels")
     return AudioBlock(
-        str(message.header.frame_id), stamp_of(message.header), int(message.first_sample),
-        int(message.sample_rate), samples.reshape(len(samples) // channels, channels),
+        str(message.header.frame_id),
+        stamp_of(message.header),
+        int(message.first_sample),
+        int(message.sample_rate),
+        samples.reshape(len(samples) // channels, channels),
         tuple(str(name) for name in message.clocks),
-    )  # fmt: skip
+    )
 
 
 def write_timecode(reading: TimecodeReading, family: Messages, frame_id: str) -> Any:
@@ -203,10 +212,16 @@ def read_timecode(message: Any) -> TimecodeReading:
     )
     label = Timecode(hours, minutes, seconds, frames, rate)
     return TimecodeReading(
-        str(message.header.frame_id), stamp_of(message.header), label, float(message.start_sample),
-        float(message.std_samples), bool(message.reverse), int(message.user_bits),
-        str(message.clock), int(message.sample_rate),
-    )  # fmt: skip
+        str(message.header.frame_id),
+        stamp_of(message.header),
+        label,
+        float(message.start_sample),
+        float(message.std_samples),
+        bool(message.reverse),
+        int(message.user_bits),
+        str(message.clock),
+        int(message.sample_rate),
+    )
 
 
 def write_clock(model: ClockModel, family: Messages, frame_id: str) -> Any:
@@ -226,8 +241,14 @@ def write_clock(model: ClockModel, family: Messages, frame_id: str) -> Any:
 
 def read_clock(message: Any) -> ClockModel:
     return ClockModel(
-        str(message.header.frame_id), stamp_of(message.header), int(message.offset_ns),
-        float(message.drift), shaped(message.covariance, "ClockModel.covariance", 2, 2),
-        float(message.residual_ns), int(message.from_ns), int(message.until_ns), float(message.wander),
+        str(message.header.frame_id),
+        stamp_of(message.header),
+        int(message.offset_ns),
+        float(message.drift),
+        shaped(message.covariance, "ClockModel.covariance", 2, 2),
+        float(message.residual_ns),
+        int(message.from_ns),
+        int(message.until_ns),
+        float(message.wander),
         int(message.segment),
-    )  # fmt: skip
+    )

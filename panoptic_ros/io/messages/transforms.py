@@ -1,4 +1,5 @@
 """geometry_msgs/TransformStamped, which TF carries, to rigid transforms and back."""
+
 from __future__ import annotations
 
 from typing import Any

@@ -1,4 +1,5 @@
 """Messages that hold packets of a video, which are not read: how to make images of them."""
+
 from __future__ import annotations
 
 # image_transport's plugin by the type of its messages

@@ -5,6 +5,7 @@ original files of the MoveNets, converts their TensorFlow.js graph to ONNX with 
 the result against the original graph in numpy, and keeps it in the cache; `load_detector` gives the
 detection stage what it needs. Only `fetch` uses the network. Weights are never part of this package.
 """
+
 from panoptic_ros.io.models.cards import DEFAULT_MODEL, CardFile, card_names, read_card
 from panoptic_ros.io.models.fetch import fetch, is_cached
 from panoptic_ros.io.models.load import load_detector

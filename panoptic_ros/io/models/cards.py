@@ -1,4 +1,5 @@
 """Model cards from YAML: those installed in config/models, and the user's own files."""
+
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
@@ -110,9 +111,7 @@ def _card_file(document: dict[str, Any], path: Path, named: Path | None) -> Card
     origin = values.pop("fetch", None)
     if isinstance(values.get("joints"), str):
         values["joints"] = load_skeleton(values["joints"]).joint_names
-    return CardFile(
-        card_from_mapping(values), path, None if origin is None else _origin(origin), named
-    )
+    return CardFile(card_from_mapping(values), path, None if origin is None else _origin(origin), named)
 
 
 def _origin(values: Any) -> Origin:

@@ -1,4 +1,5 @@
 """Running a model once on a made picture: does it work here, and is its answer the expected one?"""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

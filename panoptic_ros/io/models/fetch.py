@@ -1,4 +1,5 @@
 """Fetching a model: bring the original files, convert them, check the result, put it into the cache."""
+
 from __future__ import annotations
 
 import hashlib

@@ -1,4 +1,5 @@
 """From the name of a model to what the detection stage takes."""
+
 from __future__ import annotations
 
 import hashlib

@@ -9,6 +9,7 @@ grid of stride 4: `center` (N, 1, h, w) and `heat` (N, 17, h, w) as scores in 0.
 `offset` (N, 34, h, w), and for MultiPose `box_scale` and `box_offset` (N, 2, h, w), all linear, in
 cells, y before x.
 """
+
 from __future__ import annotations
 
 from typing import Any
@@ -125,8 +126,13 @@ class _Writer:
         if operation.kind == "ResizeBilinear":
             if not operation.attributes["half_pixel_centers"] or operation.attributes["align_corners"]:
                 raise DataError(f"{operation.name} does not resize about pixel centres")
-            return self.emit("Resize", [self.tensor(operation.inputs[0]), "", "twice"], name,
-                             mode="linear", coordinate_transformation_mode="half_pixel")  # fmt: skip
+            return self.emit(
+                "Resize",
+                [self.tensor(operation.inputs[0]), "", "twice"],
+                name,
+                mode="linear",
+                coordinate_transformation_mode="half_pixel",
+            )
         raise DataError(f"operation {operation.kind} ({operation.name}) is not one of MoveNet's")
 
     def _normalised_image(self) -> str:
@@ -153,9 +159,14 @@ class _Writer:
         activation = [kind for kind in fused if kind != "BiasAdd"]
         strides = operation.attributes["strides"][1:3]
         linear = self.emit(
-            "Conv", inputs, f"{name}/linear" if activation else name, group=group, strides=strides,
-            kernel_shape=[height, width], pads=_same_padding(operation, (height, width), strides),
-        )  # fmt: skip
+            "Conv",
+            inputs,
+            f"{name}/linear" if activation else name,
+            group=group,
+            strides=strides,
+            kernel_shape=[height, width],
+            pads=_same_padding(operation, (height, width), strides),
+        )
         if activation == ["Relu6"]:
             return self.emit("Clip", [linear, "zero", "six"], name)
         if activation == ["Relu"]:

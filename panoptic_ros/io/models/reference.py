@@ -2,6 +2,7 @@
 
 Independent of the conversion: layouts, padding and resizing are those of TensorFlow.
 """
+
 from __future__ import annotations
 
 import numpy as np

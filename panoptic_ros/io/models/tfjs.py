@@ -3,6 +3,7 @@
 Format: github.com/tensorflow/tfjs, tfjs-converter (model.json with `modelTopology` and
 `weightsManifest`; strings in attributes are base64; float16 weights are plain casts).
 """
+
 from __future__ import annotations
 
 import base64

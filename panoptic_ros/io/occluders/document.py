@@ -1,4 +1,5 @@
 """occluders.json, "panoptic-occluders-1"."""
+
 from __future__ import annotations
 
 import json

@@ -1,4 +1,5 @@
 """Triangle meshes: PLY (text, little-endian binary) and Wavefront OBJ."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -14,10 +15,23 @@ from panoptic_ros.io.loading import largest_document, read_bytes
 Array = np.ndarray
 MESHES = (".ply", ".obj")
 _TYPES = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "<i2", "int16": "<i2",
-    "ushort": "<u2", "uint16": "<u2", "int": "<i4", "int32": "<i4", "uint": "<u4", "uint32": "<u4",
-    "float": "<f4", "float32": "<f4", "double": "<f8", "float64": "<f8",
-}  # fmt: skip
+    "char": "i1",
+    "int8": "i1",
+    "uchar": "u1",
+    "uint8": "u1",
+    "short": "<i2",
+    "int16": "<i2",
+    "ushort": "<u2",
+    "uint16": "<u2",
+    "int": "<i4",
+    "int32": "<i4",
+    "uint": "<u4",
+    "uint32": "<u4",
+    "float": "<f4",
+    "float32": "<f4",
+    "double": "<f8",
+    "float64": "<f8",
+}
 Element = tuple[str, int, list[list[str]]]  # name, count, the words of its properties
 
 

@@ -13,6 +13,7 @@ live CameraInfo, `io.distortion_models`. Cameras that a file does not pose are l
 TOML files do not state their unit of length, see `read_rig`. `Rig.up` is None where a file does not tell
 which way is up.
 """
+
 from panoptic_ros.io.rigs.registry import WRITABLE, read_rig, write_rig
 from panoptic_ros.io.rigs.search import find_rig
 

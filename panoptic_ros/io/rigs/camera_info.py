@@ -11,6 +11,7 @@ the poses, so this package defines one, poses.yaml:
 Each is the pose of the camera's optical frame (x right, y down, z forward) in `frame_id`, metres
 and a quaternion: what `tf2_echo world cam01_optical_frame` prints.
 """
+
 from __future__ import annotations
 
 from functools import partial
@@ -108,9 +109,15 @@ def _camera(folder: Path, name: str, pose: Any, taken: Taken) -> Camera:
     world_from_cam = Rigid(Rotation.from_quat(quaternion).as_matrix(), translation)
     cam_from_world = world_from_cam.inverse()
     return camera(
-        name, size, matrix.reshape(3, 3), distortion, cam_from_world.rotation, cam_from_world.translation,
-        model, taken.tell,
-    )  # fmt: skip
+        name,
+        size,
+        matrix.reshape(3, 3),
+        distortion,
+        cam_from_world.rotation,
+        cam_from_world.translation,
+        model,
+        taken.tell,
+    )
 
 
 def dump(rig: Rig) -> dict[str, str]:

@@ -1,4 +1,5 @@
 """From a file to its content, whatever its name: JSON, XML, TOML, lines of numbers, other text, a folder."""
+
 from __future__ import annotations
 
 import re

@@ -1,4 +1,5 @@
 """Taking cameras apart and together: checked numbers from documents that somebody else wrote."""
+
 from __future__ import annotations
 
 import math
@@ -187,9 +188,16 @@ def listing(mapping: Any, key: str, where: str) -> list[Any]:
 
 
 def camera(
-    name: str, size: tuple[int, int], matrix: Array, distortion: Array, rotation: Array, translation: Array,
-    model: object = OPENCV, tell: Callable[[str, str], None] | None = None, **stated: Any,
-) -> Camera:  # fmt: skip
+    name: str,
+    size: tuple[int, int],
+    matrix: Array,
+    distortion: Array,
+    rotation: Array,
+    translation: Array,
+    model: object = OPENCV,
+    tell: Callable[[str, str], None] | None = None,
+    **stated: Any,
+) -> Camera:
     """A camera from its numbers, K (3, 3) px, cam_from_world in m.
 
     Args:

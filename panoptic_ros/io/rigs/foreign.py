@@ -1,4 +1,5 @@
 """Calibrations of other programs that are not read, recognised so that messages can name them."""
+
 from __future__ import annotations
 
 import re
@@ -36,28 +37,39 @@ def _text(*patterns: str) -> Test:
 
 # Names, syntaxes of `Document`, and tests of the content; the first that matches counts.
 FORMATS: tuple[tuple[str, str, Test], ...] = (
-    ("a calibration of EasyMocap (intri.yml and extri.yml)", "text",
-     _text("%YAML", r"(K|dist|R|Rot|T)_\S+:\s*!!opencv-matrix")),
+    (
+        "a calibration of EasyMocap (intri.yml and extri.yml)",
+        "text",
+        _text("%YAML", r"(K|dist|R|Rot|T)_\S+:\s*!!opencv-matrix"),
+    ),
     ("a calibration of OpenCV's FileStorage", "text", _text("%YAML", r"\s*\S+:\s*!!opencv-matrix")),
     ("a calibration of OpenCV's FileStorage", "xml", lambda root: root.tag == "opencv_storage"),
     ("a camera chain of Kalibr", "text", _text(r"\s+distortion_coeffs:", r"\s+intrinsics:")),
-    ("camera_info of one camera of ROS, without its pose", "text",
-     _text("camera_matrix:", "image_width:")),
+    ("camera_info of one camera of ROS, without its pose", "text", _text("camera_matrix:", "image_width:")),
     ("a calibration of 4D Association", "json", _tables_with("K", "RT")),
     ("a calibration of VoxelPose", "json", _tables_with("fx", "fy", "k", "p", "R", "T")),
-    ("a list of cameras of AIST++", "text",
-     lambda text: text.lstrip().startswith("[") and all(f'"{k}"' in text for k in ("matrix", "rotation"))),
-    ("a calibration of Vicon (.xcp)", "xml",
-     lambda root: root.find("Camera/KeyFrames/KeyFrame") is not None),
+    (
+        "a list of cameras of AIST++",
+        "text",
+        lambda text: text.lstrip().startswith("[") and all(f'"{k}"' in text for k in ("matrix", "rotation")),
+    ),
+    ("a calibration of Vicon (.xcp)", "xml", lambda root: root.find("Camera/KeyFrames/KeyFrame") is not None),
     ("a scene of Meshroom", "json", _with("views", "intrinsics", "poses")),
-    ("a scene of nerfstudio (transforms.json)", "json",
-     lambda document: isinstance(document.get("frames"), list) and "transform_matrix" in str(
-         document["frames"][:1])),
+    (
+        "a scene of nerfstudio (transforms.json)",
+        "json",
+        lambda document: (
+            isinstance(document.get("frames"), list) and "transform_matrix" in str(document["frames"][:1])
+        ),
+    ),
     ("a calibration of calib.io", "json", _with("Calibration")),
-    ("a calibration of Basalt", "json",
-     lambda document: isinstance(document.get("value0"), dict) and "T_imu_cam" in document["value0"]),
+    (
+        "a calibration of Basalt",
+        "json",
+        lambda document: isinstance(document.get("value0"), dict) and "T_imu_cam" in document["value0"],
+    ),
     ("a list of cameras of COLMAP", "text", _text(r"#\s*CAMERA_ID, MODEL, WIDTH")),
-)  # fmt: skip
+)
 
 
 def foreign_format(document: Document | None) -> str | None:

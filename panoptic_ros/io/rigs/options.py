@@ -1,4 +1,5 @@
 """Options of the readers of rigs, and the cameras of a file that they take."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
@@ -78,9 +79,11 @@ class Taken:
             raise CalibrationError("; ".join(["no camera can be used", *lines_of(self._left_out.items())]))
         left_out = [(name, f"left out: {why}") for name, why in self._left_out.items() if why]
         return Rig(
-            tuple(self._cameras), frame_id, left_out=self._left_out,
+            tuple(self._cameras),
+            frame_id,
+            left_out=self._left_out,
             notices=lines_of([*left_out, *self._told]),
-        )  # fmt: skip
+        )
 
     def _check_chosen(self) -> None:
         names = [camera.name for camera in self._cameras]

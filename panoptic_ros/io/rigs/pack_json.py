@@ -4,6 +4,7 @@ Shelf, Campus and others are handed on like this: `unit` or `units` (m, cm, mm),
 optionally distortion; sizes as width and height, resolution or image_size. A document with
 `to_z_up` has the world of CMU Panoptic, y down.
 """
+
 from __future__ import annotations
 
 from functools import partial
@@ -33,9 +34,12 @@ def recognises(document: Any) -> bool:
     """Whether a JSON document is one: a unit and a list of cameras with K, R and t."""
     cameras = document.get("cameras")
     stated = "unit" in document or "units" in document
-    return "format" not in document and stated and isinstance(cameras, list) and any(
-        isinstance(item, dict) and {"K", "R", "t"} <= set(item) for item in cameras
-    )  # fmt: skip
+    return (
+        "format" not in document
+        and stated
+        and isinstance(cameras, list)
+        and any(isinstance(item, dict) and {"K", "R", "t"} <= set(item) for item in cameras)
+    )
 
 
 def parse(document: Any, options: ReadOptions) -> Rig:

@@ -3,6 +3,7 @@
 480 VGA, 31 HD and 10 Kinect cameras in one list; `types` ("vga", "hd", "kinect-color") and `panels`
 choose among them. Converted to metres and z up, once, here.
 """
+
 from __future__ import annotations
 
 import json
@@ -32,9 +33,11 @@ def recognises(document: Any) -> bool:
     """Whether a JSON document is one: cameras with distCoef, and no unit stated."""
     cameras = document.get("cameras")
     stated = {"format", "unit", "units"} & set(document)
-    return isinstance(cameras, list) and not stated and any(
-        isinstance(item, dict) and "distCoef" in item for item in cameras
-    )  # fmt: skip
+    return (
+        isinstance(cameras, list)
+        and not stated
+        and any(isinstance(item, dict) and "distCoef" in item for item in cameras)
+    )
 
 
 def parse(document: Any, options: ReadOptions) -> Rig:
@@ -79,9 +82,15 @@ def dump(rig: Rig) -> str:
         pose = item.cam_from_world
         panel = int(item.panel) if re.fullmatch("0|[1-9][0-9]*", item.panel) else item.panel
         stated = {key: value for key, value in (("type", item.type), ("panel", panel)) if value != ""}
-        items.append({
-            "name": item.name, **stated, "resolution": list(item.image_size), "K": matrix,
-            "distCoef": distortion, "R": (pose.rotation @ Z_UP_TO_Y_DOWN.T).tolist(),
-            "t": (pose.translation[:, None] * CENTIMETRES).tolist(),
-        })  # fmt: skip
+        items.append(
+            {
+                "name": item.name,
+                **stated,
+                "resolution": list(item.image_size),
+                "K": matrix,
+                "distCoef": distortion,
+                "R": (pose.rotation @ Z_UP_TO_Y_DOWN.T).tolist(),
+                "t": (pose.translation[:, None] * CENTIMETRES).tolist(),
+            }
+        )
     return json.dumps({"calibDataSource": "panoptic_ros", "cameras": items}, indent=1) + "\n"

@@ -6,6 +6,7 @@ the whole sensor, of which `fov_video` is the part that was filmed. The distorti
 are those of the normalised image, as in OpenCV. QTM shows images turned clockwise by `viewrotation` degrees;
 its videos and calibrations are those of the camera as it stands, and z is up.
 """
+
 from __future__ import annotations
 
 import re
@@ -24,8 +25,13 @@ SUBPIXELS = 64.0
 MILLIMETRES = 1000.0
 FLIP = np.diag([1.0, -1.0, -1.0])  # from x right, y up, z backward to x right, y down, z forward
 ROTATION = [f"r{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3)]
-LENS = ["radialDistortion1", "radialDistortion2", "tangentalDistortion1", "tangentalDistortion2",
-        "radialDistortion3"]  # fmt: skip
+LENS = [
+    "radialDistortion1",
+    "radialDistortion2",
+    "tangentalDistortion1",
+    "tangentalDistortion2",
+    "radialDistortion3",
+]
 USUAL_LINES = 1080  # default of a whole sensor: Miqus Video and Oqus 2c
 FORMATS = (480, 540, 720, 1080, 1440, 2160)  # lines of video formats; a sensor has up to 15 rows more
 BLOCK = 16  # rows: sensors of 1080 lines have 1088 rows
@@ -67,11 +73,13 @@ def _camera(name: str, item: Any, taken: Taken) -> Camera:
     (skew,) = _values(item, "intrinsic", ["skew"], where)
     lens = _values(item, "intrinsic", LENS, where)
     scale = lines / _sensor_lines(item, lines, where) if lines else 1.0
-    matrix = np.array([
-        [fu / SUBPIXELS, skew / SUBPIXELS, cu / SUBPIXELS - left],
-        [0.0, fv / SUBPIXELS, cv / SUBPIXELS - top],
-        [0.0, 0.0, 1.0],
-    ])  # fmt: skip
+    matrix = np.array(
+        [
+            [fu / SUBPIXELS, skew / SUBPIXELS, cu / SUBPIXELS - left],
+            [0.0, fv / SUBPIXELS, cv / SUBPIXELS - top],
+            [0.0, 0.0, 1.0],
+        ]
+    )
     matrix[:2] *= scale
     rotation = FLIP @ pose[:9].reshape(3, 3)
     size = (
@@ -174,10 +182,13 @@ def dump(rig: Rig) -> str:
             node, "transform", _texts(dict(zip([*ROTATION, "x", "y", "z"], [*turned, *centre])))
         )
         intrinsic = {
-            "focalLengthU": matrix[0, 0], "focalLengthV": matrix[1, 1], "skew": matrix[0, 1],
-            "centerPointU": matrix[0, 2], "centerPointV": matrix[1, 2],
+            "focalLengthU": matrix[0, 0],
+            "focalLengthV": matrix[1, 1],
+            "skew": matrix[0, 1],
+            "centerPointU": matrix[0, 2],
+            "centerPointV": matrix[1, 2],
             **dict(zip(LENS, [k1, k2, p1, p2, k3])),
-        }  # fmt: skip
+        }
         ElementTree.SubElement(node, "intrinsic", _texts(intrinsic))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"

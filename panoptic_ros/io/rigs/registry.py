@@ -1,4 +1,5 @@
 """Which formats there are; reading by content, writing by name."""
+
 from __future__ import annotations
 
 import os
@@ -76,43 +77,85 @@ _LENSES = frozenset(list(_EXTRAS)[:2])  # without which a rig would be another o
 _SELECTION = frozenset({"types", "panels"})
 _FORMATS = (
     _Format(
-        "rig.json", "rig.json (panoptic-rig-1)", "json",
+        "rig.json",
+        "rig.json (panoptic-rig-1)",
+        "json",
         lambda document: document.get("format") == rig_json.FORMAT,
-        rig_json.parse, rig_json.dump, _SELECTION, frozenset(_EXTRAS), rig_keys.RIG_JSON,
+        rig_json.parse,
+        rig_json.dump,
+        _SELECTION,
+        frozenset(_EXTRAS),
+        rig_keys.RIG_JSON,
     ),
     _Format(
-        "panoptic", "CMU Panoptic JSON", "json",
-        panoptic_json.recognises, panoptic_json.parse, panoptic_json.dump, _SELECTION,
-        frozenset({"type", "panel"}), rig_keys.PANOPTIC,
+        "panoptic",
+        "CMU Panoptic JSON",
+        "json",
+        panoptic_json.recognises,
+        panoptic_json.parse,
+        panoptic_json.dump,
+        _SELECTION,
+        frozenset({"type", "panel"}),
+        rig_keys.PANOPTIC,
     ),
     _Format(
-        "pack", "calibration.json with a stated unit", "json",
-        pack_json.recognises, pack_json.parse, None, _SELECTION, keys=rig_keys.PACK,
+        "pack",
+        "calibration.json with a stated unit",
+        "json",
+        pack_json.recognises,
+        pack_json.parse,
+        None,
+        _SELECTION,
+        keys=rig_keys.PACK,
     ),
     _Format(
-        "qca", "Qualisys .qca.txt", "xml",
-        qualisys.recognises, qualisys.parse, qualisys.dump,
+        "qca",
+        "Qualisys .qca.txt",
+        "xml",
+        qualisys.recognises,
+        qualisys.parse,
+        qualisys.dump,
     ),
     _Format(
-        "caliscope", "caliscope TOML", "toml",
-        toml_rigs.is_caliscope, toml_rigs.parse_caliscope, toml_rigs.dump_caliscope, frozenset({"unit"}),
-        _LENSES | {"up"}, rig_keys.CALISCOPE,
+        "caliscope",
+        "caliscope TOML",
+        "toml",
+        toml_rigs.is_caliscope,
+        toml_rigs.parse_caliscope,
+        toml_rigs.dump_caliscope,
+        frozenset({"unit"}),
+        _LENSES | {"up"},
+        rig_keys.CALISCOPE,
     ),
     _Format(
-        "aniposelib", "aniposelib TOML", "toml",
-        toml_rigs.is_aniposelib, toml_rigs.parse_aniposelib, toml_rigs.dump_aniposelib, frozenset({"unit"}),
-        _LENSES | {"up"}, rig_keys.ANIPOSELIB,
+        "aniposelib",
+        "aniposelib TOML",
+        "toml",
+        toml_rigs.is_aniposelib,
+        toml_rigs.parse_aniposelib,
+        toml_rigs.dump_aniposelib,
+        frozenset({"unit"}),
+        _LENSES | {"up"},
+        rig_keys.ANIPOSELIB,
     ),
     _Format(
-        "total-capture", "calibration.cal of Total Capture", "numbers",
-        total_capture.recognises, total_capture.parse, None,
+        "total-capture",
+        "calibration.cal of Total Capture",
+        "numbers",
+        total_capture.recognises,
+        total_capture.parse,
+        None,
     ),
     _Format(
-        "camera_info", f"a folder of ROS camera_info YAML with {camera_info.POSES}", "folder",
-        camera_info.recognises, camera_info.parse, camera_info.dump,
+        "camera_info",
+        f"a folder of ROS camera_info YAML with {camera_info.POSES}",
+        "folder",
+        camera_info.recognises,
+        camera_info.parse,
+        camera_info.dump,
         holds=_LENSES,
     ),
-)  # fmt: skip
+)
 WRITABLE = tuple(item.name for item in _FORMATS if item.dump)
 
 

@@ -1,4 +1,5 @@
 """rig.json, "panoptic-rig-1": our own plain format, exact to the bit."""
+
 from __future__ import annotations
 
 import json
@@ -122,9 +123,13 @@ def _row(item: Camera) -> dict[str, Any]:
     """What is not stated is left out."""
     matrix, distortion, rotation, translation = parameters(item)
     row: dict[str, Any] = {
-        "name": item.name, "image_size": list(item.image_size), "K": matrix,
-        "distortion": distortion, "R": rotation, "t": translation,
-    }  # fmt: skip
+        "name": item.name,
+        "image_size": list(item.image_size),
+        "K": matrix,
+        "distortion": distortion,
+        "R": rotation,
+        "t": translation,
+    }
     for key in ("type", "panel", "clock", "line_delay_us"):
         if getattr(item, key):
             row[key] = getattr(item, key)

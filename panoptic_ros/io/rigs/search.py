@@ -1,4 +1,5 @@
 """The rig of a capture folder."""
+
 from __future__ import annotations
 
 from pathlib import Path

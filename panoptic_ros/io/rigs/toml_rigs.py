@@ -6,6 +6,7 @@ images upright, and up follows from them. aniposelib does not state up; `up` in 
 are OpenCV's, fisheyes those with `fisheye = true`. aniposelib has one table per camera, caliscope a table
 `cameras` of numbered ones, whose videos are called cam_<number>.mp4 (port_<number>.mp4 in older versions).
 """
+
 from __future__ import annotations
 
 import json

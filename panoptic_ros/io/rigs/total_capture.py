@@ -20,8 +20,15 @@ from panoptic_ros.io.rigs.options import ReadOptions, Taken
 
 Array = np.ndarray
 Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # ours from theirs, y up
-LINES = ((4, "rows and columns"), (4, "fx fy cx cy"), (0, "terms of the lens"),
-         (3, "rotation"), (3, "rotation"), (3, "rotation"), (3, "translation"))  # fmt: skip
+LINES = (
+    (4, "rows and columns"),
+    (4, "fx fy cx cy"),
+    (0, "terms of the lens"),
+    (3, "rotation"),
+    (3, "rotation"),
+    (3, "rotation"),
+    (3, "translation"),
+)
 MOST_TERMS = 3  # radial, k1 k2 k3
 
 

@@ -1,4 +1,5 @@
 """What is left in bags that were cut: by a kill, a full disk or an unplugged drive."""
+
 from panoptic_ros.io.salvage.repair import Repair, repair
 
 __all__ = ["Repair", "repair"]

@@ -1,4 +1,5 @@
 """What salvaging finds in a file."""
+
 from __future__ import annotations
 
 from collections import Counter

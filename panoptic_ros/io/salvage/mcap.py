@@ -3,6 +3,7 @@
 A reader of our own, as those of libraries want the index at the end of the file, and that of MCAP's own
 library which does not takes a record that was cut for a whole one (foxglove/mcap#1474).
 """
+
 from __future__ import annotations
 
 import io

@@ -1,4 +1,5 @@
 """Bringing a cut bag back: all messages that are whole, in a new bag that opens everywhere."""
+
 from __future__ import annotations
 
 import re

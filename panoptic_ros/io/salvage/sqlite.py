@@ -1,4 +1,5 @@
 """SQLite3 files of bags that end too early or are damaged: the messages that can still be read."""
+
 from __future__ import annotations
 
 import shutil
@@ -83,4 +84,3 @@ def _is_damaged(base: sqlite3.Connection) -> bool:
         return bool(base.execute("PRAGMA quick_check(1)").fetchone()[0] != "ok")
     except sqlite3.DatabaseError:
         return True
-

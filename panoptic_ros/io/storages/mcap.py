@@ -3,6 +3,7 @@
 A reader of our own, as that of rosbags leaves out chunks without an index of their messages. It refuses
 profiles but ros2, definitions in other languages and messages out of order, and compares no counts.
 """
+
 from __future__ import annotations
 
 import os
@@ -82,9 +83,13 @@ class McapStorage:
             self._file.close()
             raise
         self.contents = Contents(
-            self._topics.known, self._topics.foreign, self._counts, self._begin_ns, self._end_ns,
+            self._topics.known,
+            self._topics.foreign,
+            self._counts,
+            self._begin_ns,
+            self._end_ns,
             self._check_counts(),
-        )  # fmt: skip
+        )
 
     def _forget(self) -> None:
         self._topics = Topics()
@@ -203,9 +208,7 @@ class McapStorage:
             problems.append(f"{lost} messages of {self._name} are on topics of which nothing is known")
         return problems
 
-    def _of_chunk(
-        self, place: _Place, wanted: Collection[int], begin_ns: int, end_ns: int
-    ) -> Iterator[Row]:
+    def _of_chunk(self, place: _Place, wanted: Collection[int], begin_ns: int, end_ns: int) -> Iterator[Row]:
         content, rows = chunk_of(self._at(place.offset, place.length)).content, []
         for kind, begin, end in records_in(content):
             if kind == MESSAGE:
@@ -262,8 +265,9 @@ def _place_of(content: bytes) -> _Place:
     ends = [begin for begin, _ in begins[1:]] + [offset + length + index_length]
     counts = {
         channel: (end - begin - _INDEX_OF_ONE) // 16
-        for (begin, channel), end in zip(begins, ends) if end - begin > _INDEX_OF_ONE
-    }  # fmt: skip
+        for (begin, channel), end in zip(begins, ends)
+        if end - begin > _INDEX_OF_ONE
+    }
     return _Place(begin_ns, end_ns, offset + FRAME.size, length - FRAME.size, counts)
 
 

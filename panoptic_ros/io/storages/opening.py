@@ -1,4 +1,5 @@
 """Which kind of file it is, by its first bytes; packed ones are unpacked first."""
+
 from __future__ import annotations
 
 import sys

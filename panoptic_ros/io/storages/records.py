@@ -1,4 +1,5 @@
 """Records of MCAP files (mcap.dev/spec), and the topics that schemas and channels describe."""
+
 from __future__ import annotations
 
 import struct
@@ -126,9 +127,12 @@ class Topics:
             definition = f"{IDL}{kind}\n{definition}"
         told = _table_in(about)
         self.known[number] = Connection(
-            name, kind, definition, told.get("topic_type_hash", ""),
+            name,
+            kind,
+            definition,
+            told.get("topic_type_hash", ""),
             self._qualities(name, told.get("offered_qos_profiles", "")),
-        )  # fmt: skip
+        )
 
     def _qualities(self, topic: str, text: str) -> tuple[object, ...]:
         try:

@@ -1,4 +1,5 @@
 """SQLite3 files of bags."""
+
 from __future__ import annotations
 
 import sqlite3
@@ -46,8 +47,9 @@ class SqliteStorage:
         journals = (path.with_name(path.name + suffix) for suffix in JOURNALS)
         problems = [
             f"messages that are in {beside.name} alone are not read; `panoptic bag repair` reads them"
-            for beside in journals if beside.is_file() and beside.stat().st_size
-        ]  # fmt: skip
+            for beside in journals
+            if beside.is_file() and beside.stat().st_size
+        ]
         self.contents = Contents(
             topics.known, topics.foreign, {row[0]: row[1] for row in rows}, begin, end, problems
         )
@@ -57,8 +59,9 @@ class SqliteStorage:
         chosen = ", ".join(str(int(number)) for number in numbers)
         yield from self._base.execute(
             f"SELECT timestamp, topic_id, data FROM messages WHERE topic_id IN ({chosen}) AND timestamp >= ? "
-            "AND timestamp < ? ORDER BY timestamp, id", (begin_ns, end_ns)
-        )  # fmt: skip
+            "AND timestamp < ? ORDER BY timestamp, id",
+            (begin_ns, end_ns),
+        )
 
     def close(self) -> None:
         """Close the file."""
@@ -75,10 +78,11 @@ def topics_of(base: sqlite3.Connection) -> TopicRows:
     definitions: dict[str, tuple[str, str]] = {}
     if base.execute("PRAGMA table_info(message_definitions)").fetchall():
         definitions = {
-            str(kind): (str(language), str(text)) for kind, language, text in base.execute(
+            str(kind): (str(language), str(text))
+            for kind, language, text in base.execute(
                 "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
             )
-        }  # fmt: skip
+        }
     usual = {"serialization_format": CDR, "offered_qos_profiles": "", "type_description_hash": ""}
     more = ", ".join(name if name in columns else f"'{value}'" for name, value in usual.items())
     found = TopicRows({}, {}, ())

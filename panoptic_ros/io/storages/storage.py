@@ -1,4 +1,5 @@
 """One file of a bag: its topics, how many messages each has, and the messages in the order of recording."""
+
 from __future__ import annotations
 
 import heapq

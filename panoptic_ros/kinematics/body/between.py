@@ -42,9 +42,13 @@ class BetweenInstants:
         return self._contact.loads
 
     def told(
-        self, devices: WornDevices, oriented: tuple[Array, Array], body: tuple[Chain, Pose], begun: bool,
+        self,
+        devices: WornDevices,
+        oriented: tuple[Array, Array],
+        body: tuple[Chain, Pose],
+        begun: bool,
         stride: int,
-    ) -> Between:  # fmt: skip
+    ) -> Between:
         """Until this instant.
 
         Args:

@@ -68,13 +68,18 @@ class Weighing:
         paper = config.paper_weights
         scale = config.prior_scale**2
         ours = PriorCosts(
-            1.0, scale, config.deviation_sd**-2, scale, math.radians(config.limit_sd) ** -2,
+            1.0,
+            scale,
+            config.deviation_sd**-2,
+            scale,
+            math.radians(config.limit_sd) ** -2,
             math.radians(config.prior_sd),
-        )  # fmt: skip
+        )
         self.prior = statistics.prior(
-            model.lower, model.upper,
+            model.lower,
+            model.upper,
             PriorCosts(PAPER["projection"], 1.0, PAPER["deviation"], 1.0, 0.0) if paper else ours,
-        )  # fmt: skip
+        )
         if not paper:
             self.prior = self.prior._replace(hinges=hinges_of(model, math.radians(config.hinge_sd)))
         ground = np.array([model.index(name) for name in model.ground], np.int64)
@@ -94,9 +99,7 @@ class Weighing:
         found._offsets = np.array([seen[name][1] for name in self._names]).reshape(-1, 3)
         return found
 
-    def views(
-        self, people: dict[int, tuple[Array, Array]], root: Array, level: float = 1.0
-    ) -> ViewTargets:
+    def views(self, people: dict[int, tuple[Array, Array]], root: Array, level: float = 1.0) -> ViewTargets:
         """Targets of the views of one person.
 
         Args:
@@ -121,9 +124,16 @@ class Weighing:
             weights = weights / (1.0 + UNMEASURED_SD**2 * self._unmeasured[sites] * others)
         scale = 1.0 if config.paper_weights else config.joint_scale**2
         return ViewTargets(
-            self._segments[sites], self._offsets[sites], cameras[views], seen, weights, scale, self.rotations,
-            self.translations, self._anchors[sites],
-        )  # fmt: skip
+            self._segments[sites],
+            self._offsets[sites],
+            cameras[views],
+            seen,
+            weights,
+            scale,
+            self.rotations,
+            self.translations,
+            self._anchors[sites],
+        )
 
     def points(self, joints: tuple[Array, Array] | None) -> PointTargets:
         """Targets of joints in space: positions (K, 3) m, NaN = missing, and covariances (K, 3, 3) m^2."""
@@ -131,9 +141,13 @@ class Weighing:
             return NO_POINTS
         known, goals, spreads = known_joints(self._columns, *joints, OFFSET_SD**2)
         return PointTargets(
-            self._segments[known], self._offsets[known], goals, np.linalg.inv(spreads),
-            self._config.joint_scale**2, self._anchors[known],
-        )  # fmt: skip
+            self._segments[known],
+            self._offsets[known],
+            goals,
+            np.linalg.inv(spreads),
+            self._config.joint_scale**2,
+            self._anchors[known],
+        )
 
     def turns(self, segments: Array, goals: Array, spreads: Array) -> TurnTargets:
         """Targets of orientations: segments (N,), goals (N, 3, 3), standard deviations (N,) rad."""
@@ -144,8 +158,6 @@ class Weighing:
         )
         return TurnTargets(segments, np.ascontiguousarray(goals), weights, 0.0)
 
-    def evidence(
-        self, views: ViewTargets, turns: TurnTargets, points: PointTargets = NO_POINTS
-    ) -> Evidence:
+    def evidence(self, views: ViewTargets, turns: TurnTargets, points: PointTargets = NO_POINTS) -> Evidence:
         """All of an instant."""
         return Evidence(views, points, turns, self.floor, self.prior, 1.0)

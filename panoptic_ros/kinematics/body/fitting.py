@@ -148,9 +148,18 @@ def _rest(model: SegmentModel) -> PosePrior:
     n = 3 * len(model.names) - 3
     lower, upper = (np.ascontiguousarray(limit[1:].ravel()) for limit in (model.lower, model.upper))
     return PosePrior(
-        np.zeros(n), np.zeros((n, n)), np.eye(n), lower, upper, 0.0, 0.0, REST_SD**-2, 0.0, LIMIT_SD**-2,
+        np.zeros(n),
+        np.zeros((n, n)),
+        np.eye(n),
+        lower,
+        upper,
+        0.0,
+        0.0,
+        REST_SD**-2,
+        0.0,
+        LIMIT_SD**-2,
         NO_HINGES,
-    )  # fmt: skip
+    )
 
 
 def _first(model: SegmentModel, begun: Mapping[int, int], joints: Array) -> Pose:

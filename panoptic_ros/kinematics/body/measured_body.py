@@ -35,9 +35,13 @@ class MeasuredBody:
         self._count, self._stride = 0, 1
 
     def take(
-        self, config: KinematicsConfig, model: SegmentModel, statistics: PoseStatistics,
-        joint_names: Sequence[str], joints: tuple[Array, Array],
-    ) -> Body | None:  # fmt: skip
+        self,
+        config: KinematicsConfig,
+        model: SegmentModel,
+        statistics: PoseStatistics,
+        joint_names: Sequence[str],
+        joints: tuple[Array, Array],
+    ) -> Body | None:
         """The body, by the first skeleton, and anew each time that there were twice as many.
 
         joints: positions (J, 3) m, NaN = missing, and covariances (J, 3, 3) m^2.
@@ -75,8 +79,9 @@ def limbs_of(model: SegmentModel, joint_names: Sequence[str]) -> list[tuple[int,
     at = _joints_at(model, joint_names)
     return [
         (s, at[int(model.parents[s])], at[s])
-        for s in at if int(model.parents[s]) in at and model.names[s][0] in "lr"
-    ]  # fmt: skip
+        for s in at
+        if int(model.parents[s]) in at and model.names[s][0] in "lr"
+    ]
 
 
 def _joints_at(model: SegmentModel, joint_names: Sequence[str]) -> dict[int, int]:
@@ -89,9 +94,12 @@ def _joints_at(model: SegmentModel, joint_names: Sequence[str]) -> dict[int, int
 
 
 def _fitted(
-    config: KinematicsConfig, statistics: PoseStatistics, joint_names: Sequence[str], body: Body,
+    config: KinematicsConfig,
+    statistics: PoseStatistics,
+    joint_names: Sequence[str],
+    body: Body,
     seen: Sequence[tuple[Array, Array]],
-) -> Body:  # fmt: skip
+) -> Body:
     """The body with the lengths that skeletons tell, left as right."""
     subject, model = Subject(0, body), body.model
     weighing = Weighing(config, subject, statistics, None, joint_names)

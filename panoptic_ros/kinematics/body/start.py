@@ -109,9 +109,11 @@ def _rays(weighing: Weighing, people: dict[int, tuple[Array, Array]]) -> tuple[A
 
 
 def _root(
-    weighing: Weighing, subject: Subject, people: dict[int, tuple[Array, Array]],
+    weighing: Weighing,
+    subject: Subject,
+    people: dict[int, tuple[Array, Array]],
     joints: tuple[Array, Array] | None,
-) -> Array:  # fmt: skip
+) -> Array:
     """Where the pelvis is about: the middle of what is seen, or as stated."""
     middle = middle_of(weighing, people, joints)
     if middle is not None:

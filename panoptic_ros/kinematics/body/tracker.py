@@ -154,9 +154,13 @@ class SubjectTracker:
         return Sites(columns, places[segments] + (frames[segments] @ offsets[..., None])[..., 0])
 
     def step(
-        self, stamp_ns: int, measured: Measured, people: dict[int, tuple[Array, Array]],
-        joints: tuple[Array, Array] | None = None, stride: int = 1,
-    ) -> list[BodyState]:  # fmt: skip
+        self,
+        stamp_ns: int,
+        measured: Measured,
+        people: dict[int, tuple[Array, Array]],
+        joints: tuple[Array, Array] | None = None,
+        stride: int = 1,
+    ) -> list[BodyState]:
         """Solve an instant.
 
         Args:
@@ -263,9 +267,13 @@ class SubjectTracker:
         before = self._pose.copy()
         size = 3 + 3 * self._count
         _, done = solve_pose(
-            self._chain, self._pose, evidence, no_anchor(self._count), self._config.iterations,
+            self._chain,
+            self._pose,
+            evidence,
+            no_anchor(self._count),
+            self._config.iterations,
             np.empty((size, size)),
-        )  # fmt: skip
+        )
         self._before = before
         self.iterations.append(done)
 
@@ -294,6 +302,11 @@ class SubjectTracker:
             hips = frames[1, 0]
             spreads[:, :3, :3] += hips @ self._length_spreads @ hips.T
         return BodyState(
-            self._past.stamp(back), self.subject.id, places[1], frames[1], rate * (places[0] - places[2]),
-            spins, spreads,
-        )  # fmt: skip
+            self._past.stamp(back),
+            self.subject.id,
+            places[1],
+            frames[1],
+            rate * (places[0] - places[2]),
+            spins,
+            spreads,
+        )

@@ -118,9 +118,7 @@ def align(subject: Subject, states: Sequence[BodyState], felt: Mapping[str, Felt
     if not subject.heading_known:
         alike = _of_devices(fits, best, turned)
         turned, near = int(np.argmin(alike)), np.array([-4, 0, 4])
-        apart, heading_unsure = _vertex(
-            2.0 * np.pi / HEADINGS * near, alike[(turned + near) % HEADINGS], 1
-        )
+        apart, heading_unsure = _vertex(2.0 * np.pi / HEADINGS * near, alike[(turned + near) % HEADINGS], 1)
         heading = float(headings[turned]) + apart
     if not heading_unsure < LEAST_SURE:
         return None
@@ -151,10 +149,16 @@ def _turns(seen: _Seen, device: Device, felt: Felt) -> _Pair:
     known = np.isfinite(both).all((1, 2))
     information[known] = np.linalg.inv(both[known])
     own = max(round(TURN_S / (1e-9 * float(np.median(np.diff(felt.stamps))))), 1)
-    return _thinned(_Pair(
-        (felt.stamps[own:] + felt.stamps[:-own]) // 2, _between(felt.turns, own),
-        (seen.stamps[back:] + seen.stamps[:-back]) // 2, _between(frames, back), information,
-    ), seen.step)  # fmt: skip
+    return _thinned(
+        _Pair(
+            (felt.stamps[own:] + felt.stamps[:-own]) // 2,
+            _between(felt.turns, own),
+            (seen.stamps[back:] + seen.stamps[:-back]) // 2,
+            _between(frames, back),
+            information,
+        ),
+        seen.step,
+    )
 
 
 def _accelerations(seen: _Seen, device: Device, felt: Felt) -> _Pair:
@@ -163,11 +167,16 @@ def _accelerations(seen: _Seen, device: Device, felt: Felt) -> _Pair:
     own = 1e-9 * float(np.median(np.diff(felt.stamps)))
     forces = (felt.turns @ felt.forces[..., None])[..., 0] - GRAVITY
     pushed = np.gradient(np.gradient(site, seen.step, axis=0), seen.step, axis=0)
-    return _thinned(_Pair(
-        felt.stamps, gaussian_filter1d(forces, SMOOTHING_S / own, axis=0),
-        seen.stamps, gaussian_filter1d(pushed, SMOOTHING_S / seen.step, axis=0),
-        np.tile(np.eye(3), (len(site), 1, 1)),
-    ), seen.step)  # fmt: skip
+    return _thinned(
+        _Pair(
+            felt.stamps,
+            gaussian_filter1d(forces, SMOOTHING_S / own, axis=0),
+            seen.stamps,
+            gaussian_filter1d(pushed, SMOOTHING_S / seen.step, axis=0),
+            np.tile(np.eye(3), (len(site), 1, 1)),
+        ),
+        seen.step,
+    )
 
 
 def _between(frames: Array, steps: int) -> Array:

@@ -19,10 +19,20 @@ Array = np.ndarray
 # Shares of the mass of a body (Winter 2009, Biomechanics and Motor Control of Human Movement, table 4.1), at
 # the joints between which it is spread; left and right have a half each.
 MASSES = {
-    "hips": 0.071, "Thigh": 0.184, "Shin": 0.139, "Foot": 0.055, "Toe": 0.015, "spine1": 0.042,
-    "spine3": 0.097, "spine4": 0.086, "neck": 0.130, "head": 0.081, "UpperArm": 0.032,
-    "Forearm": 0.042, "Hand": 0.026,
-}  # fmt: skip
+    "hips": 0.071,
+    "Thigh": 0.184,
+    "Shin": 0.139,
+    "Foot": 0.055,
+    "Toe": 0.015,
+    "spine1": 0.042,
+    "spine3": 0.097,
+    "spine4": 0.086,
+    "neck": 0.130,
+    "head": 0.081,
+    "UpperArm": 0.032,
+    "Forearm": 0.042,
+    "Hand": 0.026,
+}
 # m, where between ankle and ball, and between the feet, a person balances: 2 cm from clip to clip of recorded
 # motion, and as much again, as no device tells how the spine bends that carries half of the mass.
 PLACE_SD = 0.04
@@ -37,10 +47,12 @@ FARTHEST = 0.25  # m off the feet, of somebody who leans on something, or whose 
 def masses_of(names: tuple[str, ...]) -> Array:
     """Shares (S,) of the mass of a body at the joints of segments; 0 at those of other names."""
     paired = [name[:1] in "lr" and name[1:2].isupper() for name in names]
-    found = np.array([
-        0.5 * MASSES.get(name[1:], 0.0) if pair else MASSES.get(name, 0.0)
-        for name, pair in zip(names, paired)
-    ])  # fmt: skip
+    found = np.array(
+        [
+            0.5 * MASSES.get(name[1:], 0.0) if pair else MASSES.get(name, 0.0)
+            for name, pair in zip(names, paired)
+        ]
+    )
     total = float(found.sum())
     shares: Array = found / total if total else found
     return shares

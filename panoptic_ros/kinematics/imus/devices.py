@@ -47,9 +47,13 @@ class WornDevices:
     """
 
     def __init__(
-        self, config: KinematicsConfig, subject: Subject, chain: Chain, mounts: dict[str, Array],
+        self,
+        config: KinematicsConfig,
+        subject: Subject,
+        chain: Chain,
+        mounts: dict[str, Array],
         heading: float,
-    ):  # fmt: skip
+    ):
         self._config, self._subject, self._chain = config, subject, chain
         used = [k for k, d in enumerate(subject.devices) if d.name in mounts]
         self._rows = np.array(used, np.int64)  # among those of the subject
@@ -105,9 +109,13 @@ class WornDevices:
             return NO_ACCELERATIONS
         weight = (stride * self._config.acceleration_sd) ** -2
         return Accelerations(
-            self.segments[which], self.positions[which], self.pushes[which],
-            np.full(len(which), weight), self._config.acceleration_scale**2, relative,
-        )  # fmt: skip
+            self.segments[which],
+            self.positions[which],
+            self.pushes[which],
+            np.full(len(which), weight),
+            self._config.acceleration_scale**2,
+            relative,
+        )
 
     def shaken(self) -> dict[int, float]:
         """Accelerations, m/s^2, of the instant before by segment."""
@@ -254,7 +262,7 @@ def unseen_axes(body: Body) -> Array:
         end = int(children[0])
         beyond = [o for k, o in body.keypoints.values() if k == s] + [
             o for k, o in body.keypoints.values() if k == end and np.linalg.norm(o) > ON_AXIS
-        ]  # fmt: skip
+        ]
         further = any(parents[k] == end for k in range(len(parents)))
         if not further and all(np.linalg.norm(o) < ON_AXIS for o in beyond):
             found[s] = offsets[end] / lengths[0]

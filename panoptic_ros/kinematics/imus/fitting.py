@@ -103,9 +103,7 @@ class ImuFitting:
         self.heading, self.offset_ns, lines = taken_over(subject, found, self._clocks)
         return [_notice("imu_aligned", "info", subject, line) for line in lines]
 
-    def _without_cameras(
-        self, subject: Subject, rate_hz: float, statistics: PoseStatistics
-    ) -> list[Notice]:
+    def _without_cameras(self, subject: Subject, rate_hz: float, statistics: PoseStatistics) -> list[Notice]:
         """The heading, as joints bend since a T-pose that tells the mountings."""
         why = "no camera sees enough of the person"
         if self.heading is not None or not t_pose_decides(subject):
@@ -155,6 +153,8 @@ class ImuFitting:
 
 def _notice(code: str, severity: str, subject: Subject, line: str, device: str = "") -> Notice:
     return Notice(
-        f"kinematics.{code}", "warning" if severity == "warning" else "info",
-        f"subject {subject.id}: {line}", {"device": device or f"subject {subject.id}"},
-    )  # fmt: skip
+        f"kinematics.{code}",
+        "warning" if severity == "warning" else "info",
+        f"subject {subject.id}: {line}",
+        {"device": device or f"subject {subject.id}"},
+    )

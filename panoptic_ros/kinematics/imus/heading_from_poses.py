@@ -27,9 +27,11 @@ ERROR = math.radians(5.0)  # per axis, of a segment in the T-pose
 
 
 def heading_from_poses(
-    subject: Subject, statistics: PoseStatistics, turns: Mapping[str, Array],
+    subject: Subject,
+    statistics: PoseStatistics,
+    turns: Mapping[str, Array],
     held: Mapping[str, Sequence[Array] | Array],
-) -> float | None:  # fmt: skip
+) -> float | None:
     """Heading, rad, world from the IMUs' inertial frame, where the subject faces in the T-pose as stated.
 
     None where it hardly moves or too few devices tell.

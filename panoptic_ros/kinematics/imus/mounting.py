@@ -54,9 +54,7 @@ class Looks(NamedTuple):
 
 def _both(one: Looks, other: Looks) -> Looks:
     count = one.number + other.number
-    information, pull = (
-        (one.number * a + other.number * b) / count for a, b in zip(one[:2], other[:2])
-    )
+    information, pull = ((one.number * a + other.number * b) / count for a, b in zip(one[:2], other[:2]))
     return Looks(information, pull, count)
 
 
@@ -144,8 +142,9 @@ class MountingEstimate:
             (information_before, pull_before, _), (first, second) = self._older, self._recent[0]
             self._older = Looks(
                 information_before + (first - information_before) / count,
-                pull_before + (second - pull_before) / count, count,
-            )  # fmt: skip
+                pull_before + (second - pull_before) / count,
+                count,
+            )
         self._recent.append((information, pull))
 
     def _newest(self) -> Looks:

@@ -222,5 +222,6 @@ def _unit(quaternions: Array) -> Array:
 
 
 def _notice(code: str, severity: str, text: str, device: str) -> Notice:
-    return Notice(f"kinematics.{code}", "warning" if severity == "warning" else "info", text,
-                  {"device": device})  # fmt: skip
+    return Notice(
+        f"kinematics.{code}", "warning" if severity == "warning" else "info", text, {"device": device}
+    )

@@ -27,9 +27,7 @@ class Wearers:
         """The id of who wears a device."""
         return self._who.get(device)
 
-    def measured(
-        self, streams: ImuStreams, stamp_ns: int, offsets: Mapping[int, int]
-    ) -> dict[int, Measured]:
+    def measured(self, streams: ImuStreams, stamp_ns: int, offsets: Mapping[int, int]) -> dict[int, Measured]:
         """What everybody's devices measured at an instant, in the order of the subject.
 
         Args:

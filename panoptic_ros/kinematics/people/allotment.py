@@ -74,8 +74,10 @@ class Allotment:
         sources, taken = item.sources, Rows()
         if sources is None:
             return taken
-        columns = {(self._cameras.get(name), int(frame)): v
-                   for v, (name, frame) in enumerate(zip(sources.cameras, sources.frames))}  # fmt: skip
+        columns = {
+            (self._cameras.get(name), int(frame)): v
+            for v, (name, frame) in enumerate(zip(sources.cameras, sources.frames))
+        }
         own: list[tuple[Person, int, SeenView, int]] = []
         for view in views:
             v = columns.get((view.camera, view.frame))
@@ -99,9 +101,13 @@ class Allotment:
         return taken
 
     def by_places(
-        self, people: Mapping[int, Person], views: Sequence[SeenView], taken: Rows, tracked: set[int],
+        self,
+        people: Mapping[int, Person],
+        views: Sequence[SeenView],
+        taken: Rows,
+        tracked: set[int],
         tracks_begin: bool,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Give people without a track the 2D people that are where they are expected, or with which they
         come back.
 
@@ -112,9 +118,10 @@ class Allotment:
         lost = [person for number, person in people.items() if number not in tracked]
         known = [person for person in lost if person.is_expected or person.presence.is_away]
         new = [
-            person for person in lost
+            person
+            for person in lost
             if not person.is_expected and not person.presence.is_away and not tracks_begin
-        ]  # fmt: skip
+        ]
         if not views or not (known or new):
             return
         rows = {v.camera: [k for k in range(len(v.points)) if (v.camera, k) not in taken] for v in views}

@@ -16,9 +16,7 @@ NEAR, FIRST_GATE = 0.35, 0.8  # m, across: of views that agree; from where a sub
 LEAST = 1e-3  # share of a ray that lies level
 
 
-def nearest_to_start(
-    subject: Subject, instant: Instant, weighing: Weighing, alone: bool = True
-) -> People:
+def nearest_to_start(subject: Subject, instant: Instant, weighing: Weighing, alone: bool = True) -> People:
     """Points (K, 2) and scores (K,) by camera of who stands where the subject starts; where nothing says so,
     of who is alone in a view.
 
@@ -31,8 +29,9 @@ def nearest_to_start(
     if subject.start is None:
         return {
             camera: (people.points[0], people.scores[0])
-            for camera, people in instant.views.items() if len(people.points) == 1
-        }  # fmt: skip
+            for camera, people in instant.views.items()
+            if len(people.points) == 1
+        }
     nearest, apart = People(), dict[int, float]()
     for camera, people in instant.views.items():
         far = [_across(weighing, camera, points, subject.start) for points in people.points]

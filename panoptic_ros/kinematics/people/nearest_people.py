@@ -14,9 +14,12 @@ Array = np.ndarray
 
 
 def assign_people(
-    trackers: Sequence[SubjectTracker | None], instant: Instant, rotations: Array, translations: Array,
+    trackers: Sequence[SubjectTracker | None],
+    instant: Instant,
+    rotations: Array,
+    translations: Array,
     gate: float,
-) -> list[dict[int, tuple[Array, Array]]]:  # fmt: skip
+) -> list[dict[int, tuple[Array, Array]]]:
     """2D people of the views for each tracker that has started: nearest first, nobody twice, none beyond the
     gate, m."""
     found: list[dict[int, tuple[Array, Array]]] = [{} for _ in trackers]

@@ -47,9 +47,13 @@ class Person:
     """
 
     def __init__(
-        self, config: KinematicsConfig, subject: Subject, statistics: PoseStatistics, rig: Rig,
+        self,
+        config: KinematicsConfig,
+        subject: Subject,
+        statistics: PoseStatistics,
+        rig: Rig,
         joint_names: Sequence[str],
-    ):  # fmt: skip
+    ):
         self._config, self.subject = config, subject
         self.weighing = Weighing(config, subject, statistics, rig, joint_names)
         self.seen = SeenPerson()
@@ -68,8 +72,12 @@ class Person:
         self._unseen = 0  # instants without cameras
 
     def step(
-        self, stamp_ns: int, measured: Measured, half_period_ns: int,
-        statistics: PoseStatistics, stride: int = 1,
+        self,
+        stamp_ns: int,
+        measured: Measured,
+        half_period_ns: int,
+        statistics: PoseStatistics,
+        stride: int = 1,
     ) -> tuple[list[BodyState], list[Notice]]:
         """Solve an instant: bodies that are final, of the instant that is the lag ago, and notices.
 
@@ -198,8 +206,9 @@ class Person:
             self._alone = SubjectTracker(cameras_alone(self._config), bare, self.weighing, {})
         states = (
             self._alone.step(stamp_ns, NOTHING_MEASURED, people, joints, stride)
-            if self._alone is not None and people else []
-        )  # fmt: skip
+            if self._alone is not None and people
+            else []
+        )
         notices = self.fitting.learn(self.subject, states, self._config.rate_hz, statistics)
         if not self.fitting.looking:
             self._alone = None
@@ -223,13 +232,10 @@ class Person:
 
     def _new_tracker(self, stamp_ns: int) -> SubjectTracker:
         mounts = self.fitting.mounts(stamp_ns, self.subject)
-        return SubjectTracker(
-            self._config, self.subject, self.weighing, mounts, self.fitting.heading or 0.0
-        )  # fmt: skip
+        return SubjectTracker(self._config, self.subject, self.weighing, mounts, self.fitting.heading or 0.0)
 
     def _give_up(self) -> list[BodyState]:
         held = self.flush()
         if self.is_expected and self.tracker is not None:
             self.tracker = self.tracker.begun_anew()
         return held
-

@@ -107,9 +107,7 @@ class Looked(NamedTuple):
     presence: Presence
 
 
-def people_of(
-    subjects: Sequence[Looked], instant: Instant, weighing: Weighing, gate: float
-) -> list[People]:
+def people_of(subjects: Sequence[Looked], instant: Instant, weighing: Weighing, gate: float) -> list[People]:
     """2D people of the views for each subject: nearest first, of several views that agree; nobody twice."""
     trackers = [tracker for tracker, _ in subjects]
     people = assign_people(trackers, instant, weighing.rotations, weighing.translations, gate)

@@ -32,9 +32,13 @@ class RecordedPeople:
     """
 
     def __init__(
-        self, config: KinematicsConfig, rig: Rig | None, subjects: Sequence[Subject], weighing: Weighing,
+        self,
+        config: KinematicsConfig,
+        rig: Rig | None,
+        subjects: Sequence[Subject],
+        weighing: Weighing,
         cameras: int,
-    ):  # fmt: skip
+    ):
         self._gate, self._subjects, self._weighing, self._cameras = config.gate, subjects, weighing, cameras
         self.presences = [Presence() for _ in subjects]
         self._sorter: PairwiseSorter | None = None

@@ -72,8 +72,9 @@ class Absence:
         """Those who are none of the others, who are followed."""
         pairs = sorted(
             (float(np.linalg.norm(a.place - other)), n, k)
-            for n, a in enumerate(appearances) for k, other in enumerate(self._others)
-        )  # fmt: skip
+            for n, a in enumerate(appearances)
+            for k, other in enumerate(self._others)
+        )
         taken, moved = set[int](), set[int]()
         for apart, n, k in pairs:
             if apart < SAME and n not in taken and k not in moved:
@@ -87,12 +88,13 @@ def appearances(weighing: Weighing, instant: Instant, claimed: list[People]) -> 
     """Everybody who is seen by two views or more and whom nobody has claimed."""
     free = {
         (camera, p): (points, people.scores[p])
-        for camera, people in instant.views.items() for p, points in enumerate(people.points)
+        for camera, people in instant.views.items()
+        for p, points in enumerate(people.points)
         if np.isfinite(points).all(-1).sum() >= 3
         and not any(
             np.array_equal(points, own[camera][0], equal_nan=True) for own in claimed if camera in own
         )
-    }  # fmt: skip
+    }
     keys = list(free)
     rays = [_ray(weighing, camera, free[camera, p][0]) for camera, p in keys]
     centres, ways = np.array([r[0] for r in rays]), np.array([r[1] for r in rays])
@@ -111,22 +113,22 @@ def appearances(weighing: Weighing, instant: Instant, claimed: list[People]) -> 
     return found
 
 
-def without_others(
-    people: People, expected: Sites, weighing: Weighing, instant: Instant
-) -> People:
+def without_others(people: People, expected: Sites, weighing: Weighing, instant: Instant) -> People:
     """A subject's 2D people without those of whom several views say that they are elsewhere.
 
     Args:
         expected: the subject's joints.
     """
     elsewhere = [
-        other.people for other in appearances(weighing, instant, [])
+        other.people
+        for other in appearances(weighing, instant, [])
         if np.linalg.norm(other.place - expected.middle_seen(other.people)) > NEAR_PLACE
-    ]  # fmt: skip
+    ]
     return {
-        camera: own for camera, own in people.items()
+        camera: own
+        for camera, own in people.items()
         if not any(camera in o and np.array_equal(o[camera][0], own[0], equal_nan=True) for o in elsewhere)
-    }  # fmt: skip
+    }
 
 
 def _ray(weighing: Weighing, camera: int, points: Array) -> tuple[Array, Array]:
@@ -161,6 +163,10 @@ def _largest(cameras: Array, centres: Array, ways: Array) -> Array:
     seen = [apart[:, cameras == c].min(1) < NEAR_RAYS for c in np.unique(cameras)]
     support, miss = np.sum(seen, axis=0), np.minimum(apart, NEAR_RAYS).sum(1)
     best = int(np.lexsort((miss, -support))[0])
-    group = [rows[np.argmin(apart[best, rows])] for c in np.unique(cameras)
-             for rows in [np.flatnonzero(cameras == c)] if apart[best, rows].min() < NEAR_RAYS]  # fmt: skip
+    group = [
+        rows[np.argmin(apart[best, rows])]
+        for c in np.unique(cameras)
+        for rows in [np.flatnonzero(cameras == c)]
+        if apart[best, rows].min() < NEAR_RAYS
+    ]
     return np.array(group, int)

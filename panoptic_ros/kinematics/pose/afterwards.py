@@ -77,9 +77,14 @@ def _before(link: Linked, later: Array) -> Array:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _assemble(
-    second: tuple[Array, float], turn: Array, own: Array, later: Array, newest: Array, against: Array,
+    second: tuple[Array, float],
+    turn: Array,
+    own: Array,
+    later: Array,
+    newest: Array,
+    against: Array,
     found: Array,
-) -> None:  # fmt: skip
+) -> None:
     """The lower halves of what the newest of three instants has with itself and the two before have with one
     another, and all that it has with them."""
     bend, ratio = second

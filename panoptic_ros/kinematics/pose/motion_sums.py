@@ -25,9 +25,13 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 @_jit
 def add_second_differences(
-    chain: Chain, poses: tuple[Pose, Pose, Pose], given: Accelerations, times: tuple[float, float],
-    matrix: Array, vector: Array,
-) -> None:  # fmt: skip
+    chain: Chain,
+    poses: tuple[Pose, Pose, Pose],
+    given: Accelerations,
+    times: tuple[float, float],
+    matrix: Array,
+    vector: Array,
+) -> None:
     """Accelerations of sites, into (D, D) and (D,).
 
     Args:

@@ -104,10 +104,18 @@ class PoseStatistics:
         if costs.off_space:
             projection, deviation = self.measured_in(self.off_space(lower, upper, costs.off_space))
         return PosePrior(
-            self.mean, projection, deviation, np.ascontiguousarray(lower[1:].ravel()),
-            np.ascontiguousarray(upper[1:].ravel()), costs.projection, costs.projection_scale,
-            costs.deviation, costs.deviation_scale, costs.limits, NO_HINGES,
-        )  # fmt: skip
+            self.mean,
+            projection,
+            deviation,
+            np.ascontiguousarray(lower[1:].ravel()),
+            np.ascontiguousarray(upper[1:].ravel()),
+            costs.projection,
+            costs.projection_scale,
+            costs.deviation,
+            costs.deviation_scale,
+            costs.limits,
+            NO_HINGES,
+        )
 
 
 @dataclass(frozen=True)

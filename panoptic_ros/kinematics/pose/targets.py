@@ -119,9 +119,15 @@ class Evidence(NamedTuple):
 
 
 NO_VIEWS = ViewTargets(
-    _NO_SEGMENTS, np.zeros((0, 3)), _NO_SEGMENTS, np.zeros((0, 2)), np.zeros(0), 0.0,
-    np.zeros((0, 3, 3)), np.zeros((0, 3)),
-)  # fmt: skip
+    _NO_SEGMENTS,
+    np.zeros((0, 3)),
+    _NO_SEGMENTS,
+    np.zeros((0, 2)),
+    np.zeros(0),
+    0.0,
+    np.zeros((0, 3, 3)),
+    np.zeros((0, 3)),
+)
 NO_POINTS = PointTargets(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), 0.0)
 NO_TURNS = TurnTargets(_NO_SEGMENTS, np.zeros((0, 3, 3)), np.zeros(0), 0.0)
 NO_FLOOR = Floor(_NO_SEGMENTS, 0.0, 0.0)

@@ -224,7 +224,12 @@ class PoseWindow:
         steps = 0.5 * stride * (self._stride + stride)  # periods^2: 1 where all steps are of one
         bend, slope, turn, pull = np.empty((n, n)), np.empty(n), np.empty((n, n)), np.empty(n)
         motion_between(
-            self._chain, (self._poses[0], self._poses[1], guess), between, self._weights,
-            (stride / self._stride, steps, self._motion.period), (bend, slope), (turn, pull),
-        )  # fmt: skip
+            self._chain,
+            (self._poses[0], self._poses[1], guess),
+            between,
+            self._weights,
+            (stride / self._stride, steps, self._motion.period),
+            (bend, slope),
+            (turn, pull),
+        )
         return bend, slope, turn, pull

@@ -23,9 +23,14 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 @_jit
 def motion_between(
-    chain: Chain, poses: tuple[Pose, Pose, Pose], between: Between, weights: Array,
-    times: tuple[float, float, float], second: tuple[Array, Array], first: tuple[Array, Array],
-) -> None:  # fmt: skip
+    chain: Chain,
+    poses: tuple[Pose, Pose, Pose],
+    between: Between,
+    weights: Array,
+    times: tuple[float, float, float],
+    second: tuple[Array, Array],
+    first: tuple[Array, Array],
+) -> None:
     """Matrix (D, D) and vector (D,) of second differences of three poses, and of first differences of the
     later two.
 
@@ -125,9 +130,13 @@ def join(
 
 @_jit
 def meet(
-    here: tuple[Array, Array], later: tuple[Array, Array], corner: Array, rows: Array, own: Array,
+    here: tuple[Array, Array],
+    later: tuple[Array, Array],
+    corner: Array,
+    rows: Array,
+    own: Array,
     pulled: Array,
-) -> None:  # fmt: skip
+) -> None:
     """What came up to an instant and what came after it, (2 D, 2 D) and (2 D, D) each, added up: of the pose
     before with itself (D, D), against the one at it and errors that last (D, 2 D) by columns, and of the one
     at it (D, D) and (D, D)."""

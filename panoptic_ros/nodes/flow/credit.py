@@ -1,4 +1,5 @@
 """How sources in replay wait for what comes out (see `graph.flow`)."""
+
 from __future__ import annotations
 
 import struct
@@ -71,9 +72,7 @@ class SoundCredit:
         shift_ns: what is added to the stamps of the sound, which may be on another clock.
     """
 
-    def __init__(
-        self, node: Node, flow: Flow, out: tuple[str, str], awaited: Sequence[str], shift_ns: int
-    ):
+    def __init__(self, node: Node, flow: Flow, out: tuple[str, str], awaited: Sequence[str], shift_ns: int):
         self._shift = shift_ns
         self._done_until: int | None = None
         self._open = {node.resolve_topic_name(topic) for topic in awaited}

@@ -1,4 +1,5 @@
 """End of stream: how readers know in replay that a topic is over, and that they have all of it."""
+
 from __future__ import annotations
 
 import threading

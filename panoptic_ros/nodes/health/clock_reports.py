@@ -1,4 +1,5 @@
 """What sync knows of clocks, for everybody else: sensor_msgs/TimeReference and diagnostics per device."""
+
 from __future__ import annotations
 
 from typing import Any
@@ -53,10 +54,12 @@ class ClockReports:
         stamp = _observed(model)
         master, std = model.master_from_device(stamp)
         values = {
-            "offset_s": f"{(int(master) - stamp) * 1e-9:.9f}", "drift_ppm": f"{1e6 * model.drift:.4f}",
+            "offset_s": f"{(int(master) - stamp) * 1e-9:.9f}",
+            "drift_ppm": f"{1e6 * model.drift:.4f}",
             "drift_std_ppm": f"{1e6 * float(np.sqrt(model.covariance[1, 1])):.4f}",
-            "std_us": f"{1e-3 * std:.3f}", "segment": str(model.segment),
-        }  # fmt: skip
+            "std_us": f"{1e-3 * std:.3f}",
+            "segment": str(model.segment),
+        }
         trouble = f"uncertain to {1e-6 * std:.1f} ms" if std > UNSURE_NS else ""
         return Status(f"clock of {model.device}", trouble, model.device, values)
 

@@ -24,9 +24,7 @@ class Compilation:
         clock: s.
     """
 
-    def __init__(
-        self, logger: Any, tell: Callable[[], None], clock: Callable[[], float] = time.monotonic
-    ):  # fmt: skip
+    def __init__(self, logger: Any, tell: Callable[[], None], clock: Callable[[], float] = time.monotonic):
         self._logger, self._tell, self._clock = logger, tell, clock
         self._under_way: list[str] = []  # a kernel, then what it needs
         self._logged = False

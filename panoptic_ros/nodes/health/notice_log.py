@@ -1,4 +1,5 @@
 """Notices of stages: one line in the log for each event; counts and the newest text on /diagnostics."""
+
 from __future__ import annotations
 
 import time

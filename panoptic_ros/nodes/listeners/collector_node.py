@@ -1,4 +1,5 @@
 """The launcher's own node: takes what the graph gives, and knows when it is over."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
@@ -34,10 +35,15 @@ class CollectorNode(Node):
     """
 
     def __init__(
-        self, flow: Flow, cameras: Sequence[str], on_record: Callable[[str, Any], None],
-        devices: Iterable[str] = (), bodies: Iterable[str] | None = None,
-        more: Iterable[tuple[str, str]] = (), check: Callable[[str, str, Any], None] = lambda *about: None,
-    ):  # fmt: skip
+        self,
+        flow: Flow,
+        cameras: Sequence[str],
+        on_record: Callable[[str, Any], None],
+        devices: Iterable[str] = (),
+        bodies: Iterable[str] | None = None,
+        more: Iterable[tuple[str, str]] = (),
+        check: Callable[[str, str, Any], None] = lambda *about: None,
+    ):
         super().__init__("collector")
         self._open: set[str] = set()  # topics that have not ended
         self._bad_messages = 0
@@ -95,9 +101,14 @@ class CollectorNode(Node):
         subscription: Any
         if topic.scope == "imu" and self._live:  # drivers often offer best effort only
             subscription = Negotiated(
-                self, kind, topic.of(camera), lambda data, number: take(data), quality, gives_way=True,
+                self,
+                kind,
+                topic.of(camera),
+                lambda data, number: take(data),
+                quality,
+                gives_way=True,
                 tell=self._tell,
-            )  # fmt: skip
+            )
         else:
             subscription = self.create_subscription(kind, topic.of(camera), take, quality)
         return subscription

@@ -1,4 +1,5 @@
 """One run at a time in a ROS domain: the topics of two graphs would mix unnoticed."""
+
 from __future__ import annotations
 
 import os

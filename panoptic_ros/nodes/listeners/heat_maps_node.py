@@ -1,4 +1,5 @@
 """Score maps as images, of the cameras that somebody looks at."""
+
 from __future__ import annotations
 
 from functools import partial
@@ -33,8 +34,9 @@ class HeatMapsNode(Node):
         self._publishers_by_camera: dict[str, Any] = {}
         self._reading: dict[str, Any] = {}
         self._kept = [
-            self._latched("rig", self._take_rig), self._latched("skeleton_model", self._take_skeleton)
-        ]  # fmt: skip
+            self._latched("rig", self._take_rig),
+            self._latched("skeleton_model", self._take_skeleton),
+        ]
         self._timer = self.create_timer(LOOK_S, self._look)
 
     def close(self) -> None:

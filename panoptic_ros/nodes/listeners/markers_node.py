@@ -1,4 +1,5 @@
 """/skeletons as a MarkerArray for RViz and Foxglove."""
+
 from __future__ import annotations
 
 from rclpy.node import Node

@@ -1,4 +1,5 @@
 """/skeletons and /bodies in the words of other packages: roots, TF, REP-155 bodies, boxes, joint angles."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence

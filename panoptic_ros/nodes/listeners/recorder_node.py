@@ -1,4 +1,5 @@
 """A node that takes messages as they are, of all topics that are wanted, whenever these appear."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,4 +1,5 @@
 """2D people of RapidPoseTriangulation as those of this graph."""
+
 from __future__ import annotations
 
 from functools import partial

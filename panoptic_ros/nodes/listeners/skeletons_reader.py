@@ -1,4 +1,5 @@
 """Nodes that say /skeletons in other words."""
+
 from __future__ import annotations
 
 import time

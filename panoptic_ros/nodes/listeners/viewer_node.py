@@ -21,9 +21,11 @@ from panoptic_ros.nodes.middleware.quality import LATCHED
 LOOK_S = 0.1  # for other topics that somebody looks at, and for messages where no skeletons come
 WAKING = "skeletons"
 QUALITY = QoSProfile(  # a publisher never waits for who looks on; what comes between two looks is held
-    history=HistoryPolicy.KEEP_LAST, depth=16, reliability=ReliabilityPolicy.BEST_EFFORT,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=16,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
     durability=DurabilityPolicy.VOLATILE,
-)  # fmt: skip
+)
 
 
 class Taker(Protocol):
@@ -94,8 +96,13 @@ class ViewerNode(Node):
     def _take_status(self, message: Any) -> None:
         for name, status in own_statuses(message, self.get_namespace()):
             level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
-            said = {"name": name, "level": level, "message": status.message,
-                    "owner": status.hardware_id, "values": values_of(status)}  # fmt: skip
+            said = {
+                "name": name,
+                "level": level,
+                "message": status.message,
+                "owner": status.hardware_id,
+                "values": values_of(status),
+            }
             self._taker.tell(name, said)
 
     def _look(self) -> None:
@@ -111,9 +118,12 @@ class ViewerNode(Node):
             self._of(topic[0]).destroy_subscription(self._taken.pop(topic))
         for key, owner in sorted(wanted - self._taken.keys()):
             self._taken[key, owner] = self._of(key).create_subscription(
-                message_class(TOPICS[key].message), TOPICS[key].of(owner), self._take_skeletons, QUALITY,
+                message_class(TOPICS[key].message),
+                TOPICS[key].of(owner),
+                self._take_skeletons,
+                QUALITY,
                 raw=True,
-            )  # fmt: skip
+            )
         self._drain()
 
     def _of(self, key: str) -> Node:

@@ -1,4 +1,5 @@
 """audio_common_msgs/AudioDataStamped as audio blocks, where that package is installed (it has no wheel)."""
+
 from __future__ import annotations
 
 import importlib

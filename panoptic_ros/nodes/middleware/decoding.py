@@ -22,9 +22,13 @@ LOOKS = 30  # images, of which one at least has details; cameras begin with dark
 
 
 def decoder_of(
-    topic: str, owner: str, audio_rate: int, audio_channels: int, encoding: str = "",
+    topic: str,
+    owner: str,
+    audio_rate: int,
+    audio_channels: int,
+    encoding: str = "",
     tell: Callable[[str], None] | None = None,
-) -> Decoder:  # fmt: skip
+) -> Decoder:
     """What makes records of the messages of a topic of a camera or device.
 
     Args:

@@ -1,4 +1,5 @@
 """rclpy's message classes for the converters of `io.messages`."""
+
 from __future__ import annotations
 
 import array

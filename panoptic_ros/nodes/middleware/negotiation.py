@@ -36,9 +36,16 @@ class Negotiated:
     """
 
     def __init__(
-        self, node: Node, kind: Any, topic: str, take: Callable[[bytes, int], None], quality: QoSProfile,
-        gives_way: bool, tell: Callable[[Notice], None], together: ReadTogether | None = None,
-    ):  # fmt: skip
+        self,
+        node: Node,
+        kind: Any,
+        topic: str,
+        take: Callable[[bytes, int], None],
+        quality: QoSProfile,
+        gives_way: bool,
+        tell: Callable[[Notice], None],
+        together: ReadTogether | None = None,
+    ):
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
         self._quality, self._gives_way, self._tell, self._together = quality, gives_way, tell, together
         self._again: OneShot | None = None

@@ -1,4 +1,5 @@
 """The time of a node, for those who ask thousands of times a second."""
+
 from __future__ import annotations
 
 import time

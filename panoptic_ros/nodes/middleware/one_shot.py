@@ -1,4 +1,5 @@
 """A timer that fires once. The executor on events may still call a timer that has been destroyed."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,4 +1,5 @@
 """A stage's configuration as ROS parameters: declared with range and description, read back."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -47,8 +48,11 @@ def _default(item: Param) -> Any:
     """The default, or the type where ROS cannot tell it: an empty list would be taken for bytes."""
     if not isinstance(item.default, tuple):
         return item.default
-    kinds = {tuple[str, ...]: Parameter.Type.STRING_ARRAY, tuple[float, ...]: Parameter.Type.DOUBLE_ARRAY,
-             tuple[int, ...]: Parameter.Type.INTEGER_ARRAY}  # fmt: skip
+    kinds = {
+        tuple[str, ...]: Parameter.Type.STRING_ARRAY,
+        tuple[float, ...]: Parameter.Type.DOUBLE_ARRAY,
+        tuple[int, ...]: Parameter.Type.INTEGER_ARRAY,
+    }
     return list(item.default) or kinds[item.type]
 
 

@@ -1,4 +1,5 @@
 """QoS profiles of the graph's topics, from the flow."""
+
 from __future__ import annotations
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -18,9 +19,11 @@ CLOCKS = QoSProfile(  # latched for as many devices
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 NEWEST = QoSProfile(
-    history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.RELIABLE,
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
-)  # fmt: skip
+)
 END_OF_STREAM = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=1000,
@@ -58,6 +61,4 @@ def _sound_depth(flow: Flow) -> int:
 def collecting_quality(flow: Flow) -> QoSProfile:
     """For a subscriber that wants every message, however late it gets to them."""
     late = DurabilityPolicy.TRANSIENT_LOCAL if flow.keeps_for_late else DurabilityPolicy.VOLATILE
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE, durability=late
-    )
+    return QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE, durability=late)

@@ -1,4 +1,5 @@
 """Running nodes in this process until they are done or somebody stops them."""
+
 from __future__ import annotations
 
 import importlib

@@ -1,4 +1,5 @@
 """A thread that does a node's heavy work, so that its callbacks only enqueue."""
+
 from __future__ import annotations
 
 import threading
@@ -23,9 +24,11 @@ class Worker:
     """
 
     def __init__(
-        self, work: Callable[[list[Any]], None], on_drop: Callable[[int], None],
+        self,
+        work: Callable[[list[Any]], None],
+        on_drop: Callable[[int], None],
         fetch: Callable[[], bool] = lambda: False,
-    ):  # fmt: skip
+    ):
         self._work, self._fetch = work, fetch
         self._on_drop = on_drop
         self._waiting: Waiting | None = None

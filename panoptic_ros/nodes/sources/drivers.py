@@ -1,4 +1,5 @@
 """Running drivers: what is published on their topics, how, and what their CameraInfo says."""
+
 from __future__ import annotations
 
 import difflib
@@ -87,9 +88,7 @@ class _Search:
             self._found.types[topic] = kind = publishers[0].topic_type
             if kind == CAMERA_INFO:
                 take = partial(self._found.infos.setdefault, topic)
-                self._kept.append(
-                    self._node.create_subscription(message_class(kind), topic, take, ANY_OFFER)
-                )
+                self._kept.append(self._node.create_subscription(message_class(kind), topic, take, ANY_OFFER))
 
     def _missing(self, patience_s: float) -> str:
         """Why the search failed, in one line."""
@@ -105,7 +104,11 @@ class _Search:
         kinds = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", CAMERA_INFO)
         names = [name for name, types in self._node.get_topic_names_and_types() if set(types) & set(kinds)]
         like = difflib.get_close_matches(topic, names, OTHERS, 0.0)
-        return f"there are {', '.join(like)}" if like else (
-            "no camera publishes anything here: is the driver running, in this ROS_DOMAIN_ID "
-            "(ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET reaches other machines)?"
+        return (
+            f"there are {', '.join(like)}"
+            if like
+            else (
+                "no camera publishes anything here: is the driver running, in this ROS_DOMAIN_ID "
+                "(ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET reaches other machines)?"
+            )
         )

@@ -1,4 +1,5 @@
 """A node in place of cameras and their detector: publishes 2D people, and notes when skeletons come."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
@@ -26,9 +27,11 @@ class FeedingNode(Node):
     """
 
     def __init__(
-        self, cameras: Iterable[str], on_skeletons: Callable[[int, int, frozenset[int]], None],
+        self,
+        cameras: Iterable[str],
+        on_skeletons: Callable[[int, int, frozenset[int]], None],
         clock: Callable[[], int],
-    ):  # fmt: skip
+    ):
         super().__init__("feeder")
         self._on_skeletons, self._now = on_skeletons, clock
         self.diagnostics: dict[str, dict[str, str]] = {}

@@ -1,4 +1,5 @@
 """Making source nodes from a plain description, as it stands in a launcher's file or in parameters."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -69,9 +70,11 @@ def make_sound_node(
 
 
 def make_imu_node(
-    imus: Mapping[str, str], cameras: Sequence[str], overrides: Mapping[str, Any],
+    imus: Mapping[str, str],
+    cameras: Sequence[str],
+    overrides: Mapping[str, Any],
     until_ns: int | None = None,
-) -> SourceNode:  # fmt: skip
+) -> SourceNode:
     """A node that publishes what IMUs measured.
 
     Args:

@@ -1,4 +1,5 @@
 """A node that publishes CDR bytes of a bag on its topics, and the time of the bag on /clock."""
+
 from __future__ import annotations
 
 import time

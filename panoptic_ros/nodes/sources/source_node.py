@@ -1,4 +1,5 @@
 """Sources: cameras (devices and files) and bags, publishing in the flow that was asked for."""
+
 from __future__ import annotations
 
 import threading
@@ -84,7 +85,8 @@ class SourceNode(Node):
         self._flow = declare_flow(self)
         self._publishers_by_key = {
             key: self.create_publisher(
-                message_class(kind), topic,
+                message_class(kind),
+                topic,
                 data_quality(self._flow, key in detections, kind in FREQUENT),
             )
             for key, (topic, kind) in topics.items()

@@ -5,6 +5,7 @@ a rig, stamped with the wall time; {} in TOPIC stands for the camera. A line on 
 foreign message to send: detections, skeletons or diagnostics. Any other line destroys their publishers. The
 program ends with its input.
 """
+
 from __future__ import annotations
 
 import selectors
@@ -45,9 +46,10 @@ class StandInDrivers(Node):
         }
         first = self._rig.names[0]
         self._topics = {
-            "detections": "/" + TOPICS["detections"].of(first), "skeletons": "/" + TOPICS["skeletons"].name,
+            "detections": "/" + TOPICS["detections"].of(first),
+            "skeletons": "/" + TOPICS["skeletons"].name,
             "diagnostics": "/diagnostics",
-        }  # fmt: skip
+        }
         self._foreign: dict[str, Any] = {}  # publishers, made on demand: a graph starts beside no other
         self._number = 0
 
@@ -83,24 +85,41 @@ class StandInDrivers(Node):
         if what == "diagnostics":
             value = family.make("diagnostic_msgs/msg/KeyValue", key="taken", value="several")
             status = family.make(
-                "diagnostic_msgs/msg/DiagnosticStatus", level=b"\x00", name="panoptic: sync", message="",
-                hardware_id="", values=[value],
-            )  # fmt: skip
+                "diagnostic_msgs/msg/DiagnosticStatus",
+                level=b"\x00",
+                name="panoptic: sync",
+                message="",
+                hardware_id="",
+                values=[value],
+            )
             header = family.header(stamp, "")
             return family.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status])
         coco = load_skeleton("coco17")
         joints = len(coco.joint_names)
         if what == "detections":
             view = ViewDetections(
-                "unknown", stamp, 0, (64, 48), load_skeleton("panoptic19").hash, np.zeros((0, 19, 2)),
-                np.zeros((0, 19)), np.zeros(0),
-            )  # fmt: skip
+                "unknown",
+                stamp,
+                0,
+                (64, 48),
+                load_skeleton("panoptic19").hash,
+                np.zeros((0, 19, 2)),
+                np.zeros((0, 19)),
+                np.zeros(0),
+            )
             return to_message(view, family)
         people = RefinedPoseSet(
-            0, stamp, coco.hash, np.zeros((1, joints, 3)), np.tile(np.eye(3), (1, joints, 1, 1)),
-            np.ones((1, joints)), np.full((1, joints), 2), np.full((1, joints), JointState.MEASURED),
-            np.ones(1), ids=np.array([7]),
-        )  # fmt: skip
+            0,
+            stamp,
+            coco.hash,
+            np.zeros((1, joints, 3)),
+            np.tile(np.eye(3), (1, joints, 1, 1)),
+            np.ones((1, joints)),
+            np.full((1, joints), 2),
+            np.full((1, joints), JointState.MEASURED),
+            np.ones(1),
+            ids=np.array([7]),
+        )
         return to_message(people, family)
 
 

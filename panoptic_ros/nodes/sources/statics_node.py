@@ -1,4 +1,5 @@
 """The latched facts of a capture: rig and skeleton model, and static transforms where ROS has TF."""
+
 from __future__ import annotations
 
 import time

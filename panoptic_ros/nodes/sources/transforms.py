@@ -1,4 +1,5 @@
 """Where camera frames are, by TF: /tf and /tf_static read as they are, without the library tf2."""
+
 from __future__ import annotations
 
 import difflib
@@ -89,9 +90,7 @@ class _Listener:
         tops = {tree.root(frame) for frame in frames}
         return len(tops) == 1 and (not fixed or (fixed in tree.names and tree.root(fixed) in tops))
 
-    def _resolved(
-        self, frames: Sequence[str], fixed: str, patience_s: float
-    ) -> tuple[str, dict[str, Rigid]]:
+    def _resolved(self, frames: Sequence[str], fixed: str, patience_s: float) -> tuple[str, dict[str, Rigid]]:
         tree = FrameTree(self._found)
         if not self._found:
             told = f" ({self._bad[0]})" if self._bad else ""

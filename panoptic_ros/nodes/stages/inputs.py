@@ -118,13 +118,16 @@ class InputChoice:
         self._renamed = named_words("topics", self._names("topics"))
         self._encodings = named_words("encodings", self._names("encodings"))
         self._optional = {
-            port.topic: self._names(f"inputs.{port.topic}") for port in ports
+            port.topic: self._names(f"inputs.{port.topic}")
+            for port in ports
             if port.optional and TOPICS[port.topic].scope != "graph" and port.topic not in given
-        }  # fmt: skip
+        }
         self._variants = {
-            key: self._names(f"inputs.{key}") for port in ports for key in variants(port.topic)
+            key: self._names(f"inputs.{key}")
+            for port in ports
+            for key in variants(port.topic)
             if TOPICS[key].message.split("/")[0] != "audio_common_msgs"
-        }  # fmt: skip
+        }
         self._sound = (16000, 1)
         if any(TOPICS[port.topic].scope == "device" for port in ports):
             self._sound = (
@@ -143,9 +146,12 @@ class InputChoice:
         """
         scope = TOPICS[topic].scope
         known = {
-            "camera": list(rig.names), "sensor": [sensor.name for sensor in rig.depth_sensors],
-            "device": self._devices, "imu": self._optional.get(topic, []), "graph": [""],
-        }[scope]  # fmt: skip
+            "camera": list(rig.names),
+            "sensor": [sensor.name for sensor in rig.depth_sensors],
+            "device": self._devices,
+            "imu": self._optional.get(topic, []),
+            "graph": [""],
+        }[scope]
         if topic not in self._optional:
             return known
         return [owner for owner in known if owner in self._optional[topic]]
@@ -231,19 +237,31 @@ def _subscribe(
         takers.tell(found, Notice("graph.encoding", "warning", text, {"device": owner}))
 
     subscription = Negotiated(
-        node, message_class(row.message), choice.name(carrier, owner), take, quality,
-        gives_way=live and not row.latched, tell=lambda notice: takers.tell(found, notice),
+        node,
+        message_class(row.message),
+        choice.name(carrier, owner),
+        take,
+        quality,
+        gives_way=live and not row.latched,
+        tell=lambda notice: takers.tell(found, notice),
         together=node.together if live and row.scope == "imu" else None,
-    )  # fmt: skip
+    )
     name = subscription.topic_name
     arrivals = Arrivals(topic, owner, name, _is_regular(topic, carrier), time.monotonic_ns())
     decoder = choice.decoder(carrier, owner, tell_encoding if live else None)
     in_order = live and row.scope == "graph" and not row.latched
     found = Input(
-        topic, carrier, owner, name, message_class(row.message), decoder, arrivals,
-        Continuity() if in_order else None, on_record=takers.on_record,
+        topic,
+        carrier,
+        owner,
+        name,
+        message_class(row.message),
+        decoder,
+        arrivals,
+        Continuity() if in_order else None,
+        on_record=takers.on_record,
         packed=packed_decoder_of(carrier, owner),
-    )  # fmt: skip
+    )
     return found
 
 

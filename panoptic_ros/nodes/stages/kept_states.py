@@ -46,8 +46,9 @@ class StateKeeper:
         kind = message_class(KIND)
         self._publishers = {
             stage: node.create_publisher(kind, kept_topic(stage), LATCHED)
-            for stage in stages if stage not in SEVERAL
-        }  # fmt: skip
+            for stage in stages
+            if stage not in SEVERAL
+        }
         self._kind, self._logger = kind, node.get_logger()
         self._trials = dict.fromkeys(self._publishers, 0)
         for stage in self._publishers:
@@ -73,9 +74,13 @@ class KeptStates:
     """
 
     def __init__(
-        self, node: Node, stages: Collection[str], ask: Callable[[], None], proven: Callable[[str], bool],
+        self,
+        node: Node,
+        stages: Collection[str],
+        ask: Callable[[], None],
+        proven: Callable[[str], bool],
         clock: Callable[[], float] = time.thread_time,
-    ):  # fmt: skip
+    ):
         self._node, self._ask, self._proven, self._clock = node, ask, proven, clock
         self._left_out, self._asked = 0, False  # moments to come; whether one is under way
         self._kept: dict[str, bytes] = {}
@@ -84,8 +89,9 @@ class KeptStates:
             stage: node.create_subscription(
                 self._kind, kept_topic(stage), partial(self._take, stage), LATCHED
             )
-            for stage in stages if stage not in SEVERAL
-        }  # fmt: skip
+            for stage in stages
+            if stage not in SEVERAL
+        }
         self._publishers = {
             stage: node.create_publisher(self._kind, given_topic(stage), NEWEST) for stage in self._listening
         }

@@ -1,4 +1,5 @@
 """Live cameras that a node reads itself, each in a thread of its own."""
+
 from __future__ import annotations
 
 import threading
@@ -22,9 +23,14 @@ class LiveCameras:
     """
 
     def __init__(
-        self, own: OwnCameras, rig: Rig, inputs: Mapping[str, OwnInput], sent: Callable[[Any], None],
-        take: Callable[[OwnInput, ViewFrame], None], failed: Callable[[PanopticError], None],
-    ):  # fmt: skip
+        self,
+        own: OwnCameras,
+        rig: Rig,
+        inputs: Mapping[str, OwnInput],
+        sent: Callable[[Any], None],
+        take: Callable[[OwnInput, ViewFrame], None],
+        failed: Callable[[PanopticError], None],
+    ):
         self._own, self._rig, self._inputs = own, rig, inputs
         self._sent, self._take, self._failed = sent, take, failed
         self._stopping = threading.Event()

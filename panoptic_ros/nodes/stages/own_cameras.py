@@ -2,6 +2,7 @@
 
 Messages are made of them only for those who subscribe.
 """
+
 from __future__ import annotations
 
 import time
@@ -78,8 +79,9 @@ class ImagesSent:
             (key, camera): node.create_publisher(
                 message_class(TOPICS[key].message), TOPICS[key].of(camera), images
             )
-            for camera in own.sources for key in (self._image, "camera_info", "depth")
-        }  # fmt: skip
+            for camera in own.sources
+            for key in (self._image, "camera_info", "depth")
+        }
 
     def send(self, record: ViewFrame | DepthFrame) -> None:
         """Send a record, if somebody subscribes."""
@@ -93,9 +95,10 @@ class ImagesSent:
             self._publishers["camera_info", camera].publish(info)
         if self._is_wanted(self._image, camera):
             message = (
-                compressed_image_message(record, family, self._quality) if self._quality
+                compressed_image_message(record, family, self._quality)
+                if self._quality
                 else image_message(record, family)
-            )  # fmt: skip
+            )
             self._publishers[self._image, camera].publish(message)
 
     def _is_wanted(self, key: str, camera: str) -> bool:

@@ -1,4 +1,5 @@
 """What a node of stages does about the cameras that it reads itself."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -38,9 +39,14 @@ class OwnReading:
     """
 
     def __init__(
-        self, node: Node, flow: Flow, own: OwnCameras | None, put: Callable[[OwnInput, Any], None],
-        end: Callable[[Key], None], note: Note,
-    ):  # fmt: skip
+        self,
+        node: Node,
+        flow: Flow,
+        own: OwnCameras | None,
+        put: Callable[[OwnInput, Any], None],
+        end: Callable[[Key], None],
+        note: Note,
+    ):
         self._node, self._flow, self._own = node, flow, own or NONE
         self._put, self._end, self._note = put, end, note
         self._inputs: dict[Key, OwnInput] = {}
@@ -61,9 +67,13 @@ class OwnReading:
         return None if self._recordings is None else self._recordings.looks
 
     def open(
-        self, rig: Rig, configs: Mapping[str, Config], context: StageContext, used: Collection[str],
+        self,
+        rig: Rig,
+        configs: Mapping[str, Config],
+        context: StageContext,
+        used: Collection[str],
         shifts: Mapping[str, int],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Open recordings (replay).
 
         Args:
@@ -82,9 +92,7 @@ class OwnReading:
         if all(spec.apart for spec in wiring.specs):
             out = TOPICS["skeletons"]
             credit = Credit(self._node, self._flow, out.name, out.message, self._flow.window)
-        self._recordings = RecordingsRead(
-            self._own, rig, self._sent(rig), ahead, credit, shifts, self._note
-        )  # fmt: skip
+        self._recordings = RecordingsRead(self._own, rig, self._sent(rig), ahead, credit, shifts, self._note)
 
     def owners(self, owners: Mapping[str, list[str]]) -> dict[str, list[str]]:
         """Who gives each topic to the stages: of cameras that are read here, what their recordings hold."""

@@ -1,4 +1,5 @@
 """Pausing and resuming a live node by a service, in place of a lifecycle: it keeps what it knows."""
+
 from __future__ import annotations
 
 from typing import Any

@@ -1,4 +1,5 @@
 """Recordings that a node reads itself: each record is taken when the stages want it."""
+
 from __future__ import annotations
 
 import threading
@@ -36,10 +37,15 @@ class RecordingsRead:
     """
 
     def __init__(
-        self, own: OwnCameras, rig: Rig, sent: Callable[[Any], None],
-        stage: Stage[Any, ViewDetections] | None, credit: Credit | None, shifts: Mapping[str, int],
+        self,
+        own: OwnCameras,
+        rig: Rig,
+        sent: Callable[[Any], None],
+        stage: Stage[Any, ViewDetections] | None,
+        credit: Credit | None,
+        shifts: Mapping[str, int],
         note: Note,
-    ):  # fmt: skip
+    ):
         self._stack, self._stopping = ExitStack(), threading.Event()
         self._credit, self._shifts = credit, shifts
         self._waited_s = 0.0
@@ -57,9 +63,7 @@ class RecordingsRead:
             raise
         self.keys = frozenset(self._records)
 
-    def fetch(
-        self, host: Host, put: Callable[[Key, Any], None], end: Callable[[Key], None]
-    ) -> bool:
+    def fetch(self, host: Host, put: Callable[[Key, Any], None], end: Callable[[Key], None]) -> bool:
         """Hand over the record that the stages want next, or tell the end of them.
 
         Args:

@@ -19,9 +19,12 @@ class RigChanges:
     """
 
     def __init__(
-        self, node: Any, cameras: Sequence[str], note: Callable[[Callable[[], None]], None],
+        self,
+        node: Any,
+        cameras: Sequence[str],
+        note: Callable[[Callable[[], None]], None],
         change: Callable[[Rig], Sequence[str]],
-    ):  # fmt: skip
+    ):
         self._node, self._cameras, self._note, self._change = node, cameras, note, change
         self._next: Rig | None = None
 

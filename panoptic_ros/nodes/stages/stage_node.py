@@ -108,22 +108,38 @@ class StageNode(GatheringNode):
         )
         self.together = ReadTogether(self, self._worker.at_once)
         self._reading = OwnReading(
-            self, self._flow, own, lambda entry, record: self._at_work.put_own(entry, record),
+            self,
+            self._flow,
+            own,
+            lambda entry, record: self._at_work.put_own(entry, record),
             lambda key: self._at_work.end(key),
             lambda notice: self._tally.tell(self._tally.first, notice),
-        )  # fmt: skip
+        )
         ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._at_work.topic_over(topic)))
         self._kept = KeptStates(self, names, self._hand_over, self._tally.has_taken) if live else None
         self._rig_changes = RigChanges(self, self._cameras, self._worker.note, self._change_rig)
         self._facts = Facts(
-            self, self._begin, lambda error: self._tally.refuse(self._tally.first, error),
+            self,
+            self._begin,
+            lambda error: self._tally.refuse(self._tally.first, error),
             lambda rig: self._rig_changes.offer(rig, self._facts.rig),
             needs_cameras=not all(port.optional for stage in names for port in NODES[stage].inputs),
-        )  # fmt: skip
+        )
         self._surroundings = Surroundings(
-            self, self._flow, choice, self._reading, self._worker, self._tally, self._facts, self._health,
-            self._diagnostics, reports, ends, self._kept, Pausing(self) if live else None,
-        )  # fmt: skip
+            self,
+            self._flow,
+            choice,
+            self._reading,
+            self._worker,
+            self._tally,
+            self._facts,
+            self._health,
+            self._diagnostics,
+            reports,
+            ends,
+            self._kept,
+            Pausing(self) if live else None,
+        )
 
     def _names(self, parameter: str) -> list[str]:
         return list(self.declare_parameter(parameter, Parameter.Type.STRING_ARRAY).value or [])

@@ -104,12 +104,21 @@ class StageWork:
         reading, tally = around.reading, around.tally
         reading.open(context.rig, chosen.configs, context, chosen.used, chosen.shifts)
         self.pipeline = Pipeline(
-            chosen.configs, replace(context, extras={**context.extras, "looks": reading.looks}),
-            list(chosen.configs), on_record=self._gave, on_notice=tally.tell, on_refused=self._refused,
-            on_end=self._owner_over, on_step=self._stepped, on_cpu=tally.used,
-            clock=time.monotonic_ns, cpu_clock=time.thread_time_ns, everywhere=chosen.everywhere,
-            table=reading.table, used=chosen.used,
-        )  # fmt: skip
+            chosen.configs,
+            replace(context, extras={**context.extras, "looks": reading.looks}),
+            list(chosen.configs),
+            on_record=self._gave,
+            on_notice=tally.tell,
+            on_refused=self._refused,
+            on_end=self._owner_over,
+            on_step=self._stepped,
+            on_cpu=tally.used,
+            clock=time.monotonic_ns,
+            cpu_clock=time.thread_time_ns,
+            everywhere=chosen.everywhere,
+            table=reading.table,
+            used=chosen.used,
+        )
         self._entrance = Entrance(around.facts, tally, around.reports, self.pipeline.wiring)
         self._outputs = self._open_outputs()
         owners = reading.owners(

@@ -7,6 +7,7 @@ as well as those of milliseconds. Who knows the microphones' positions gets smal
 Limits: sound takes 3 ms for every metre, and where its sources stand is not known; that is stated. Whatever a
 device has between its sound and its images is invisible to sound.
 """
+
 from panoptic_ros.offsets.sound.heard import HeardClocks, PairHeard
 from panoptic_ros.offsets.sound.passes import SoundClocks, SoundClocksConfig
 

@@ -1,4 +1,5 @@
 """Where recordings hear the same: lags of pairs of them, by their onsets, at any lag."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -91,10 +92,17 @@ class Coarse:
         first, second = np.array(self._first, int), np.array(self._second, int)
         inside = np.isin(first, group) & np.isin(second, group)
         found = [match for match, use in zip(self._found, inside) if use]
-        return fit_lines(len(self._rises), group, Lags(
-            first[inside], second[inside], np.array([match.at for match in found]),
-            np.array([match.lag for match in found]), np.full(len(found), COARSE_S),
-        ))  # fmt: skip
+        return fit_lines(
+            len(self._rises),
+            group,
+            Lags(
+                first[inside],
+                second[inside],
+                np.array([match.at for match in found]),
+                np.array([match.lag for match in found]),
+                np.full(len(found), COARSE_S),
+            ),
+        )
 
     def lines(self) -> tuple[Lines, Array]:
         """Lines of the largest group of devices that lags link, and its indices.
@@ -103,7 +111,7 @@ class Coarse:
         """
         count = len(self._rises)
         kept = np.arange(count)
-        while (against := [pair for pair in self.contradicted if set(pair) <= set(kept.tolist())]):
+        while against := [pair for pair in self.contradicted if set(pair) <= set(kept.tolist())]:
             times = np.bincount(np.array(against).ravel(), minlength=count)
             worst = np.flatnonzero(times == times.max())
             kept = np.setdiff1d(kept, worst)

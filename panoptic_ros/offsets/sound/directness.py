@@ -5,6 +5,7 @@ cross correlation with phase transform (Knapp and Carter 1976) has a peak, which
 energy came straight to both. Beside a talker what is heard is dry, far from him it is followed by its tail:
 then most of the correlation lies on the far one's side of the peak. The peak itself may be an echo's.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass

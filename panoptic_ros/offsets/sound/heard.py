@@ -1,4 +1,5 @@
 """What sound tells of clocks, and why it tells nothing where it does not."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -94,9 +95,20 @@ def clocks_of(
     zero = np.zeros(len(names))
     windows = np.array([int(np.isfinite(settled.residuals[i]).sum()) if i >= 0 else 0 for i in devices])
     return CameraClocks(
-        names, int(reference), offsets, drifts, covariance, known, 0.0, zero, windows, 0, True,
-        np.zeros(len(names), bool), zero,
-    )  # fmt: skip
+        names,
+        int(reference),
+        offsets,
+        drifts,
+        covariance,
+        known,
+        0.0,
+        zero,
+        windows,
+        0,
+        True,
+        np.zeros(len(names), bool),
+        zero,
+    )
 
 
 def middles_of(

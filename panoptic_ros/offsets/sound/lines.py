@@ -1,4 +1,5 @@
 """One offset and drift for each device, from lags between pairs of them."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -5,6 +5,7 @@ a tenth of the energy comes straight, and the peaks of a generalised cross corre
 an echo's. What all microphones share is when a sound begins: the rise of the energy in some bands over the
 noise floor (the onsets of Bello et al. 2005).
 """
+
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -77,8 +78,10 @@ class SampleStream:
                 self.device = block.device
             first = block.first_sample - base
             if first < end or block.sample_rate != self.sample_rate or block.samples.shape[1] <= max(use):
-                raise DataError(f"sound of {block.device}: the block at sample {block.first_sample} does not "
-                                "follow the one before")  # fmt: skip
+                raise DataError(
+                    f"sound of {block.device}: the block at sample {block.first_sample} does not "
+                    "follow the one before"
+                )
             self._remember(first, block.stamp_ns)
             yield from self._silence(first - end, held, len(use))
             held.append(block.samples[:, use])

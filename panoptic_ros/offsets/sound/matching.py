@@ -1,4 +1,5 @@
 """Where in one recording a part of another is heard, and whether that is the only place where it can be."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -86,9 +87,13 @@ def find(part: Array, whole: Array, near: float | None = None, within: float = 0
     events, at = _events(part, whole, int(lags[best]))
     fine = vertex(agreement, best)
     return Match(
-        (float(lags[best]) + fine + first) / RATE, at, float(agreement[best]) / noise, ratio, events,
+        (float(lags[best]) + fine + first) / RATE,
+        at,
+        float(agreement[best]) / noise,
+        ratio,
+        events,
         float(lags[other] + first) / RATE,
-    )  # fmt: skip
+    )
 
 
 def vertex(values: Array, best: int) -> float:

@@ -1,4 +1,5 @@
 """Onsets in bands of energy, and how those of two microphones agree at every lag."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Clocks of a recorded capture from the sound that its devices heard."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -99,11 +100,15 @@ class SoundClocks:
         members = np.flatnonzero(np.isfinite(lines.offsets))
         evidence = tuple(
             PairHeard(
-                devices[a], devices[b], a in members and b in members, int(shared[a, b]), int(clear[a, b]),
+                devices[a],
+                devices[b],
+                a in members and b in members,
+                int(shared[a, b]),
+                int(clear[a, b]),
                 coarse.why.get((a, b), ""),
             )
             for a, b in pairs
-        )  # fmt: skip
+        )
         unknown = {
             name: self._why(device, devices, members, coarse, refused)
             for (name, device), known in zip(self._config.cameras.items(), clocks.known)

@@ -5,6 +5,7 @@ those to the others: that is a covariance. In a room it is larger than that of t
 walls' echoes a sound rises later where it is heard from farther away. How directly each microphone hears a
 window tells where its source stands, roughly.
 """
+
 from __future__ import annotations
 
 import numpy as np

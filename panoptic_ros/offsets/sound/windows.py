@@ -1,4 +1,5 @@
 """Short windows of the recordings in which something is heard, compared finely around lags that are known."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -73,8 +73,9 @@ class Pattern:
         """Px per metre of a person with joints (J, 2), NaN = not there; NaN if no part tells."""
         lengths = [
             np.linalg.norm(points[part.joints[1]] - points[part.joints[0]]) / part.length
-            for part in self.parts if part.is_limb
-        ]  # fmt: skip
+            for part in self.parts
+            if part.is_limb
+        ]
         if self._has_torso:
             axis = points[self._shoulders].mean(axis=0) - points[self._hips].mean(axis=0)
             lengths.append(np.linalg.norm(axis) / TORSO_LENGTH)

@@ -97,7 +97,12 @@ class FlowStage(Stateful):
         kept = self._sharing.followed(item.camera, laid.persons, shares)
         begins = (laid.points[kept] + 0.5) / seen.scale - 0.5
         self._seen[item.camera] = Seen(
-            seen.stamp_ns, seen.frame_number, seen.grey, seen.scale, begins, laid.persons[kept],
+            seen.stamp_ns,
+            seen.frame_number,
+            seen.grey,
+            seen.scale,
+            begins,
+            laid.persons[kept],
             laid.parts[kept],
         )
 
@@ -106,7 +111,15 @@ class FlowStage(Stateful):
         ends, information, kept = followed(before.grey, now.grey, before.begins, before.begins)
         begins, scale = before.begins[kept], before.scale
         return PatchTracks(
-            item.camera, item.stamp_ns, item.frame_number, before.stamp_ns, before.frame_number, self._hash,
-            (begins + 0.5) * scale - 0.5, (ends + 0.5) * scale - 0.5, information / scale**2,
-            before.persons[kept], before.parts[kept],
-        )  # fmt: skip
+            item.camera,
+            item.stamp_ns,
+            item.frame_number,
+            before.stamp_ns,
+            before.frame_number,
+            self._hash,
+            (begins + 0.5) * scale - 0.5,
+            (ends + 0.5) * scale - 0.5,
+            information / scale**2,
+            before.persons[kept],
+            before.parts[kept],
+        )

@@ -86,9 +86,15 @@ def _flow(before: Array, now: Array, begins: Array, starts: Array, levels: int) 
     """Ends (N, 2) float32 of points (N, 2) float32 that are looked for from `starts` on."""
     window = (2 * HALF + 1, 2 * HALF + 1)
     ends, _, _ = cv2.calcOpticalFlowPyrLK(
-        before, now, begins[:, None], starts[:, None].copy(), winSize=window, maxLevel=levels, criteria=STOP,
+        before,
+        now,
+        begins[:, None],
+        starts[:, None].copy(),
+        winSize=window,
+        maxLevel=levels,
+        criteria=STOP,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-    )  # fmt: skip
+    )
     return np.asarray(ends)[:, 0]
 
 

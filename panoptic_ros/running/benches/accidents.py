@@ -4,6 +4,7 @@ Each accident happens to a `panoptic run --topics` or `panoptic record` of its o
 stand-in drivers. Afterwards the take is read, repaired if it was not closed, and compared with the instant of
 the accident.
 """
+
 from __future__ import annotations
 
 import os
@@ -113,9 +114,13 @@ class Take:
         variables = {**os.environ, **stage.environment, **how.pop("variables", {})}
 
         self.process = subprocess.Popen(
-            stage.command(verb, out, *more), stdin=subprocess.DEVNULL, env=variables, start_new_session=True,
-            preexec_fn=_heed_signals, **how,
-        )  # fmt: skip
+            stage.command(verb, out, *more),
+            stdin=subprocess.DEVNULL,
+            env=variables,
+            start_new_session=True,
+            preexec_fn=_heed_signals,
+            **how,
+        )
 
     @property
     def bag(self) -> Path:
@@ -479,14 +484,19 @@ def _staged(folder: Path, seed: int) -> Iterator[Stage]:
     write_rig(rig, _rig())
     write_json(topics, {name: {"image": TOPIC.format(name)} for name in ("cam0", "cam1")})
     environment = {
-        "XDG_STATE_HOME": str(state), "ROS_DOMAIN_ID": str(random.Random(os.getpid()).randrange(40, 100)),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONFAULTHANDLER": "1",
-    }  # fmt: skip
+        "XDG_STATE_HOME": str(state),
+        "ROS_DOMAIN_ID": str(random.Random(os.getpid()).randrange(40, 100)),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "PYTHONFAULTHANDLER": "1",
+    }
     program = [sys.executable, "-m", "panoptic_ros.nodes.sources.stand_in_drivers"]
     drivers = subprocess.Popen(
-        [*program, str(rig), TOPIC, str(RATE_HZ)], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL, env={**os.environ, **environment},
-    )  # fmt: skip
+        [*program, str(rig), TOPIC, str(RATE_HZ)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, **environment},
+    )
     try:
         yield Stage(folder, rig, topics, drivers, random.Random(seed), environment)
     finally:
@@ -501,7 +511,11 @@ def _rig() -> Rig:
     """Return two small cameras that look at one place."""
     matrix = np.array([[180.0, 0, 80], [0, 180.0, 60], [0, 0, 1]])
     turned = [np.array([[0.0, side, 0], [0, 0, -1], [-side, 0, 0]]) for side in (1.0, -1.0)]
-    return Rig(tuple(
-        Camera(f"cam{k}", (160, 120), Intrinsics(matrix, np.zeros(5)), Rigid(r, np.array([0.0, 1.2, 3.0])))
-        for k, r in enumerate(turned)
-    ))  # fmt: skip
+    return Rig(
+        tuple(
+            Camera(
+                f"cam{k}", (160, 120), Intrinsics(matrix, np.zeros(5)), Rigid(r, np.array([0.0, 1.2, 3.0]))
+            )
+            for k, r in enumerate(turned)
+        )
+    )

@@ -1,4 +1,5 @@
 """`panoptic bench detection`: what detection costs and gives under every setting, on one capture."""
+
 from __future__ import annotations
 
 import argparse
@@ -14,12 +15,22 @@ from panoptic_ros.stage import Progress, each, untold
 
 ABOUT = "detection: processor time and accuracy of looks, regions and carrying, beside every image"
 COLUMNS = (
-    ("ms", "cpu_ms", 1), ("1 /", "gain", 2), ("beside net", "beside_ms", 2), ("carrying", "carry_ms", 2),
-    ("after", "after_ms", 1), ("median mm", "median_mm", 1),
-    ("PCK 5 cm", "pck_5", 3), ("10 cm", "pck_10", 3), ("found", "found_persons", 0),
-    ("of", "truth_persons", 0), ("reported", "result_persons", 0), ("switches", "id_switches", 0),
-    ("come", "newcomers", 0), ("missed", "newcomers_missed", 0), ("after s", "newcomers_wait_s", 2),
-)  # fmt: skip
+    ("ms", "cpu_ms", 1),
+    ("1 /", "gain", 2),
+    ("beside net", "beside_ms", 2),
+    ("carrying", "carry_ms", 2),
+    ("after", "after_ms", 1),
+    ("median mm", "median_mm", 1),
+    ("PCK 5 cm", "pck_5", 3),
+    ("10 cm", "pck_10", 3),
+    ("found", "found_persons", 0),
+    ("of", "truth_persons", 0),
+    ("reported", "result_persons", 0),
+    ("switches", "id_switches", 0),
+    ("come", "newcomers", 0),
+    ("missed", "newcomers_missed", 0),
+    ("after s", "newcomers_wait_s", 2),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,11 +45,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--joints", default="coco17", metavar="NAMES", help="that count; default coco17")
     parser.add_argument("--skip", type=int, default=6, metavar="N", help="first frames not scored; default 6")
     parser.add_argument(
-        "--only", action="append", metavar="TEXT",
+        "--only",
+        action="append",
+        metavar="TEXT",
         help=f'settings whose names contain it, beside "{FULL}" (repeat for more)',
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--detection", action="append", metavar="A=1,B=2", help="one more setting: parameters of detection",
+        "--detection",
+        action="append",
+        metavar="A=1,B=2",
+        help="one more setting: parameters of detection",
     )
     parser.add_argument("--set", action="append", default=[], metavar="STAGE.NAME=VALUE", help="for all")
     parser.add_argument("--plot", metavar="FILE.png", help="error over processor time")
@@ -86,8 +102,9 @@ def lines(result: dict[str, Any]) -> list[str]:
     out = [
         f"{result['capture']}: {rows[0]['instants']} instants; ms of processor time of detection per "
         "instant; of a look beside the network; of a view that is carried",
-        "", f"{'':<{width}}" + "".join(f"{title:>11}" for title, _, _ in COLUMNS),
-    ]  # fmt: skip
+        "",
+        f"{'':<{width}}" + "".join(f"{title:>11}" for title, _, _ in COLUMNS),
+    ]
     for row in rows:
         cells = (_cell(row[key], digits) for _, key, digits in COLUMNS)
         out.append(f"{row['setting']:<{width}}" + "".join(cells))
@@ -102,9 +119,10 @@ def _chosen(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
     """Parameters of detection by the name of the setting; every image comes first."""
     everything = variants(args.rate / args.every)
     wanted = {
-        name: own for name, own in everything.items()
+        name: own
+        for name, own in everything.items()
         if name == FULL or args.only is None or any(text in name for text in args.only)
-    }  # fmt: skip
+    }
     if args.only is not None and len(wanted) == 1 and not args.detection and args.only != [FULL]:
         raise UsageError(f"no setting contains {args.only[0]!r}; there are {', '.join(everything)}")
     for text in args.detection or ():

@@ -1,4 +1,5 @@
 """A long live run in which cameras die and come back and processes are killed at random."""
+
 from __future__ import annotations
 
 import time
@@ -85,9 +86,17 @@ class _Soak(Player):
         self.spin_until(time.monotonic_ns() + round(LAST_WORDS_S * SECOND))
         stamps = [stamp for stamp, _ in self.received]
         return Soaked(
-            self.sent[first:counted], stamps, self.feed.period_ns, self._failures, people, at_end,
-            self._seen, memory, self.node.drops.counts, self.node.drops.times,
-        )  # fmt: skip
+            self.sent[first:counted],
+            stamps,
+            self.feed.period_ns,
+            self._failures,
+            people,
+            at_end,
+            self._seen,
+            memory,
+            self.node.drops.counts,
+            self.node.drops.times,
+        )
 
     def _wait(self, mean_s: float) -> int:
         return round(SECOND * mean_s * self._rng.uniform(0.5, 1.5))

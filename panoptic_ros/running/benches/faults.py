@@ -1,4 +1,5 @@
 """`panoptic bench faults`: damaged and hostile files of every format, and accidents of live takes."""
+
 from __future__ import annotations
 
 import argparse
@@ -29,12 +30,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the mutations; default 1")
     parser.add_argument("--formats", default="", metavar="NAME,NAME", help="only these, and no accidents")
-    parser.add_argument("--live", nargs="?", const=ALL, default="", metavar="NAME",
-                        help="only accidents of live takes, those whose name has this text")  # fmt: skip
     parser.add_argument(
-        "--keep", type=Path, default=Path("faults"), metavar="DIR",
+        "--live",
+        nargs="?",
+        const=ALL,
+        default="",
+        metavar="NAME",
+        help="only accidents of live takes, those whose name has this text",
+    )
+    parser.add_argument(
+        "--keep",
+        type=Path,
+        default=Path("faults"),
+        metavar="DIR",
         help="folder for copies that raise an exception of others; default faults",
-    )  # fmt: skip
+    )
 
 
 def measure(args: argparse.Namespace, progress: Progress) -> dict[str, Any]:
@@ -121,7 +131,9 @@ def lines(result: dict[str, Any]) -> list[str]:
         accidents = [head, *accidents, f"{failed} of {len(accidents)} accidents at fault"]
     if not result["rows"]:
         return accidents
-    text = [*accidents, *([""] if accidents else []),
+    text = [
+        *accidents,
+        *([""] if accidents else []),
         f"seed {result['seed']}, {result['seconds']:g} s of mutations per format",
         f"{'format':<22}{'mutations':>10}{'refused':>9}{'accepted':>9}{'foreign':>9}"
         f"{'slowest s':>11}{'peak MB':>9}",

@@ -1,4 +1,5 @@
 """Bodies in the live graph, fed with 2D people and samples of IMUs: latency and processor time."""
+
 from __future__ import annotations
 
 import time
@@ -149,7 +150,7 @@ class _Run(Player):
                 for name, usage in before.usage.items()
             },
             "dropped_hz": {cause: n / passed for cause, n in (after.dropped - before.dropped).items()},
-        }  # fmt: skip
+        }
 
 
 def _percentile(values: Array, share: float) -> float | None:

@@ -1,4 +1,5 @@
 """The live graph after detection in processes of its own, fed from this one, and what is seen of it."""
+
 from __future__ import annotations
 
 import time
@@ -61,9 +62,17 @@ class _Run(Player):
             sent = list(self.sent)
         self.spin_until(time.monotonic_ns() + round(1e9 * LAST_WORDS_S))
         return Observation(
-            sent, self.received, self.feed.period_ns, self.started, before.at_ns, before, after,
-            self.node.diagnostics, restarts, floods,
-        )  # fmt: skip
+            sent,
+            self.received,
+            self.feed.period_ns,
+            self.started,
+            before.at_ns,
+            before,
+            after,
+            self.node.diagnostics,
+            restarts,
+            floods,
+        )
 
     def _restart(self, processes: Processes, name: str) -> Restart:
         """Kill a process, and play on until its successor has settled."""

@@ -1,4 +1,5 @@
 """Floods of bad messages on topics of the live graph, from a process of their own."""
+
 from __future__ import annotations
 
 import subprocess
@@ -52,9 +53,12 @@ class Flooder:
         target = f"{topic}_aside" if flood.aside else topic
         words = [topic, target, row.message, f"{flood.rate}", f"{seconds}", f"{flood.size}"]
         self._process = subprocess.Popen(
-            [sys.executable, "-m", MODULE, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            text=True, env=child_environment(),
-        )  # fmt: skip
+            [sys.executable, "-m", MODULE, *words],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            env=child_environment(),
+        )
 
     @property
     def over(self) -> bool:

@@ -1,4 +1,5 @@
 """`panoptic bench graph`: the live graph after detection, fed with 2D people at their rate."""
+
 from __future__ import annotations
 
 import argparse
@@ -13,12 +14,18 @@ ABOUT = "the live graph after detection, over DDS: what is lost, latency, proces
 SCENARIO = "noisy-8p5v"
 HOSTS = {"one": "one process", "stage": "a process per stage"}
 TABLE = (
-    ("instants sent", "sent", 0), ("  skeletons received", "received", 0), ("  lost", "lost", 0),
-    ("latency p50, ms", "latency_p50_ms", 1), ("  p90", "latency_p90_ms", 1),
-    ("  p99", "latency_p99_ms", 1), ("  most", "latency_max_ms", 1),
-    ("processor time, % of a core", "cpu_percent", 1), ("first skeletons after, s", "first_skeletons_s", 1),
-    ("memory, MB", "resident_mb", 0), ("  growth, MB", "growth_mb", 1),
-)  # fmt: skip
+    ("instants sent", "sent", 0),
+    ("  skeletons received", "received", 0),
+    ("  lost", "lost", 0),
+    ("latency p50, ms", "latency_p50_ms", 1),
+    ("  p90", "latency_p90_ms", 1),
+    ("  p99", "latency_p99_ms", 1),
+    ("  most", "latency_max_ms", 1),
+    ("processor time, % of a core", "cpu_percent", 1),
+    ("first skeletons after, s", "first_skeletons_s", 1),
+    ("memory, MB", "resident_mb", 0),
+    ("  growth, MB", "growth_mb", 1),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,17 +33,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rate", type=float, default=30.0, metavar="HZ", help="default 30")
     parser.add_argument("--seconds", type=float, default=20.0, metavar="S", help="that count; default 20")
     parser.add_argument(
-        "--hosts", choices=(*HOSTS, "both"), default="both",
+        "--hosts",
+        choices=(*HOSTS, "both"),
+        default="both",
         help="all stages in one process, a process per stage, or one after the other (default)",
-    )  # fmt: skip
+    )
     parser.add_argument("--scenario", default=SCENARIO, metavar="NAME", help=f"default {SCENARIO}")
     parser.add_argument("--people", type=int, metavar="N", help="in place of the scenario's")
     parser.add_argument("--views", type=int, metavar="N", help="in place of the scenario's")
     parser.add_argument("--kill", action="store_true", help="then kill each process, and see who comes back")
     parser.add_argument(
-        "--flood", type=float, nargs="?", const=10.0, default=0.0, metavar="S",
+        "--flood",
+        type=float,
+        nargs="?",
+        const=10.0,
+        default=0.0,
+        metavar="S",
         help="then send bad messages on every topic, S seconds each (default 10; 42 are 100,000 messages)",
-    )  # fmt: skip
+    )
     parser.add_argument("--bag", metavar="DIR", help="2D people of a bag in place of simulated ones")
 
 
@@ -55,13 +69,18 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
     feed = _feed(args)
     chosen = list(HOSTS) if args.hosts == "both" else [args.hosts]
     return {
-        "bench": "graph", "source": feed.title, "views": len(feed.rig), "rate_hz": feed.rate,
-        "seconds": args.seconds, "cores": os.cpu_count(), "load": os.getloadavg()[0],
+        "bench": "graph",
+        "source": feed.title,
+        "views": len(feed.rig),
+        "rate_hz": feed.rate,
+        "seconds": args.seconds,
+        "cores": os.cpu_count(),
+        "load": os.getloadavg()[0],
         "rows": [
             {"hosts": hosts, **run_fed_graph(feed, args.seconds, hosts == "stage", args.kill, args.flood)}
             for hosts in each(chosen, len(chosen), progress, "the graph runs")
         ],
-    }  # fmt: skip
+    }
 
 
 def lines(result: dict[str, Any]) -> list[str]:

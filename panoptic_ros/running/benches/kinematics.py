@@ -24,10 +24,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, default=6.0, metavar="S", help="of the capture (default 6)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of the capture")
     parser.add_argument(
-        "--live", type=int, nargs="?", const=SUBJECTS, default=0, metavar="N",
+        "--live",
+        type=int,
+        nargs="?",
+        const=SUBJECTS,
+        default=0,
+        metavar="N",
         help=f"in place of all this N subjects (default {SUBJECTS}) in the live graph, with 13 IMUs each, "
         "before 8 cameras: latency, and all of the nodes' work",
-    )  # fmt: skip
+    )
     parser.add_argument("--rate", type=int, choices=RATES, default=30, help="live, of cameras; default 30")
     parser.add_argument("--lag", type=float, default=0.1, metavar="S", help="live, of bodies; default 0.1")
 
@@ -63,9 +68,13 @@ def _live(args: argparse.Namespace) -> dict[str, Any]:
         raise UsageError(f"{said}: give 1 to {MOST_LIVE} subjects and 0 to 0.2 s")
     feed = body_feed(args.live, args.rate, BACK_S, args.seed, read_body_model(), read_clips())
     return {
-        "source": feed.title, "views": len(feed.rig), "rate_hz": feed.rate, "lag_s": args.lag,
-        "load": os.getloadavg()[0], **run_fed_bodies(feed, args.seconds, args.lag),
-    }  # fmt: skip
+        "source": feed.title,
+        "views": len(feed.rig),
+        "rate_hz": feed.rate,
+        "lag_s": args.lag,
+        "load": os.getloadavg()[0],
+        **run_fed_bodies(feed, args.seconds, args.lag),
+    }
 
 
 def lines(result: dict[str, Any]) -> Iterator[str]:

@@ -1,4 +1,5 @@
 """`panoptic bench live`: cameras to skeletons in real time, with recordings played as cameras."""
+
 from __future__ import annotations
 
 import argparse
@@ -18,13 +19,19 @@ from panoptic_ros.stage import Progress, untold
 
 ABOUT = "cameras to skeletons live, recordings being played as cameras: what is lost, latency, processor time"
 ROWS = (
-    ("instants of the cameras", "sent", 0), ("  skeletons received", "received", 0), ("  lost", "lost", 0),
-    ("instants per second", "rate_out_hz", 1), ("people in each, mean", "people", 2),
-    ("latency p50, ms", "latency_p50_ms", 0), ("  p90", "latency_p90_ms", 0),
-    ("  p99", "latency_p99_ms", 0), ("  most", "latency_max_ms", 0),
-    ("processor time, % of a core", "cpu_percent", 0), ("first skeletons after, s", "first_skeletons_s", 1),
+    ("instants of the cameras", "sent", 0),
+    ("  skeletons received", "received", 0),
+    ("  lost", "lost", 0),
+    ("instants per second", "rate_out_hz", 1),
+    ("people in each, mean", "people", 2),
+    ("latency p50, ms", "latency_p50_ms", 0),
+    ("  p90", "latency_p90_ms", 0),
+    ("  p99", "latency_p99_ms", 0),
+    ("  most", "latency_max_ms", 0),
+    ("processor time, % of a core", "cpu_percent", 0),
+    ("first skeletons after, s", "first_skeletons_s", 1),
     ("memory, MB", "resident_mb", 0),
-)  # fmt: skip
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,10 +61,16 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
     plan = _plan(args)
     found = run_played_graph(plan, args.seconds, args.settle)
     return {
-        "bench": "live", "source": plan.title, "cameras": len(plan.rig), "rate_hz": args.rate,
-        "seconds": args.seconds, "cores": free_threads(1), "load": os.getloadavg()[0],
-        "rate_out_hz": found["received"] / args.seconds, **found,
-    }  # fmt: skip
+        "bench": "live",
+        "source": plan.title,
+        "cameras": len(plan.rig),
+        "rate_hz": args.rate,
+        "seconds": args.seconds,
+        "cores": free_threads(1),
+        "load": os.getloadavg()[0],
+        "rate_out_hz": found["received"] / args.seconds,
+        **found,
+    }
 
 
 def lines(result: dict[str, Any]) -> list[str]:
@@ -84,10 +97,18 @@ def _plan(args: argparse.Namespace) -> Plan:
     options = RunOptions(read_parameters(None, args.set))
     skeleton, extras = options.detector()
     start = time.time_ns()
-    return options.complete(Plan(
-        args.capture, rig, skeleton,
-        with_defaults(options.all_parameters(), live_parameters(args.rate, len(rig))),
-        {name: {"kind": "played", "path": str(folder), "rate_hz": args.rate, "start_ns": start}
-         for name in rig.names},
-        extras=extras, frame_rate=args.rate, live=True,
-    ))  # fmt: skip
+    return options.complete(
+        Plan(
+            args.capture,
+            rig,
+            skeleton,
+            with_defaults(options.all_parameters(), live_parameters(args.rate, len(rig))),
+            {
+                name: {"kind": "played", "path": str(folder), "rate_hz": args.rate, "start_ns": start}
+                for name in rig.names
+            },
+            extras=extras,
+            frame_rate=args.rate,
+            live=True,
+        )
+    )

@@ -1,4 +1,5 @@
 """`panoptic bench network`: 2D people from one host to another while packets are lost."""
+
 from __future__ import annotations
 
 import argparse
@@ -42,8 +43,13 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
     for k, with_profile in enumerate((True, False)):
         rows.append(_run(args.loss / 100.0, args.seconds, with_profile))
         progress((k + 1) / 2, "hosts talk")
-    return {"bench": "network", "loss_percent": args.loss, "seconds": args.seconds,
-            "load": os.getloadavg()[0], "rows": rows}  # fmt: skip
+    return {
+        "bench": "network",
+        "loss_percent": args.loss,
+        "seconds": args.seconds,
+        "load": os.getloadavg()[0],
+        "rows": rows,
+    }
 
 
 def _run(loss: float, seconds: float, with_profile: bool) -> dict[str, Any]:
@@ -96,9 +102,12 @@ def figures(came: list[list[Any]], begun: float, ended: float) -> dict[str, Any]
         silences.append(float(np.diff(moments).max()) if len(moments) > 2 else ended - begun)
     p50, p99 = np.percentile(latencies, (50, 99)) if latencies else (np.nan, np.nan)
     return {
-        "sent": sent, "lost": lost, "p50_ms": 1e3 * float(p50), "p99_ms": 1e3 * float(p99),
+        "sent": sent,
+        "lost": lost,
+        "p50_ms": 1e3 * float(p50),
+        "p99_ms": 1e3 * float(p99),
         "silence_s": max(silences, default=ended - begun),
-    }  # fmt: skip
+    }
 
 
 def lines(result: dict[str, Any]) -> list[str]:

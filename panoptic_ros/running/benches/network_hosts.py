@@ -1,4 +1,5 @@
 """Two hosts on one machine: network namespaces with a cable between them that loses packets on demand."""
+
 from __future__ import annotations
 
 import os
@@ -9,7 +10,7 @@ from contextlib import contextmanager
 
 from panoptic_ros.errors import EnvironmentProblem
 
-ALONE = "mount -t tmpfs -o size=256m none /dev/shm && exec \"$@\""  # else shared memory joins the hosts
+ALONE = 'mount -t tmpfs -o size=256m none /dev/shm && exec "$@"'  # else shared memory joins the hosts
 TABLE = (  # on the device: rules further in see datagrams that are whole again
     "add table netdev loss; add chain netdev loss c {{ type filter hook ingress device eth0 priority 0; }}; "
     "add rule netdev loss c numgen random mod 1000 < {share} drop"
@@ -53,13 +54,31 @@ def two_hosts() -> Iterator[Hosts]:
     try:
         for name in names:
             _run(["ip", "netns", "add", name])
-        _run(["ip", "-n", names[0], "link", "add", "name", "eth0", "type", "veth", "peer", "name", "eth0",
-              "netns", names[1]])  # fmt: skip
+        _run(
+            [
+                "ip",
+                "-n",
+                names[0],
+                "link",
+                "add",
+                "name",
+                "eth0",
+                "type",
+                "veth",
+                "peer",
+                "name",
+                "eth0",
+                "netns",
+                names[1],
+            ]
+        )
         for k, name in enumerate(names):
             for words in (
-                f"addr add 10.77.0.{10 + k}/24 dev eth0", "link set eth0 up", "link set lo up",
+                f"addr add 10.77.0.{10 + k}/24 dev eth0",
+                "link set eth0 up",
+                "link set lo up",
                 "route add default dev eth0",
-            ):  # fmt: skip
+            ):
                 _run(["ip", "-n", name, *words.split()])
         yield Hosts(names)
     finally:

@@ -1,4 +1,5 @@
 """The whole live graph in processes of its own, with recordings played as cameras, and what is seen of it."""
+
 from __future__ import annotations
 
 import json
@@ -69,9 +70,7 @@ class _Listener:
         self._plan = plan
         self._received: list[tuple[int, int]] = []
         self._people: list[tuple[int, int]] = []  # when, and how many
-        self._node = FeedingNode(
-            (), self._take, time.time_ns
-        )
+        self._node = FeedingNode((), self._take, time.time_ns)
         self._executor = SingleThreadedExecutor()
 
     def observe(self, launch: Path, seconds: float, settle_s: float) -> dict[str, Any]:
@@ -125,9 +124,15 @@ class _Listener:
         stamps = [begin + round(n * period) for n in range(int(first) + 1, int(last) + 1)]
         stages = {name: values for name, values in self._node.diagnostics.items() if ":" not in name}
         seen = Observation(
-            [(stamp, stamp) for stamp in stamps], self._received, round(period), started, before.at_ns,
-            before.usage, after.usage, stages,
-        )  # fmt: skip
+            [(stamp, stamp) for stamp in stamps],
+            self._received,
+            round(period),
+            started,
+            before.at_ns,
+            before.usage,
+            after.usage,
+            stages,
+        )
         per_instant = 1e3 / max(len(stamps), 1)
         spent = {name: s - before.cpu_s.get(name, 0.0) for name, s in after.cpu_s.items()}
         by_stage = {name: per_instant * s for name, s in spent.items() if ":" not in name}
@@ -136,10 +141,13 @@ class _Listener:
         rest = whole - cameras - sum(by_stage.values())
         cpu_ms = {"reading cameras": cameras, **by_stage, "messages and the rest": rest}
         return {
-            **figures_of(seen), "cpu_ms": cpu_ms,
+            **figures_of(seen),
+            "cpu_ms": cpu_ms,
             "people": float(np.mean([number for when, number in self._people if when > before.at_ns] or [0])),
             "chosen": {
-                name.removeprefix("told."): text for values in stages.values()
-                for name, text in values.items() if name.startswith("told.detection.")
+                name.removeprefix("told."): text
+                for values in stages.values()
+                for name, text in values.items()
+                if name.startswith("told.detection.")
             },
-        }  # fmt: skip
+        }

@@ -1,4 +1,5 @@
 """Playing 2D people to a live graph in other processes, each view at its time, and noting what comes back."""
+
 from __future__ import annotations
 
 import json
@@ -34,9 +35,11 @@ def as_it_is(plan: Plan, folder: Path) -> Plan:
 
 
 def played(
-    feed: Feed, node_per_stage: bool, make: Callable[[], Player],
+    feed: Feed,
+    node_per_stage: bool,
+    make: Callable[[], Player],
     change: Callable[[Plan, Path], Plan] = as_it_is,
-) -> Any:  # fmt: skip
+) -> Any:
     """Play to a live graph of its own; gives what the player's `do` gives.
 
     Args:

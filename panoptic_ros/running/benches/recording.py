@@ -1,4 +1,5 @@
 """`panoptic bench recording`: the memory of a live run that records, with its time compressed."""
+
 from __future__ import annotations
 
 import argparse
@@ -66,9 +67,15 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
     minutes = half[-1]["minutes"] - half[0]["minutes"]
     growth = (half[-1]["resident_mb"] - half[0]["resident_mb"]) / max(1e-9, minutes) * 60.0
     return {
-        "bench": "recording", "rate_hz": feed.rate, "people": args.people, "views": len(feed.rig),
-        "seconds": time.monotonic() - begun, "written_mb": size_mb, "mb_per_hour": growth, "rows": rows,
-    }  # fmt: skip
+        "bench": "recording",
+        "rate_hz": feed.rate,
+        "people": args.people,
+        "views": len(feed.rig),
+        "seconds": time.monotonic() - begun,
+        "written_mb": size_mb,
+        "mb_per_hour": growth,
+        "rows": rows,
+    }
 
 
 def _row(number: int, rate: float) -> dict[str, float]:

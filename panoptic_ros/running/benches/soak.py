@@ -1,4 +1,5 @@
 """`panoptic bench soak`: a long live run in which cameras and processes fail at random."""
+
 from __future__ import annotations
 
 import argparse
@@ -40,10 +41,16 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
         feed, 60.0 * args.minutes, args.hosts == "stage", args.kill_every, args.away_every, progress
     )
     return {
-        "bench": "soak", "source": feed.title, "views": len(feed.rig), "rate_hz": feed.rate,
-        "minutes": args.minutes, "hosts": args.hosts, "cores": os.cpu_count(), "load": os.getloadavg()[0],
+        "bench": "soak",
+        "source": feed.title,
+        "views": len(feed.rig),
+        "rate_hz": feed.rate,
+        "minutes": args.minutes,
+        "hosts": args.hosts,
+        "cores": os.cpu_count(),
+        "load": os.getloadavg()[0],
         **found,
-    }  # fmt: skip
+    }
 
 
 def lines(result: dict[str, Any]) -> list[str]:

@@ -21,21 +21,36 @@ AUDIENCES: dict[str, tuple[str, ...]] = {
     "ten": ("fast",) * 10,
 }
 ROWS = (
-    ("/skeletons", "messages", 0), ("lost", "lost", 0), ("p50, ms", "skeletons_p50_ms", 2),
-    ("p99, ms", "skeletons_p99_ms", 2), ("p99 / that of nobody", "p99_ratio", 2),
-    ("  95 % from", "ratio_low", 2), ("  to", "ratio_high", 2),
-    ("publish a view p50, ms", "publish_p50_ms", 3), ("  p99", "publish_p99_ms", 3),
-    ("viewer, % of a core", "viewer_cpu_percent", 1), ("viewer, MB", "viewer_mb", 0),
-)  # fmt: skip
+    ("/skeletons", "messages", 0),
+    ("lost", "lost", 0),
+    ("p50, ms", "skeletons_p50_ms", 2),
+    ("p99, ms", "skeletons_p99_ms", 2),
+    ("p99 / that of nobody", "p99_ratio", 2),
+    ("  95 % from", "ratio_low", 2),
+    ("  to", "ratio_high", 2),
+    ("publish a view p50, ms", "publish_p50_ms", 3),
+    ("  p99", "publish_p99_ms", 3),
+    ("viewer, % of a core", "viewer_cpu_percent", 1),
+    ("viewer, MB", "viewer_mb", 0),
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of the bench."""
-    parser.add_argument("--recording", type=Path, metavar="RESULTS|BAG",
-                        help="open this and seek in it, in place of a live graph")  # fmt: skip
+    parser.add_argument(
+        "--recording",
+        type=Path,
+        metavar="RESULTS|BAG",
+        help="open this and seek in it, in place of a live graph",
+    )
     parser.add_argument("--seconds", type=float, default=8.0, metavar="S", help="for each; default 8")
-    parser.add_argument("--rounds", type=int, default=3, metavar="N",
-                        help="how often each has its turn, always after nobody; default 3")  # fmt: skip
+    parser.add_argument(
+        "--rounds",
+        type=int,
+        default=3,
+        metavar="N",
+        help="how often each has its turn, always after nobody; default 3",
+    )
 
 
 def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, Any]:
@@ -46,8 +61,12 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
         EnvironmentProblem: if another graph runs in this ROS domain, or the viewer does not start.
     """
     if args.recording is not None:
-        return {"bench": "view", "recording": str(args.recording), "load": os.getloadavg()[0],
-                **open_and_seek(args.recording)}  # fmt: skip
+        return {
+            "bench": "view",
+            "recording": str(args.recording),
+            "load": os.getloadavg()[0],
+            **open_and_seek(args.recording),
+        }
     from panoptic_ros.running.benches.viewed_graph import run_viewed_graph  # needs ROS
 
     if not 2.0 <= args.seconds <= 600.0:
@@ -64,9 +83,16 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
     phases = run_viewed_graph(feed, args.seconds, turns, progress)
     progress(1.0, "")
     return {
-        "bench": "view", "people": PEOPLE, "views": VIEWS, "rate_hz": RATE_HZ, "seconds": args.seconds,
-        "rounds": args.rounds, "cores": os.cpu_count(), "load": os.getloadavg()[0], "rows": table_of(phases),
-    }  # fmt: skip
+        "bench": "view",
+        "people": PEOPLE,
+        "views": VIEWS,
+        "rate_hz": RATE_HZ,
+        "seconds": args.seconds,
+        "rounds": args.rounds,
+        "cores": os.cpu_count(),
+        "load": os.getloadavg()[0],
+        "rows": table_of(phases),
+    }
 
 
 def lines(result: dict[str, Any]) -> list[str]:

@@ -100,10 +100,14 @@ class _Viewed(Player):
         latencies = [1e-6 * (came[k] - self.sent[k][1]) for k in range(first, last) if k in came]
         per_block, measured = round(self.feed.rate), np.array(latencies)
         return Phase(
-            name, [measured[at : at + per_block] for at in range(0, len(measured), per_block)], took,
-            last - first - len(measured), cpu_percent, memory_mb,
+            name,
+            [measured[at : at + per_block] for at in range(0, len(measured), per_block)],
+            took,
+            last - first - len(measured),
+            cpu_percent,
+            memory_mb,
             [ages_of(row, self._cameras.published) for row in rows],
-        )  # fmt: skip
+        )
 
     def _watched(
         self, clients: subprocess.Popen[bytes], process: int

@@ -50,5 +50,11 @@ async def _seek(address: str, begun: float, rng: np.random.Generator) -> dict[st
         first = time.perf_counter() - begun
         seeks = [1e3 * await second(int(number)) for number in rng.integers(0, count, SEEKS)]
     p50, p99 = np.percentile(seeks, (50, 99))
-    return {"first_s": first, "seconds": count, "seeks": SEEKS, "seek_p50_ms": float(p50),
-            "seek_p99_ms": float(p99), "seek_max_ms": max(seeks)}  # fmt: skip
+    return {
+        "first_s": first,
+        "seconds": count,
+        "seeks": SEEKS,
+        "seek_p50_ms": float(p50),
+        "seek_p99_ms": float(p99),
+        "seek_max_ms": max(seeks),
+    }

@@ -4,6 +4,7 @@
 loads everything once, then forks; each task that is finished is told by a line: the number of all tasks, of
 kernels that it compiled, the seconds of processor time that it took, its name.
 """
+
 from __future__ import annotations
 
 import gc

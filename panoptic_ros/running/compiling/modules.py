@@ -5,6 +5,7 @@ compiles the sources of all modules that it loads then, which takes longer than 
 
 `python -m panoptic_ros.running.compiling.modules [PACKAGE]` loads them all.
 """
+
 from __future__ import annotations
 
 import importlib

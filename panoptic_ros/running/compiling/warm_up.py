@@ -1,4 +1,5 @@
 """Compiling everything ahead, in several processes, so that nothing compiles when it is needed."""
+
 from __future__ import annotations
 
 import os

@@ -1,4 +1,5 @@
 """All checks of `panoptic doctor`, in the order in which they are told."""
+
 from __future__ import annotations
 
 from panoptic_ros.running.doctor.finding import Check
@@ -8,5 +9,8 @@ from panoptic_ros.running.doctor.network import NETWORK_CHECKS
 from panoptic_ros.running.doctor.ros import ROS_CHECKS
 
 CHECKS: dict[str, Check] = {
-    **MACHINE_CHECKS, "inference": check_inference, **ROS_CHECKS, **NETWORK_CHECKS,
-}  # fmt: skip
+    **MACHINE_CHECKS,
+    "inference": check_inference,
+    **ROS_CHECKS,
+    **NETWORK_CHECKS,
+}

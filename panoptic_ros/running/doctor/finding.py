@@ -1,4 +1,5 @@
 """What one check of `panoptic doctor` found."""
+
 from __future__ import annotations
 
 import subprocess
@@ -57,8 +58,11 @@ def start_python(code: str, *arguments: str) -> subprocess.Popen[str]:
     """Start a piece of Python in a process of its own: what it loads or breaks stays there."""
     return subprocess.Popen(
         [sys.executable, "-c", code, *arguments],
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def finish(process: subprocess.Popen[str], timeout_s: float) -> Outcome:

@@ -1,4 +1,5 @@
 """Which execution provider runs the default network quickest on this machine, in measured milliseconds."""
+
 from __future__ import annotations
 
 import time
@@ -11,9 +12,11 @@ from panoptic_ros.errors import BackendError
 from panoptic_ros.running.doctor.finding import Finding, ok, warn
 
 PROVIDERS = {  # of onnxruntime, by what people call them
-    "CPU": "CPUExecutionProvider", "CUDA": "CUDAExecutionProvider", "TensorRT": "TensorrtExecutionProvider",
+    "CPU": "CPUExecutionProvider",
+    "CUDA": "CUDAExecutionProvider",
+    "TensorRT": "TensorrtExecutionProvider",
     "OpenVINO": "OpenVINOExecutionProvider",
-}  # fmt: skip
+}
 SIZE = (256, 320)  # net px, height and width: a region of one or two people
 RUNS = 5  # the quickest of them counts: others may be busy with something else
 GAIN = 1.2  # by which another provider must be quicker to be recommended

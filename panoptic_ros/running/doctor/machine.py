@@ -2,6 +2,7 @@
 
 What a check is about is imported inside of it, so that its absence is a finding.
 """
+
 from __future__ import annotations
 
 import importlib.metadata

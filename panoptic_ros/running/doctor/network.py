@@ -1,4 +1,5 @@
 """Checks of `panoptic doctor` about what nodes talk over: shared memory, multicast, a small graph."""
+
 from __future__ import annotations
 
 import os

@@ -3,6 +3,7 @@
 All that touches rclpy runs in a process of its own: a library that cannot be loaded is a finding and
 not the end of the doctor.
 """
+
 from __future__ import annotations
 
 import importlib.util
@@ -43,8 +44,10 @@ def check_environment() -> Finding:
         return warn(f"another ROS is in reach: {others[0]}", "start a shell without setup.bash of ROS")
     chosen = os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
     if chosen != "rmw_fastrtps_cpp":
-        return fail(f"RMW_IMPLEMENTATION={chosen}, the ROS wheels hold rmw_fastrtps_cpp alone",
-                    "unset RMW_IMPLEMENTATION")  # fmt: skip
+        return fail(
+            f"RMW_IMPLEMENTATION={chosen}, the ROS wheels hold rmw_fastrtps_cpp alone",
+            "unset RMW_IMPLEMENTATION",
+        )
     profile = os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE")
     if profile and not Path(profile).is_file():
         return warn(f"FASTRTPS_DEFAULT_PROFILES_FILE: no file {profile}", "correct it or unset it")
@@ -111,8 +114,9 @@ def _from_wheels() -> bool:
 def _differences(one: Path, other: Path) -> list[str]:
     """Names of the definitions that are in one folder alone, or not the same in both."""
     texts = [{path.name: path.read_bytes() for path in folder.glob("*.msg")} for folder in (one, other)]
-    return sorted(name for name in texts[0].keys() | texts[1].keys()
-                  if texts[0].get(name) != texts[1].get(name))  # fmt: skip
+    return sorted(
+        name for name in texts[0].keys() | texts[1].keys() if texts[0].get(name) != texts[1].get(name)
+    )
 
 
 ROS_CHECKS: dict[str, Check] = {

@@ -1,4 +1,5 @@
 """Whether what is in bags can belong together."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping

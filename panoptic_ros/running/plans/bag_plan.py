@@ -1,4 +1,5 @@
 """The plan of a run on bags."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -106,17 +107,31 @@ def plan_bags(
         rate = check_stamps(bag_of, clocks.shifts)
     sounds = (_begun(s, clocks.recorders) for s in heard if s.camera in clocks.recorders)
     every = [*bag_of, *depths, *tracks, *sounds, *worn]
-    return options.complete(Plan(
-        f"bag {names_of(bags)}", found, skeleton, clocks.configs,
-        streams=tuple(replace(s, shift_ns=clocks.shifts.get(_shifted(s), 0)) for s in every),
-        encodings={s.camera: s.encoding for s in streams if s.encoding},
-        shifts=clocks.shifts, stage=stage, depth_cameras=tuple(s.camera for s in depths), extras=extras,
-        frame_count=sum(counts.values()), instants=max(counts.values()), frame_rate=rate,
-        notices=(
-            *(line for name, line in missing.items() if name not in useless),
-            *useless.values(), *encoded, *unreadable, *fits, *clocks.notices,
-        ),
-    ))  # fmt: skip
+    return options.complete(
+        Plan(
+            f"bag {names_of(bags)}",
+            found,
+            skeleton,
+            clocks.configs,
+            streams=tuple(replace(s, shift_ns=clocks.shifts.get(_shifted(s), 0)) for s in every),
+            encodings={s.camera: s.encoding for s in streams if s.encoding},
+            shifts=clocks.shifts,
+            stage=stage,
+            depth_cameras=tuple(s.camera for s in depths),
+            extras=extras,
+            frame_count=sum(counts.values()),
+            instants=max(counts.values()),
+            frame_rate=rate,
+            notices=(
+                *(line for name, line in missing.items() if name not in useless),
+                *useless.values(),
+                *encoded,
+                *unreadable,
+                *fits,
+                *clocks.notices,
+            ),
+        )
+    )
 
 
 def _shifted(stream: BagStream) -> str:

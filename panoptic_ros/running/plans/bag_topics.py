@@ -1,4 +1,5 @@
 """Which topics of bags are whose."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -186,18 +187,26 @@ def imu_streams(bags: Sequence[BagReader], arrival_stamps: bool = False) -> tupl
 
 
 def _of_kind(
-    choice: BagChoice, bags: Sequence[BagReader], key: str, cameras: Sequence[str],
+    choice: BagChoice,
+    bags: Sequence[BagReader],
+    key: str,
+    cameras: Sequence[str],
     given: Mapping[str, str],
-) -> tuple[BagStream, ...]:  # fmt: skip
+) -> tuple[BagStream, ...]:
     """The streams of one kind that there are."""
     places = {camera: _find(bags, key, camera, given.get(camera)) for camera in cameras}
     return tuple(
         BagStream(
-            bag.path, topic, camera, key, choice.arrival_stamps,
+            bag.path,
+            topic,
+            camera,
+            key,
+            choice.arrival_stamps,
             encoding=choice.encoding(camera) if key in KEYS[1:] else "",
         )
-        for camera, (bag, topic) in places.items() if topic
-    )  # fmt: skip
+        for camera, (bag, topic) in places.items()
+        if topic
+    )
 
 
 def _find(bags: Sequence[BagReader], key: str, camera: str, given: str | None) -> tuple[BagReader, str]:

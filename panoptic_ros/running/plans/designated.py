@@ -1,4 +1,5 @@
 """Subject files of a run, and what they tell tracking."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -38,9 +39,10 @@ def with_subjects(plan: Plan, paths: Sequence[Path]) -> Plan:
     words = tuple(subject_word(subject.id, subject.start) for subject in people)
     bodies = config_of(plan.configs, KinematicsConfig)
     configs = {
-        **plan.configs, "tracking": replace(config, subjects=words),
+        **plan.configs,
+        "tracking": replace(config, subjects=words),
         "kinematics": replace(bodies, subjects=tuple(str(path) for path in paths)),
-    }  # fmt: skip
+    }
     worn = tuple(device.name for subject in people for device in subject.devices)
     told = [line for subject in people for line in subject.told()]
     notices = (*plan.notices, *told)
@@ -65,8 +67,11 @@ def _with_imus(plan: Plan) -> Plan:
     """The plan with the IMUs that somebody wears, of those that were recorded; a line about the others."""
     imus = {name: path for name, path in plan.imus.items() if name in plan.worn}
     streams = tuple(s for s in plan.streams if s.key != IMU_KEY or s.camera in plan.worn)
-    idle = [name for name in (*plan.imus, *(s.camera for s in plan.streams if s.key == IMU_KEY))
-            if name not in plan.worn]  # fmt: skip
+    idle = [
+        name
+        for name in (*plan.imus, *(s.camera for s in plan.streams if s.key == IMU_KEY))
+        if name not in plan.worn
+    ]
     found = {*imus, *(s.camera for s in streams if s.key == IMU_KEY)}
     silent = [] if plan.live else [name for name in plan.worn if name not in found]
     notices = [f"IMU {name} is on no subject and left out" for name in idle]

@@ -1,4 +1,5 @@
 """Plans of live runs on topics of running drivers."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -66,10 +67,13 @@ def plan_drivers(
         sensors={name: with_info(topics, True) for name, topics in file.sensors.items()},
     )
     why = {"camera_info": ", needed without --rig"} if calibrated is None else {}
-    drivers = find_drivers({
-        topic: f"{key} of {'depth sensor' if name in file.sensors else 'camera'} {name}{why.get(key, '')}"
-        for name, topics in file.everything.items() for key, topic in topics.named.items()
-    })  # fmt: skip
+    drivers = find_drivers(
+        {
+            topic: f"{key} of {'depth sensor' if name in file.sensors else 'camera'} {name}{why.get(key, '')}"
+            for name, topics in file.everything.items()
+            for key, topic in topics.named.items()
+        }
+    )
     notices: list[str] = []
     carriers = _carriers(file, drivers)
     notices += [
@@ -82,13 +86,20 @@ def plan_drivers(
         if calibrated is None
         else rig_by_calibration(calibrated, file, drivers, notices)
     )
-    return options.complete(Plan(
-        "drivers", found, skeleton,
-        with_defaults(options.all_parameters(), live_parameters(cameras=len(found))),
-        extras=extras, topics=carriers, live=True, notices=tuple(notices),
-        encodings={name: topics.encoding for name, topics in file.cameras.items() if topics.encoding},
-        depth_cameras=tuple(name for name, topics in file.cameras.items() if topics.depth),
-    ))  # fmt: skip
+    return options.complete(
+        Plan(
+            "drivers",
+            found,
+            skeleton,
+            with_defaults(options.all_parameters(), live_parameters(cameras=len(found))),
+            extras=extras,
+            topics=carriers,
+            live=True,
+            notices=tuple(notices),
+            encodings={name: topics.encoding for name, topics in file.cameras.items() if topics.encoding},
+            depth_cameras=tuple(name for name, topics in file.cameras.items() if topics.depth),
+        )
+    )
 
 
 def _check_encodings(path: Path, file: DriverFile) -> None:

@@ -1,4 +1,5 @@
 """The rig of running drivers: from a calibration, or from CameraInfo and TF alone."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -90,9 +91,10 @@ def rig_by_transforms(file: DriverFile, drivers: Drivers, fixed: str, notices: l
         seen = _rectified_in_place(whole, infos[name]) if is_rectified(topics) else whole
         cameras[name] = as_published(seen, infos[name])
     return Rig(
-        tuple(cameras[name] for name in file.cameras), world,
+        tuple(cameras[name] for name in file.cameras),
+        world,
         depth_sensors=tuple(DepthSensor(cameras[name]) for name in file.sensors),
-    )  # fmt: skip
+    )
 
 
 def _from_info(info: Any, name: str, cam_from_world: Rigid, notices: list[str]) -> Camera:

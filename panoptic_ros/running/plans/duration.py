@@ -1,4 +1,5 @@
 """The first seconds of a recording: its plan, ended so long after the first stamp of its cameras."""
+
 from __future__ import annotations
 
 import math
@@ -32,15 +33,20 @@ def ended_after(plan: Plan, duration_s: float) -> Plan:
     frames = math.ceil(duration_s * plan.frame_rate)
     sound = TOPICS[SOUND_KEY]
     return replace(
-        plan, until_ns=until,
-        sources={name: {**source, "until_ns": until - plan.shifts.get(name, 0)}
-                 for name, source in plan.sources.items()},
+        plan,
+        until_ns=until,
+        sources={
+            name: {**source, "until_ns": until - plan.shifts.get(name, 0)}
+            for name, source in plan.sources.items()
+        },
         streams=tuple(replace(stream, until_ns=until - stream.shift_ns) for stream in plan.streams),
-        sounds=tuple({**own, "until_ns": until - plan.shifts.get(sound.of(str(own["device"])), 0)}
-                     for own in plan.sounds),
+        sounds=tuple(
+            {**own, "until_ns": until - plan.shifts.get(sound.of(str(own["device"])), 0)}
+            for own in plan.sounds
+        ),
         instants=_at_most(plan.instants, frames),
         frame_count=_at_most(plan.frame_count, frames * max(1, len(plan.rig))),
-    )  # fmt: skip
+    )
 
 
 def _at_most(count: int | None, most: int) -> int | None:

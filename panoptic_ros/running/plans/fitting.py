@@ -1,4 +1,5 @@
 """A rig fitted to images that are binned or cut as their CameraInfo says, or of another size."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,5 @@
 """How much can run side by side on the cores that this process may use."""
+
 from __future__ import annotations
 
 import os

@@ -1,4 +1,5 @@
 """Plans of runs without cameras: bodies of designated people from IMUs alone."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,4 +1,5 @@
 """What may be said about any run, whatever its source, and what it does to the plan."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -88,9 +89,11 @@ class RunOptions:
         table = config_of(plan.configs, AssemblyConfig).bias_table
         told = noise_only(plan.skeleton.bias_floors) if rig.cameras else []
         plan = replace(
-            plan, rig=rig, extras={**plan.extras, **bias_extras(table, plan.skeleton)},
+            plan,
+            rig=rig,
+            extras={**plan.extras, **bias_extras(table, plan.skeleton)},
             notices=(*rig.notices, *plan.notices, *told),
-        )  # fmt: skip
+        )
         return _with_upright_images(plan) if plan.stage == "detection" else plan
 
 
@@ -106,16 +109,16 @@ def _with_offsets(plan: Plan, path: Path) -> Plan:
     saved = saved_offsets(path, plan.rig.names)
     delays = tuple(f"{name}={1e3 * offset.offset_s:.4f}" for name, offset in saved.items())
     configs = {
-        **plan.configs, "sync": replace(sync, delays_ms=delays), "offsets": replace(offsets, delays_ms=delays)
-    }  # fmt: skip
+        **plan.configs,
+        "sync": replace(sync, delays_ms=delays),
+        "offsets": replace(offsets, delays_ms=delays),
+    }
     told = tuple(line.strip() for line in saved_lines(saved, plan.rig.names))
     # offsets may be seconds: streams are kept side by side by what stamps come to
     more = {name: round(SECOND * offset.offset_s) for name, offset in saved.items()}
     streams = tuple(replace(s, shift_ns=s.shift_ns + more.get(s.camera, 0)) for s in plan.streams)
     shifts = {name: plan.shifts.get(name, 0) + more.get(name, 0) for name in (*plan.shifts, *more)}
-    return replace(
-        plan, configs=configs, streams=streams, shifts=shifts, notices=(*plan.notices, *told)
-    )  # fmt: skip
+    return replace(plan, configs=configs, streams=streams, shifts=shifts, notices=(*plan.notices, *told))
 
 
 def _with_upright_images(plan: Plan) -> Plan:

@@ -1,4 +1,5 @@
 """Whether the cameras of a recording saw anything at the same time, by what their clocks say."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -36,8 +37,9 @@ def check_overlap(
     if len(groups) > 1:
         said = "; ".join(
             f"{', '.join(sorted(name for _, _, name in group))} from {_clock(group[0][0])} to "
-            f"{_clock(max(end for _, end, _ in group))}" for group in groups
-        )  # fmt: skip
+            f"{_clock(max(end for _, end, _ in group))}"
+            for group in groups
+        )
         raise DataError(
             f"by the timecode that they hear, the recordings never overlap: {said}. Different "
             "generators? Give a recording that hears both and name them in sound.yaml, or leave cameras "

@@ -1,4 +1,5 @@
 """Parameters and fixed things that a user gives, for all that solves."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,4 +1,5 @@
 """What a run consists of: cameras, where their data come from, skeleton, parameters."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -14,6 +15,7 @@ from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, BagStream
 from panoptic_ros.params import Config
 
 BODIES = "kinematics"  # the stage that needs no camera
+
 
 @dataclass(frozen=True)
 class Plan:

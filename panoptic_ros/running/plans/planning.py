@@ -1,4 +1,5 @@
 """Plans of runs on images: a capture folder, single recordings, or devices. For bags see `bag_plan`."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -68,9 +69,7 @@ def plan_capture(
     """
     own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
     own |= ({} if depth else {"depth": False}) | ({"skip_damaged": True} if skip_damaged else {})
-    options = replace(
-        options, subjects=subject_files(folder, options.subjects), imus=imu_file(folder)
-    )  # fmt: skip
+    options = replace(options, subjects=subject_files(folder, options.subjects), imus=imu_file(folder))
     if folder.is_dir() and not has_media(folder):
         if hint := hint_without_images(folder):
             raise DataError(f"{folder} has no videos and no images{hint}")
@@ -145,21 +144,26 @@ def plan_devices(
     rate = frame_rate or 30.0
     own = {"frame_rate": frame_rate, "latency_ms": latency_ms}
     clocked = _on_first(microphones, chosen)
-    plan = options.complete(Plan(
-        "cameras", clocked, skeleton,
-        with_defaults(options.all_parameters(), live_parameters(rate, len(devices))),
-        {name: {"kind": "device", "device": device, **own} for name, device in devices.items()},
-        extras=extras, frame_rate=rate, live=True,
-    ))  # fmt: skip
+    plan = options.complete(
+        Plan(
+            "cameras",
+            clocked,
+            skeleton,
+            with_defaults(options.all_parameters(), live_parameters(rate, len(devices))),
+            {name: {"kind": "device", "device": device, **own} for name, device in devices.items()},
+            extras=extras,
+            frame_rate=rate,
+            live=True,
+        )
+    )
     heard = plan_clocks(clocked, plan.configs, [Recorder(name, (), name) for name in microphones], {})
     named = named_words("TimecodeConfig.channels", config_of(plan.configs, TimecodeConfig).channels)
     sounds = [
         described_sound("microphone", name, _split(named.get(name)), address=address)
-        for name, address in microphones.items() if name in heard.recorders
-    ]  # fmt: skip
-    return replace(
-        plan, configs=heard.configs, sounds=tuple(sounds), notices=(*plan.notices, *heard.notices)
-    )
+        for name, address in microphones.items()
+        if name in heard.recorders
+    ]
+    return replace(plan, configs=heard.configs, sounds=tuple(sounds), notices=(*plan.notices, *heard.notices))
 
 
 def _split(clocks: str | None) -> list[str]:
@@ -181,11 +185,22 @@ def _recorded(
     instants = None if None in counts else max(count for count in counts if count is not None)
     configs = configure(options.all_parameters())
     maps = capture.depth_sensors if config_of(configs, PatchesConfig).active else ()
-    plan = options.complete(Plan(
-        title, capture.rig, skeleton, configs, sources, extras=extras,
-        depth_cameras=capture.depth_cameras, maps=maps, frame_count=capture.frame_count, instants=instants,
-        frame_rate=max(source.frame_rate for source in capture.sources), notices=capture.notices,
-    ))  # fmt: skip
+    plan = options.complete(
+        Plan(
+            title,
+            capture.rig,
+            skeleton,
+            configs,
+            sources,
+            extras=extras,
+            depth_cameras=capture.depth_cameras,
+            maps=maps,
+            frame_count=capture.frame_count,
+            instants=instants,
+            frame_rate=max(source.frame_rate for source in capture.sources),
+            notices=capture.notices,
+        )
+    )
     return _by_sound(plan, capture, options) if options.from_sound else _with_sound(plan, capture)
 
 
@@ -207,24 +222,31 @@ def _by_sound(plan: Plan, capture: CaptureFolder, options: RunOptions) -> Plan:
 def _with_sound(plan: Plan, capture: CaptureFolder) -> Plan:
     """The plan with what devices heard of the clocks of cameras."""
     named = named_words("TimecodeConfig.channels", config_of(plan.configs, TimecodeConfig).channels)
-    given = [{**sound, "clocks": _split(named.get(sound["device"])) or sound["clocks"]}
-             for sound in capture.sounds]  # fmt: skip
+    given = [
+        {**sound, "clocks": _split(named.get(sound["device"])) or sound["clocks"]} for sound in capture.sounds
+    ]
     tracks = find_tracks(plan.rig, given, capture.stamps, plan.configs)
     recorders = recorders_of(tracks.sounds)
     stamps = {
         source.camera: capture.stamps.get(source.camera)
-        or _counted(source, capture.starts.get(source.camera, 0)) for source in capture.sources
+        or _counted(source, capture.starts.get(source.camera, 0))
+        for source in capture.sources
     }
     clocks = plan_clocks(tracks.rig, plan.configs, recorders, stamps)
     check_overlap(clocks.shifts, stamps, clocks.recorders)
     sounds = [
         {**sound, "from_sample": clocks.recorders[sound["device"]]}
-        for sound in tracks.sounds if sound["device"] in clocks.recorders
-    ]  # fmt: skip
+        for sound in tracks.sounds
+        if sound["device"] in clocks.recorders
+    ]
     return replace(
-        plan, rig=tracks.rig, configs=clocks.configs, sounds=tuple(sounds), shifts=_sum(plan, clocks.shifts),
+        plan,
+        rig=tracks.rig,
+        configs=clocks.configs,
+        sounds=tuple(sounds),
+        shifts=_sum(plan, clocks.shifts),
         notices=(*plan.notices, *tracks.notices, *clocks.notices),
-    )  # fmt: skip
+    )
 
 
 def _sum(plan: Plan, shifts: Mapping[str, int]) -> dict[str, int]:

@@ -1,4 +1,5 @@
 """Presets: files of parameters that belong together, in config/presets or anywhere."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field

@@ -1,4 +1,5 @@
 """Rigs in files: read with their choices, checked against 2D people."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -15,9 +16,13 @@ from panoptic_ros.io.skeletons import load_skeleton, map_joints
 
 
 def read_rig_at(
-    path: Path, *, unit: str | None = None, types: Sequence[str] = (), panels: Sequence[int] = (),
+    path: Path,
+    *,
+    unit: str | None = None,
+    types: Sequence[str] = (),
+    panels: Sequence[int] = (),
     cameras: Sequence[str] | None = None,
-) -> Rig:  # fmt: skip
+) -> Rig:
     """The rig of a file, or of a folder that holds one: a capture folder, or what a run left.
 
     Args:

@@ -1,4 +1,5 @@
 """Offsets of cameras' clocks that were found before, for a rig at hand."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,5 @@
 """Child processes of a launcher: started, watched, and ended in any case."""
+
 from __future__ import annotations
 
 import json
@@ -50,9 +51,13 @@ class Ahead:
         if wanted:
             prepare_environment()
             self._process = subprocess.Popen(
-                HOST, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                env=child_environment(), start_new_session=True,
-            )  # fmt: skip
+                HOST,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env=child_environment(),
+                start_new_session=True,
+            )
 
     def become(self, launch_file: Path, name: str, log: Path) -> Child | None:
         """Let it run a process of a launch file; None if there is none any more."""
@@ -94,9 +99,13 @@ class Processes:
     """
 
     def __init__(
-        self, launch_file: Path, names: Iterable[str], logs: Path, revived: bool = False,
+        self,
+        launch_file: Path,
+        names: Iterable[str],
+        logs: Path,
+        revived: bool = False,
         ahead: Ahead = NOBODY_AHEAD,
-    ):  # fmt: skip
+    ):
         self._logs = logs
         self._launch_file = launch_file
         self._children: dict[str, Child] = {}
@@ -123,9 +132,12 @@ class Processes:
         with file_errors(self._logs, "write"), (self._logs / f"{name}.log").open(mode) as log:
             self._children[name] = subprocess.Popen(
                 [*HOST, str(self._launch_file), name, str(os.getpid())],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                env=child_environment(), start_new_session=True,
-            )  # fmt: skip
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=child_environment(),
+                start_new_session=True,
+            )
 
     @property
     def ids(self) -> tuple[int, ...]:

@@ -4,6 +4,7 @@
 input and writes "ready", "forked NAME PID" and "ended PID CODE" to its standard output. It ends when its
 input does, and its children with it.
 """
+
 from __future__ import annotations
 
 import gc

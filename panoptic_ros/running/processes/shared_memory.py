@@ -3,6 +3,7 @@
 A process holds a lock on `<segment>_el` in /dev/shm as long as it lives. A segment without that lock belongs
 to a process that was killed. `fastdds shm clean` uses the same criterion.
 """
+
 from __future__ import annotations
 
 import fcntl

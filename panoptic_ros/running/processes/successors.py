@@ -1,4 +1,5 @@
 """Successors of processes that died: forked by a process that has everything loaded, where that is ready."""
+
 from __future__ import annotations
 
 import os
@@ -80,9 +81,12 @@ class ForkServer:
         with log.open("wb") as output:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", MODULE, str(launch_file)],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=output, env=dict(environment),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=output,
+                env=dict(environment),
                 start_new_session=True,
-            )  # fmt: skip
+            )
         assert self._process.stdout is not None
         os.set_blocking(self._process.stdout.fileno(), False)
         self._rest = b""

@@ -1,4 +1,5 @@
 """What processes use, as Linux tells it."""
+
 from __future__ import annotations
 
 import os

@@ -1,4 +1,5 @@
 """Recorders of all hosts that stand by: how they are found, started and stopped."""
+
 from __future__ import annotations
 
 import os

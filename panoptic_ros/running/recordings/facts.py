@@ -1,4 +1,5 @@
 """What a recording says about the graph that it is of: versions, parameters, model cards."""
+
 from __future__ import annotations
 
 import json
@@ -101,9 +102,11 @@ def _versions() -> dict[str, str]:
 def _cards(nodes: dict[str, dict[str, Any]]) -> dict[str, str]:
     """The text of the card of every pose model that a node names."""
     named = {
-        str(value) for values in nodes.values() for key, value in values.items()
+        str(value)
+        for values in nodes.values()
+        for key, value in values.items()
         if key.split(".")[-1] == "model" and value
-    }  # fmt: skip
+    }
     found = {}
     for name in sorted(named):
         try:

@@ -1,4 +1,5 @@
 """How a live graph is recorded."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field

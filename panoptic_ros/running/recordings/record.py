@@ -1,4 +1,5 @@
 """Recordings of a live graph: self-contained bags, with a budget that is told before and counters after."""
+
 from __future__ import annotations
 
 import platform
@@ -132,7 +133,10 @@ class _Recording:
         options = self._options
         self._facts = ""
         bag = BagRecorder(
-            path, round(options.budget_gb * GB), round(options.keep_free_gb * GB), options.split,
+            path,
+            round(options.budget_gb * GB),
+            round(options.keep_free_gb * GB),
+            options.split,
             self._opening,
         )
         now = self._node.get_clock().now().nanoseconds
@@ -221,10 +225,16 @@ class _Recording:
             return Recorded(self._path, {}, {})
         counters = {topic: c for topic, c in bag.counters.items() if topic not in (FACTS, COUNTERS)}
         document = {
-            topic: {"count": c.count, "bytes": c.size, "missing": c.missing, "longest_s": c.longest_s,
-                    "rate_hz": c.rate, "dropped": bag.dropped[topic]}
+            topic: {
+                "count": c.count,
+                "bytes": c.size,
+                "missing": c.missing,
+                "longest_s": c.longest_s,
+                "rate_hz": c.rate,
+                "dropped": bag.dropped[topic],
+            }
             for topic, c in counters.items()
-        }  # fmt: skip
+        }
         if bag.fault is None:
             bag.put(_text_topic(COUNTERS), self._node.get_clock().now().nanoseconds, _text(as_text(document)))
         _close(bag, take)

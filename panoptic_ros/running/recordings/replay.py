@@ -1,4 +1,5 @@
 """Bags onto the live graph: at any rate, from any stage's topic, with the time of the bag on /clock."""
+
 from __future__ import annotations
 
 import fnmatch
@@ -125,16 +126,22 @@ def _connections(bags: Sequence[BagReader], options: ReplayOptions) -> list[Conn
 
 class _Player:
     def __init__(
-        self, node: ReplayNode, executor: SingleThreadedExecutor, bags: Sequence[BagReader],
-        connections: Sequence[Connection], options: ReplayOptions, stop: Callable[[], bool],
-    ):  # fmt: skip
+        self,
+        node: ReplayNode,
+        executor: SingleThreadedExecutor,
+        bags: Sequence[BagReader],
+        connections: Sequence[Connection],
+        options: ReplayOptions,
+        stop: Callable[[], bool],
+    ):
         self._node, self._executor, self._bags = node, executor, bags
         self._options, self._stop = options, stop
         self._latched = {c.topic for c in connections if is_latched(c)}
         stamps = [
-            stamp for bag in bags
+            stamp
+            for bag in bags
             for _, stamp, _, _ in bag.first(*(t for t in node.topics if t not in self._latched))
-        ]  # fmt: skip
+        ]
         if not stamps:
             raise DataError("only latched topics can be published here; install the messages of the others")
         self._first_ns = min(stamps) + round(options.start_s * SECOND)
@@ -161,9 +168,7 @@ class _Player:
         while not self._stop():
             self._executor.spin_once(timeout_sec=0.05)
             passed = time.monotonic() - begin
-            if passed >= DISCOVERY_S and (
-                self._node.heard(data_topics) or passed >= self._options.wait_s
-            ):
+            if passed >= DISCOVERY_S and (self._node.heard(data_topics) or passed >= self._options.wait_s):
                 break
         if self._options.wait_s and not self._node.heard(data_topics) and not self._stop():
             raise EnvironmentProblem(
@@ -199,8 +204,9 @@ class _Player:
         """Of all bags by the times of recording."""
         rows = [
             ((stamp, topic, data) for topic, stamp, data, _ in bag.raw(*(set(topics) & set(bag.topics))))
-            for bag in self._bags if set(topics) & set(bag.topics)
-        ]  # fmt: skip
+            for bag in self._bags
+            if set(topics) & set(bag.topics)
+        ]
         return heapq.merge(*rows, key=lambda row: row[0])
 
     def _now(self, first_ns: int, begin: float) -> int:

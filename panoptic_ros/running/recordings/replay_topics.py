@@ -1,4 +1,5 @@
 """Which topics of a bag are replayed, so that the stages from one on do their work anew."""
+
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping

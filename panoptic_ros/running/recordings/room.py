@@ -1,4 +1,5 @@
 """How much of a recording the disk has room for."""
+
 from __future__ import annotations
 
 import shutil

@@ -1,4 +1,5 @@
 """Which topics of a live graph are recorded."""
+
 from __future__ import annotations
 
 import fnmatch
@@ -9,10 +10,15 @@ from panoptic_ros.graph.topics import TOPICS
 
 RESULTS = ("skeletons", "detections", "clock_models", "timecode", "audio", "rig", "skeleton_model")
 FROM_OUTSIDE = (
-    "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo",
-    "sensor_msgs/msg/Imu", "sensor_msgs/msg/TimeReference", "audio_common_msgs/msg/AudioDataStamped",
-    "tf2_msgs/msg/TFMessage", "diagnostic_msgs/msg/DiagnosticArray",
-)  # fmt: skip
+    "sensor_msgs/msg/Image",
+    "sensor_msgs/msg/CompressedImage",
+    "sensor_msgs/msg/CameraInfo",
+    "sensor_msgs/msg/Imu",
+    "sensor_msgs/msg/TimeReference",
+    "audio_common_msgs/msg/AudioDataStamped",
+    "tf2_msgs/msg/TFMessage",
+    "diagnostic_msgs/msg/DiagnosticArray",
+)
 IMAGES = FROM_OUTSIDE[:2]
 
 

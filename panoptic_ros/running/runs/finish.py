@@ -1,4 +1,5 @@
 """After a run: the report, and the pictures, video and plot that go with it."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
@@ -27,10 +28,19 @@ LATEST = "latest."
 TOO_SLOW = "take: disk_too_slow"  # messages that were not recorded
 # notices of which report and console tell
 TOLD = (
-    "timecode.", "clocks.", "sync.clock_", "kinematics.", "graph.lossy", "graph.incompatible_qos",
-    "graph.unusable", "graph.encoding", "source.bad_message", "source.damaged", "source.patched",
+    "timecode.",
+    "clocks.",
+    "sync.clock_",
+    "kinematics.",
+    "graph.lossy",
+    "graph.incompatible_qos",
+    "graph.unusable",
+    "graph.encoding",
+    "source.bad_message",
+    "source.damaged",
+    "source.patched",
     "source.repaired",
-)  # fmt: skip
+)
 
 
 def finish(
@@ -59,8 +69,12 @@ def finish(
         dropped=_dropped(counted) | ({TOO_SLOW: results.dropped} if results.dropped else {}),
         latency_ms=_latencies(counted),
         notices=[
-            *_plan_notices(plan), *_newest_only(results), *_clock_notices(plan, results),
-            *warnings_of(counted), *notices, *why_nobody(sets, found, warnings),
+            *_plan_notices(plan),
+            *_newest_only(results),
+            *_clock_notices(plan, results),
+            *warnings_of(counted),
+            *notices,
+            *why_nobody(sets, found, warnings),
         ],
         facts={"source": plan.title, "elapsed_s": round(elapsed_s, 2)},
         bodies=results.bodies.document() if results.bodies.instants else {},
@@ -99,9 +113,12 @@ def draw(
             stack.enter_context(open_source(name, plan.rig, plan.sources[name])[0]) for name in plan.rig.names
         ]
         OverlayRun(plan.rig, plan.skeleton, bodies).write(
-            results.folder, sources, list(sets), list(results.poses),
+            results.folder,
+            sources,
+            list(sets),
+            list(results.poses),
             on_frame=lambda done: on_picture(done, len(sets)),
-        )  # fmt: skip
+        )
 
 
 def _has_shape(model: SegmentModel) -> bool:
@@ -156,9 +173,11 @@ def warnings_of(counted: Mapping[str, Mapping[str, str]]) -> list[Notice]:
 def dropped_in_all(counted: Mapping[str, Mapping[str, str]]) -> int:
     """Frames and messages that all nodes together have dropped."""
     return sum(
-        int(number) for values in counted.values() for key, number in values.items()
+        int(number)
+        for values in counted.values()
+        for key, number in values.items()
         if key.startswith("dropped.")
-    )  # fmt: skip
+    )
 
 
 def _plan_notices(plan: Plan) -> list[Notice]:
@@ -182,8 +201,9 @@ def _clock_notices(plan: Plan, results: Results) -> list[Notice]:
         return []
     found = [
         f"{name} {1e-6 * model.offset_ns:+.2f} ms +- {1e3 * model.covariance[0, 0] ** 0.5:.2f}"
-        for name, model in sorted(results.clocks.items()) if name in plan.rig.names
-    ]  # fmt: skip
+        for name, model in sorted(results.clocks.items())
+        if name in plan.rig.names
+    ]
     kept = [name for name in plan.rig.names if name not in results.clocks]
     words = (", ".join(names) or "none" for names in (found, kept))
     return [Notice("offsets.found", "info", "stamps corrected from motion: {}; kept: {}".format(*words))]

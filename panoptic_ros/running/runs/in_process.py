@@ -1,4 +1,5 @@
 """A run in one process, without ROS: the same stages, the same results."""
+
 from __future__ import annotations
 
 import time
@@ -53,10 +54,16 @@ class _Counted:
         self._giver = {topic: name for name in names for topic in NODES[name].outputs}
         self._results = results
         self.pipeline = Pipeline(
-            plan.configs, StageContext(plan.rig, plan.skeleton, {**plan.extras, "looks": looks}), names,
-            on_record=self._record, on_notice=self._note, on_refused=self._refuse, on_step=self._step,
-            clock=time.perf_counter_ns, table=NODES if looks is None else TABLE,
-        )  # fmt: skip
+            plan.configs,
+            StageContext(plan.rig, plan.skeleton, {**plan.extras, "looks": looks}),
+            names,
+            on_record=self._record,
+            on_notice=self._note,
+            on_refused=self._refuse,
+            on_step=self._step,
+            clock=time.perf_counter_ns,
+            table=NODES if looks is None else TABLE,
+        )
         self._looks = looks
         self._places: dict[str, int] = {}  # of what was refused, and their numbers
         self.first = plan.stage
@@ -99,9 +106,7 @@ class _Counted:
         self._results.take("diagnostics", {name: stage.values() for name, stage in self.statistics.items()})
 
 
-def run_in_process(
-    plan: Plan, results: Taker, stop: Callable[[], bool]
-) -> dict[str, StageStatistics]:
+def run_in_process(plan: Plan, results: Taker, stop: Callable[[], bool]) -> dict[str, StageStatistics]:
     """Run the plan to its end, or until `stop()` is true; returns what each stage counted."""
     if plan.live:
         counted = _Counted(plan, results)
@@ -117,9 +122,10 @@ def run_in_process(
         refused: list[DataError] = []
         known: list[Notice] = []  # after the last frames
         records: Records = (
-            _recorded(plan, stack, refused.append) if plan.streams
+            _recorded(plan, stack, refused.append)
+            if plan.streams
             else open_recording(plan.rig, {n: plan.sources[n] for n in plan.rig.names}, stack, known.append)
-        )  # fmt: skip
+        )
         looks = _side_by_side(plan, stack, records)
         counted = _Counted(plan, results, looks)
         for sound in plan.sounds:

@@ -1,4 +1,5 @@
 """Which nodes a run consists of and which process each of them lives in."""
+
 from __future__ import annotations
 
 import math
@@ -137,8 +138,11 @@ class _Nodes:
     def node(self, stages: tuple[str, ...], name: str, **more: Any) -> dict[str, Any]:
         """The node of connected stages."""
         parameters = {
-            **self.common, "graph": [*self.stages, *self._used], "marked": self._is_marked(stages), **more,
-        }  # fmt: skip
+            **self.common,
+            "graph": [*self.stages, *self._used],
+            "marked": self._is_marked(stages),
+            **more,
+        }
         if set(SOUND) & set(stages):
             parameters |= {"devices": list(self._plan.devices)}
         if self._plan.shifts:
@@ -174,15 +178,19 @@ def _inputs_of_detection(plan: Plan, cameras: list[str]) -> dict[str, list[str]]
     compressed |= set(plan.topics.get("compressed_image", ()))
     renamed = [
         f"{key} {camera}={name}"
-        for key, names in plan.topics.items() for camera, name in names.items() if camera in cameras
-    ]  # fmt: skip
+        for key, names in plan.topics.items()
+        for camera, name in names.items()
+        if camera in cameras
+    ]
     encodings = [f"{camera}={name}" for camera, name in plan.encodings.items() if camera in cameras]
     others = {key: values for key, values in (("topics", renamed), ("encodings", encodings)) if values}
-    return others | given_inputs({
-        "depth": [c for c in cameras if c in plan.depth_cameras],
-        "compressed_depth": [c for c in cameras if c in packed],
-        "compressed_image": [c for c in cameras if c in compressed],
-    })  # fmt: skip
+    return others | given_inputs(
+        {
+            "depth": [c for c in cameras if c in plan.depth_cameras],
+            "compressed_depth": [c for c in cameras if c in packed],
+            "compressed_image": [c for c in cameras if c in compressed],
+        }
+    )
 
 
 def _inputs_of_patches(plan: Plan) -> dict[str, list[str]]:
@@ -192,7 +200,7 @@ def _inputs_of_patches(plan: Plan) -> dict[str, list[str]]:
         f"{key} {sensor}={name}"
         for key, names in (("sensor_depth", raw), ("compressed_sensor_depth", packed))
         for sensor, name in names.items()
-    ]  # fmt: skip
+    ]
     own = given_inputs({"sensor_depth": [*raw, *packed], "compressed_sensor_depth": [*packed]})
     return own | ({"topics": renamed} if renamed else {})
 

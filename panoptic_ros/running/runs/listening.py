@@ -1,4 +1,5 @@
 """Looking for other graphs in the domain of a run, while it is planned and its processes load."""
+
 from __future__ import annotations
 
 from panoptic_ros.nodes.listeners.domain_claim import Listener

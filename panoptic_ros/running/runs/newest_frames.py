@@ -1,4 +1,5 @@
 """The newest frames of several live cameras, instant by instant, and all sound, in one process."""
+
 from __future__ import annotations
 
 import threading

@@ -1,4 +1,5 @@
 """How a run tells what goes on in it."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

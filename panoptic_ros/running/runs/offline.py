@@ -1,4 +1,5 @@
 """What only runs in one process do: refine over the whole recording, and patches with recorded inputs."""
+
 from __future__ import annotations
 
 from dataclasses import replace

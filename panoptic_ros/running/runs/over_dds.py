@@ -1,4 +1,5 @@
 """A run through real nodes: processes for cameras, detection and fusion, over DDS."""
+
 from __future__ import annotations
 
 import json
@@ -31,8 +32,12 @@ LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
 
 
 def run_over_dds(
-    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int = 0,
-    node_per_stage: bool = False, ahead: Ahead = NOBODY_AHEAD,
+    plan: Plan,
+    results: Results,
+    stop: Callable[[], bool],
+    jpeg_quality: int = 0,
+    node_per_stage: bool = False,
+    ahead: Ahead = NOBODY_AHEAD,
 ) -> dict[str, dict[str, str]]:
     """Run the plan to its end, or until `stop()` is true; returns each node's last diagnostics.
 
@@ -47,8 +52,13 @@ def run_over_dds(
 
 
 def _run(
-    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int, node_per_stage: bool,
-    arguments: list[str], ahead: Ahead,
+    plan: Plan,
+    results: Results,
+    stop: Callable[[], bool],
+    jpeg_quality: int,
+    node_per_stage: bool,
+    arguments: list[str],
+    ahead: Ahead,
 ) -> dict[str, dict[str, str]]:
     require_no_other_graph(ahead, plan.namespace)  # before anything is published
     flow_name = "live" if plan.live else "replay"
@@ -65,7 +75,12 @@ def _run(
         with Processes(launch, document["processes"], results.folder / "logs", plan.live, ahead) as processes:
             try:  # processes make their nodes meanwhile, which wait for the rig: it is published last
                 collector = CollectorNode(
-                    flow, plan.rig.names, results.take, plan.devices, bodies, patch_topics(plan),
+                    flow,
+                    plan.rig.names,
+                    results.take,
+                    plan.devices,
+                    bodies,
+                    patch_topics(plan),
                     partial(check_record, plan),
                 )
                 nodes += [collector]

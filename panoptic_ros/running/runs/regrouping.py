@@ -1,4 +1,5 @@
 """Detection sets of a run, made once more from its views: by the last clocks that it found."""
+
 from __future__ import annotations
 
 from collections.abc import Iterable

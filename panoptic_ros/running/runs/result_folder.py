@@ -5,6 +5,7 @@ there: a mount point, a link and files of the user stay as they are. A live take
 folder that was empty, and is marked open until it is closed (`io.takes`). The file `report.json` lists the
 files that a run made; only these are ever replaced or deleted.
 """
+
 from __future__ import annotations
 
 import json
@@ -175,8 +176,15 @@ def _move_up(part: Path, out: Path, own: list[str]) -> None:
     """
     new = files_below(part)
     taken = [name for name in new if name not in own and (out / name).exists()]
-    blocked = [name for name in new if any(p.is_file() and str(p.relative_to(out)) not in own
-                                           for p in (out / name).parents if out in p.parents)]  # fmt: skip
+    blocked = [
+        name
+        for name in new
+        if any(
+            p.is_file() and str(p.relative_to(out)) not in own
+            for p in (out / name).parents
+            if out in p.parents
+        )
+    ]
     if in_the_way := sorted((*taken, *blocked)):
         beside = _free(out)
         os.replace(part, beside)

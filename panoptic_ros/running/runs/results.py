@@ -1,4 +1,5 @@
 """What a run records: the bag, the skeletons and the bodies, as they come."""
+
 from __future__ import annotations
 
 from collections import deque
@@ -127,9 +128,12 @@ class Results:
     """
 
     def __init__(
-        self, folder: Path, plan: Plan, on_record: Callable[[str, Any], None] = lambda key, record: None,
+        self,
+        folder: Path,
+        plan: Plan,
+        on_record: Callable[[str, Any], None] = lambda key, record: None,
         pictures: bool = True,
-    ):  # fmt: skip
+    ):
         self.folder = folder
         kept = KEPT_LIVE if plan.live else None
         self.poses: deque[RefinedPoseSet] = deque(maxlen=kept)
@@ -286,6 +290,13 @@ def _without_maps(view: ViewDetections) -> ViewDetections:
     if view.maps is None and view.limit is None:
         return view
     return ViewDetections(
-        view.camera, view.stamp_ns, view.frame_number, view.image_size, view.skeleton_hash,
-        view.points, view.scores, view.person_scores, carried=view.carried,
-    )  # fmt: skip
+        view.camera,
+        view.stamp_ns,
+        view.frame_number,
+        view.image_size,
+        view.skeleton_hash,
+        view.points,
+        view.scores,
+        view.person_scores,
+        carried=view.carried,
+    )

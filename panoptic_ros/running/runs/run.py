@@ -4,6 +4,7 @@ A run over recordings leaves all of its results or none. A live run has no end o
 as Ctrl-C, a fault of a camera or a bug ends the recording. The take is closed first, then the report and the
 pictures are made, and nothing that happens there changes the take.
 """
+
 from __future__ import annotations
 
 import time
@@ -217,7 +218,12 @@ def _close(results: Results, folder: LiveFolder) -> PanopticError | None:
 
 
 def _report_live(
-    plan: Plan, results: Results, counted: Counted, told: tuple[Notice, ...], watch: _Watch, how: _Options,
+    plan: Plan,
+    results: Results,
+    counted: Counted,
+    told: tuple[Notice, ...],
+    watch: _Watch,
+    how: _Options,
     started: float,
 ) -> tuple[RunReport | None, list[str]]:
     """Make report and pictures of a closed take; errors and requests to end cost these alone.
@@ -280,7 +286,11 @@ def _in_process(plan: Plan, results: Results, stop: Callable[[], bool], offline:
 
 
 def _over_dds(
-    plan: Plan, results: Results, stop: Callable[[], bool], jpeg_quality: int, node_per_stage: bool,
+    plan: Plan,
+    results: Results,
+    stop: Callable[[], bool],
+    jpeg_quality: int,
+    node_per_stage: bool,
     ahead: Ahead,
 ) -> Counted:
     from panoptic_ros.running.runs.over_dds import run_over_dds  # needs ROS, the other way does not

@@ -1,4 +1,5 @@
 """The self-check of the calibration, as soon as there are people enough to judge by."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,4 +1,5 @@
 """What a run waits for that gives nothing yet."""
+
 from __future__ import annotations
 
 import threading

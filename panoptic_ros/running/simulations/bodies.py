@@ -92,10 +92,13 @@ def _write_bag(path: Path, take: BodyGroup) -> None:
     ]
     for name, series in take.devices.items():
         rows += [
-            (stamp, TOPICS["imu"].of(name),
-             ImuSample(name, stamp, series.quaternions[k], series.rates[k], series.forces[k]))
+            (
+                stamp,
+                TOPICS["imu"].of(name),
+                ImuSample(name, stamp, series.quaternions[k], series.rates[k], series.forces[k]),
+            )
             for k, stamp in enumerate(series.stamps.tolist())
-        ]  # fmt: skip
+        ]
     with BagWriter(path) as bag:
         for key, record in (("rig", take.rig), ("skeleton_model", SKELETON)):
             bag.write("/" + TOPICS[key].name, int(take.stamps[0]), to_message(record, family))

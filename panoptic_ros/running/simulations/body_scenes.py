@@ -26,12 +26,19 @@ OTHER_BODY_SCENES = {  # the like, in which less is known
 }
 SECONDS = 19.0
 _CLIPS: dict[str, tuple[str, ...]] = {
-    "body-punch": ("02_05",), "body-wash": ("02_10",), "body-walk": ("03_01", "03_02"),
-    "body-shake": ("18_01",), "body-jog": ("02_01", "02_03", "02_04", "02_02"), "body-t-pose": ("02_05",),
-    "body-heading": ("18_01",), "body-clocks": ("02_01", "02_03", "02_04", "02_02"),
-    "body-strapped": ("02_10",), "body-pair": ("02_05",), "body-crowd": ("02_05",),
+    "body-punch": ("02_05",),
+    "body-wash": ("02_10",),
+    "body-walk": ("03_01", "03_02"),
+    "body-shake": ("18_01",),
+    "body-jog": ("02_01", "02_03", "02_04", "02_02"),
+    "body-t-pose": ("02_05",),
+    "body-heading": ("18_01",),
+    "body-clocks": ("02_01", "02_03", "02_04", "02_02"),
+    "body-strapped": ("02_10",),
+    "body-pair": ("02_05",),
+    "body-crowd": ("02_05",),
     "body-leaves": ("02_01", "02_02", "02_03", "02_01"),
-}  # fmt: skip
+}
 _UNKNOWN: dict[str, Any] = {"heading": 180.0, "clock": 0.06, "mounts": False}
 _MORE: dict[str, dict[str, Any]] = {
     "body-t-pose": {"mounts": False, "t_pose": 4.0},

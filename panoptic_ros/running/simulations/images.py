@@ -1,4 +1,5 @@
 """The images of a simulated take as a capture folder. Apart from `simulate`, as numba loads slowly."""
+
 from __future__ import annotations
 
 import csv
@@ -77,8 +78,10 @@ def write_capture(
         sink.close()
         yield name
     if tracks:
-        names = [f"{name}.mp4: [{', '.join(g.clock for g in _heard(take, k))}]\n"
-                 for k, name in enumerate(take.rig.names)]  # fmt: skip
+        names = [
+            f"{name}.mp4: [{', '.join(g.clock for g in _heard(take, k))}]\n"
+            for k, name in enumerate(take.rig.names)
+        ]
         write_bytes(folder / SOUND_NAMES, "".join(names).encode())
     else:
         _write_stamps(folder / "timestamps.csv", rows)

@@ -1,4 +1,5 @@
 """Takes of simulated scenes in files: whole or not at all."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,4 +1,5 @@
 """The sound in bags."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
@@ -27,7 +28,7 @@ def recorder_of(stream: BagStream) -> Recorder:
 
     def blocks() -> Iterator[AudioBlock]:
         with ExitStack() as stack:
-            (_, records), = opened_streams([stream], stack, _leave_out)
+            ((_, records),) = opened_streams([stream], stack, _leave_out)
             yield from records
 
     with BagReader(stream.bag) as bag:

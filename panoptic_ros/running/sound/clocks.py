@@ -1,4 +1,5 @@
 """The clocks of cameras from the sound of a recording, whatever holds it."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -45,9 +46,14 @@ class SoundRecording:
 
 
 def clocks_from_sound(
-    recorders: Sequence[Recorder], cameras: Sequence[str], rig: Rig | None = None, *, trusted: str = "",
-    apart: float = APART, progress: Progress = untold,
-) -> HeardClocks:  # fmt: skip
+    recorders: Sequence[Recorder],
+    cameras: Sequence[str],
+    rig: Rig | None = None,
+    *,
+    trusted: str = "",
+    apart: float = APART,
+    progress: Progress = untold,
+) -> HeardClocks:
     """The clocks of cameras.
 
     A camera's sound is that of the device of its name, or of the device that the rig names as its clock.
@@ -88,9 +94,7 @@ def recorders_of(sounds: Sequence[Mapping[str, Any]]) -> list[Recorder]:
 
         return blocks
 
-    return [
-        Recorder(str(s["device"]), tuple(s["clocks"]), Path(s["path"]).name, reader(s)) for s in sounds
-    ]
+    return [Recorder(str(s["device"]), tuple(s["clocks"]), Path(s["path"]).name, reader(s)) for s in sounds]
 
 
 def recorded_sound(path: Path) -> tuple[list[Recorder], Rig | None]:
@@ -115,9 +119,12 @@ def recorded_sound(path: Path) -> tuple[list[Recorder], Rig | None]:
         stamps, _ = folder_stamps(path, files, rig.names if rig is not None else list(files))
         starts = {} if stamps else starts_of_files(files)
         tracks = {
-            file.name: sound for name, file in files.items() if file.is_file()
-            for sound in [_track(file, name, starts.get(name, 0), stamps.get(name, ()))] if sound is not None
-        }  # fmt: skip
+            file.name: sound
+            for name, file in files.items()
+            if file.is_file()
+            for sound in [_track(file, name, starts.get(name, 0), stamps.get(name, ()))]
+            if sound is not None
+        }
         begins = starts | {name: own[0] for name, own in stamps.items() if own}
         found = recorders_of(folder_sounds(path, begins, tracks))
     else:
@@ -170,15 +177,20 @@ def corrections_from_sound(
         name: StampLine(
             int(clocks.reference_ns), round(SECOND * float(clocks.offsets[c])), float(clocks.drifts[c])
         )
-        for c, name in enumerate(clocks.cameras) if clocks.applied[c]
-    }  # fmt: skip
+        for c, name in enumerate(clocks.cameras)
+        if clocks.applied[c]
+    }
     return lines, tuple(line.strip() for line in sound_lines(found))
 
 
 def folder_clocks(
-    path: Path, rig: Path | None = None, *, trusted: str = "", apart: float = APART,
+    path: Path,
+    rig: Path | None = None,
+    *,
+    trusted: str = "",
+    apart: float = APART,
     progress: Progress = untold,
-) -> HeardClocks:  # fmt: skip
+) -> HeardClocks:
     """The clocks of the cameras of a capture folder or a bag: of the rig, or all devices if there is none.
 
     Args:

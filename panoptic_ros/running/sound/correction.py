@@ -1,4 +1,5 @@
 """The stamps of a recording's cameras, corrected before it is solved."""
+
 from __future__ import annotations
 
 from collections import Counter
@@ -68,9 +69,13 @@ def corrected(
         share = part_of(progress, 0.0, 0.3 if correction.from_motion else 1.0)
         recorders, _ = recorded_sound(correction.from_sound)
         heard = clocks_from_sound(
-            recorders, task.context.rig.names, task.context.rig, trusted=correction.trusted,
-            apart=correction.apart, progress=share,
-        )  # fmt: skip
+            recorders,
+            task.context.rig.names,
+            task.context.rig,
+            trusted=correction.trusted,
+            apart=correction.apart,
+            progress=share,
+        )
         task = replace(task, sets=regroup(task.sets, heard.clocks.corrections(task.sets)))
         told, clocks = sound_lines(heard), heard.clocks
     if correction.from_motion:

@@ -1,4 +1,5 @@
 """Listening to recordings before a run, until the clocks in them are known."""
+
 from __future__ import annotations
 
 import heapq
@@ -99,8 +100,9 @@ def _begin(found: Hearing, first: AudioBlock) -> int:
 
 def _side_by_side(recorders: Sequence[Heard]) -> Iterator[tuple[float, AudioBlock]]:
     """Blocks of all devices by the time since their beginnings, s."""
-    for _, since, block in heapq.merge(*(_timed(k, recorder) for k, recorder in enumerate(recorders)),
-                                       key=lambda row: (row[1], row[0])):  # fmt: skip
+    for _, since, block in heapq.merge(
+        *(_timed(k, recorder) for k, recorder in enumerate(recorders)), key=lambda row: (row[1], row[0])
+    ):
         yield since, block
 
 

@@ -4,6 +4,7 @@ Two things tell. Cameras take whole numbers of frames per frame of their timecod
 25 Hz cameras are not on the clock of a 29.97 Hz timecode. And cameras are stamped with times that their
 timecode shows, not with those of the other one.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -19,9 +20,7 @@ NEARER_NS = 1_000_000_000  # by which stamps are nearer to the other timecode th
 Readings = Mapping[tuple[str, str], TimecodeReading]
 
 
-def check_swapped(
-    clocks: Mapping[str, str], words: Readings, stamps: Mapping[str, Sequence[int]]
-) -> None:
+def check_swapped(clocks: Mapping[str, str], words: Readings, stamps: Mapping[str, Sequence[int]]) -> None:
     """Whether two channels of one device fit the other's cameras only.
 
     Args:

@@ -3,6 +3,7 @@
 The frames of a video and its sound are on one time line, the clock of that camera. So where frames have no
 stamps but their places in the video, and its sound carries timecode, the timecode says when they were taken.
 """
+
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
@@ -68,9 +69,10 @@ def find_tracks(
     if silent:
         notices.append(_line(tracks, silent, asked))
     own = {
-        name: name for name, sound in found.items()
+        name: name
+        for name, sound in found.items()
         if name in clocks and (name in sound["clocks"] or (name not in stamped and any(sound["clocks"])))
-    }  # fmt: skip
+    }
     kept = [found.get(str(s["device"]), s) if s["kind"] == "video" else s for s in sounds]
     kept = [sound for sound in kept if sound["kind"] != "video" or any(sound["clocks"])]
     _require_stamps(rig, kept, {*own, *stamped}, own)
@@ -95,9 +97,10 @@ def _timecode_of(sound: Sound, configs: Mapping[str, Config], clock: str) -> lis
             continue  # one microphone on all channels
         stage = TimecodeStage(config_of(configs, TimecodeConfig))
         heard = [
-            reading for block in blocks
+            reading
+            for block in blocks
             for reading in stage.step(replace(block, samples=block.samples[:, channel], clocks=())).outputs
-        ]  # fmt: skip
+        ]
         if len(heard) >= WORDS:
             words[channel] = heard
     if not words:
@@ -153,9 +156,10 @@ def _require_stamps(
     devices = [str(sound["device"]) for sound in sounds]
     named = {clock for sound in sounds for clock in sound["clocks"] if clock and clock not in devices}
     lost = [
-        c.name for c in rig.cameras
+        c.name
+        for c in rig.cameras
         if c.name not in timed and c.clock not in devices and (own or c.clock in named)
-    ]  # fmt: skip
+    ]
     if lost:
         others = f"{', '.join(own)} hear timecode" if own else "the rig says that timecode stamps them"
         raise DataError(

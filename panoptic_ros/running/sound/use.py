@@ -4,6 +4,7 @@ Sound that stamps no camera is left alone. The rest is heard before the run begi
 every clock: so a clock that nobody hears is told at once, and it is known roughly by how much the clocks
 differ, which the run needs to keep its streams side by side.
 """
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -65,9 +66,11 @@ class ClockPlan:
 
 
 def plan_clocks(
-    rig: Rig, configs: Mapping[str, Config], recorders: Sequence[Recorder],
+    rig: Rig,
+    configs: Mapping[str, Config],
+    recorders: Sequence[Recorder],
     stamps: Mapping[str, Sequence[int]],
-) -> ClockPlan:  # fmt: skip
+) -> ClockPlan:
     """Which sound a run needs, and what it tells of the clocks of its cameras.
 
     Args:
@@ -112,9 +115,11 @@ def _clocks_of_cameras(rig: Rig, configs: Mapping[str, Config]) -> dict[str, str
 
 
 def _with_names(
-    configs: Mapping[str, Config], clocks: Mapping[str, str], used: Sequence[Recorder],
+    configs: Mapping[str, Config],
+    clocks: Mapping[str, str],
+    used: Sequence[Recorder],
     carried: Mapping[str, Recorder],
-) -> dict[str, Config]:  # fmt: skip
+) -> dict[str, Config]:
     """Configurations of sync and clocks that name the clocks of cameras, and the master among them."""
     sync, own = config_of(configs, SyncConfig), config_of(configs, ClocksConfig)
     named = [clock for recorder in used for clock in recorder.named]
@@ -126,9 +131,10 @@ def _with_names(
         )
     entries = tuple(f"{camera}={clock}" for camera, clock in clocks.items())
     return {
-        **configs, "sync": replace(sync, clocks=entries, master_clock=master),
+        **configs,
+        "sync": replace(sync, clocks=entries, master_clock=master),
         "clocks": replace(own, master_clock=master),
-    }  # fmt: skip
+    }
 
 
 def _refuse_unheard_parameters(
@@ -164,9 +170,7 @@ def _require_one_rate(heard: Hearing) -> None:
             )
 
 
-def _require_heard(
-    clocks: Mapping[str, str], heard: Hearing, used: Sequence[Recorder], master: str
-) -> None:
+def _require_heard(clocks: Mapping[str, str], heard: Hearing, used: Sequence[Recorder], master: str) -> None:
     for clock in dict.fromkeys(clocks.values()):
         if clock not in heard.models:
             cameras = ", ".join(camera for camera, own in clocks.items() if own == clock)

@@ -1,4 +1,5 @@
 """Solved bodies at the instants of skeletons: how well they fit images, keep limits and hold still."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -38,9 +39,11 @@ def both_at(
 
 
 def body_summary(
-    context: StageContext, sets: Sequence[DetectionSet], bodies: Sequence[BodyStateSet],
+    context: StageContext,
+    sets: Sequence[DetectionSet],
+    bodies: Sequence[BodyStateSet],
     both: tuple[Sequence[TrackedPoseSet], Sequence[TrackedPoseSet]],
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Of skeletons and of bodies: reprojection errors, px, of joints that skeletons measured (median, 90 %),
     and accelerations, m/s^2; of bodies, what is beyond their joint limits."""
     pixels, accelerations = [], []
@@ -54,9 +57,11 @@ def body_summary(
             found.append(typical_acceleration(stamps, np.array([p.positions[k] for p, k in there])))
         accelerations.append(float(np.nanmean(found)) if found else np.nan)
     return {
-        "px": [row[0] for row in pixels], "px_90": [row[1] for row in pixels],
-        "acceleration": accelerations, **_limits(context.extras["segments"], bodies),
-    }  # fmt: skip
+        "px": [row[0] for row in pixels],
+        "px_90": [row[1] for row in pixels],
+        "acceleration": accelerations,
+        **_limits(context.extras["segments"], bodies),
+    }
 
 
 def _limits(model: SegmentModel, bodies: Sequence[BodyStateSet]) -> dict[str, float]:
@@ -66,8 +71,9 @@ def _limits(model: SegmentModel, bodies: Sequence[BodyStateSet]) -> dict[str, fl
     turns = freedoms[:, 6:].reshape(len(freedoms), -1, 3)
     over = np.maximum(model.lower[1:] - turns, turns - model.upper[1:])
     return {
-        "beyond": float((over > BEYOND).mean()), "most_deg": float(max(np.degrees(over.max()), 0.0)),
-    }  # fmt: skip
+        "beyond": float((over > BEYOND).mean()),
+        "most_deg": float(max(np.degrees(over.max()), 0.0)),
+    }
 
 
 def _between(stamps: Sequence[int], found: Sequence[Array], stamp_ns: int) -> Array | None:
@@ -86,8 +92,14 @@ def _chosen(item: TrackedPoseSet, rows: list[int], positions: Array) -> TrackedP
     """Some people of an instant, with these joints (P, J, 3) where they have any."""
     there = (item.states[rows] != JointState.MISSING) & np.isfinite(positions).all(-1)
     return TrackedPoseSet(
-        item.index, item.stamp_ns, item.skeleton_hash, np.where(there[..., None], positions, np.nan),
+        item.index,
+        item.stamp_ns,
+        item.skeleton_hash,
+        np.where(there[..., None], positions, np.nan),
         np.where(there[..., None, None], item.covariances[rows], np.nan),
-        np.where(there, item.scores[rows], 0.0), item.views[rows],
-        np.where(there, item.states[rows], JointState.MISSING), item.person_scores[rows], ids=item.ids[rows],
-    )  # fmt: skip
+        np.where(there, item.scores[rows], 0.0),
+        item.views[rows],
+        np.where(there, item.states[rows], JointState.MISSING),
+        item.person_scores[rows],
+        ids=item.ids[rows],
+    )

@@ -1,4 +1,5 @@
 """2D people of a capture or of a run's results, with the truth if there is any, for studies."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -82,9 +83,7 @@ def detected(folder: Path, cameras: Sequence[str], settings: Parameters, truth: 
         "tracking": {"subjects": [subject_word(subject.id, subject.start) for subject in subjects]},
     }
     if (folder / DETECTIONS).is_file():
-        task = read_task(
-            folder / "rig.json", folder / DETECTIONS, merged(settings, known), cameras=chosen
-        )  # fmt: skip
+        task = read_task(folder / "rig.json", folder / DETECTIONS, merged(settings, known), cameras=chosen)
         context, configs, sets = task.context, task.configs, task.sets
     else:
         if (folder / BAG).is_dir():

@@ -1,4 +1,5 @@
 """Scores of skeletons in a file against the truth in another."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,5 +1,6 @@
 """`panoptic evaluate --study fill`: how bodies fit, and what they are worth to skeletons, by how many views
 see a joint."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,9 +33,13 @@ CORNERS = ("lShoulder", "rShoulder", "lHip", "rHip")
 
 
 def study_fill(
-    folder: Path, cameras: Sequence[str], settings: Parameters, progress: Progress,
-    truth: Path | None = None, people: Sequence[int] = (),
-) -> dict[str, Any]:  # fmt: skip
+    folder: Path,
+    cameras: Sequence[str],
+    settings: Parameters,
+    progress: Progress,
+    truth: Path | None = None,
+    people: Sequence[int] = (),
+) -> dict[str, Any]:
     """How bodies fit images, and errors of `/skeletons` with and without bodies and of bodies, for JSON.
 
     Args:
@@ -54,16 +59,21 @@ def study_fill(
     progress(0.6, "solving with bodies")
     filled, bodies = _solved(capture, True)
     both = both_at(plain, bodies)
-    tables = {} if capture.truth is None else {
-        "rows": _scores(capture, plain, filled), "bodies": _scores(capture, *both)
-    }  # fmt: skip
+    tables = (
+        {}
+        if capture.truth is None
+        else {"rows": _scores(capture, plain, filled), "bodies": _scores(capture, *both)}
+    )
     summary = body_summary(capture.context, capture.sets, bodies, both)
     progress(1.0, "scoring")
     return {
-        "study": "fill", "capture": str(folder), "cameras": list(capture.context.rig.names),
+        "study": "fill",
+        "capture": str(folder),
+        "cameras": list(capture.context.rig.names),
         "imus": sum(len(subject.devices) for subject in capture.subjects),
-        "summary": summary, **tables,
-    }  # fmt: skip
+        "summary": summary,
+        **tables,
+    }
 
 
 def fill_lines(result: Mapping[str, Any]) -> Iterator[str]:
@@ -112,10 +122,11 @@ def _solved(capture: Detected, bodies: bool) -> tuple[list[RefinedPoseSet], list
     found: dict[str, list[Any]] = {"skeletons": [], "bodies": []}
     refinement = replace(config_of(capture.configs, RefinementConfig), bodies=bodies)
     pipeline = Pipeline(
-        {**capture.configs, "refinement": refinement}, capture.context,
+        {**capture.configs, "refinement": refinement},
+        capture.context,
         (*FUSION, "kinematics") if bodies else FUSION,
         on_record=lambda topic, record: found[topic].append(record) if topic in found else None,
-    )  # fmt: skip
+    )
     devices = [device.name for subject in capture.subjects for device in subject.devices]
     samples = imu_samples(capture.imus, devices) if bodies and capture.imus is not None else ()
     for item in merge(samples, capture.sets, key=lambda item: item.stamp_ns):
@@ -158,15 +169,22 @@ def _scores(
     only = np.isfinite(whole[1][..., 0]) & ~np.isfinite(whole[0][..., 0])
     rows = []
     for text, mask in (
-        ("3 views and more see", views > FEW), ("2 views see", views == FEW),
-        ("1 view or none sees", views < FEW), ("2 views or fewer see", views <= FEW),
-    ):  # fmt: skip
+        ("3 views and more see", views > FEW),
+        ("2 views see", views == FEW),
+        ("1 view or none sees", views < FEW),
+        ("2 views or fewer see", views <= FEW),
+    ):
         if (mask & common).any():
-            rows.append({
-                "joints": text, "count": int((mask & common).sum()), "only_with": int((mask & only).sum()),
-                "mm": _means(whole, mask & common), "offset_free_mm": _means(free, mask & common),
-                "better_mm": _better(whole, mask & common),
-            })  # fmt: skip
+            rows.append(
+                {
+                    "joints": text,
+                    "count": int((mask & common).sum()),
+                    "only_with": int((mask & only).sum()),
+                    "mm": _means(whole, mask & common),
+                    "offset_free_mm": _means(free, mask & common),
+                    "better_mm": _better(whole, mask & common),
+                }
+            )
     return rows
 
 

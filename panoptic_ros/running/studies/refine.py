@@ -1,4 +1,5 @@
 """`panoptic evaluate --study refine`: what the motion of the surface is worth on a capture with truth."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -37,8 +38,9 @@ def study_refinement(
     played = sensed.without_maps()
     patches = played.patches()
     ways: dict[str, tuple[Played, Sequence[PatchTrajectories]]] = {
-        "smoother": (played, ()), "smoother, patches": (played, patches)
-    }  # fmt: skip
+        "smoother": (played, ()),
+        "smoother, patches": (played, patches),
+    }
     pairs = played.pairs(played.raw)
     told = {"images": patch_scores(folder, played, patches)}
     if sensed.maps:

@@ -1,4 +1,5 @@
 """Depth maps of a capture folder as sensors of their own, for the study of refinement; and what they tell."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -91,9 +92,11 @@ def free_space(
 
 
 def transforms(
-    patches: Sequence[PatchTrajectories], pairs: Sequence[FramePair], context: StageContext,
+    patches: Sequence[PatchTrajectories],
+    pairs: Sequence[FramePair],
+    context: StageContext,
     order: Sequence[int],
-) -> dict[str, float]:  # fmt: skip
+) -> dict[str, float]:
     """How well motions of parts carry true joints from one instant to the next: T(t + 1 | t) of Joo et al.
     2017, 6.3. Median and 90 % of the error in mm, and the share of joints that have a motion.
 

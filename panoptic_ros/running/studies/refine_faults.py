@@ -4,6 +4,7 @@ motion of the surface in a capture's images.
 2D tracks and identities are those of a run on the capture; so are the views of a person, whose 2D people
 still show the wrists that are missing here.
 """
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -30,7 +31,11 @@ Rows = dict[tuple[str, float | None], list[dict[str, float | None]]]  # of each 
 
 
 def study_faults(
-    folder: Path, cameras: Sequence[str], settings: Parameters, depth: str, seeds: Sequence[int],
+    folder: Path,
+    cameras: Sequence[str],
+    settings: Parameters,
+    depth: str,
+    seeds: Sequence[int],
     progress: Progress,
 ) -> dict[str, Any]:
     """Figures of every method and lag, means over the seeds, for JSON; the rest as for `study_refinement`."""
@@ -77,9 +82,13 @@ def _with_faults(played: Played, seed: int) -> tuple[Faulty, Played]:
     truth: list[Mapping[int, Array]] = []
     for item in played.raw:
         pair = pairs.get(item.stamp_ns)
-        own = {} if pair is None else {
-            number: pair.truth[row][order] for (_, number), (row, _) in zip(pair.match_ids, pair.matches)
-        }  # fmt: skip
+        own = (
+            {}
+            if pair is None
+            else {
+                number: pair.truth[row][order] for (_, number), (row, _) in zip(pair.match_ids, pair.matches)
+            }
+        )
         truth.append({number: places for number, places in own.items() if number in item.ids.tolist()})
     faulty = with_faults(truth, played.skeleton.joint_names, seed)
     raw = [_posed(item, joints, faulty.covariance) for item, joints in zip(played.raw, faulty.joints)]
@@ -96,9 +105,13 @@ def _posed(item: TrackedPoseSet, joints: Mapping[int, Array], covariance: Array)
     there = np.isfinite(positions[..., 0])
     states = np.where(there, np.uint8(JointState.MEASURED), np.uint8(JointState.MISSING))
     return replace(
-        item, positions=positions, covariances=np.where(there[..., None, None], covariance, np.nan),
-        scores=there.astype(float), views=np.where(there, 3, 0), states=states,
-    )  # fmt: skip
+        item,
+        positions=positions,
+        covariances=np.where(there[..., None, None], covariance, np.nan),
+        scores=there.astype(float),
+        views=np.where(there, 3, 0),
+        states=states,
+    )
 
 
 def _scores(played: Played, faulty: Faulty, items: Posed) -> dict[str, float | None]:
@@ -119,10 +132,13 @@ def _scores(played: Played, faulty: Faulty, items: Posed) -> dict[str, float | N
                     missing += int(np.isnan(off[joint]))
     every, known = np.concatenate(errors), [value for value in gaps if np.isfinite(value)]
     return {
-        "mpjpe_mm": float(every.mean()), "p95_mm": float(np.quantile(every, 0.95)),
-        "acceleration_error": acceleration_error(pairs), "gap_mm": _mean(known),
-        "worst_gap_mm": max(known, default=None), "unfilled": missing / max(len(gaps), 1),
-    }  # fmt: skip
+        "mpjpe_mm": float(every.mean()),
+        "p95_mm": float(np.quantile(every, 0.95)),
+        "acceleration_error": acceleration_error(pairs),
+        "gap_mm": _mean(known),
+        "worst_gap_mm": max(known, default=None),
+        "unfilled": missing / max(len(gaps), 1),
+    }
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

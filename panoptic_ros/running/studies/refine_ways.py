@@ -1,4 +1,5 @@
 """Ways to smooth a capture that was run once, for the studies of refinement."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
@@ -85,8 +86,11 @@ class Played:
         """Patches on these skeletons, the raw ones unless given."""
         config = replace(self.plan.configs["patches"], **parameters)
         stage = make_stage("patches", config, StageContext(self.rig, self.skeleton))
-        return [found for item in self.ordered(self.raw if shown is None else shown)
-                for found in stage.step(item).outputs]  # fmt: skip
+        return [
+            found
+            for item in self.ordered(self.raw if shown is None else shown)
+            for found in stage.step(item).outputs
+        ]
 
 
 def play(
@@ -169,5 +173,6 @@ def paper(played: Played) -> tuple[list[RefinedPoseSet], int]:
 
 
 FILTERS: dict[str, tuple[float, Callable[[Sequence[TrackedPoseSet]], list[SkeletonFrame]]]] = {
-    "one-euro": (0.0, one_euro), "Savitzky-Golay": (0.12, savitzky_golay),
-}  # fmt: skip
+    "one-euro": (0.0, one_euro),
+    "Savitzky-Golay": (0.12, savitzky_golay),
+}

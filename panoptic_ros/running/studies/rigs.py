@@ -1,4 +1,5 @@
 """Studies of rigs: from a file of cameras to numbers and a plot."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -65,8 +66,10 @@ def write_study(folder: Path, result: dict[str, Any]) -> list[Path]:
     write_json(path, result)
     if result["study"] == "time":
         return [path]
-    what = "rendered images, default detector" if result["study"] == "resolution" else (
-        f"simulated detector, noise {100 * result['noise_share']:g} % of the person's size"
+    what = (
+        "rendered images, default detector"
+        if result["study"] == "resolution"
+        else (f"simulated detector, noise {100 * result['noise_share']:g} % of the person's size")
     )
     picture = path.with_suffix(".png")
     write_study_plot(picture, result["rows"], f"PCK, {what}")
@@ -86,9 +89,7 @@ def _resolution(request: StudyRequest, progress: Progress) -> dict[str, Any]:
     from panoptic_ros.bench.studies.resolution import study_resolution
 
     hd, vga = read_rig(request.rig, types=("hd",)), read_rig(request.rig, types=("vga",))
-    return study_resolution(
-        (hd, vga), request.cameras[0], request.takes, request.methods, MODEL, progress
-    )
+    return study_resolution((hd, vga), request.cameras[0], request.takes, request.methods, MODEL, progress)
 
 
 def _time(request: StudyRequest, progress: Progress) -> dict[str, Any]:

@@ -1,4 +1,5 @@
 """`panoptic evaluate --study steady`: what the motion of the surface is worth where there is no truth."""
+
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
@@ -91,9 +92,11 @@ def steady_lines(result: Mapping[str, Any]) -> list[str]:
     for row in result["rows"]:
         same = (before.get("person"), before.get("lag_s")) == (row["person"], row["lag_s"])
         noise, limb = (
-            f"{row[name]:.2f} ({row[name] / before[name] - 1.0:+4.0%})" if same and before[name] else
-            f"{row[name]:.2f}        " for name in ("noise", "limb_median_cm")
-        )  # fmt: skip
+            f"{row[name]:.2f} ({row[name] / before[name] - 1.0:+4.0%})"
+            if same and before[name]
+            else f"{row[name]:.2f}        "
+            for name in ("noise", "limb_median_cm")
+        )
         lines.append(
             f"{row['person']:>6} {row['lag_s']:6.2f} {row['method']:18} {row['instants']:>8} "
             f"{row['acceleration']:9.2f} {noise:>18} {limb:>18} {row['limb_worst_cm']:6.2f}"

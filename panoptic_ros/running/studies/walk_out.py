@@ -1,4 +1,5 @@
 """`panoptic evaluate --study walkout`: somebody walks out of the cameras: all of them, then two, then one."""
+
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -48,9 +49,13 @@ class Leaving:
 
 
 def study_walkout(
-    folder: Path | None, cameras: Sequence[str], settings: Parameters, seeds: Sequence[int],
-    progress: Progress, truth: Path | None = None,
-) -> dict[str, Any]:  # fmt: skip
+    folder: Path | None,
+    cameras: Sequence[str],
+    settings: Parameters,
+    seeds: Sequence[int],
+    progress: Progress,
+    truth: Path | None = None,
+) -> dict[str, Any]:
     """Errors and ellipsoids by phase and by how many views see a joint, over all takes, for JSON; of bodies,
     too, where `settings` ask for `kinematics.everybody`.
 
@@ -85,9 +90,12 @@ def study_walkout(
     progress(1.0, "scoring")
     told = {"bodies": {name: own.rows() for name, own in of_bodies.items()}} if everybody else {}
     return {
-        "study": "walkout", "capture": "" if folder is None else str(folder), "seeds": list(seeds),
-        "phases": {name: own.rows() for name, own in tallies.items()}, **told,
-    }  # fmt: skip
+        "study": "walkout",
+        "capture": "" if folder is None else str(folder),
+        "seeds": list(seeds),
+        "phases": {name: own.rows() for name, own in tallies.items()},
+        **told,
+    }
 
 
 def walkout_lines(result: Mapping[str, Any]) -> Iterator[str]:
@@ -121,9 +129,13 @@ def simulated(take: Simulation, settings: Parameters) -> Leaving:
     frames = tuple(SkeletonFrame(stamp, ids, own) for stamp, own in zip(stamps, joints))
     context = StageContext(take.rig, SKELETON, body_extras(()))
     return Leaving(
-        context, configure(settings), list(take.detection_sets()), phases,
-        SkeletonSequence(JOINTS, frames), (LEAVING,),
-    )  # fmt: skip
+        context,
+        configure(settings),
+        list(take.detection_sets()),
+        phases,
+        SkeletonSequence(JOINTS, frames),
+        (LEAVING,),
+    )
 
 
 def thinned(take: Leaving, seed: int) -> Leaving:
@@ -135,12 +147,23 @@ def thinned(take: Leaving, seed: int) -> Leaving:
     for number, item in enumerate(take.sets):
         phase = list(left)[min(3 * number // count, 2)]
         phases[item.stamp_ns] = phase
-        sets.append(replace(item, views=tuple(
-            view if view.camera in left[phase] else replace(
-                view, points=view.points[:0], scores=view.scores[:0], person_scores=view.person_scores[:0],
-                maps=None,
-            ) for view in item.views
-        )))  # fmt: skip
+        sets.append(
+            replace(
+                item,
+                views=tuple(
+                    view
+                    if view.camera in left[phase]
+                    else replace(
+                        view,
+                        points=view.points[:0],
+                        scores=view.scores[:0],
+                        person_scores=view.person_scores[:0],
+                        maps=None,
+                    )
+                    for view in item.views
+                ),
+            )
+        )
     return replace(take, sets=sets, phases=phases)
 
 
@@ -149,14 +172,18 @@ def solved(take: Leaving, everybody: bool = False) -> tuple[list[SkeletonFrame],
     has one."""
     found: dict[str, list[Any]] = {"skeletons": [], "bodies": []}
     pipeline = Pipeline(
-        take.configs, take.context, (*FUSION, "kinematics") if everybody else FUSION,
+        take.configs,
+        take.context,
+        (*FUSION, "kinematics") if everybody else FUSION,
         on_record=lambda topic, record: found[topic].append(record) if topic in found else None,
-    )  # fmt: skip
+    )
     for item in take.sets:
         pipeline.push("detection_sets", item)
     pipeline.flush()
-    skeletons = [SkeletonFrame(item.stamp_ns, item.ids, item.positions, item.covariances, views=item.views)
-                 for item in found["skeletons"]]  # fmt: skip
+    skeletons = [
+        SkeletonFrame(item.stamp_ns, item.ids, item.positions, item.covariances, views=item.views)
+        for item in found["skeletons"]
+    ]
     views = {(item.stamp_ns, n): row for item in skeletons for n, row in zip(item.ids.tolist(), item.views)}
     bodies = []
     for item in found["bodies"]:
@@ -164,9 +191,9 @@ def solved(take: Leaving, everybody: bool = False) -> tuple[list[SkeletonFrame],
         rows = [k for k, n in enumerate(item.ids.tolist()) if (near, n) in views]
         own = np.array([views[near, n] for n in item.ids[rows].tolist()], np.int64)
         points, spreads = item.keypoints[rows], item.keypoint_covariances[rows]
-        bodies.append(SkeletonFrame(
-            item.stamp_ns, item.ids[rows], points, spreads, views=own.reshape(points.shape[:2])
-        ))  # fmt: skip
+        bodies.append(
+            SkeletonFrame(item.stamp_ns, item.ids[rows], points, spreads, views=own.reshape(points.shape[:2]))
+        )
     return skeletons, bodies
 
 

@@ -1,4 +1,5 @@
 """The report about the clocks of a capture."""
+
 from __future__ import annotations
 
 import re
@@ -99,24 +100,38 @@ def _clock_models(sources: Sources) -> tuple[dict[str, ClockModel], list[Notice]
 def _camera_row(camera: CameraClock, first: CameraClock) -> dict[str, Any]:
     timing = camera.timing
     row = {
-        "camera": camera.name, "frames": len(timing.counts), "rate_hz": timing.rate_hz,
-        "rate_std_hz": timing.rate_std_hz, "nominal_hz": camera.nominal_hz, "off_ppm": camera.off_ppm,
-        "phase_ms": 1e3 * phase_s(first, camera), "jitter_ms": 1e3 * timing.jitter_s,
-        "interval_std_ms": 1e3 * timing.interval_std_s, "late_p99_ms": 1e3 * camera.late_p99_s,
-        "lost": timing.lost, "gaps": timing.gaps, "stamps_back": timing.not_later,
-        "beat_ms": 1e3 * camera.beat_s, "host_grid": camera.paced, "one_way": timing.one_way,
-    }  # fmt: skip
+        "camera": camera.name,
+        "frames": len(timing.counts),
+        "rate_hz": timing.rate_hz,
+        "rate_std_hz": timing.rate_std_hz,
+        "nominal_hz": camera.nominal_hz,
+        "off_ppm": camera.off_ppm,
+        "phase_ms": 1e3 * phase_s(first, camera),
+        "jitter_ms": 1e3 * timing.jitter_s,
+        "interval_std_ms": 1e3 * timing.interval_std_s,
+        "late_p99_ms": 1e3 * camera.late_p99_s,
+        "lost": timing.lost,
+        "gaps": timing.gaps,
+        "stamps_back": timing.not_later,
+        "beat_ms": 1e3 * camera.beat_s,
+        "host_grid": camera.paced,
+        "one_way": timing.one_way,
+    }
     return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in row.items()}
 
 
 def _device_row(model: ClockModel) -> dict[str, Any]:
     master, std = model.master_from_device(model.until_ns)
     return {
-        "device": model.device, "stamp_ns": model.until_ns, "master_ns": int(master),
-        "offset_s": (int(master) - model.until_ns) / SECOND, "drift_ppm": 1e6 * model.drift,
-        "drift_std_ppm": 1e6 * float(np.sqrt(model.covariance[1, 1])), "std_us": 1e-3 * std,
+        "device": model.device,
+        "stamp_ns": model.until_ns,
+        "master_ns": int(master),
+        "offset_s": (int(master) - model.until_ns) / SECOND,
+        "drift_ppm": 1e6 * model.drift,
+        "drift_std_ppm": 1e6 * float(np.sqrt(model.covariance[1, 1])),
+        "std_us": 1e-3 * std,
         "segment": model.segment,
-    }  # fmt: skip
+    }
 
 
 def _aligned(sources: Sources) -> list[dict[str, Any]]:
@@ -126,8 +141,14 @@ def _aligned(sources: Sources) -> list[dict[str, Any]]:
         if len(channels) == 2 and all(len(found) >= LEAST_READINGS for found in channels):
             model = align_timecodes(channels[0], channels[1], "channel 1")
             row = _device_row(model)
-            rows.append({"recording": name, "offset_s": row["offset_s"], "drift_ppm": row["drift_ppm"],
-                         "std_us": row["std_us"]})  # fmt: skip
+            rows.append(
+                {
+                    "recording": name,
+                    "offset_s": row["offset_s"],
+                    "drift_ppm": row["drift_ppm"],
+                    "std_us": row["std_us"],
+                }
+            )
     return rows
 
 
@@ -153,8 +174,12 @@ def _grouping(sources: Sources, cameras: Sequence[str]) -> dict[str, Any] | None
     used = [(view.camera, view.frame_number) for item in sets for view in item.views]
     away = [abs(view.stamp_ns - item.stamp_ns) / 1e6 for item in sets for view in item.views]
     return {
-        "frames": len(views), "sets": len(sets), "used": len(used), "used_twice": len(used) - len(set(used)),
+        "frames": len(views),
+        "sets": len(sets),
+        "used": len(used),
+        "used_twice": len(used) - len(set(used)),
         "views_per_set": len(used) / max(1, len(sets)),
         "away_ms_mean": float(np.mean(away)) if away else None,
-        "away_ms_max": float(np.max(away)) if away else None, "notices": dict(sorted(codes.items())),
-    }  # fmt: skip
+        "away_ms_max": float(np.max(away)) if away else None,
+        "notices": dict(sorted(codes.items())),
+    }

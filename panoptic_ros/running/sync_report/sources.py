@@ -1,4 +1,5 @@
 """Stamps and timecode of whatever a report is asked for: a bag, a capture folder, or a file."""
+
 from __future__ import annotations
 
 import struct

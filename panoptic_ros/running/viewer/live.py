@@ -53,9 +53,7 @@ def view_live(host: str, port: int, ready: Ready, namespace: str = "") -> None:
         try_shutdown()
 
 
-async def _serve(
-    scene: LiveScene, host: str, port: int, ready: Ready, asked: Callable[[], bool]
-) -> None:
+async def _serve(scene: LiveScene, host: str, port: int, ready: Ready, asked: Callable[[], bool]) -> None:
     async with PageServer(LiveTalk(scene), host, port).listening() as address:
         ready(address)
         while not asked():

@@ -100,9 +100,17 @@ def _poses(frame: PlainSkeletonFrame, order: Array, model: SkeletonModel) -> Ref
     seen = np.where(views == 0, JointState.PREDICTED, JointState.MEASURED)
     states = np.where(there, seen, JointState.MISSING)
     return RefinedPoseSet(
-        frame.index, frame.stamp_ns, model.hash, positions, covariances, scores, np.maximum(views, 0),
-        states, scores.mean(1) if scores.size else np.zeros(len(scores)), ids=frame.ids,
-    )  # fmt: skip
+        frame.index,
+        frame.stamp_ns,
+        model.hash,
+        positions,
+        covariances,
+        scores,
+        np.maximum(views, 0),
+        states,
+        scores.mean(1) if scores.size else np.zeros(len(scores)),
+        ids=frame.ids,
+    )
 
 
 def _model_of(joint_names: Sequence[str]) -> tuple[SkeletonModel, list[int]]:

@@ -36,9 +36,14 @@ class JointNoise:
 
 
 def detect_joints(
-    rng: np.random.Generator, rig: Rig, points: Array, trunks: Array, names: tuple[str, ...],
-    noise: JointNoise, rate: float,
-) -> tuple[Array, Array]:  # fmt: skip
+    rng: np.random.Generator,
+    rig: Rig,
+    points: Array,
+    trunks: Array,
+    names: tuple[str, ...],
+    noise: JointNoise,
+    rate: float,
+) -> tuple[Array, Array]:
     """Pixels (C, T, K, 2), NaN = missing, and scores (C, T, K).
 
     Args:
@@ -52,7 +57,7 @@ def detect_joints(
         [(names.index("l" + n), names.index("r" + n)) for n in pair]
         for pair in SWAPS
         if all(side + n in names for n in pair for side in "lr")
-    ]  # fmt: skip
+    ]
     for c, camera in enumerate(rig.cameras):
         scale = camera.intrinsics.matrix[0, 0] / noise.focal
         found, seen = camera.project(points)

@@ -29,12 +29,20 @@ KEYPOINT_SD, TRUNK_KEYPOINT_SD, OWN_KEYPOINT_SD = (
 )  # m per axis: of the detector, of the person
 TRUNK_KEYPOINTS = ("Neck", "lHip", "rHip", "lShoulder", "rShoulder")
 DEVICES: tuple[tuple[str, tuple[float, float, float]], ...] = (
-    ("hips", (-0.1, 0.0, 0.02)), ("spine4", (0.1, 0.0, 0.06)), ("head", (-0.08, 0.0, 0.1)),
-    ("lUpperArm", (0.0, 0.15, 0.04)), ("lForearm", (0.0, 0.18, 0.03)),
-    ("rUpperArm", (0.0, -0.15, 0.04)), ("rForearm", (0.0, -0.18, 0.03)),
-    ("lThigh", (0.05, 0.06, -0.22)), ("lShin", (0.05, 0.0, -0.15)), ("lFoot", (0.06, 0.0, -0.03)),
-    ("rThigh", (0.05, -0.06, -0.22)), ("rShin", (0.05, 0.0, -0.15)), ("rFoot", (0.06, 0.0, -0.03)),
-)  # fmt: skip
+    ("hips", (-0.1, 0.0, 0.02)),
+    ("spine4", (0.1, 0.0, 0.06)),
+    ("head", (-0.08, 0.0, 0.1)),
+    ("lUpperArm", (0.0, 0.15, 0.04)),
+    ("lForearm", (0.0, 0.18, 0.03)),
+    ("rUpperArm", (0.0, -0.15, 0.04)),
+    ("rForearm", (0.0, -0.18, 0.03)),
+    ("lThigh", (0.05, 0.06, -0.22)),
+    ("lShin", (0.05, 0.0, -0.15)),
+    ("lFoot", (0.06, 0.0, -0.03)),
+    ("rThigh", (0.05, -0.06, -0.22)),
+    ("rShin", (0.05, 0.0, -0.15)),
+    ("rFoot", (0.06, 0.0, -0.03)),
+)
 SPARSE = ("hips", "head", "lForearm", "rForearm", "lShin", "rShin")  # the paper's six
 
 
@@ -115,9 +123,14 @@ def simulate_body(scene: BodyScene, seed: int, model: SegmentModel, clips: Mappi
     )
     worn = wear(rng, scene, model, motion)
     subject = Subject(
-        0, known, worn.devices, worn.t_pose, motion.roots[0].round(2), heading_known=not scene.heading,
+        0,
+        known,
+        worn.devices,
+        worn.t_pose,
+        motion.roots[0].round(2),
+        heading_known=not scene.heading,
         stature=clips[scene.clips[0]].stature,
-    )  # fmt: skip
+    )
     stamps = FIRST_NS + np.round(motion.times * 1e9).astype(np.int64)
     return BodyCapture(
         rig, names, stamps, pixels, scores, worn.samples, subject, subject.stature, motion, worn.mounts
@@ -199,10 +212,13 @@ def sparse(capture: BodyCapture, cameras: Sequence[int], imus: int) -> BodyCaptu
     kept = [d for d in capture.subject.devices if imus == 13 or (imus == 6 and names[d.segment] in SPARSE)]
     rig = Rig(tuple(capture.rig.cameras[c] for c in chosen)) if chosen else capture.rig
     return replace(
-        capture, rig=rig, pixels=capture.pixels[chosen], scores=capture.scores[chosen],
+        capture,
+        rig=rig,
+        pixels=capture.pixels[chosen],
+        scores=capture.scores[chosen],
         devices={d.name: capture.devices[d.name] for d in kept},
         subject=replace(capture.subject, devices=tuple(kept)),
-    )  # fmt: skip
+    )
 
 
 def ring(rng: np.random.Generator, count: int, focal: float) -> Rig:

@@ -54,10 +54,18 @@ class BodyGroup:
         for camera, seen in zip(self.rig.cameras, self.views):
             points, scores = (part[:, columns] for part in seen[instant])
             points = np.where(scores[..., None] > 0.0, points, np.nan)
-            found.append(ViewDetections(
-                camera.name, int(self.stamps[instant]), instant, camera.image_size, skeleton.hash, points,
-                scores, scores.mean(1),
-            ))  # fmt: skip
+            found.append(
+                ViewDetections(
+                    camera.name,
+                    int(self.stamps[instant]),
+                    instant,
+                    camera.image_size,
+                    skeleton.hash,
+                    points,
+                    scores,
+                    scores.mean(1),
+                )
+            )
         return found
 
 
@@ -86,10 +94,17 @@ def simulate_group(scene: BodyScene, seed: int, model: SegmentModel, clips: Mapp
         worn = wear(rng, person, model, motion, 1 + len(devices))
         devices |= worn.samples
         truth += states
-        subjects.append(Subject(
-            number, known, worn.devices, worn.t_pose, motion.roots[0].round(2),
-            heading_known=not person.heading, stature=clips[person.clips[0]].stature,
-        ))  # fmt: skip
+        subjects.append(
+            Subject(
+                number,
+                known,
+                worn.devices,
+                worn.t_pose,
+                motion.roots[0].round(2),
+                heading_known=not person.heading,
+                stature=clips[person.clips[0]].stature,
+            )
+        )
     views = [
         _views(rng, camera, np.array([p[c] for p, _ in seen]), np.array([s[c] for _, s in seen]))
         for c, camera in enumerate(rig.cameras)
@@ -104,9 +119,15 @@ def group_of(capture: BodyCapture) -> BodyGroup:
         for c in range(len(capture.pixels))
     ]
     return BodyGroup(
-        capture.rig, capture.joint_names, capture.stamps, views, capture.devices, (capture.subject,),
-        capture.truth(), [],
-    )  # fmt: skip
+        capture.rig,
+        capture.joint_names,
+        capture.stamps,
+        views,
+        capture.devices,
+        (capture.subject,),
+        capture.truth(),
+        [],
+    )
 
 
 def _views(

@@ -41,9 +41,14 @@ class ImuNoise:
 
 
 def measure(
-    rng: np.random.Generator, motion: BodyMotion, segment: int, position: Array, mount: Array,
-    noise: ImuNoise, first_ns: int,
-) -> ImuSeries:  # fmt: skip
+    rng: np.random.Generator,
+    motion: BodyMotion,
+    segment: int,
+    position: Array,
+    mount: Array,
+    noise: ImuNoise,
+    first_ns: int,
+) -> ImuSeries:
     """Samples of one device at the times of the motion.
 
     Args:

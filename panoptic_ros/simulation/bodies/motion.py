@@ -22,8 +22,12 @@ Array = np.ndarray
 CLIP_HZ = 30.0
 T_POSE_S, BLEND_S = 2.0, 1.0  # standing in a T, and from there, or between two clips, into the next motion
 TWISTS = {  # segment: axis of the bone, and standard deviation in degrees of what is added about it
-    "lForearm": (1, 26.0), "rForearm": (1, 26.0), "head": (2, 14.0), "lHand": (1, 8.0), "rHand": (1, 8.0),
-}  # fmt: skip
+    "lForearm": (1, 26.0),
+    "rForearm": (1, 26.0),
+    "head": (2, 14.0),
+    "lHand": (1, 8.0),
+    "rHand": (1, 8.0),
+}
 TWIST_HZ = (0.1, 0.6)
 
 
@@ -54,11 +58,13 @@ def clips_of(arrays: Mapping[str, Array]) -> dict[str, Clip]:
     """Clips by name, from the arrays of `config/bodies/cmu-motion.npz`."""
     return {
         str(name): Clip(
-            arrays[f"root_{name}"].astype(float), arrays[f"vectors_{name}"].astype(float),
-            arrays[f"offsets_{name}"].astype(float), float(arrays[f"stature_{name}"]),
+            arrays[f"root_{name}"].astype(float),
+            arrays[f"vectors_{name}"].astype(float),
+            arrays[f"offsets_{name}"].astype(float),
+            float(arrays[f"stature_{name}"]),
         )
         for name in arrays["clips"]
-    }  # fmt: skip
+    }
 
 
 def laid_out(clips: Sequence[Clip], path: Sequence[float]) -> list[Clip]:
@@ -95,9 +101,13 @@ def moved(motion: BodyMotion, angle: float, at: Sequence[float]) -> BodyMotion:
 
 
 def make_motion(
-    rng: np.random.Generator, names: Sequence[str], clips: Sequence[Clip], rate: float, t_pose_deg: float,
+    rng: np.random.Generator,
+    names: Sequence[str],
+    clips: Sequence[Clip],
+    rate: float,
+    t_pose_deg: float,
     chain: Chain,
-) -> BodyMotion:  # fmt: skip
+) -> BodyMotion:
     """A T-pose facing +x, off by `t_pose_deg` per joint and axis, then the clips one after another."""
     quaternions, roots = [], []
     for clip in clips:

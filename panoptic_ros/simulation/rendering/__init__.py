@@ -10,6 +10,7 @@ last (`renderer`). The same take gives the same pictures.
 In: a `Simulation`. Out: `RenderedView`s. Limits: no furniture, no shadows on people, skin and cloth do
 not move over the bones; the joints lie inside of the limbs, so detectors are off by some 2 px.
 """
+
 from panoptic_ros.simulation.rendering.renderer import CameraRenderer, RenderedView, Studio
 
 __all__ = ["CameraRenderer", "RenderedView", "Studio"]

@@ -3,6 +3,7 @@
 Where shapes are shifted against the joints, it is so that networks trained on annotated photographs,
 in which people mark what they see, put a joint where the simulation has it (within a centimetre).
 """
+
 from __future__ import annotations
 
 import numpy as np
@@ -40,10 +41,14 @@ def _trunk(build: ShapeBuilder, posture: Posture, look: Appearance, cloth: Mater
     hips, neck = joints[:, J["BodyCenter"]], joints[:, J["Neck"]]
     for low, high, (below, above), flat, shirt in TRUNK:
         build.add(
-            hips + low * up, hips + high * up, (below * look.girth, above * look.girth),
-            look.shirt if shirt else look.trousers, cloth if shirt else Material.CLOTH,
-            posture.chest, (flat, 1.0, 1.0),
-        )  # fmt: skip
+            hips + low * up,
+            hips + high * up,
+            (below * look.girth, above * look.girth),
+            look.shirt if shirt else look.trousers,
+            cloth if shirt else Material.CLOTH,
+            posture.chest,
+            (flat, 1.0, 1.0),
+        )
     left, right = joints[:, J["lShoulder"]], joints[:, J["rShoulder"]]
     build.add(left - 0.03 * up, right - 0.03 * up, (0.066, 0.066), look.shirt, cloth)
     for shoulder in (left, right):
@@ -61,9 +66,7 @@ def _arm(build: ShapeBuilder, posture: Posture, look: Appearance, cloth: Materia
     build.add(wrist + 0.02 * reach, wrist + 0.085 * reach, (0.032, 0.038), look.skin)
 
 
-def _leg(
-    build: ShapeBuilder, body: Body, posture: Posture, look: Appearance, k: int, side: str
-) -> None:
+def _leg(build: ShapeBuilder, body: Body, posture: Posture, look: Appearance, k: int, side: str) -> None:
     hip, knee, ankle = (posture.joints[:, J[side + n]] for n in ("Hip", "Knee", "Ankle"))
     build.add(hip, knee, (0.090 * look.girth, 0.062), look.trousers, Material.CLOTH)
     s, down = build.scale, np.array([0.0, 0.0, -1.0])

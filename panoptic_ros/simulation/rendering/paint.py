@@ -2,6 +2,7 @@
 
 `paint_pixels` is compiled (1 ms per VGA view in place of 10).
 """
+
 from __future__ import annotations
 
 import math
@@ -23,10 +24,22 @@ FRONT = 0.3  # the face is in front of this
 
 @njit(cache=True)
 def paint_pixels(
-    frames: Array, origins: Array, lengths: Array, radii: Array, materials: Array, seeds: Array,
-    colours: Array, people: Array, eye: Array, world_from_camera: Array, plane: Array, depth: Array,
-    hits: Array, image: Array, ids: Array,
-) -> None:  # fmt: skip
+    frames: Array,
+    origins: Array,
+    lengths: Array,
+    radii: Array,
+    materials: Array,
+    seeds: Array,
+    colours: Array,
+    people: Array,
+    eye: Array,
+    world_from_camera: Array,
+    plane: Array,
+    depth: Array,
+    hits: Array,
+    image: Array,
+    ids: Array,
+) -> None:
     """Colour all pixels that hit a shape and mark whose it is, in place.
 
     Args:

@@ -7,6 +7,7 @@ spheres are hit. Rays have z = 1 in the camera, so t is the depth in metres, in 
 
 `cast_rays` is compiled (some 5 ms per VGA view in place of 0.5 s).
 """
+
 from __future__ import annotations
 
 import math
@@ -26,9 +27,16 @@ FACE_FROM, FACE_TOP, FACE_SLOPE, NECK_BELOW = 0.38, 0.62, 0.30, -0.45
 
 @njit(cache=True)
 def cast_rays(
-    frames: Array, origins: Array, lengths: Array, radii: Array, materials: Array, boxes: Array,
-    plane: Array, depth: Array, hits: Array,
-) -> None:  # fmt: skip
+    frames: Array,
+    origins: Array,
+    lengths: Array,
+    radii: Array,
+    materials: Array,
+    boxes: Array,
+    plane: Array,
+    depth: Array,
+    hits: Array,
+) -> None:
     """Fill depth and hits with the nearest shapes, in place.
 
     Args:

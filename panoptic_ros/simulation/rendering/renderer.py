@@ -1,4 +1,5 @@
 """Views of a take, camera by camera."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -91,17 +92,33 @@ class CameraRenderer:
     def _view(self, shapes: Shapes, t: int, present: Array, joints: Array, time: float) -> RenderedView:
         depth, hits = self._cast(shapes, t, present)
         shade = cv2.remap(  # type: ignore[call-overload]  # the second map may be None
-            self._studio.floor.shade(joints), self._floor_cells, None, cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_CONSTANT, borderValue=1.0,
-        )  # fmt: skip
+            self._studio.floor.shade(joints),
+            self._floor_cells,
+            None,
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=1.0,
+        )
         image = cv2.multiply(self._backdrop.image, cv2.merge([shade] * 3), dtype=cv2.CV_8U)
         people = np.zeros(hits.shape, np.uint8)
         pose = self.camera.cam_from_world
         paint_pixels(
-            shapes.local_from_world[t], shapes.origins[t], shapes.lengths[t], shapes.radii,
-            shapes.materials, shapes.seeds, shapes.colours, shapes.people, self.camera.centre,
-            np.ascontiguousarray(pose.rotation.T), self._plane, depth, hits, image, people,
-        )  # fmt: skip
+            shapes.local_from_world[t],
+            shapes.origins[t],
+            shapes.lengths[t],
+            shapes.radii,
+            shapes.materials,
+            shapes.seeds,
+            shapes.colours,
+            shapes.people,
+            self.camera.centre,
+            np.ascontiguousarray(pose.rotation.T),
+            self._plane,
+            depth,
+            hits,
+            image,
+            people,
+        )
         return RenderedView(self._develop(image, time), depth, people)
 
     def _cast(self, shapes: Shapes, t: int, present: Array) -> tuple[Array, Array]:
@@ -148,9 +165,10 @@ def shape_boxes(camera: Camera, shapes: Shapes, t: int) -> Array:
     middle = local[..., :2] / safe[..., None]
     margin = 1.05 * shapes.bounds[:, None] / np.maximum(depth, NEAR)
     steps = np.array([[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]], float)
-    rim = middle[:, :, None] + margin[..., None, None] * np.sqrt(1.0 + (middle**2).sum(-1))[
-        ..., None, None
-    ] * steps
+    rim = (
+        middle[:, :, None]
+        + margin[..., None, None] * np.sqrt(1.0 + (middle**2).sum(-1))[..., None, None] * steps
+    )
     limit = 0.98 * min(camera.intrinsics.radius_limit, 1e3)
     radius = np.linalg.norm(rim, axis=-1, keepdims=True)
     rim = rim * np.minimum(1.0, limit / np.maximum(radius, 1e-9))

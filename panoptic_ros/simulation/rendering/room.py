@@ -1,4 +1,5 @@
 """An empty room with textured walls, as seen by one camera."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -77,9 +78,12 @@ class Room:
             seen = (t > 0.0) & (t < depth)
             points = np.clip(eye + np.where(seen, t, 0.0)[..., None] * np.nan_to_num(rays), -FAR, FAR)
             picture = cv2.remap(  # type: ignore[call-overload]  # the second map may be None
-                wall.texture, self._texels(wall, points), None, cv2.INTER_LINEAR,
+                wall.texture,
+                self._texels(wall, points),
+                None,
+                cv2.INTER_LINEAR,
                 borderMode=cv2.BORDER_REFLECT,
-            )  # fmt: skip
+            )
             image[seen], depth[seen] = picture[seen], t[seen]
             floor[seen] = points[seen][:, :2] if wall.axis == 2 and wall.value == 0.0 else FAR
         pixels = np.clip(image, 0.0, 255.0).astype(np.uint8)

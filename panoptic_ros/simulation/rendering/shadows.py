@@ -1,4 +1,5 @@
 """Soft shadows of people on the floor, drawn into a map of the floor seen from above."""
+
 from __future__ import annotations
 
 import cv2

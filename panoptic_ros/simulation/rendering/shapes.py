@@ -1,4 +1,5 @@
 """Round cones: what bodies are made of."""
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -62,10 +63,15 @@ class ShapeBuilder:
     _rows: list[tuple[Array, ...]] = field(default_factory=list)
 
     def add(
-        self, start: Array, end: Array, radii: tuple[float, float], colour: Array,
-        material: Material = Material.PLAIN, axes: Array | None = None,
+        self,
+        start: Array,
+        end: Array,
+        radii: tuple[float, float],
+        colour: Array,
+        material: Material = Material.PLAIN,
+        axes: Array | None = None,
         squash: tuple[float, float, float] = (1.0, 1.0, 1.0),
-    ) -> None:  # fmt: skip
+    ) -> None:
         """A round cone from `start` (T, 3) to `end` (T, 3) m with these radii (m, of an adult).
 
         With `axes` (T, 3, 3; columns are the local axes, the last one along the cone), it is squashed
@@ -78,11 +84,19 @@ class ShapeBuilder:
         length = np.maximum((local_from_world @ (end - start)[..., None])[:, 2, 0], 1e-4)
         scaled = self.scale * np.array(radii)
         seed = 1.7 * len(self._rows) + self.person
-        self._rows.append((
-            local_from_world, start, length, scaled, np.asarray(colour, np.float64),
-            np.array(int(material)), np.array(self.person), np.array(seed),
-            np.array(scaled.max() * squeeze.max()),
-        ))  # fmt: skip
+        self._rows.append(
+            (
+                local_from_world,
+                start,
+                length,
+                scaled,
+                np.asarray(colour, np.float64),
+                np.array(int(material)),
+                np.array(self.person),
+                np.array(seed),
+                np.array(scaled.max() * squeeze.max()),
+            )
+        )
 
     def shapes(self) -> Shapes:
         """What was added."""

@@ -1,4 +1,5 @@
 """What people look like."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -3,6 +3,7 @@
 Labels, the count of samples and stamps all tell how much time has passed between two words. The one that
 disagrees with the other two is wrong.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,4 +1,5 @@
 """A signal that is followed word by word: where the next begins, and which labels it may have."""
+
 from __future__ import annotations
 
 import numpy as np

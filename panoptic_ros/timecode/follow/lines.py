@@ -1,5 +1,5 @@
-"""Lines and curves through the middles of words.
-"""
+"""Lines and curves through the middles of words."""
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -104,10 +104,14 @@ def cell_line(line: LineFit, count: int, last: float, expected: float) -> CellLi
     square = (count - 2) * line.square - share * line.bend**2 * line.bend_norm
     spread = max(square / (count - 2 - share), expected)
     return CellLine(
-        line.centre, line.slope / WORD_CELLS, spread / line.norm / WORD_CELLS**2,
-        2.0 * share * line.bend / WORD_CELLS, 4.0 * share * noise / WORD_CELLS**2,
-        (line.lean + 2.0 * share * line.bow * (last - line.centre)) / WORD_CELLS, expected,
-    )  # fmt: skip
+        line.centre,
+        line.slope / WORD_CELLS,
+        spread / line.norm / WORD_CELLS**2,
+        2.0 * share * line.bend / WORD_CELLS,
+        4.0 * share * noise / WORD_CELLS**2,
+        (line.lean + 2.0 * share * line.bow * (last - line.centre)) / WORD_CELLS,
+        expected,
+    )
 
 
 @_jit
@@ -136,9 +140,18 @@ def line_fit(words: Array) -> LineFit:
         left = max(square - (right * np.linalg.solve(_products(powers), right)).sum(), 1e-9 * square)
         ratio = 0.5 * (square - left) / (left / (count - 4))
     return LineFit(
-        slope, norm, square / (count - 2), ratio, shown, unseen, bend, bend_norm,
-        words[0].mean() + 0.5 * lean, x[-1] / norm, parabola[-1] / bend_norm,
-    )  # fmt: skip
+        slope,
+        norm,
+        square / (count - 2),
+        ratio,
+        shown,
+        unseen,
+        bend,
+        bend_norm,
+        words[0].mean() + 0.5 * lean,
+        x[-1] / norm,
+        parabola[-1] / bend_norm,
+    )
 
 
 @_jit

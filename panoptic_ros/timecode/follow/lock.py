@@ -1,4 +1,5 @@
 """Locking to a signal that was found: the labels of its words must count on, and words must be readable."""
+
 from __future__ import annotations
 
 import math

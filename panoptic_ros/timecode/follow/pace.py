@@ -5,6 +5,7 @@ show one, and a word itself gives only its middle; the distance of words from a 
 their edges do not show. If edges swing about a line within a word, or words are off their line, the speed
 changes and edges count one by one (`wander`), until they have been on a line for long.
 """
+
 from __future__ import annotations
 
 import math
@@ -48,9 +49,7 @@ class Pace:
         wander: that; None at constant speed.
     """
 
-    def __init__(
-        self, reverse: bool, line: CellLine | None = None, wander: Wander | None = None
-    ):
+    def __init__(self, reverse: bool, line: CellLine | None = None, wander: Wander | None = None):
         self.reverse = reverse
         self.wander = wander
         self._before: tuple[int, WordFit] | None = None  # the last word with its number

@@ -1,4 +1,5 @@
 """Reading the next word of a signal that is followed: its bits by its label, and its exact start."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

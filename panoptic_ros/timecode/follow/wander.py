@@ -4,6 +4,7 @@ The next word is tracked edge by edge, from the sync word before it on, so nothi
 speed. Then its edges are measured one by one and smoothed, with those of the word before as a beginning. The
 bandwidth of the smoother is the one under which the innovations of the last words are most likely.
 """
+
 from __future__ import annotations
 
 from collections import deque

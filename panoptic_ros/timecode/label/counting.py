@@ -1,4 +1,5 @@
 """Labels that count on, and those that the soft bits of a stretch of words propose."""
+
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence

@@ -5,6 +5,7 @@ pairs (where the edge between two bits is lost another appears, so the parity of
 and they do so in every word, so more words do not help. But echoes are linear: a filter as long as a word
 explains the levels if the labels are right, and leaves large residuals if they are wrong.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence

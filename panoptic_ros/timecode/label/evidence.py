@@ -5,6 +5,7 @@ beside them can hide the turned polarity that shows it. So if a word has the use
 whatever its label is, labels are judged with these bits. And a label must be more likely than those next to
 it. All evidence is in nats (natural logarithms of probability ratios).
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass, replace

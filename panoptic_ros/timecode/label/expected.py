@@ -1,4 +1,5 @@
 """Which labels the words of a signal may have: those of every counting that is still possible."""
+
 from __future__ import annotations
 
 import numpy as np

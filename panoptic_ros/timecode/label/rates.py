@@ -1,4 +1,5 @@
 """Which rate a timecode has, by its way of counting and by the length of its words."""
+
 from __future__ import annotations
 
 import math
@@ -10,9 +11,12 @@ from panoptic_ros.errors import ClockError
 from panoptic_ros.timecode.word.layout import DROP_RATE
 
 RATES = (
-    FrameRate(24, Fraction(24000, 1001)), FrameRate(24, Fraction(24)), FrameRate(25, Fraction(25)),
-    FrameRate(30, Fraction(30000, 1001)), FrameRate(30, Fraction(30)),
-)  # fmt: skip
+    FrameRate(24, Fraction(24000, 1001)),
+    FrameRate(24, Fraction(24)),
+    FrameRate(25, Fraction(25)),
+    FrameRate(30, Fraction(30000, 1001)),
+    FrameRate(30, Fraction(30)),
+)
 
 
 def possible_rates(countings: Collection[FrameRate]) -> list[tuple[FrameRate, float]]:

@@ -6,6 +6,7 @@ words fit if its bits are given, in nats (natural logarithms of probability rati
 believed if it is far ahead of the next, if no other explains the words better through echoes, and if enough
 words confirm it alone.
 """
+
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,4 +1,5 @@
 """The user bits of a signal, once they are certain."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -3,6 +3,7 @@
 Its functions are given at every few samples, with straight lines between, so that their products with samples
 need few operations.
 """
+
 from __future__ import annotations
 
 from functools import lru_cache

@@ -1,4 +1,5 @@
 """Parts of a stream: the newest values in one piece, and hops of fixed length."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,5 @@
-"""Short bursts far above the signal: found and bridged before, and left out of a word's fit.
-"""
+"""Short bursts far above the signal: found and bridged before, and left out of a word's fit."""
+
 from __future__ import annotations
 
 from typing import NamedTuple

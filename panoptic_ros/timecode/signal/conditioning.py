@@ -1,4 +1,5 @@
 """From recorded samples to a signal without DC, hum and clicks, with edges where they were."""
+
 from __future__ import annotations
 
 import numpy as np

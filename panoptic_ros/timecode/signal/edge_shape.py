@@ -13,6 +13,7 @@ guess would see it, wherever it lies between samples. So learning removes the sc
 Words often last a whole number of samples. Many in a row then show a step at the same places only. What lies
 between follows from the band that a recorder lets pass. Without that, words would stick to those places.
 """
+
 from __future__ import annotations
 
 import math

@@ -1,4 +1,5 @@
 """Tables of the step response: the guess, and the corrections that may be learnt."""
+
 from __future__ import annotations
 
 from functools import lru_cache

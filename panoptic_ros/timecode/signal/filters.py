@@ -1,5 +1,5 @@
-"""The loops of the conditioning: high pass, upsampling and limiter.
-"""
+"""The loops of the conditioning: high pass, upsampling and limiter."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """A grid of cells: the bit clock of a word."""
+
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -3,6 +3,7 @@
 With biphase mark the level changes at half cells only. So the integrals over half cells are the output of a
 matched filter, and their energy is largest where the grid's edges are those of the signal.
 """
+
 from __future__ import annotations
 
 import numpy as np

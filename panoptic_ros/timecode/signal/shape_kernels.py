@@ -1,4 +1,5 @@
 """The loops of learning the shape of a step."""
+
 from __future__ import annotations
 
 import numpy as np

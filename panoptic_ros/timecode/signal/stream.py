@@ -1,4 +1,5 @@
 """The newest part of one device's samples: as recorded, and as the running sum of the conditioned signal."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -4,6 +4,7 @@ A word's wave is a sum of steps, that is of signs and, near each edge, of a tabl
 has more than its sign, and its slope, at R samples to both sides and P places between two samples. Entry
 (p, j) is for a sample that lies j - R + p / P after the edge.
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple

@@ -4,6 +4,7 @@ The energy of half-cell integrals is largest if every edge lies between two half
 cell lengths and phases over a short stretch, then refined on longer ones. The best few lengths are tried in
 full, since patterns of bits can favour a multiple of the true one.
 """
+
 from __future__ import annotations
 
 from collections.abc import Iterator
@@ -125,9 +126,7 @@ def _coarse(
                 break
 
 
-def _refine(
-    sums: Array, begin: float, half: float, edge: float, sample_rate: int, search: Search
-) -> Grid:
+def _refine(sums: Array, begin: float, half: float, edge: float, sample_rate: int, search: Search) -> Grid:
     """The grid about the middle of the stretch, from parts that grow about it."""
     middle = begin + 0.5 * search.seconds * sample_rate
     grid = Grid(edge + half * round((middle - edge) / half), 2.0 * half)

@@ -1,5 +1,5 @@
-"""Moving a grid of cells to where the edges of the signal are.
-"""
+"""Moving a grid of cells to where the edges of the signal are."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -21,9 +21,7 @@ def nearby_grid(sums: Array, grid: Grid) -> Grid:
 
 
 @_jit
-def best_grid(
-    sums: Array, grid: Grid, first: float, count: int, shifts: Array, stretches: Array
-) -> Grid:
+def best_grid(sums: Array, grid: Grid, first: float, count: int, shifts: Array, stretches: Array) -> Grid:
     """The grid of most energy near another: middle shifted in cells, length stretched."""
     best, found = -1.0, grid
     for stretch in stretches:

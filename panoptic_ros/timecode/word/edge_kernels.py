@@ -1,4 +1,5 @@
 """The loops of fitting every edge of a word by itself, where the speed changes within the word."""
+
 from __future__ import annotations
 
 from typing import NamedTuple
@@ -43,9 +44,14 @@ class EdgeFit(NamedTuple):
 
 @_jit
 def fit_edges(
-    samples: Samples, cells: Array, guess: Array, shape: Array, baseline: Baseline, limits: FitLimits,
+    samples: Samples,
+    cells: Array,
+    guess: Array,
+    shape: Array,
+    baseline: Baseline,
+    limits: FitLimits,
     motion: tuple[Motion, float, int],
-) -> EdgeFit:  # fmt: skip
+) -> EdgeFit:
     """Fit the places and the level of a word's edges by Gauss-Newton steps; clicks are left out.
 
     Args:

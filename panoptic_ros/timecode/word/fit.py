@@ -6,6 +6,7 @@ the Cramer-Rao bound for these edges. Besides the variance by white noise there 
 batches of edges, which shows jitter and echoes. Errors that all edges share, by clipping and wrong shapes, do
 not show there: `unseen` says how large they may be.
 """
+
 from __future__ import annotations
 
 import math

@@ -1,5 +1,5 @@
-"""The loops of fitting a word's wave to samples.
-"""
+"""The loops of fitting a word's wave to samples."""
+
 from __future__ import annotations
 
 from typing import NamedTuple

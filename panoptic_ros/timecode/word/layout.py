@@ -1,4 +1,5 @@
 """What the 80 bits of a timecode word mean (SMPTE ST 12-1)."""
+
 from __future__ import annotations
 
 from fractions import Fraction

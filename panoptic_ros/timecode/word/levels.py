@@ -4,6 +4,7 @@ A word alone has two polarities. A change of its bit 0 then only turns the sign 
 which noise does as easily. So words that stand still could be read as if they counted on. The sync word
 that was sent just before has one polarity only, and a cell always begins with a transition.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,5 +1,5 @@
-"""The loops of the search for a signal.
-"""
+"""The loops of the search for a signal."""
+
 from __future__ import annotations
 
 import numpy as np

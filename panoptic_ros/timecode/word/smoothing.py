@@ -5,6 +5,7 @@ smoothing spline of fifth order (Wecker and Ansley 1983). How fast it wanders is
 radians per cell, above which the smoother takes the motion of edges for noise. Which bandwidth a tape has the
 innovations say: each of some is scored by its likelihood, in which the scale of the noise is free.
 """
+
 from __future__ import annotations
 
 from typing import NamedTuple

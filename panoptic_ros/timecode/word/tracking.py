@@ -3,6 +3,7 @@
 A phase-locked loop: each tick is where the last one and the length of half a cell put it, and is drawn to the
 edge there, if there is one. Its gains are those of a Kalman filter of constant noise. No bits are decided.
 """
+
 from __future__ import annotations
 
 import numpy as np

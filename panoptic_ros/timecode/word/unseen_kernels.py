@@ -1,5 +1,5 @@
-"""What of a word's wave samples do not show: levels that change at once, and phases where no sample lies.
-"""
+"""What of a word's wave samples do not show: levels that change at once, and phases where no sample lies."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,5 @@
-"""Bits from the levels of half cells: a two-state Viterbi search, soft and free of polarity.
-"""
+"""Bits from the levels of half cells: a two-state Viterbi search, soft and free of polarity."""
+
 from __future__ import annotations
 
 from typing import NamedTuple

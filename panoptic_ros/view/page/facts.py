@@ -52,20 +52,26 @@ class SceneFacts:
     def document(self) -> dict[str, Any]:
         """For JSON; integers beyond 2^53 are texts."""
         return {
-            "type": "facts", "kind": self.kind, "title": self.title,
-            "begin_ns": str(self.begin_ns), "end_ns": str(self.end_ns),
+            "type": "facts",
+            "kind": self.kind,
+            "title": self.title,
+            "begin_ns": str(self.begin_ns),
+            "end_ns": str(self.end_ns),
             "frame_id": self.rig.frame_id,
             "cameras": [camera_document(camera) for camera in self.rig.cameras],
             "skeleton": {
-                "name": self.skeleton.name, "joints": list(self.skeleton.joint_names),
+                "name": self.skeleton.name,
+                "joints": list(self.skeleton.joint_names),
                 "bones": [list(bone) for bone in self.skeleton.bones],
-                "root": self.skeleton.root, "head": self.skeleton.head,
+                "root": self.skeleton.root,
+                "head": self.skeleton.head,
             },
             "topics": [[topic.key, topic.owner, topic.message] for topic in self.topics],
             "schemas": schemas(topic.message for topic in self.topics),
-            "report": dict(self.report), "rates": dict(self.rates),
+            "report": dict(self.report),
+            "rates": dict(self.rates),
             "shape": shape_document() if any(topic.key == "bodies" for topic in self.topics) else None,
-        }  # fmt: skip
+        }
 
 
 def shape_document() -> dict[str, Any]:
@@ -76,10 +82,15 @@ def shape_document() -> dict[str, Any]:
         return model.names[place] if isinstance(place, int) else place.tolist()
 
     capsules = [
-        {"segment": model.names[segment], "from": end(begin), "to": end(to), "radii": list(radii),
-         "wide": wide}
+        {
+            "segment": model.names[segment],
+            "from": end(begin),
+            "to": end(to),
+            "radii": list(radii),
+            "wide": wide,
+        }
         for segment, begin, to, radii, wide in read_body_shape(model).rows
-    ]  # fmt: skip
+    ]
     return {"scale": float(np.linalg.norm(model.shares[1:], axis=1).sum()), "capsules": capsules}
 
 
@@ -87,13 +98,19 @@ def camera_document(camera: Camera) -> dict[str, Any]:
     """A camera with its whole lens: what `lens.js` projects with."""
     lens, pose = camera.intrinsics, camera.cam_from_world
     return {
-        "name": camera.name, "size": list(camera.image_size), "lens": lens.lens,
-        "matrix": lens.matrix.reshape(-1).tolist(), "distortion": lens.distortion.tolist(),
+        "name": camera.name,
+        "size": list(camera.image_size),
+        "lens": lens.lens,
+        "matrix": lens.matrix.reshape(-1).tolist(),
+        "distortion": lens.distortion.tolist(),
         "radius_limit": lens.radius_limit if math.isfinite(lens.radius_limit) else None,
-        "rotation": pose.rotation.reshape(-1).tolist(), "translation": pose.translation.tolist(),
+        "rotation": pose.rotation.reshape(-1).tolist(),
+        "translation": pose.translation.tolist(),
         "centre": camera.centre.tolist(),
-        "type": camera.type, "panel": camera.panel, "clock": camera.clock,
-    }  # fmt: skip
+        "type": camera.type,
+        "panel": camera.panel,
+        "clock": camera.clock,
+    }
 
 
 def schemas(kinds: Iterable[str]) -> dict[str, list[list[Any]]]:

@@ -53,10 +53,15 @@ class FolderScene:
         if truth is not None:
             topics.append(PageTopic(KEY, "", MESSAGE))
         self._facts = SceneFacts(
-            "recorded", title, folder.rig, skeleton, topics, self._begin_ns,
+            "recorded",
+            title,
+            folder.rig,
+            skeleton,
+            topics,
+            self._begin_ns,
             self._begin_ns + round(length_s * 1e9),
             rates={source.camera: source.frame_rate for source in folder.sources},
-        )  # fmt: skip
+        )
         self._kept = tempfile.TemporaryFile(prefix="panoptic-view-")
         self._places: dict[int, list[tuple[int, int, int]]] = {}  # by block: topic, offset, length
         self._changed = threading.Condition()

@@ -41,9 +41,10 @@ class Health:
             "cameras": {name: self._of(name, now_s) for name in cameras},
             "skeletons": self._of("", now_s),
             "latency_ms": [1e3 * latencies[round(q * (len(latencies) - 1))] for q in (0.5, 0.99)]
-            if latencies else None,
+            if latencies
+            else None,
             "statuses": list(self.statuses.values()),
-        }  # fmt: skip
+        }
 
     def _of(self, name: str, now_s: float) -> dict[str, Any]:
         recent = sum(time > now_s - WINDOW_S for time in self._arrivals.get(name, ()))

@@ -27,9 +27,11 @@ LEFT_OUT = ("time_shift", "side_votes", "corrections")  # of skeletons: numbers 
 
 
 def one_file(
-    scene: RecordedScene, begin_s: float = 0.0, end_s: float | None = None,
+    scene: RecordedScene,
+    begin_s: float = 0.0,
+    end_s: float | None = None,
     progress: Progress = untold,
-) -> bytes:  # fmt: skip
+) -> bytes:
     """The document of a part of a recording.
 
     It holds skeletons, bodies, previews, and the 2D people of the images that are shown, without score maps.
@@ -60,9 +62,10 @@ def one_file(
     begin_ns = int(facts["begin_ns"]) + numbers[0] * BLOCK_NS
     end_ns = min(int(facts["end_ns"]), begin_ns + len(numbers) * BLOCK_NS - 1)
     facts |= {
-        "begin_ns": str(begin_ns), "end_ns": str(end_ns),
+        "begin_ns": str(begin_ns),
+        "end_ns": str(end_ns),
         "rates": {name: count / max(1e-9, (end_ns - begin_ns) * 1e-9) for name, count in seen.items()},
-    }  # fmt: skip
+    }
     spans = _clipped(scene.presence.spans, numbers[0], numbers[-1] + 1)
     presence = {"type": "presence", "spans": spans, "complete": True}
     return page({"facts": facts, "presence": presence, "blocks": blocks})
@@ -75,9 +78,8 @@ def _smaller(
     held = list(messages)
     keys = [tuple(topics[message.topic][:2]) for message in held]
     shown = {
-        (owner, stamp_of_bytes(message.data))
-        for (key, owner), message in zip(keys, held) if key == "preview"
-    }  # fmt: skip
+        (owner, stamp_of_bytes(message.data)) for (key, owner), message in zip(keys, held) if key == "preview"
+    }
     for (key, owner), message in zip(keys, held):
         if key == "detections":
             seen[owner] += 1

@@ -25,8 +25,15 @@ from panoptic_ros.view.page.truth import KEY, MESSAGE, Truth
 
 BLOCK_NS = 1_000_000_000
 SHOWN = (
-    "skeletons", "detections", "preview", "proposals", "skeletons_raw", "associations", "bodies", "patches",
-)  # fmt: skip
+    "skeletons",
+    "detections",
+    "preview",
+    "proposals",
+    "skeletons_raw",
+    "associations",
+    "bodies",
+    "patches",
+)
 GIVE_WAY_S, QUIET_S = 0.002, 0.5  # between looks of the scan whether it may go on; after a block, to draw it
 IMAGES = ("compressed_image", "image")  # previews are made of these where there are none
 
@@ -47,9 +54,14 @@ class RecordedScene:
     is_read_by_scan = False
 
     def __init__(
-        self, bag: Path, title: str, rig: Rig | None = None, skeleton: SkeletonModel | None = None,
-        report: Mapping[str, Any] = {}, truth: PlainSkeletons | None = None,
-    ):  # fmt: skip
+        self,
+        bag: Path,
+        title: str,
+        rig: Rig | None = None,
+        skeleton: SkeletonModel | None = None,
+        report: Mapping[str, Any] = {},
+        truth: PlainSkeletons | None = None,
+    ):
         self._path = Path(bag)
         self._bag = BagReader(self._path)
         self._lock = threading.Lock()  # one file, many pages
@@ -65,9 +77,15 @@ class RecordedScene:
         if truth is not None:
             topics.append(PageTopic(KEY, "", MESSAGE))
         self._facts = SceneFacts(
-            "recorded", title, self.rig, self.skeleton, topics,
-            self._bag.begin_ns, self._bag.end_ns, report,
-        )  # fmt: skip
+            "recorded",
+            title,
+            self.rig,
+            self.skeleton,
+            topics,
+            self._bag.begin_ns,
+            self._bag.end_ns,
+            report,
+        )
         self.presence = Presence()
 
     @property

@@ -52,9 +52,14 @@ class PageServer:
         """
         try:
             server = await serve(
-                self._talk, self._host, self._port, process_request=self._answer, compression=None,
-                max_size=MOST_ASKED, server_header=None,
-            )  # fmt: skip
+                self._talk,
+                self._host,
+                self._port,
+                process_request=self._answer,
+                compression=None,
+                max_size=MOST_ASKED,
+                server_header=None,
+            )
         except OSError as error:
             raise EnvironmentProblem(
                 f"nothing can listen on {self._host}, port {self._port} ({error.strerror or error}); "
@@ -90,10 +95,16 @@ class PageServer:
 def _response(
     status: int, reason: str, body: bytes, kind: str = "text/plain; charset=utf-8", encoding: str = ""
 ) -> Response:
-    headers = Headers({
-        "Content-Type": kind, "Content-Length": str(len(body)), "Cache-Control": "no-store",
-        "Connection": "close", "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer",
-    })  # fmt: skip
+    headers = Headers(
+        {
+            "Content-Type": kind,
+            "Content-Length": str(len(body)),
+            "Cache-Control": "no-store",
+            "Connection": "close",
+            "X-Content-Type-Options": "nosniff",
+            "Referrer-Policy": "no-referrer",
+        }
+    )
     if encoding:
         headers["Content-Encoding"] = encoding
     return Response(status, reason, headers, body)
@@ -117,4 +128,3 @@ async def asked_by(connection: ServerConnection) -> AsyncIterator[dict[str, Any]
 def seconds() -> float:
     """A clock that never goes back, s."""
     return time.monotonic()
-

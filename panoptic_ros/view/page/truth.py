@@ -45,8 +45,14 @@ class Truth:
         positions = np.where(known[:, None], frame.positions[:, self._places], np.nan)
         there = np.asarray(np.isfinite(positions).all(-1))
         return RefinedPoseSet(
-            frame.index, frame.stamp_ns, self._skeleton.hash, positions,
-            np.where(there[..., None, None], SPREAD_M**2 * np.eye(3), np.nan), there.astype(float),
-            np.zeros(shape, int), np.where(there, JointState.MEASURED, JointState.MISSING),
-            np.ones(len(frame.ids)), ids=frame.ids,
-        )  # fmt: skip
+            frame.index,
+            frame.stamp_ns,
+            self._skeleton.hash,
+            positions,
+            np.where(there[..., None, None], SPREAD_M**2 * np.eye(3), np.nan),
+            there.astype(float),
+            np.zeros(shape, int),
+            np.where(there, JointState.MEASURED, JointState.MISSING),
+            np.ones(len(frame.ids)),
+            ids=frame.ids,
+        )

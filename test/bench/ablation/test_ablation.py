@@ -1,4 +1,5 @@
 """Changes are those of hand-computed pairs, mechanisms act where they must, recordings count as well."""
+
 import json
 import math
 
@@ -73,8 +74,10 @@ def test_the_table_holds_hand_computed_changes_and_names_what_earns_nothing():
     both, one, two = blocks
     assert both["default"]["mpjpe_mm"] == pytest.approx((11.0 + 20.0) / 2.0)
     assert one["off"]["lag"]["mpjpe_mm"] == {
-        "mean": pytest.approx(3.1), "error": pytest.approx(0.1), "clear": True,
-    }  # fmt: skip
+        "mean": pytest.approx(3.1),
+        "error": pytest.approx(0.1),
+        "clear": True,
+    }
     assert one["off"]["bone-lengths"]["mpjpe_mm"]["mean"] == pytest.approx(-1.0)
     assert two["off"]["lag"]["mpjpe_mm"] == {"mean": 1.0, "error": None, "clear": False}
     assert both["off"]["lag"]["mpjpe_mm"]["mean"] == pytest.approx((3.1 + 1.0) / 2.0)

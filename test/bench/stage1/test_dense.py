@@ -1,4 +1,5 @@
 """Votes of all voxels, and which of these are local maxima."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """The bench runs from end to end, its baselines solve easy scenes, and its tables are whole."""
+
 import json
 from types import SimpleNamespace
 
@@ -20,14 +21,25 @@ from panoptic_ros.voting.config import VotingConfig
 
 def test_a_case_measures_every_method_and_dense_voting_agrees_with_exact():
     request = {
-        "kind": "grid", "people": 2, "views": 4, "frames": 3, "seed": 1, "budget_s": 0.01,
+        "kind": "grid",
+        "people": 2,
+        "views": 4,
+        "frames": 3,
+        "seed": 1,
+        "budget_s": 0.01,
         "parts": [*command.ALL, "dense"],
-    }  # fmt: skip
+    }
     found = case.measure(request)
     rows = {(row["step"], row["method"]): row for row in found["rows"]}
     assert {step for step, _ in rows} == {
-        "assembly", "tracking", "refinement", "whole stage", "voting", "2D people to ids", "triangulation",
-    }  # fmt: skip
+        "assembly",
+        "tracking",
+        "refinement",
+        "whole stage",
+        "voting",
+        "2D people to ids",
+        "triangulation",
+    }
     assert rows["voting", "dense (baseline)"]["equal_to_exact"] is True
     for (_, method), row in rows.items():
         assert row.get("calls", 0) >= 1 or method.startswith("aniposelib")
@@ -69,11 +81,13 @@ def test_rigs_have_the_views_that_were_asked_for():
 def test_growth_compares_like_with_like():
     cases = [
         {
-            "request": {"kind": "grid", "people": p, "views": v}, "joints": 19,
+            "request": {"kind": "grid", "people": p, "views": v},
+            "joints": 19,
             "rows": [{"step": "s", "method": "m", "calls": 9, "cpu_ms_median": float(p * v**2)}],
         }
-        for p in (1, 4) for v in (3, 5, 10)
-    ]  # fmt: skip
+        for p in (1, 4)
+        for v in (3, 5, 10)
+    ]
     found = {row["in"]: row for row in command.growth(cases)}
     assert found["views"]["exponent"] == pytest.approx(2.0) and found["views"]["at"] == "4 people"
     assert found["people"]["exponent"] == pytest.approx(1.0) and found["people"]["at"] == "5 views"

@@ -1,4 +1,5 @@
 """The studies run from end to end on a small studio; more cameras are better."""
+
 import json
 from dataclasses import replace
 
@@ -101,15 +102,19 @@ def test_a_list_that_is_none_is_told(tmp_path, capsys):
 
 
 def test_resolutions_are_the_same_scene_in_other_pixels():
-    hd, vga = (Ring(3, lens=Lens(size, focal)).build(np.random.default_rng(1))
-               for size, focal in (((192, 108), (110.0, 140.0)), ((64, 48), (44.0, 52.0))))  # fmt: skip
+    hd, vga = (
+        Ring(3, lens=Lens(size, focal)).build(np.random.default_rng(1))
+        for size, focal in (((192, 108), (110.0, 140.0)), ((64, 48), (44.0, 52.0)))
+    )
     vga = Rig(tuple(replace(camera, name=f"low_{camera.name}") for camera in vga.cameras))
     take = simulate(study_scene(Rig((*hd.cameras, *vga.cameras)), 1, 1.0, CLEAN), 0, 1)
     images = resolution._render(take, untold)
     kinds = resolution._kinds(take, set(hd.names), images)
     assert [(kind, len(rig), rig.cameras[0].image_size) for kind, rig, _ in kinds] == [
-        ("HD", 3, (192, 108)), ("VGA", 3, (64, 48)), ("QVGA", 3, (32, 24)),
-    ]  # fmt: skip
+        ("HD", 3, (192, 108)),
+        ("VGA", 3, (64, 48)),
+        ("QVGA", 3, (32, 24)),
+    ]
     for _, rig, views in kinds:
         width, height = rig.cameras[0].image_size
         assert all(views[name][0].shape == (height, width, 3) for name in rig.names)

@@ -1,4 +1,5 @@
 """`panoptic sync kinects`."""
+
 import json
 
 from panoptic_ros.cli.main import main

@@ -1,4 +1,5 @@
 """`panoptic sync report`: what it says of captures with known faults."""
+
 import json
 from fractions import Fraction
 
@@ -27,8 +28,11 @@ def write(path, streams, caliscope=False):
         file.write("sync_index,cam_id,frame_time\n" if caliscope else "camera,frame,stamp_ns\n")
         for name, times in streams.items():
             for k, time in enumerate(times):
-                row = (0, name, f"{START % 10000 + time:.7f}") if caliscope else (
-                    name, k, START * 10**9 + round(1e9 * time))
+                row = (
+                    (0, name, f"{START % 10000 + time:.7f}")
+                    if caliscope
+                    else (name, k, START * 10**9 + round(1e9 * time))
+                )
                 file.write(",".join(map(str, row)) + "\n")
     return path
 
@@ -160,9 +164,12 @@ def test_bad_sources_are_told_in_one_line(tmp_path, capsys):
     (tmp_path / "y.csv").write_text("camera,frame,stamp_ns\nc,0,soon\n")
     (tmp_path / "z.txt").write_text("")
     for name, words in (
-        ("nowhere", "does not exist"), ("empty", "no stamps"), ("x.csv", "line 1: columns camera"),
-        ("y.csv", "line 2"), ("z.txt", "no CSV"),
-    ):  # fmt: skip
+        ("nowhere", "does not exist"),
+        ("empty", "no stamps"),
+        ("x.csv", "line 1: columns camera"),
+        ("y.csv", "line 2"),
+        ("z.txt", "no CSV"),
+    ):
         assert main(["sync", "report", str(tmp_path / name)]) == 2
         error = capsys.readouterr().err
         assert words in error and error.count("\n") == 1

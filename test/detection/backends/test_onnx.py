@@ -6,10 +6,14 @@ from panoptic_ros.errors import BackendError
 
 
 def simcc(blobs, **values):
-    return blobs.card(**{
-        "family": "simcc", "output": {"x": "simcc_x", "y": "simcc_y"},
-        "input": {"size": [64, 32], "fit": "crop"}, **values,
-    })  # fmt: skip
+    return blobs.card(
+        **{
+            "family": "simcc",
+            "output": {"x": "simcc_x", "y": "simcc_y"},
+            "input": {"size": [64, 32], "fit": "crop"},
+            **values,
+        }
+    )
 
 
 def network(blobs, x=64, y=128, joints=3, dtype="float32", name="input", shape=("N", 3, 64, 32)):

@@ -1,4 +1,5 @@
 """OpenVINO beside onnxruntime: with a stand-in where its package is missing, and itself where it is there."""
+
 import importlib
 import sys
 import threading

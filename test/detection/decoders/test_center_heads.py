@@ -1,4 +1,5 @@
 """The decoder against a plain search over all cells, and its answers to made maps."""
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings

@@ -1,4 +1,5 @@
 """SimCC, heat maps and single heads on made outputs with known answers."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -40,10 +40,13 @@ def test_yolo_gives_centres_and_sizes_and_needs_suppression():
 
 
 def test_yolo_end_to_end_keeps_people_only():
-    rows = np.stack([
-        np.r_[BOXES[0], 0.8, 0, POINTS[0].ravel()], np.r_[BOXES[1], 0.9, 3, POINTS[1].ravel()],
-        np.r_[np.zeros(6), POINTS[0].ravel()],
-    ]).astype(np.float32)  # fmt: skip
+    rows = np.stack(
+        [
+            np.r_[BOXES[0], 0.8, 0, POINTS[0].ravel()],
+            np.r_[BOXES[1], 0.9, 3, POINTS[1].ravel()],
+            np.r_[np.zeros(6), POINTS[0].ravel()],
+        ]
+    ).astype(np.float32)
     people = decode_yolo_end_to_end({"people": rows}, 0.25, 10)
     assert len(people) == 1 and people.person_scores[0] == np.float32(0.8)
 

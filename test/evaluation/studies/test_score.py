@@ -1,4 +1,5 @@
 """Table 3's definitions and the PCK curve, on frames whose errors are known."""
+
 import numpy as np
 import pytest
 

@@ -11,9 +11,11 @@ from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.io.datasets.bone_axes import bone_axes
 
 WAYS = [
-    way for axes in permutations(range(3)) for signs in product((1.0, -1.0), repeat=3)
+    way
+    for axes in permutations(range(3))
+    for signs in product((1.0, -1.0), repeat=3)
     if np.linalg.det(way := np.diag(signs)[list(axes)]) > 0.0
-]  # fmt: skip
+]
 
 
 def moving(count=5):

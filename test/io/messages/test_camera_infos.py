@@ -1,4 +1,5 @@
 """The cameras that CameraInfo describes: lenses, binning, regions, rectified images."""
+
 from dataclasses import replace
 
 import captures

@@ -1,4 +1,5 @@
 """Depth maps as ROS cameras send them: images, and compressedDepth."""
+
 import struct
 from types import SimpleNamespace
 

@@ -1,4 +1,5 @@
 """Bags of earlier versions still tell what they held, by the definitions that they keep inside."""
+
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -67,26 +68,45 @@ def only_record(path, record):
 
 
 def test_sound_of_one_channel(tmp_path):
-    path = write(tmp_path / "bag", "panoptic_msgs/msg/AudioBlock", SOUND,
-                 first_sample=48, sample_rate=48_000, samples=SAMPLES)  # fmt: skip
+    path = write(
+        tmp_path / "bag",
+        "panoptic_msgs/msg/AudioBlock",
+        SOUND,
+        first_sample=48,
+        sample_rate=48_000,
+        samples=SAMPLES,
+    )
     block = only_record(path, "AudioBlock")
     assert (block.device, block.stamp_ns, block.first_sample, block.clocks) == ("mic", 7 * 10**9 + 5, 48, ())
     np.testing.assert_array_equal(block.samples, SAMPLES[:, None])
 
 
 def test_readings_without_a_clock(tmp_path):
-    path = write(tmp_path / "bag", "panoptic_msgs/msg/TimecodeReading", READING,
-                 hours=1, minutes=2, seconds=3, frames=4, rate_numerator=25, rate_denominator=1,
-                 drop_frame=False, start_sample=12.25, std_samples=0.5, reverse=False,
-                 user_bits=9)  # fmt: skip
+    path = write(
+        tmp_path / "bag",
+        "panoptic_msgs/msg/TimecodeReading",
+        READING,
+        hours=1,
+        minutes=2,
+        seconds=3,
+        frames=4,
+        rate_numerator=25,
+        rate_denominator=1,
+        drop_frame=False,
+        start_sample=12.25,
+        std_samples=0.5,
+        reverse=False,
+        user_bits=9,
+    )
     reading = only_record(path, "TimecodeReading")
     assert (str(reading.timecode), reading.clock, reading.sample_rate) == ("01:02:03:04", "", 0)
     assert (reading.start_sample, reading.user_bits) == (12.25, 9)
 
 
 def test_other_versions_are_refused(tmp_path):
-    path = write(tmp_path / "bag", "panoptic_msgs/msg/AudioBlock", "std_msgs/Header header\nfloat32 gain\n",
-                 gain=1.0)  # fmt: skip
+    path = write(
+        tmp_path / "bag", "panoptic_msgs/msg/AudioBlock", "std_msgs/Header header\nfloat32 gain\n", gain=1.0
+    )
     with BagReader(path) as bag, pytest.raises(DataError, match="another version"):
         next(bag.messages("/mic/topic"))
 
@@ -94,9 +114,16 @@ def test_other_versions_are_refused(tmp_path):
 def test_a_rig_of_before_lenses_had_names(tmp_path):
     store = store_of(Camera=CAMERA, Rig="std_msgs/Header header\nCamera[] cameras\n")
     camera = make(
-        store, "Camera", name="left", width=640, height=480, matrix=np.diag([500.0, 500, 1]).reshape(9),
-        distortion=np.array([0.1, 0, 0, 0, 0.2]), rotation=np.eye(3).reshape(9), translation=np.ones(3),
-    )  # fmt: skip
+        store,
+        "Camera",
+        name="left",
+        width=640,
+        height=480,
+        matrix=np.diag([500.0, 500, 1]).reshape(9),
+        distortion=np.array([0.1, 0, 0, 0, 0.2]),
+        rotation=np.eye(3).reshape(9),
+        translation=np.ones(3),
+    )
     path = write_message(
         tmp_path / "bag", store, make(store, "Rig", header=header_of(store, "hall"), cameras=[camera])
     )
@@ -109,9 +136,16 @@ def test_a_rig_of_before_lenses_had_names(tmp_path):
 
 def test_a_clock_whose_offset_was_a_float(tmp_path):
     model = only_record(
-        write(tmp_path / "bag", "panoptic_msgs/msg/ClockModel", CLOCK, offset_ns=1_000_000.4, drift=1e-6,
-              covariance=np.zeros(4)), "ClockModel",
-    )  # fmt: skip
+        write(
+            tmp_path / "bag",
+            "panoptic_msgs/msg/ClockModel",
+            CLOCK,
+            offset_ns=1_000_000.4,
+            drift=1e-6,
+            covariance=np.zeros(4),
+        ),
+        "ClockModel",
+    )
     assert model.offset_ns == 1_000_000 and model.drift == 1e-6
     assert model.master_from_device(10**15) == pytest.approx((10**15 + 1_000_000 + 999_993_000, 0), abs=1)
 
@@ -120,11 +154,18 @@ def test_skeletons_of_before_they_said_how_many_joints_they_have(tmp_path):
     store = store_of(
         Skeleton=PERSON,
         Skeletons="std_msgs/Header header\nuint64 index\nstring skeleton_hash\nSkeleton[] skeletons\n",
-    )  # fmt: skip
+    )
     person = make(
-        store, "Skeleton", id=4, score=0.5, positions=np.arange(6.0), covariances=np.zeros(18),
-        scores=np.ones(2), views=np.array([3, 2], np.int32), states=np.ones(2, np.uint8),
-    )  # fmt: skip
+        store,
+        "Skeleton",
+        id=4,
+        score=0.5,
+        positions=np.arange(6.0),
+        covariances=np.zeros(18),
+        scores=np.ones(2),
+        views=np.array([3, 2], np.int32),
+        states=np.ones(2, np.uint8),
+    )
     message = make(
         store, "Skeletons", header=header_of(store), index=3, skeleton_hash="x", skeletons=[person]
     )
@@ -135,7 +176,12 @@ def test_skeletons_of_before_they_said_how_many_joints_they_have(tmp_path):
 
 
 def test_proposals_without_what_they_were_made_from_are_refused(tmp_path):
-    path = write(tmp_path / "bag", "panoptic_msgs/msg/ProposalSet", PROPOSALS, nodes=np.zeros(3),
-                 node_joints=np.zeros(1, np.int32))  # fmt: skip
+    path = write(
+        tmp_path / "bag",
+        "panoptic_msgs/msg/ProposalSet",
+        PROPOSALS,
+        nodes=np.zeros(3),
+        node_joints=np.zeros(1, np.int32),
+    )
     with BagReader(path) as bag, pytest.raises(DataError, match="another version .* ProposalSet"):
         next(bag.messages("/mic/topic"))

@@ -1,4 +1,5 @@
 """Images of every encoding that drivers publish come with their colours."""
+
 from functools import partial
 from types import SimpleNamespace
 
@@ -80,9 +81,12 @@ def image(data, encoding, padding=0, big=False, **fields):
     rows = np.pad(rows, ((0, 0), (0, padding)))
     fields = {"width": data.shape[1], "height": len(data), "step": rows.shape[1], **fields}
     return SimpleNamespace(
-        header=bag_messages().header(5, "left"), encoding=encoding, is_bigendian=int(big),
-        data=rows.tobytes(), **fields,
-    )  # fmt: skip
+        header=bag_messages().header(5, "left"),
+        encoding=encoding,
+        is_bigendian=int(big),
+        data=rows.tobytes(),
+        **fields,
+    )
 
 
 def planes(picture, encoding, padding=0):
@@ -141,9 +145,12 @@ def test_planes_of_brightness_and_colour(encoding):
     height, width = picture.shape[:2]
     lines = 3 * height // PLANES[encoding]
     layouts = (
-        {"step": width}, {"step": 0}, {"step": 3 * width // 2}, {"step": width + 8},
+        {"step": width},
+        {"step": 0},
+        {"step": 3 * width // 2},
+        {"step": width + 8},
         {"height": lines, "step": width},
-    )  # fmt: skip
+    )
     for fields in layouts:
         message = image(picture[..., 0], encoding, **fields)
         message.data = planes(picture, encoding, 8 if fields["step"] == width + 8 else 0)
@@ -176,9 +183,13 @@ def test_an_encoding_that_the_driver_states_wrongly():
 
 @pytest.mark.parametrize(
     ("name", "told"),
-    [("rgb9", "encoding 'rgb9', perhaps rgb8; supported: mono8"), ("32FC1", "encoding '32FC1'"), ("", "''"),
-     ("bayer_rgbg8", "perhaps bayer_rggb8")],
-)  # fmt: skip
+    [
+        ("rgb9", "encoding 'rgb9', perhaps rgb8; supported: mono8"),
+        ("32FC1", "encoding '32FC1'"),
+        ("", "''"),
+        ("bayer_rgbg8", "perhaps bayer_rggb8"),
+    ],
+)
 def test_what_is_no_encoding_of_a_picture_is_named(name, told):
     with pytest.raises(DataError, match=told):
         frame_from_message(image(smooth_picture(), name), "left", 0)
@@ -226,10 +237,12 @@ def test_what_is_assumed_of_an_encoding_is_told():
     told = {
         name: shown_by(image(data, name), "it").told
         for name, data in (
-            ("8UC4", np.zeros((4, 4, 4), np.uint8)), ("bgr8", np.zeros((4, 4, 3), np.uint8)),
-            ("mono16", np.full((4, 4), 4000, np.uint16)), ("mono12", np.full((4, 4), 4000, np.uint16)),
+            ("8UC4", np.zeros((4, 4, 4), np.uint8)),
+            ("bgr8", np.zeros((4, 4, 3), np.uint8)),
+            ("mono16", np.full((4, 4), 4000, np.uint16)),
+            ("mono12", np.full((4, 4), 4000, np.uint16)),
         )
-    }  # fmt: skip
+    }
     assert told["8UC4"] == "it calls itself 8UC4, which names no colours: taken as bgra"
     assert told["mono16"] == "it has 12 bits in 16: stretched to all that there are"
     assert told["bgr8"] == told["mono12"] == ""
@@ -250,9 +263,12 @@ class TestCompressed:
     @pytest.mark.parametrize("bits", [8, 12])
     @pytest.mark.parametrize(
         ("words", "encoding"),
-        [("bayer_rggb{}; png compressed ", ""), ("bayer_rggb{0}; png compressed bayer_rggb{0}", ""),
-         ("mono{}; png compressed ", "bayer_rggb8")],
-    )  # fmt: skip
+        [
+            ("bayer_rggb{}; png compressed ", ""),
+            ("bayer_rggb{0}; png compressed bayer_rggb{0}", ""),
+            ("mono{}; png compressed ", "bayer_rggb8"),
+        ],
+    )
     def test_mosaics_get_their_colours(self, words, encoding, bits):
         picture = smooth_picture()
         data = mosaic(picture, "rggb") if bits == 8 else sixteen(mosaic(picture, "rggb"), 12)

@@ -1,4 +1,5 @@
 """Heat maps are where the scores are in the image."""
+
 import captures
 import numpy as np
 
@@ -10,19 +11,30 @@ from panoptic_ros.io.messages.heat_maps import heat_map, heat_map_message
 def view(maps):
     joints = len(captures.SKELETON)
     return ViewDetections(
-        "cam0", 7, 0, (1280, 720), captures.SKELETON.hash, np.full((1, joints, 2), np.nan),
-        np.zeros((1, joints)), np.ones(1), maps,
-    )  # fmt: skip
+        "cam0",
+        7,
+        0,
+        (1280, 720),
+        captures.SKELETON.hash,
+        np.full((1, joints, 2), np.nan),
+        np.zeros((1, joints)),
+        np.ones(1),
+        maps,
+    )
 
 
 def test_a_patch_lies_where_its_cells_are_in_the_image():
     patch = np.zeros((3, 5), np.uint8)
     patch[1, 2] = 200  # the cell (42, 21), the centre of 8 x 8 pixels
     maps = ScoreMaps(
-        (160, 90), np.array([[1 / 8, 0, 0.5 / 8 - 0.5], [0, 1 / 8, 0.5 / 8 - 0.5]]), np.array([3, 4]),
-        np.array([0, 0]), np.array([[40, 20], [0, 0]]), np.array([[5, 3], [1, 1]]),
+        (160, 90),
+        np.array([[1 / 8, 0, 0.5 / 8 - 0.5], [0, 1 / 8, 0.5 / 8 - 0.5]]),
+        np.array([3, 4]),
+        np.array([0, 0]),
+        np.array([[40, 20], [0, 0]]),
+        np.array([[5, 3], [1, 1]]),
         np.concatenate([patch.ravel(), np.array([90], np.uint8)]),
-    )  # fmt: skip
+    )
     picture = heat_map(view(maps), 3)
     assert picture.shape == (360, 640)
     rows, columns = np.nonzero(picture >= picture.max() - 10)

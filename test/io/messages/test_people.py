@@ -1,4 +1,5 @@
 """People in other packages' messages, against the skeletons they come from."""
+
 from dataclasses import replace
 
 import captures
@@ -24,10 +25,13 @@ FOREIGN = {
     for path in sorted((share_folder() / "msg_defs" / "foreign" / package / "msg").glob("*.msg"))
 }
 STORE = get_typestore(Stores.ROS2_JAZZY)
-STORE.register({
-    name: definition
-    for kind, text in FOREIGN.items() for name, definition in get_types_from_msg(text, kind).items()
-})  # fmt: skip
+STORE.register(
+    {
+        name: definition
+        for kind, text in FOREIGN.items()
+        for name, definition in get_types_from_msg(text, kind).items()
+    }
+)
 FAMILY = Messages(lambda name: STORE.types[name], lambda array: array)
 NAMES = captures.SKELETON.joint_names
 
@@ -38,9 +42,17 @@ def poses(positions, ids=(4, 7)):
     states = np.where(there, JointState.MEASURED, JointState.MISSING)
     covariances = np.where(there[..., None, None], np.eye(3), np.nan)
     return RefinedPoseSet(
-        3, 5_000_000_007, captures.SKELETON.hash, positions, covariances, there * 1.0,
-        there * 4, states, np.full(len(there), 0.9), ids=np.array(ids),
-    )  # fmt: skip
+        3,
+        5_000_000_007,
+        captures.SKELETON.hash,
+        positions,
+        covariances,
+        there * 1.0,
+        there * 4,
+        states,
+        np.full(len(there), 0.9),
+        ids=np.array(ids),
+    )
 
 
 @pytest.fixture

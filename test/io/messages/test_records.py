@@ -1,4 +1,5 @@
 """Every record survives the way through a message, bit for bit, in both families."""
+
 import copy
 from contextlib import suppress
 from dataclasses import replace
@@ -62,9 +63,14 @@ rng = np.random.default_rng(0)
 def maps():
     sizes = np.array([[2, 3], [4, 1]])
     return ScoreMaps(
-        (20, 10), rng.normal(size=(2, 3)), [0, 1], [0, -1], [[1, 2], [3, 9]], sizes,
+        (20, 10),
+        rng.normal(size=(2, 3)),
+        [0, 1],
+        [0, -1],
+        [[1, 2], [3, 9]],
+        sizes,
         rng.integers(0, 255, 10),
-    )  # fmt: skip
+    )
 
 
 def view(camera="cam0", people=2, with_maps=True):
@@ -72,9 +78,16 @@ def view(camera="cam0", people=2, with_maps=True):
     if people:
         points[0, 1], scores[0, 1] = np.nan, 0.0
     return ViewDetections(
-        camera, 123456789012345, 7, (640, 480), "cafe0123", points, scores,
-        rng.uniform(size=people), maps() if with_maps and people else None,
-    )  # fmt: skip
+        camera,
+        123456789012345,
+        7,
+        (640, 480),
+        "cafe0123",
+        points,
+        scores,
+        rng.uniform(size=people),
+        maps() if with_maps and people else None,
+    )
 
 
 def poses(cls, people=2, **more):
@@ -85,8 +98,18 @@ def poses(cls, people=2, **more):
         positions[0, 1] = covariances[0, 1] = np.nan
         scores[0, 1] = states[0, 1] = 0
     views = rng.integers(0, 5, (people, 3))
-    return cls(3, 10**18 + 1, "cafe0123", positions, covariances, scores, views, states,
-               rng.uniform(size=people), **more)  # fmt: skip
+    return cls(
+        3,
+        10**18 + 1,
+        "cafe0123",
+        positions,
+        covariances,
+        scores,
+        views,
+        states,
+        rng.uniform(size=people),
+        **more,
+    )
 
 
 def shift(people=2):
@@ -101,91 +124,160 @@ LIMIT = VisibilityLimit(rng.integers(0, 65535, (3, 4)).astype(np.uint16))
 SET = DetectionSet(
     5, 99, "cafe0123", (view("a"), view("b", 0), replace(view("c", with_maps=False), limit=LIMIT))
 )
+
+
 def association(people=2, followed=3):
     """Two 2D people in the first view, none in the second, one in the third; three joints."""
     seen, shape = 3, (followed, 3)
     evidence = Evidence(
-        np.array([4, 0, 7]), np.array([0, 1, 2]), np.array([0, 2, 2, 3]), np.array([0, 0, 2]),
-        np.array([1, 0, 0]), rng.normal(size=(seen, 3, 2)), rng.uniform(size=(seen, 3)),
-        rng.uniform(size=(seen, 3)), rng.normal(size=3),
-    )  # fmt: skip
+        np.array([4, 0, 7]),
+        np.array([0, 1, 2]),
+        np.array([0, 2, 2, 3]),
+        np.array([0, 0, 2]),
+        np.array([1, 0, 0]),
+        rng.normal(size=(seen, 3, 2)),
+        rng.uniform(size=(seen, 3)),
+        rng.uniform(size=(seen, 3)),
+        rng.normal(size=3),
+    )
     prediction = Prediction(
-        rng.normal(size=(*shape, 3)), rng.normal(size=(*shape, 3)), rng.uniform(size=shape),
-        rng.uniform(size=(*shape, 3)), rng.uniform(size=shape) < 0.5,
-    )  # fmt: skip
+        rng.normal(size=(*shape, 3)),
+        rng.normal(size=(*shape, 3)),
+        rng.uniform(size=shape),
+        rng.uniform(size=(*shape, 3)),
+        rng.uniform(size=shape) < 0.5,
+    )
     member = np.array([[-1, 1, 2], [-1, 0, -1]])[:people]
     return AssociationSet(
-        SET, evidence, Groups(member, member == 1), np.array([2, -1])[:people],
-        rng.normal(size=(people, 3, 3)), prediction,
-    )  # fmt: skip
+        SET,
+        evidence,
+        Groups(member, member == 1),
+        np.array([2, -1])[:people],
+        rng.normal(size=(people, 3, 3)),
+        prediction,
+    )
 
 
 ASSOCIATION = association()
 TRACKS = TrackSet(
-    5, 99, "cafe0123", np.array([3, -1]), rng.normal(size=(2, 3, 6)), rng.uniform(size=(2, 3, 3)),
-    rng.uniform(size=(2, 3)), np.array([[0.0, np.inf, 0.1], [0.2, 0.3, np.inf]]), np.array([0.0, 0.4]),
-)  # fmt: skip
+    5,
+    99,
+    "cafe0123",
+    np.array([3, -1]),
+    rng.normal(size=(2, 3, 6)),
+    rng.uniform(size=(2, 3, 3)),
+    rng.uniform(size=(2, 3)),
+    np.array([[0.0, np.inf, 0.1], [0.2, 0.3, np.inf]]),
+    np.array([0.0, 0.4]),
+)
 RATE = FrameRate(30, Fraction(30000, 1001), True)
 CAMERA = Camera(
-    "cam0", (640, 480),
+    "cam0",
+    (640, 480),
     Intrinsics(np.array([[500.0, 0, 320], [0, 501, 240], [0, 0, 1]]), [0.1, 0.2, 0, 0, 1]),
     Rigid(np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]), np.array([0.1, 0.2, 0.3])),
-)  # fmt: skip
+)
 ROOT = rng.normal(0.0, 1e-3, (15, 15))
 FISHEYE = replace(
-    CAMERA, name="cam1", intrinsics=Intrinsics(CAMERA.intrinsics.matrix, [0.1, 0.2, 0, 0.01], "fisheye"),
+    CAMERA,
+    name="cam1",
+    intrinsics=Intrinsics(CAMERA.intrinsics.matrix, [0.1, 0.2, 0, 0.01], "fisheye"),
     covariance=np.diag(np.arange(14.0)),
-)  # fmt: skip
-STATED = replace(
-    CAMERA, type="hd", panel="3", clock="ltc", line_delay_us=12.5, covariance=ROOT @ ROOT.T
 )
+STATED = replace(CAMERA, type="hd", panel="3", clock="ltc", line_delay_us=12.5, covariance=ROOT @ ROOT.T)
 SENSORS = (
-    DepthSensor(replace(FISHEYE, name="k"), "cam1", 0.00025), DepthSensor(replace(CAMERA, name="lidar"))
-)  # fmt: skip
+    DepthSensor(replace(FISHEYE, name="k"), "cam1", 0.00025),
+    DepthSensor(replace(CAMERA, name="lidar")),
+)
 BODIES = BodyStateSet(
-    4, 7, 9, "abcd1234", ("hips", "thigh", "shin"), [-1, 0, 1], [3, 0], [2, 1], [4, 0], [0, 6],
-    rng.normal(size=(2, 3, 3)), rng.normal(size=(2, 12)), rng.normal(size=(2, 3, 3)),
-    rng.normal(size=(2, 3, 4)), rng.normal(size=(2, 3, 6)), np.full((2, 3, 6, 6), np.nan),
-    rng.normal(size=(2, 2, 3)), rng.normal(size=(2, 2, 3, 3)),
+    4,
+    7,
+    9,
+    "abcd1234",
+    ("hips", "thigh", "shin"),
+    [-1, 0, 1],
+    [3, 0],
+    [2, 1],
+    [4, 0],
+    [0, 6],
+    rng.normal(size=(2, 3, 3)),
+    rng.normal(size=(2, 12)),
+    rng.normal(size=(2, 3, 3)),
+    rng.normal(size=(2, 3, 4)),
+    rng.normal(size=(2, 3, 6)),
+    np.full((2, 3, 6, 6), np.nan),
+    rng.normal(size=(2, 2, 3)),
+    rng.normal(size=(2, 2, 3, 3)),
 )
 PATCH_TRACKS = PatchTracks(
-    "cam0", 99, 8, 50, 7, "cafe0123", *rng.normal(size=(2, 4, 2)), rng.uniform(size=(4, 3)),
-    [0, 0, 1, 2], [3, 1, 0, 9],
-)  # fmt: skip
+    "cam0",
+    99,
+    8,
+    50,
+    7,
+    "cafe0123",
+    *rng.normal(size=(2, 4, 2)),
+    rng.uniform(size=(4, 3)),
+    [0, 0, 1, 2],
+    [3, 1, 0, 9],
+)
 MOTIONS = PartMotions(
     [3, 5], [0, 4], *rng.normal(size=(3, 2, 3)), rng.normal(size=(2, 6, 6)), [20, 7], [0.8, 1.4]
 )
 PATCHES = PatchTrajectories(
-    5, 99, 50, "cafe0123", [8, 9, 11], [0, 2, 7], [3, 3, 5], [0, 1, 4], rng.normal(size=(3, 3)),
-    rng.normal(size=(3, 3)), rng.uniform(size=3), ("cam0", "cam1"), rng.uniform(size=(3, 2)), MOTIONS,
+    5,
+    99,
+    50,
+    "cafe0123",
+    [8, 9, 11],
+    [0, 2, 7],
+    [3, 3, 5],
+    [0, 1, 4],
+    rng.normal(size=(3, 3)),
+    rng.normal(size=(3, 3)),
+    rng.uniform(size=3),
+    ("cam0", "cam1"),
+    rng.uniform(size=(3, 2)),
+    MOTIONS,
     [[3, 5]],
-)  # fmt: skip
+)
 
 RECORDS = [
     ViewAppearance("cam0", 99, 8, np.where(rng.uniform(size=(4, 2, 3)) < 0.2, np.nan, 0.7)),
-    PATCH_TRACKS, PATCHES,
+    PATCH_TRACKS,
+    PATCHES,
     Rig((STATED, FISHEYE), depth_sensors=SENSORS),
-    view(), view(people=0), SET,
-    ASSOCIATION, TRACKS, SubjectSet(7, [3, 0], rng.normal(size=(2, 3)), [-1, 5], [-1, 4]),
-    ImuSample("wrist", 7, [0.6, 0.0, 0.8, 0.0], [np.nan] * 3, [0.1, 0.2, 9.8]), BODIES,
+    view(),
+    view(people=0),
+    SET,
+    ASSOCIATION,
+    TRACKS,
+    SubjectSet(7, [3, 0], rng.normal(size=(2, 3)), [-1, 5], [-1, 4]),
+    ImuSample("wrist", 7, [0.6, 0.0, 0.8, 0.0], [np.nan] * 3, [0.1, 0.2, 9.8]),
+    BODIES,
     ProposalSet(
         ASSOCIATION, rng.normal(size=(3, 3)), [0, 1, 1], [0.1, 0.2, 0.3], [2, 3, 4], [[0, 1]], [0], [0.5]
     ),
-    poses(PoseSet), poses(PoseSet, 0), poses(TrackedPoseSet, ids=[4, 2]), poses(RefinedPoseSet, ids=[7, 1]),
+    poses(PoseSet),
+    poses(PoseSet, 0),
+    poses(TrackedPoseSet, ids=[4, 2]),
+    poses(RefinedPoseSet, ids=[7, 1]),
     poses(TrackedPoseSet, ids=[4, 2], newest_ns=10**18 + 7, time_shift=shift()),
     poses(PoseSet, side_votes=rng.normal(size=(2, 4))),
     poses(PoseSet, corrections=rng.normal(size=(2, 3, 3))),
-    poses(PoseSet, sources=sources()), poses(PoseSet, 0, sources=sources(0)),
+    poses(PoseSet, sources=sources()),
+    poses(PoseSet, 0, sources=sources(0)),
     poses(RefinedPoseSet, ids=[7, 1], sources=sources()),
     SkeletonModel("s", ("a", "b", "c"), 0, ((0, 1), (0, 2)), 1, ((1, 2),), ((0, (1, 2)),)),
-    Rig((CAMERA,), "map"), Rig((CAMERA,), "map", Occluders.box((4.0, 0.1, 2.5), np.eye(3), (0.0, 2.0, 1.25))),
+    Rig((CAMERA,), "map"),
+    Rig((CAMERA,), "map", Occluders.box((4.0, 0.1, 2.5), np.eye(3), (0.0, 2.0, 1.25))),
     AudioBlock("mic", 5, 48000, 48000, rng.uniform(-1, 1, 50)),
     AudioBlock("mic", 5, 48000, 48000, rng.uniform(-1, 1, (50, 3)), ("A", "", "B")),
     TimecodeReading("mic", 17, Timecode(1, 2, 3, 4, RATE), 12.25, 0.5, True, 0xDEADBEEF),
     TimecodeReading("mic", 17, Timecode(1, 2, 3, 4, RATE), 12.25, 0.5, clock="A", sample_rate=48000),
     ClockModel("mic", 17, 0.25, 1e-6, np.eye(2)),
     ClockModel("b", 17, -(2**62) - 1, 1e-6, np.eye(2), 0.25, 5, 10**18 + 1, 1e-7, 3),
-]  # fmt: skip
+]
 
 
 def same(a, b):

@@ -1,4 +1,5 @@
 """2D people of another stack, by its own message definition, in a bag of its own."""
+
 from types import SimpleNamespace
 
 import captures
@@ -70,9 +71,12 @@ def test_a_bag_of_that_stack_is_read_by_the_definition_inside(tmp_path):
     stamp = store.types["builtin_interfaces/msg/Time"](sec=2, nanosec=3)
     bodies = some().astype(np.float32)
     poses = store.types[KIND](
-        header=store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="c"), bodies_flat=bodies.ravel(),
-        bodies_shape=np.array(bodies.shape, np.int32), joint_names=NAMES, extra_data="",
-    )  # fmt: skip
+        header=store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="c"),
+        bodies_flat=bodies.ravel(),
+        bodies_shape=np.array(bodies.shape, np.int32),
+        joint_names=NAMES,
+        extra_data="",
+    )
     with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.SQLITE3) as bag:
         connection = bag.add_connection("/poses/cam0", KIND, typestore=store)
         bag.write(connection, 5, store.serialize_cdr(poses, KIND))

@@ -1,4 +1,5 @@
 """RVL against an encoder that is written down nibble by nibble, as its paper has it."""
+
 import struct
 from types import SimpleNamespace
 

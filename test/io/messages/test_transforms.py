@@ -1,4 +1,5 @@
 """Transforms survive their messages."""
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,4 +1,5 @@
 """A little net that is built like MoveNet, as a TensorFlow.js model, and a stand-in for npm."""
+
 from __future__ import annotations
 
 import base64
@@ -175,9 +176,9 @@ class FakeNpm:
 def npm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, tiny_files: tuple[bytes, bytes]) -> FakeNpm:
     fake = FakeNpm(tmp_path / "bin")
     topology, weights = tiny_files
-    fake.gives({
-        "package/readme": b"hello", "package/models/tiny.json": topology, "package/models/tiny.bin": weights
-    })  # fmt: skip
+    fake.gives(
+        {"package/readme": b"hello", "package/models/tiny.json": topology, "package/models/tiny.bin": weights}
+    )
     monkeypatch.setenv("PATH", f"{fake.folder}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("PANOPTIC_CACHE", str(tmp_path / "cache"))
     return fake

@@ -94,10 +94,13 @@ def test_the_person_detector_comes_along(npm, tiny_card):
     document = yaml.safe_load(tiny_card.read_text())
     document.pop("fetch")
     document |= {
-        "name": "crops", "family": "single_heads", "detector": "tiny.yaml", "file": str(tiny_file()),
+        "name": "crops",
+        "family": "single_heads",
+        "detector": "tiny.yaml",
+        "file": str(tiny_file()),
         "output": {r: r for r in ("center", "heat", "regress", "offset")},
         "input": {**document["input"], "size": [64, 64], "fit": "crop"},
-    }  # fmt: skip
+    }
     crops.write_text(yaml.safe_dump(document))
     model = load_detector(str(crops))
     assert model.person_detector is not None and model.person_detector.card.name == "tiny"

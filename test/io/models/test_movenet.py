@@ -1,4 +1,5 @@
 """The converted graph against the original one, in numpy."""
+
 import json
 
 import numpy as np

@@ -15,8 +15,10 @@ def quiet(doing, megabytes):
 
 
 def wanted(files):
-    return [PackedFile(f"package/models/tiny.{kind}", hashlib.sha256(data).hexdigest())
-            for kind, data in zip(("json", "bin"), files)]  # fmt: skip
+    return [
+        PackedFile(f"package/models/tiny.{kind}", hashlib.sha256(data).hexdigest())
+        for kind, data in zip(("json", "bin"), files)
+    ]
 
 
 def test_files_come_out_of_the_package_and_nothing_is_left(npm, tiny_files, tmp_path):

@@ -1,4 +1,5 @@
 """Boxes and meshes come out as written down, and what is wrong is named."""
+
 import json
 import struct
 

@@ -1,4 +1,5 @@
 """A small rig with all parameters different from each other."""
+
 from __future__ import annotations
 
 import numpy as np

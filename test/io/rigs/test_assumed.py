@@ -1,4 +1,5 @@
 """Units and up directions that a calibration does not state are assumed, and stated in one line each."""
+
 from __future__ import annotations
 
 from dataclasses import replace

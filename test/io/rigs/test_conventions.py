@@ -1,4 +1,5 @@
 """Units, axes and pixels of the foreign formats, on files written out by hand."""
+
 from __future__ import annotations
 
 import json
@@ -33,18 +34,35 @@ def save(path: Path, document: object) -> Path:
 
 def test_cmu_panoptic_is_centimetres_and_y_down(tmp_path: Path) -> None:
     # In its world the camera is 200 cm above the floor y = 0: y = -200; our y is its z.
-    camera = {"name": "00_00", "type": "hd", "panel": 0, "node": 0, "resolution": [640, 480], "K": K,
-              "distCoef": [0, 0, 0, 0, 0], "R": np.eye(3).tolist(), "t": [[0], [200], [300]]}  # fmt: skip
+    camera = {
+        "name": "00_00",
+        "type": "hd",
+        "panel": 0,
+        "node": 0,
+        "resolution": [640, 480],
+        "K": K,
+        "distCoef": [0, 0, 0, 0, 0],
+        "R": np.eye(3).tolist(),
+        "t": [[0], [200], [300]],
+    }
     check_level_camera(read_rig(save(tmp_path / "c.json", {"cameras": [camera]})), "00_00")
 
 
 def test_cmu_panoptic_selection(tmp_path: Path) -> None:
     rows = [("00_00", "hd", 0), ("01_01", "vga", 1), ("02_01", "vga", 2)]
     cameras = [
-        {"name": name, "type": kind, "panel": panel, "resolution": [640, 480], "K": K,
-         "distCoef": [0, 0, 0, 0, 0], "R": np.eye(3).tolist(), "t": [[0], [0], [0]]}
+        {
+            "name": name,
+            "type": kind,
+            "panel": panel,
+            "resolution": [640, 480],
+            "K": K,
+            "distCoef": [0, 0, 0, 0, 0],
+            "R": np.eye(3).tolist(),
+            "t": [[0], [0], [0]],
+        }
         for name, kind, panel in rows
-    ]  # fmt: skip
+    ]
     path = save(tmp_path / "c.json", {"cameras": cameras})
     assert read_rig(path).names == ("00_00", "01_01", "02_01")
     assert read_rig(path, types=["vga"]).names == ("01_01", "02_01")

@@ -1,4 +1,5 @@
 """Cameras that cannot be used are left out and named; cameras that are not chosen are not even read."""
+
 from __future__ import annotations
 
 import json
@@ -129,11 +130,15 @@ def one(serial: str = "1", more: str = "", bottom: int = 1439, sensor: str = "",
 
 def test_marker_cameras_of_qualisys(tmp_path: Path) -> None:
     found = qualisys(
-        tmp_path / "a.qca.txt", one("11", 'video_resolution="1440p"'), one("21", 'video_resolution="N/A"'),
-        one("22", 'video_resolution="n/a"'), one("23", 'model="Miqus M3"'),
-        one("26", 'model="Oqus 300+" video_resolution=""'), one("24", 'active="0"'),
+        tmp_path / "a.qca.txt",
+        one("11", 'video_resolution="1440p"'),
+        one("21", 'video_resolution="N/A"'),
+        one("22", 'video_resolution="n/a"'),
+        one("23", 'model="Miqus M3"'),
+        one("26", 'model="Oqus 300+" video_resolution=""'),
+        one("24", 'active="0"'),
         one("25", 'calibrated="false"'),
-    )  # fmt: skip
+    )
     assert found.names == ("11",) and list(found.left_out) == ["21", "22", "23", "26", "24", "25"]
     assert all("marker camera" in found.left_out[name] for name in ("21", "22", "23", "26"))
     assert "camera 24: left out: not active" in found.notices
@@ -197,13 +202,15 @@ FOREIGN = {
     "camchain.yaml": (KALIBR, "a camera chain of Kalibr"),
     "cam0.yaml": (INFO, "camera_info of one camera"),
     "4d.json": (json.dumps({"0": {"K": [1.0] * 9, "RT": [1.0] * 12}}), "4D Association"),
-    "voxel.json": (json.dumps({"0": dict.fromkeys(("fx", "fy", "cx", "cy", "k", "p", "R", "T"), 0.0)}),
-                   "VoxelPose"),
+    "voxel.json": (
+        json.dumps({"0": dict.fromkeys(("fx", "fy", "cx", "cy", "k", "p", "R", "T"), 0.0)}),
+        "VoxelPose",
+    ),
     "aist.json": (json.dumps([{"name": "c01", "matrix": [], "rotation": [], "translation": []}]), "AIST"),
     "studio.xcp": ("<Cameras><Camera><KeyFrames><KeyFrame/></KeyFrames></Camera></Cameras>", "Vicon"),
     "cameras.txt": ("#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 PINHOLE 640 480\n", "COLMAP"),
     "transforms.json": (json.dumps({"frames": [{"transform_matrix": []}]}), "nerfstudio"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("file", FOREIGN)

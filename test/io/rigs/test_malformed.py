@@ -1,4 +1,5 @@
 """Bad rigs: one clear line that names the file, the camera and the key."""
+
 from __future__ import annotations
 
 import gzip
@@ -70,9 +71,20 @@ def test_rig_json(tmp_path: Path, rig: Rig, change: Change, says: str) -> None:
 
 @pytest.mark.parametrize(
     "content",
-    [b"", b"   \n", b"hello", b"{}", b"[1, 2]", b'{"cameras": []}', b"\x00\xff\xfe", b"<html></html>",
-     b"a = 1", gzip.compress(b"{}", mtime=0), b'{"cameras": [{"name": "a"}]}'],
-)  # fmt: skip
+    [
+        b"",
+        b"   \n",
+        b"hello",
+        b"{}",
+        b"[1, 2]",
+        b'{"cameras": []}',
+        b"\x00\xff\xfe",
+        b"<html></html>",
+        b"a = 1",
+        gzip.compress(b"{}", mtime=0),
+        b'{"cameras": [{"name": "a"}]}',
+    ],
+)
 def test_what_is_no_rig_lists_what_is_read(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "x").write_bytes(content)
     with pytest.raises(CalibrationError, match=r"these are read: rig.json"):

@@ -1,4 +1,5 @@
 """What a rig may state besides its geometry, and which formats keep it."""
+
 from __future__ import annotations
 
 import json
@@ -91,9 +92,7 @@ def test_a_depth_sensor_needs_no_distortion_and_counts_millimetres(tmp_path: Pat
         ("depth_sensors", "name", "cam01", "2 cameras and depth sensors of the rig are called 'cam01'"),
     ],
 )
-def test_malformed_values(
-    tmp_path: Path, rig: Rig, place: str, key: str, value: Any, says: str
-) -> None:
+def test_malformed_values(tmp_path: Path, rig: Rig, place: str, key: str, value: Any, says: str) -> None:
     write_rig(tmp_path / "rig.json", stated(rig))
     document = json.loads((tmp_path / "rig.json").read_text())
     document[place][0][key] = value
@@ -194,10 +193,13 @@ def test_covariances_follow_the_terms_of_the_lens(tmp_path: Path, rig: Rig) -> N
     [
         ([0.1, -0.2, 1e-3, 2e-3], [0.1, -0.2, 1e-3, 2e-3, 0.0], ()),
         ([*MANY[:5], 0, 0, 0], MANY[:5], ()),
-        ([0.1, -0.2, 0.3], [0.1, -0.2, 0.0, 0.0, 0.3],
-         ("camera cam01: the 3 distortion coefficients are taken as k1 k2 k3",)),
+        (
+            [0.1, -0.2, 0.3],
+            [0.1, -0.2, 0.0, 0.0, 0.3],
+            ("camera cam01: the 3 distortion coefficients are taken as k1 k2 k3",),
+        ),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("name", ["rig.json", "panoptic", "aniposelib", "caliscope"])
 def test_the_numbers_of_a_lens_mean_the_same_in_all_formats(
     tmp_path: Path, rig: Rig, name: str, numbers: list[float], expected: list[float], told: tuple[str, ...]

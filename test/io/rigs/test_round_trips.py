@@ -1,4 +1,5 @@
 """What is written is read back: to the bit for rig.json, to 1e-12 for the others."""
+
 from __future__ import annotations
 
 import shutil
@@ -101,11 +102,17 @@ def test_frame_id_survives(tmp_path: Path, rig: Rig) -> None:
 
 
 def test_rotation_rounded_to_six_digits_keeps_its_translation_in_qualisys(tmp_path: Path, rig: Rig) -> None:
-    rounded = Rig(tuple(
-        Camera(c.name, c.image_size, c.intrinsics,
-               Rigid(np.round(c.cam_from_world.rotation, 6), c.cam_from_world.translation))
-        for c in rig.cameras
-    ))  # fmt: skip
+    rounded = Rig(
+        tuple(
+            Camera(
+                c.name,
+                c.image_size,
+                c.intrinsics,
+                Rigid(np.round(c.cam_from_world.rotation, 6), c.cam_from_world.translation),
+            )
+            for c in rig.cameras
+        )
+    )
     write_rig(tmp_path / "a.qca.txt", rounded)
     assert largest_difference(rounded, read_rig(tmp_path / "a.qca.txt")) < 1e-12
 

@@ -1,4 +1,5 @@
 """Finding the rig of a capture folder."""
+
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,4 +1,5 @@
 """The up direction in files of rigs."""
+
 from __future__ import annotations
 
 import json

@@ -1,4 +1,5 @@
 """Bags that were cut anywhere come back with all that is whole, and open everywhere."""
+
 import shutil
 import signal
 import sqlite3
@@ -232,15 +233,23 @@ def test_a_damaged_chunk_costs_itself_alone(tmp_path, compression):
 
 def test_messages_that_are_no_cdr_are_left_out_and_counted(tmp_path):
     topics = [
-        *TOPICS, Channel("/json", "json", "Thing", "jsonschema", "{}"), Channel("/bare", kind=""),
+        *TOPICS,
+        Channel("/json", "json", "Thing", "jsonschema", "{}"),
+        Channel("/bare", kind=""),
         Channel("/proto", "protobuf", "foxglove.Thing", "protobuf"),
-        Channel("/one", "ros1", "a/B", "ros1msg"), Channel("/false"),
-    ]  # fmt: skip
+        Channel("/one", "ros1", "a/B", "ros1msg"),
+        Channel("/false"),
+    ]
     rows = [*ROWS, *((2 + k % 5, 300 + k, b'{"a": 1}') for k in range(20))]
     made = repair(write_mcap(tmp_path / "x.mcap", topics, rows), tmp_path / "new")
     assert made.counts == {"/a": 15, "/b": 15} and len(content(tmp_path / "new")) == 30
-    told = ("/json, which are JSON", "/bare, which are CDR of no stated type", "/proto, which are protobuf",
-            "/one, which are ROS 1", "/false, which are no CDR")  # fmt: skip
+    told = (
+        "/json, which are JSON",
+        "/bare, which are CDR of no stated type",
+        "/proto, which are protobuf",
+        "/one, which are ROS 1",
+        "/false, which are no CDR",
+    )
     assert sorted(made.lost) == sorted(f"x.mcap: 4 messages on {words}" for words in told)
 
 

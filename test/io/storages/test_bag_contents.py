@@ -1,4 +1,5 @@
 """Bags of any writer are read completely; a line reports all messages that are left out or missing."""
+
 import shutil
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
@@ -196,10 +197,12 @@ class TestOtherSerializations:
     """Messages that are no CDR."""
 
     TOPICS = (
-        *TOPICS, Channel("/json", "json", "Thing", "jsonschema", "{}"),
-        Channel("/proto", "protobuf", "foxglove.Thing", "protobuf", "\x01"), Channel("/bare", kind=""),
+        *TOPICS,
+        Channel("/json", "json", "Thing", "jsonschema", "{}"),
+        Channel("/proto", "protobuf", "foxglove.Thing", "protobuf", "\x01"),
+        Channel("/bare", kind=""),
         Channel("/shape", "cdr", "a/msg/B", "protobuf", ""),
-    )  # fmt: skip
+    )
     ROWS = [*ROWS, *((2 + k % 4, 200 + k, b'{"a": 1}') for k in range(8))]
 
     def test_their_topics_are_left_out_and_named(self, tmp_path):

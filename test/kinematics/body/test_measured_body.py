@@ -16,11 +16,16 @@ from panoptic_ros.kinematics.config import KinematicsConfig
 
 NAMES = tuple(MODEL.keypoints)
 TRUNK = ("spine1", "spine2", "spine3", "spine4")
-HIGH = MODEL.with_joint_offsets({
-    f"{side}{joint}": JointOffset(frame if frame == "spine4" else side + frame, (x, factor * y, z))
-    for side, factor in (("l", 1.0), ("r", -1.0))
-    for joint, frame, (x, y, z) in (("Shoulder", "spine4", (0, 0, 0.04)), ("Hip", "Thigh", (0.03, 0.02, 0)))
-})  # fmt: skip
+HIGH = MODEL.with_joint_offsets(
+    {
+        f"{side}{joint}": JointOffset(frame if frame == "spine4" else side + frame, (x, factor * y, z))
+        for side, factor in (("l", 1.0), ("r", -1.0))
+        for joint, frame, (x, y, z) in (
+            ("Shoulder", "spine4", (0, 0, 0.04)),
+            ("Hip", "Thigh", (0.03, 0.02, 0)),
+        )
+    }
+)
 
 
 def somebody(model):

@@ -31,11 +31,13 @@ CASES = {
     "dies": (ImuSeries(*(part[:120] for part in vars(GOOD).values())), "is silent for 3.0 s", True),
     "pauses": (
         ImuSeries(*(np.delete(part, np.s_[100:200], axis=0) for part in vars(GOOD).values())),
-        "is silent for 1.7 s, 1.7 s after its first", True,
+        "is silent for 1.7 s, 1.7 s after its first",
+        True,
     ),
     "floods": (series(COUNT * 40, 2400.0), "more than 500 samples/s; 9600 are left out", True),
     "NaN": (
-        spoilt(quaternions=some(GOOD.quaternions, np.s_[10:200:2], np.nan)), "no orientation in 95 of 300",
+        spoilt(quaternions=some(GOOD.quaternions, np.s_[10:200:2], np.nan)),
+        "no orientation in 95 of 300",
         True,
     ),
     "zeros": (spoilt(quaternions=some(GOOD.quaternions, 7, 0.0)), "no orientation in 1 of 300", True),
@@ -44,7 +46,7 @@ CASES = {
     "z down": (spoilt(forces=-GOOD.forces), "mean force of [ 0.   0.  -9.8]", False),
     "one sample": (ImuSeries(*(part[:1] for part in vars(GOOD).values())), "has 1 samples", False),
     "other time": (series(first=10**18), "no samples in the time of the cameras", False),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("kind", CASES)

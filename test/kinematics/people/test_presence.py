@@ -1,4 +1,5 @@
 """The stage finds a subject again that was out of sight, and takes nobody else meanwhile."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -25,8 +26,11 @@ def views_of(places, frame):
         pixels = np.array([camera.project(person(place, 0.3))[0] for place in places])
         pixels += 0.5 * np.random.default_rng([frame, RIG.index(camera.name)]).standard_normal(pixels.shape)
         scores = np.full(pixels.shape[:2], 0.9)
-        views.append(ViewDetections(camera.name, stamp, frame, camera.image_size, SKELETON.hash, pixels,
-                                    scores, scores.max(1)))  # fmt: skip
+        views.append(
+            ViewDetections(
+                camera.name, stamp, frame, camera.image_size, SKELETON.hash, pixels, scores, scores.max(1)
+            )
+        )
     return DetectionSet(frame, stamp, SKELETON.hash, tuple(views))
 
 
@@ -47,11 +51,22 @@ def tracked_until_lost(sets):
         shape = (count, len(SKELETON.joint_names))
         names = tuple(view.camera for view in item.views)
         sources = ViewSources(names, np.full(len(names), item.index), np.zeros((count, len(names)), int))
-        found += item, TrackedPoseSet(
-            item.index, item.stamp_ns, SKELETON.hash, np.tile(person((0.0, 0.0), 0.3), (count, 1, 1)),
-            np.tile(1e-4 * np.eye(3), (*shape, 1, 1)), np.ones(shape), np.full(shape, len(names)),
-            np.full(shape, JointState.MEASURED), np.ones(count), sources=sources, ids=np.zeros(count, int),
-        )  # fmt: skip
+        found += (
+            item,
+            TrackedPoseSet(
+                item.index,
+                item.stamp_ns,
+                SKELETON.hash,
+                np.tile(person((0.0, 0.0), 0.3), (count, 1, 1)),
+                np.tile(1e-4 * np.eye(3), (*shape, 1, 1)),
+                np.ones(shape),
+                np.full(shape, len(names)),
+                np.full(shape, JointState.MEASURED),
+                np.ones(count),
+                sources=sources,
+                ids=np.zeros(count, int),
+            ),
+        )
     return found
 
 

@@ -92,9 +92,13 @@ def test_segments_that_nothing_is_known_of_may_turn_about_the_t_posture():
     np.testing.assert_allclose(covariance(found)[:3], 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize(("own", "names", "told"), [
-    (NAMES[:3], NAMES, "9 axes are not of 3 segments"), (NAMES, ("hips", "tail"), "none of its segments"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("own", "names", "told"),
+    [
+        (NAMES[:3], NAMES, "9 axes are not of 3 segments"),
+        (NAMES, ("hips", "tail"), "none of its segments"),
+    ],
+)
 def test_statistics_of_nothing_alike_are_refused(own, names, told):
     with pytest.raises(DataError, match=told):
         PRIOR.of_other_segments(own, names)

@@ -48,24 +48,41 @@ def evidence_of(pose, seed=1, noise=0.0, kinds="vptfr"):
     seg, cam = np.array(rows).T
     local = (rotations[cam] @ points[seg][..., None])[..., 0] + translations[cam]
     views = ViewTargets(
-        seg, offsets[seg], cam, local[:, :2] / local[:, 2:] + noise * rng.normal(size=(len(seg), 2)),
-        np.full(len(seg), 1e4), 9.0, rotations, translations,
-    )  # fmt: skip
+        seg,
+        offsets[seg],
+        cam,
+        local[:, :2] / local[:, 2:] + noise * rng.normal(size=(len(seg), 2)),
+        np.full(len(seg), 1e4),
+        9.0,
+        rotations,
+        translations,
+    )
     spread = rng.normal(size=(S, 3, 3))
     goals = rotations_of(noise * rng.normal(size=(S, 3))) @ frames
     prior = rng.normal(size=(3 * S - 3, 8))
     poses = PosePrior(
-        0.1 * rng.normal(size=3 * S - 3), 0.1 * prior @ prior.T, 0.02 * np.eye(3 * S - 3),
-        np.full(3 * S - 3, -0.3), np.full(3 * S - 3, 0.3), 0.7, 1.0, 0.3, 1.0, 2.0, hinges_of(MODEL, 0.1),
-    )  # fmt: skip
+        0.1 * rng.normal(size=3 * S - 3),
+        0.1 * prior @ prior.T,
+        0.02 * np.eye(3 * S - 3),
+        np.full(3 * S - 3, -0.3),
+        np.full(3 * S - 3, 0.3),
+        0.7,
+        1.0,
+        0.3,
+        1.0,
+        2.0,
+        hinges_of(MODEL, 0.1),
+    )
     return Evidence(
         views if "v" in kinds else NO_VIEWS,
         PointTargets(segments, offsets, points, spread @ spread.swapaxes(1, 2) + np.eye(3), 2.0)
-        if "p" in kinds else NO_POINTS,
+        if "p" in kinds
+        else NO_POINTS,
         TurnTargets(segments, goals, np.full(S, 5.0), 3.0) if "t" in kinds else NO_TURNS,
         Floor(segments[-8:], 1.0, 3.0) if "f" in kinds else NO_FLOOR,
-        poses if "r" in kinds else no_prior(S), 0.7,
-    )  # fmt: skip
+        poses if "r" in kinds else no_prior(S),
+        0.7,
+    )
 
 
 @pytest.mark.parametrize("kinds", ["v", "p", "t", "f", "r", "vptfr"])

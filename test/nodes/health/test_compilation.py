@@ -1,4 +1,5 @@
 """A node says once that it must compile."""
+
 import numba
 import numpy as np
 

@@ -1,4 +1,5 @@
 """Events of cameras and devices in the log: each once, whatever else happens; all are counted."""
+
 from types import SimpleNamespace
 
 import pytest
@@ -23,8 +24,9 @@ def test_an_event_is_told_once_for_each_device_and_again_after_calm():
             log.tell(lost(device, number))
         now[0] += 0.6 * CALM_S
     assert [line.split(" (")[0] for line in lines] == [
-        "timecode.gap: audio of left lost block 0", "timecode.gap: audio of right lost block 0"
-    ]  # fmt: skip
+        "timecode.gap: audio of left lost block 0",
+        "timecode.gap: audio of right lost block 0",
+    ]
     now[0] += CALM_S
     log.tell(lost("left", 3))
     assert len(lines) == 3 and "left lost block 3" in lines[-1]

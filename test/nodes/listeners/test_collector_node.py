@@ -1,4 +1,5 @@
 """The launcher's node knows when it has everything."""
+
 import time
 from functools import partial
 
@@ -93,23 +94,38 @@ def test_messages_that_are_not_of_the_run_are_counted_and_dropped(executor, tmp_
     for node in (collector, sender):
         executor.add_node(node)
     odd = ros_messages().make(
-        "diagnostic_msgs/msg/DiagnosticStatus", level=b"\x00", name="panoptic: sync", message="",
-        hardware_id="", values=[ros_messages().make("diagnostic_msgs/msg/KeyValue", key="taken", value="x")],
-    )  # fmt: skip
+        "diagnostic_msgs/msg/DiagnosticStatus",
+        level=b"\x00",
+        name="panoptic: sync",
+        message="",
+        hardware_id="",
+        values=[ros_messages().make("diagnostic_msgs/msg/KeyValue", key="taken", value="x")],
+    )
     shape = (1, 17)
     few = RefinedPoseSet(
-        0, 5, load_skeleton("coco17").hash, np.zeros((*shape, 3)), np.tile(np.eye(3), (*shape, 1, 1)),
-        np.ones(shape), np.full(shape, 4), np.full(shape, JointState.MEASURED), np.ones(1), ids=np.array([1]),
-    )  # fmt: skip
+        0,
+        5,
+        load_skeleton("coco17").hash,
+        np.zeros((*shape, 3)),
+        np.tile(np.eye(3), (*shape, 1, 1)),
+        np.ones(shape),
+        np.full(shape, 4),
+        np.full(shape, JointState.MEASURED),
+        np.ones(1),
+        ids=np.array([1]),
+    )
     dropped = {}
 
     def came():
         views.publish(to_message(captures.view(captures.RIG.cameras[1], 0, 5), ros_messages()))
         people.publish(to_message(few, ros_messages()))
-        health.publish(ros_messages().make(
-            "diagnostic_msgs/msg/DiagnosticArray",
-            header=ros_messages().header(0, ""), status=[odd],
-        ))  # fmt: skip
+        health.publish(
+            ros_messages().make(
+                "diagnostic_msgs/msg/DiagnosticArray",
+                header=ros_messages().header(0, ""),
+                status=[odd],
+            )
+        )
         dropped.update(collector.diagnostics.get("collector", {}))
         return len(collector._refused) == 3
 

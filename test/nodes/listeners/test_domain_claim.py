@@ -1,4 +1,5 @@
 """Two graphs in one domain: namespaces keep them apart, and who collides is named."""
+
 import pytest
 
 rclpy = pytest.importorskip("rclpy")

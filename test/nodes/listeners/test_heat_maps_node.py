@@ -1,4 +1,5 @@
 """Heat maps come while somebody looks, and cost nothing otherwise."""
+
 import captures
 import pytest
 from spinning import spin_until

@@ -1,4 +1,5 @@
 """Markers follow /skeletons, and skeletons of another model are dropped."""
+
 import time
 
 import captures
@@ -21,10 +22,17 @@ pytestmark = pytest.mark.ros
 def skeletons(joints, skeleton_hash):
     people = 2
     record = RefinedPoseSet(
-        0, 1, skeleton_hash, np.zeros((people, joints, 3)), np.tile(np.eye(3), (people, joints, 1, 1)),
-        np.ones((people, joints)), np.full((people, joints), 3), np.ones((people, joints)), np.ones(people),
+        0,
+        1,
+        skeleton_hash,
+        np.zeros((people, joints, 3)),
+        np.tile(np.eye(3), (people, joints, 1, 1)),
+        np.ones((people, joints)),
+        np.full((people, joints), 3),
+        np.ones((people, joints)),
+        np.ones(people),
         ids=[3, 4],
-    )  # fmt: skip
+    )
     return to_message(record, ros_messages())
 
 

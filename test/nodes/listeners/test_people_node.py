@@ -1,4 +1,5 @@
 """/skeletons in other words, by real subscribers."""
+
 from xml.etree import ElementTree
 
 import captures
@@ -29,9 +30,17 @@ def people():
     positions = captures.people(0.2)
     shape = positions.shape[:2]
     return RefinedPoseSet(
-        0, 5, captures.SKELETON.hash, positions, np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.ones(shape),
-        np.full(shape, 4), np.full(shape, JointState.MEASURED), np.ones(2), ids=np.array([1, 12]),
-    )  # fmt: skip
+        0,
+        5,
+        captures.SKELETON.hash,
+        positions,
+        np.broadcast_to(np.eye(3), (*shape, 3, 3)),
+        np.ones(shape),
+        np.full(shape, 4),
+        np.full(shape, JointState.MEASURED),
+        np.ones(2),
+        ids=np.array([1, 12]),
+    )
 
 
 def heard(executor, node, topic, kind):

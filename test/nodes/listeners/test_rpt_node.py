@@ -1,4 +1,5 @@
 """2D people of another stack reach the graph."""
+
 import captures
 import pytest
 from spinning import spin_until
@@ -22,9 +23,11 @@ def test_poses_become_detections(executor):
     other.create_subscription(kind, "cam0/detections", seen.append, 10)
     publisher = other.create_publisher(rpt_msgs.Poses, "/poses/cam0", 10)
     message = rpt_msgs.Poses(
-        header=ros_messages().header(5, "c"), bodies_flat=[10.0, 20.0, 0.9, 30.0, 40.0, 0.9],
-        bodies_shape=[1, 2, 3], joint_names=["shoulder_left", "shoulder_right"],
-    )  # fmt: skip
+        header=ros_messages().header(5, "c"),
+        bodies_flat=[10.0, 20.0, 0.9, 30.0, 40.0, 0.9],
+        bodies_shape=[1, 2, 3],
+        joint_names=["shoulder_left", "shoulder_right"],
+    )
 
     def done():
         publisher.publish(message)

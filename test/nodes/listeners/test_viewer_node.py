@@ -1,4 +1,5 @@
 """The viewer's node takes what somebody looks at, and previews are made while somebody does."""
+
 import subprocess
 import sys
 
@@ -67,9 +68,10 @@ def test_only_what_is_wanted_is_subscribed_to_and_it_comes_as_it_is(executor):
     spin_until(executor, lambda: all(sender.get_subscription_count() for sender in senders.values()))
     poses = make_poses(RIG, 50, START_NS)
     records = {
-        ("skeletons", ""): poses, ("detections", "cam1"): make_view(RIG.cameras[1], poses, START_NS),
+        ("skeletons", ""): poses,
+        ("detections", "cam1"): make_view(RIG.cameras[1], poses, START_NS),
         ("preview", "cam1"): make_preview("cam1", START_NS),
-    }  # fmt: skip
+    }
     for topic, record in records.items():
         senders[topic].publish(to_message(record, ros_messages()))
     spin_until(executor, lambda: len(taker.taken) == 3)
@@ -89,9 +91,13 @@ def test_what_nodes_say_of_themselves_is_handed_on(executor):
         executor.add_node(item)
     spin_until(executor, sender.get_subscription_count)
     status = family.make(
-        "diagnostic_msgs/msg/DiagnosticStatus", level=b"\x01", name="panoptic: sync", message="3 dropped",
-        hardware_id="cam1", values=[family.make("diagnostic_msgs/msg/KeyValue", key="taken", value="9")],
-    )  # fmt: skip
+        "diagnostic_msgs/msg/DiagnosticStatus",
+        level=b"\x01",
+        name="panoptic: sync",
+        message="3 dropped",
+        hardware_id="cam1",
+        values=[family.make("diagnostic_msgs/msg/KeyValue", key="taken", value="9")],
+    )
     header = family.header(1, "")
     sender.publish(family.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status]))
     spin_until(executor, lambda: taker.told)

@@ -1,4 +1,5 @@
 """Samples of IMUs out of the bytes of their messages: what the messages themselves say."""
+
 import numpy as np
 import pytest
 
@@ -61,18 +62,22 @@ def test_what_is_no_plain_message_is_left_to_the_message_itself():
     assert packed_decoder_of("bodies", "") is None
 
 
-@pytest.mark.parametrize("read", [
-    lambda data: packed_decoder_of("imu", "d")(data),
-    lambda data: decoder_of("imu", "d", 0, 0)(unpacked(data, IMU), 0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "read",
+    [
+        lambda data: packed_decoder_of("imu", "d")(data),
+        lambda data: decoder_of("imu", "d", 0, 0)(unpacked(data, IMU), 0),
+    ],
+)
 def test_bad_numbers_are_refused_either_way(read):
     bad = message()
     bad.linear_acceleration.y = float("nan")
     with pytest.raises(DataError, match="Imu.linear_acceleration of d is .*nan.* covariance of -1"):
         read(serialize_message(bad))
     for part, value, told in (
-        ("angular_velocity", 2000.0, "at most 1000"), ("linear_acceleration", float("inf"), "inf"),
-    ):  # fmt: skip
+        ("angular_velocity", 2000.0, "at most 1000"),
+        ("linear_acceleration", float("inf"), "inf"),
+    ):
         bad = message()
         getattr(bad, part).z = value
         with pytest.raises(DataError, match=told):

@@ -1,4 +1,5 @@
 """The executor of the graph: messages with what the middleware knows of them, errors as they are."""
+
 import pytest
 from spinning import spin_until
 

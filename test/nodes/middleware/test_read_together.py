@@ -1,4 +1,5 @@
 """Topics of many devices: read at a time, in the order of stamps, whatever waits of each."""
+
 import contextlib
 
 import pytest
@@ -102,8 +103,9 @@ class Clockless:
 
 def test_a_driver_with_best_effort_is_heard(gathered):
     taker, executor = gathered
-    publishers = taker.publishers_of = {n: taker.node.create_publisher(HEADER, n, BEST_EFFORT)
-                                        for n in taker.sources}  # fmt: skip
+    publishers = taker.publishers_of = {
+        n: taker.node.create_publisher(HEADER, n, BEST_EFFORT) for n in taker.sources
+    }
 
     def heard():
         for publisher in publishers.values():

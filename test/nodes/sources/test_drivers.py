@@ -1,4 +1,5 @@
 """Topics of drivers on the live graph: what they offer is taken, and what does not fit is told."""
+
 import threading
 
 import captures
@@ -65,9 +66,7 @@ def test_images_of_any_driver_arrive(executor, offered):
 
 
 def test_what_cannot_give_way_is_told(executor):
-    _, taken, told = exchange(
-        executor, QoSProfile(depth=1), LATCHED, enough=lambda taken, told: bool(told)
-    )
+    _, taken, told = exchange(executor, QoSProfile(depth=1), LATCHED, enough=lambda taken, told: bool(told))
     assert not taken and told[0].severity == "warning" and told[0].code == "graph.incompatible_qos"
     assert "/driver/image_raw" in told[0].text and "durability" in told[0].text
 

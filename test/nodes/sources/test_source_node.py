@@ -1,4 +1,5 @@
 """Samples of IMUs alone wait for their readers, and for bodies."""
+
 import pytest
 from spinning import spin_until
 

@@ -1,4 +1,5 @@
 """Poses of frames from publishers of /tf and /tf_static, as native drivers have them."""
+
 import threading
 
 import numpy as np

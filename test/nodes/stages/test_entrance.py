@@ -1,4 +1,5 @@
 """Inputs of which nothing can be used are named."""
+
 from types import SimpleNamespace
 
 import pytest
@@ -34,12 +35,16 @@ def room(monkeypatch):
     facts = SimpleNamespace(rig=None, skeleton=None)
     inputs = {
         name: SimpleNamespace(
-            name=f"/{name}/image_raw", owner=name, topic="image", continuity=None,
+            name=f"/{name}/image_raw",
+            owner=name,
+            topic="image",
+            continuity=None,
             arrivals=SimpleNamespace(bad=0, title=f"{name} image"),
-            record=lambda data: data, missing_before=lambda record: 0,
+            record=lambda data: data,
+            missing_before=lambda record: 0,
         )
         for name in ("left", "right")
-    }  # fmt: skip
+    }
     return entrance.Entrance(facts, tally, {}, wiring), tally, clock, inputs
 
 

@@ -1,4 +1,5 @@
 """What stages remember is kept for their successors, but not what ends them."""
+
 import pytest
 from spinning import spin_until
 
@@ -67,9 +68,12 @@ def test_states_that_take_long_are_handed_over_less_often(lab):
     executor.add_node(node)
     taken, begun = [], []
     kept = KeptStates(
-        node, [STAGE], lambda: kept.publish(lambda: taken.append(1) or {STAGE: b"large"}),
-        lambda stage: True, lambda: 0.03 * next(times),
-    )  # fmt: skip
+        node,
+        [STAGE],
+        lambda: kept.publish(lambda: taken.append(1) or {STAGE: b"large"}),
+        lambda stage: True,
+        lambda: 0.03 * next(times),
+    )
     asked, ask = [], kept._ask_for
     kept._ask_for = lambda: (asked.append(1), ask())
     kept.when_known(begun.append)

@@ -48,9 +48,11 @@ def start(executor, own, flow, subscribed=()):
     """The node, and what comes by topic: detections of all cameras, and what is subscribed to besides."""
     rig = watching_rig()
     node = StageNode(
-        "detection", {"flow": flow, **SIZES},
-        extras={"detection": lambda node, prefix, skeleton: watcher().extras}, own=own,
-    )  # fmt: skip
+        "detection",
+        {"flow": flow, **SIZES},
+        extras={"detection": lambda node, prefix, skeleton: watcher().extras},
+        own=own,
+    )
     statics, tester, found = StaticsNode(rig, SKELETON), rclpy.create_node("tester"), {}
     quality = data_quality(make_flow(flow))
     for key, camera in (*(("detections", name) for name in rig.names), *subscribed):
@@ -85,9 +87,11 @@ def test_the_sound_of_a_device_that_is_named_as_a_camera_comes_as_a_message(exec
     stages = ["detection", "timecode", "clocks", "sync"]
     sizes = {f"detection.{name}": value for name, value in SIZES.items()}
     node = StageNode(
-        stages, {"flow": "replay", "devices": ["left"], **sizes},
-        extras={"detection": lambda node, prefix, skeleton: watcher().extras}, own=OwnCameras(folders),
-    )  # fmt: skip
+        stages,
+        {"flow": "replay", "devices": ["left"], **sizes},
+        extras={"detection": lambda node, prefix, skeleton: watcher().extras},
+        own=OwnCameras(folders),
+    )
     tester = rclpy.create_node("tester")
     quality = data_quality(make_flow("replay"), sound=True)
     sound = tester.create_publisher(message_class("panoptic_msgs/msg/AudioBlock"), "left/audio", quality)

@@ -1,4 +1,5 @@
 """A live node pauses and goes on with the people that it knew."""
+
 import time
 
 import captures

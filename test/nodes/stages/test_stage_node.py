@@ -40,8 +40,10 @@ def sync_node(executor):
         executor.add_node(item)
     spin_until(
         executor,
-        lambda: all(p.get_subscription_count() for p in publishers.values())
-        and tester.count_publishers("detection_sets"),
+        lambda: (
+            all(p.get_subscription_count() for p in publishers.values())
+            and tester.count_publishers("detection_sets")
+        ),
     )
     for _ in range(10):
         executor.spin_once(timeout_sec=0.1)

@@ -1,4 +1,5 @@
 """Lags of whole recordings: chains, drift, and recordings of which a piece is missing."""
+
 import numpy as np
 
 from panoptic_ros.offsets.sound.coarse import Coarse

@@ -1,4 +1,5 @@
 """How directly two microphones hear: dry beside a talker, with a tail far from him."""
+
 import numpy as np
 import pytest
 from scipy.signal import oaconvolve, resample_poly

@@ -1,4 +1,5 @@
 """Lines through lags, and how far they are to be trusted."""
+
 from itertools import combinations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The sound of a device as a stream of samples, and its clock."""
+
 import numpy as np
 import pytest
 

@@ -1,4 +1,5 @@
 """A part of a recording is found where it is, and nowhere else."""
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,4 +1,5 @@
 """Clocks from sound in simulated rooms: within 5 ms and the way of the sound, or not known."""
+
 from dataclasses import replace
 from functools import lru_cache
 
@@ -56,16 +57,24 @@ def test_unknown_positions_are_stated_as_larger_deviations():
     placed, unplaced = (find(heard, placed=p, trusted_camera="mic0") for p in (True, False))
     check(heard, unplaced)
     assert not unplaced.placed and unplaced.apart_s == pytest.approx(6.0 / AIR)
-    assert (find(heard, placed=False, trusted_camera="mic0", apart=20.0).clocks.deviations[1:]
-            > 2.0 * unplaced.clocks.deviations[1:]).all()  # fmt: skip
+    assert (
+        find(heard, placed=False, trusted_camera="mic0", apart=20.0).clocks.deviations[1:]
+        > 2.0 * unplaced.clocks.deviations[1:]
+    ).all()
     assert placed.apart_s < unplaced.apart_s
 
 
 @pytest.mark.parametrize(
     ("name", "why"),
-    [("other-rooms", "nothing in common"), ("other-claps", "few sounds"), ("ticks", "repeats"),
-     ("loop", "repeats"), ("hum", "nothing in common"), ("silence", "nothing in common")],
-)  # fmt: skip
+    [
+        ("other-rooms", "nothing in common"),
+        ("other-claps", "few sounds"),
+        ("ticks", "repeats"),
+        ("loop", "repeats"),
+        ("hum", "nothing in common"),
+        ("silence", "nothing in common"),
+    ],
+)
 def test_what_has_nothing_in_common_or_repeats_is_not_known_and_says_why(name, why):
     found = find(room(name))
     assert not found.clocks.known.any() and not found.clocks.applied.any()

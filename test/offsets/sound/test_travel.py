@@ -1,4 +1,5 @@
 """How long sound travels: by the geometry alone, and by how directly each microphone hears."""
+
 from itertools import combinations
 
 import numpy as np
@@ -57,8 +58,8 @@ def test_who_is_heard_directly_is_near(source):
 def test_every_window_has_a_place_of_its_own_and_what_is_missing_tells_nothing():
     one, other = at(np.array([0.5, 0.4, 1.4])), at(np.array([3.9, 4.0, 1.7]))
     gap = np.full((len(PAIRS), 1), np.nan)
-    mean, _ = Places(PLACES).travel(heard(
-        np.hstack([one[1], gap, other[1]]), np.hstack([one[2], gap, other[2]])
-    ))  # fmt: skip
+    mean, _ = Places(PLACES).travel(
+        heard(np.hstack([one[1], gap, other[1]]), np.hstack([one[2], gap, other[2]]))
+    )
     assert mean[:, 0].argmin() == 0 and mean[:, 2].argmin() == 2
     assert np.allclose(mean[:, 1], Places(PLACES).travel(unheard(1))[0][:, 0])

@@ -1,4 +1,5 @@
 """What `panoptic bench detection` runs, and the table and plot that it makes of it."""
+
 import argparse
 
 import pytest
@@ -17,11 +18,24 @@ def arguments(*words):
 
 def row(setting, cpu_ms):
     return {
-        "setting": setting, "cpu_ms": cpu_ms, "gain": 400.0 / cpu_ms, "after_ms": 5.0,
-        "beside_ms": 2.4, "carry_ms": None, "median_mm": 20.0,
-        "pck_5": 0.9, "pck_10": None, "found_persons": 9, "truth_persons": 9, "result_persons": 10,
-        "id_switches": 0, "instants": 12, "newcomers": 2, "newcomers_missed": 0, "newcomers_wait_s": 0.32,
-    }  # fmt: skip
+        "setting": setting,
+        "cpu_ms": cpu_ms,
+        "gain": 400.0 / cpu_ms,
+        "after_ms": 5.0,
+        "beside_ms": 2.4,
+        "carry_ms": None,
+        "median_mm": 20.0,
+        "pck_5": 0.9,
+        "pck_10": None,
+        "found_persons": 9,
+        "truth_persons": 9,
+        "result_persons": 10,
+        "id_switches": 0,
+        "instants": 12,
+        "newcomers": 2,
+        "newcomers_missed": 0,
+        "newcomers_wait_s": 0.32,
+    }
 
 
 def test_looks_follow_the_rate_of_the_frames():

@@ -1,4 +1,5 @@
 """The bench of the live graph: nothing is lost with little to do, and every number is there."""
+
 import json
 
 import pytest

@@ -14,9 +14,19 @@ def test_costs_are_told_for_every_mix(monkeypatch, capsys):
 
 def test_what_was_seen_live_is_told():
     late = {f"latency_p{share}_ms": 130.0 + share for share in (50, 90, 99, 100)}
-    seen = {"source": "2 bodies with 26 IMUs", "views": 8, "rate_hz": 30.0, "lag_s": 0.1, "load": 0.5,
-            "instants_hz": 60.0, "bodies": 2.0, "dropped_hz": {"late": 3.0, "queue_full": 1.5},
-            "skeletons_p50_ms": None, "cpu_percent": {"kinematics": 42.4}, **late}  # fmt: skip
+    seen = {
+        "source": "2 bodies with 26 IMUs",
+        "views": 8,
+        "rate_hz": 30.0,
+        "lag_s": 0.1,
+        "load": 0.5,
+        "instants_hz": 60.0,
+        "bodies": 2.0,
+        "dropped_hz": {"late": 3.0, "queue_full": 1.5},
+        "skeletons_p50_ms": None,
+        "cpu_percent": {"kinematics": 42.4},
+        **late,
+    }
     text = "\n".join(kinematics_bench.lines(seen))
     assert "180.0 (p50), 220.0 (p90), 229.0 (p99), 230.0 (p100); lag and a camera's period are 133" in text
     assert "3.0 instants/s left out as late; 1.5 messages/s dropped (1.5 queue_full)" in text

@@ -1,4 +1,5 @@
 """Figures of the network bench, and hosts on one machine where those can be had."""
+
 import os
 import subprocess
 

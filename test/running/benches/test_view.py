@@ -1,4 +1,5 @@
 """The bench of the viewer: what it plays, and the table of what came of it."""
+
 import argparse
 
 import numpy as np
@@ -28,14 +29,30 @@ def test_times_and_rounds_that_make_no_sense_are_told():
 
 def test_the_table():
     row = {
-        "audience": "one", "messages": 90, "lost": 0, "skeletons_p50_ms": 1.0, "skeletons_p99_ms": 2.0,
-        "p99_ratio": 1.1, "ratio_low": 0.9, "ratio_high": 1.3, "publish_p50_ms": 0.1,
-        "publish_p99_ms": 0.2, "viewer_cpu_percent": 5.0, "viewer_mb": 90.0,
+        "audience": "one",
+        "messages": 90,
+        "lost": 0,
+        "skeletons_p50_ms": 1.0,
+        "skeletons_p99_ms": 2.0,
+        "p99_ratio": 1.1,
+        "ratio_low": 0.9,
+        "ratio_high": 1.3,
+        "publish_p50_ms": 0.1,
+        "publish_p99_ms": 0.2,
+        "viewer_cpu_percent": 5.0,
+        "viewer_mb": 90.0,
         "clients": [
-            {"kind": "fast", "packets": 90, "age_p50_ms": 3.0, "age_p99_ms": 7.0, "age_max_ms": 9.0,
-             "megabytes_per_s": 2.0, "skipped": 4},
+            {
+                "kind": "fast",
+                "packets": 90,
+                "age_p50_ms": 3.0,
+                "age_p99_ms": 7.0,
+                "age_max_ms": 9.0,
+                "megabytes_per_s": 2.0,
+                "skipped": 4,
+            },
         ],
-    }  # fmt: skip
+    }
     about = {"people": 8, "views": 8, "rate_hz": 30.0, "seconds": 5.0, "rounds": 2, "cores": 2, "load": 1.0}
     told = lines({**about, "rows": [row]})
     assert any(line.startswith("one: fast") and "7.0" in line for line in told)

@@ -1,4 +1,5 @@
 """What Python makes of sources is kept ahead, even where it is told not to keep it."""
+
 from panoptic_ros.running.compiling.modules import compile_modules
 
 

@@ -1,4 +1,5 @@
 """Compiling ahead leaves no kernel out, tells how far it is, and is quick when there is nothing to do."""
+
 import inspect
 import re
 import subprocess

@@ -1,4 +1,5 @@
 """`panoptic doctor`: findings on a machine that is made to lack things."""
+
 from __future__ import annotations
 
 import json
@@ -14,9 +15,7 @@ from panoptic_ros.io.takes import OpenTake
 from panoptic_ros.running.doctor import machine, network, ros
 from panoptic_ros.running.doctor.finding import Finding, fail, finish, ok, run_checks, start_python, warn
 
-needs_wheels = pytest.mark.skipif(
-    not ros._from_wheels(), reason="ROS is that of the system, not from wheels"
-)
+needs_wheels = pytest.mark.skipif(not ros._from_wheels(), reason="ROS is that of the system, not from wheels")
 
 
 def test_one_line_per_check_and_a_sum() -> None:

@@ -1,4 +1,5 @@
 """Providers are measured, those that are missing are said to be unmeasured, the quickest is recommended."""
+
 import pytest
 from blobs import Blobs
 

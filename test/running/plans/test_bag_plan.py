@@ -1,4 +1,5 @@
 """Bags from elsewhere: topics of other names, several bags, missing facts, stamps that mean nothing."""
+
 import gzip
 import json
 from dataclasses import replace
@@ -117,9 +118,10 @@ def write_foreign_bag(path, views, topic="/poses/{}", values=3):
     at = captures.SKELETON.joint_names.index
     sides = {"left": "l", "right": "r"}
     joints = {
-        f"{joint}_{side}": at(letter + joint.title()) for side, letter in sides.items()
+        f"{joint}_{side}": at(letter + joint.title())
+        for side, letter in sides.items()
         for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-    } | {"nose": at("Nose")}  # fmt: skip
+    } | {"nose": at("Nose")}
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg(POSES_DEFINITION, POSES))
     types = store.types
@@ -134,10 +136,12 @@ def write_foreign_bag(path, views, topic="/poses/{}", values=3):
             bodies = np.concatenate([view.points, view.scores[..., None]], -1)[:, [*joints.values()]]
             bodies = np.nan_to_num(np.pad(bodies, ((0, 0), (0, 0), (0, values - 3))).astype(np.float32))
             message = types[POSES](
-                header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="other"), extra_data="",
-                bodies_flat=bodies.ravel(), bodies_shape=np.array(bodies.shape, np.int32),
+                header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="other"),
+                extra_data="",
+                bodies_flat=bodies.ravel(),
+                bodies_shape=np.array(bodies.shape, np.int32),
                 joint_names=list(joints),
-            )  # fmt: skip
+            )
             bag.write(connections[view.camera], view.stamp_ns, store.serialize_cdr(message, POSES))
     return path
 
@@ -252,8 +256,9 @@ class TestImages:
         with BagReader(out / "bag") as bag:
             limits = {
                 topic.split("/")[1]: message.limit_rows
-                for topic, _, message in bag.messages() if topic.endswith("/detections")
-            }  # fmt: skip
+                for topic, _, message in bag.messages()
+                if topic.endswith("/detections")
+            }
         assert limits["cam0"] and limits["cam1"] and not limits["cam2"] and not limits["cam3"]
         assert main(["run", "--bag", str(path), *named, "--out", str(out)]) == 2
         assert "no depth maps on /elsewhere" in capsys.readouterr().err

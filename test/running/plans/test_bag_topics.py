@@ -1,4 +1,5 @@
 """Which images of bags are taken, and as what: encodings that are given or shown, and videos."""
+
 import captures
 import numpy as np
 import pytest
@@ -31,9 +32,15 @@ def write_images(path, encodings):
             values[0, ..., 0], values[1, ..., 0] = 16, shades(camera)
             for k in (0, 1):
                 message = family.make(
-                    "sensor_msgs/msg/Image", header=family.header(k, ""), height=SIZE[0], width=SIZE[1],
-                    encoding=encoding, is_bigendian=0, step=2 * SIZE[1], data=values[k].reshape(-1),
-                )  # fmt: skip
+                    "sensor_msgs/msg/Image",
+                    header=family.header(k, ""),
+                    height=SIZE[0],
+                    width=SIZE[1],
+                    encoding=encoding,
+                    is_bigendian=0,
+                    step=2 * SIZE[1],
+                    data=values[k].reshape(-1),
+                )
                 bag.write(f"/{camera}/image_raw", k, message)
     return path
 

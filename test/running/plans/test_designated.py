@@ -1,4 +1,5 @@
 """Subject files of a run."""
+
 import json
 
 import captures

@@ -1,4 +1,5 @@
 """Plans of runs on running drivers: which messages carry what, and how the images were taken."""
+
 import json
 from dataclasses import replace
 
@@ -47,18 +48,26 @@ def test_every_message_goes_to_the_detector_by_its_kind(plan, tmp_path):
         "cam0: {image: /a/image_raw, encoding: bayer_rggb8}\n"
         "cam1: {image: /b/image_raw/compressed, depth: /b/depth/compressedDepth}\n"
         "cam2: {image: /c/image_raw, depth: /c/depth}\n",
-        {"/a/image_raw": IMAGE, "/b/image_raw/compressed": PACKED, "/b/depth/compressedDepth": PACKED,
-         "/c/image_raw": IMAGE, "/c/depth": IMAGE},
-    )  # fmt: skip
+        {
+            "/a/image_raw": IMAGE,
+            "/b/image_raw/compressed": PACKED,
+            "/b/depth/compressedDepth": PACKED,
+            "/c/image_raw": IMAGE,
+            "/c/depth": IMAGE,
+        },
+    )
     assert made.live and made.rig.names == ("cam0", "cam1", "cam2") and not made.sources
     launch = write_launch_file(made, tmp_path, "live", 64, 0)
     processes = json.loads(launch.read_text())["processes"]
     assert sorted(processes) == ["detection-0", "fusion"]
     given = processes["detection-0"][0]["parameters"]
     assert sorted(given["topics"]) == [
-        "compressed_depth cam1=/b/depth/compressedDepth", "compressed_image cam1=/b/image_raw/compressed",
-        "depth cam2=/c/depth", "image cam0=/a/image_raw", "image cam2=/c/image_raw",
-    ]  # fmt: skip
+        "compressed_depth cam1=/b/depth/compressedDepth",
+        "compressed_image cam1=/b/image_raw/compressed",
+        "depth cam2=/c/depth",
+        "image cam0=/a/image_raw",
+        "image cam2=/c/image_raw",
+    ]
     assert given["encodings"] == ["cam0=bayer_rggb8"] and given["inputs.compressed_image"] == ["cam1"]
     assert given["inputs.depth"] == ["cam1", "cam2"] and given["inputs.compressed_depth"] == ["cam1"]
 
@@ -113,8 +122,14 @@ def test_what_cannot_be_is_refused(plan):
 
 
 BOTH = "cam0: {image: /a/image_raw}\ncam1: {image: /b/image_rect}\nk1: {depth: /k/depth/image_raw}\n"
-TYPES = {"/a/image_raw": IMAGE, "/b/image_rect": IMAGE, "/k/depth/image_raw": IMAGE,
-         "/a/camera_info": INFO, "/b/camera_info": INFO, "/k/depth/camera_info": INFO}  # fmt: skip
+TYPES = {
+    "/a/image_raw": IMAGE,
+    "/b/image_rect": IMAGE,
+    "/k/depth/image_raw": IMAGE,
+    "/a/camera_info": INFO,
+    "/b/camera_info": INFO,
+    "/k/depth/camera_info": INFO,
+}
 
 
 def sensor_info():
@@ -143,8 +158,11 @@ def test_depth_sensors_alone_are_those_of_the_rig(plan, tmp_path):
 
 def test_without_a_rig_lenses_are_those_of_camera_info_and_poses_those_of_tf(plan, monkeypatch):
     cameras = {name: captures.RIG.camera(name) for name in ("cam0", "cam1")} | {"k1": SENSOR}
-    infos = {"/a/camera_info": info_of("cam0"), "/b/camera_info": info_of("cam1"),
-             "/k/depth/camera_info": sensor_info()}  # fmt: skip
+    infos = {
+        "/a/camera_info": info_of("cam0"),
+        "/b/camera_info": info_of("cam1"),
+        "/k/depth/camera_info": sensor_info(),
+    }
     asked = []
 
     def find(frames, fixed):
@@ -171,8 +189,9 @@ def test_without_a_rig_lenses_are_those_of_camera_info_and_poses_those_of_tf(pla
 
 
 def test_drivers_that_are_not_calibrated_are_told(plan, monkeypatch):
-    monkeypatch.setattr(driver_rig, "find_transforms", lambda frames, fixed: (
-        "map", dict.fromkeys(frames, Rigid.identity())))  # fmt: skip
+    monkeypatch.setattr(
+        driver_rig, "find_transforms", lambda frames, fixed: ("map", dict.fromkeys(frames, Rigid.identity()))
+    )
     text = "cam0: {image: /a/image_raw}\ncam1: {image: /b/image_raw}\n"
     types = {"/a/image_raw": IMAGE, "/b/image_raw": IMAGE, "/a/camera_info": INFO, "/b/camera_info": INFO}
     infos = {"/a/camera_info": info_of("cam0"), "/b/camera_info": info_of("cam1")}
@@ -223,9 +242,10 @@ def test_binned_and_cut_images_of_a_rig(plan):
     points = captures.people(0.0)[0]
     assert np.allclose(seen.project(points)[0], (ours.project(points)[0] - 0.5) / 2, atol=1e-9)
     rectified = plan(
-        "cam0: {image: /a/image_rect}\ncam1: {image: /b/image_raw}\n", {**types, "/a/image_rect": IMAGE},
+        "cam0: {image: /a/image_rect}\ncam1: {image: /b/image_raw}\n",
+        {**types, "/a/image_rect": IMAGE},
         {"/a/camera_info": info},
-    ).rig.camera("cam0")  # fmt: skip
+    ).rig.camera("cam0")
     assert rectified.image_size == (640, 360)
     assert np.isclose(rectified.intrinsics.matrix[0, 0], 0.5 * ours.intrinsics.matrix[0, 0])
 

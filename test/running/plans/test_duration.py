@@ -1,4 +1,5 @@
 """--duration counts seconds of the recording, from its first stamp on, whatever is read."""
+
 from __future__ import annotations
 
 import time
@@ -65,8 +66,10 @@ def test_streams_of_a_bag_end_alike_whoever_reads_them(bag):
 
 def test_stamps_that_jump_do_not_end_a_stream(tmp_path):
     views = moved(captures.views(FRAMES, RATE))
-    ahead = [replace(view, stamp_ns=view.stamp_ns + 3600 * SECOND) if 8 <= k // 4 < 10 else view
-             for k, view in enumerate(views)]  # fmt: skip
+    ahead = [
+        replace(view, stamp_ns=view.stamp_ns + 3600 * SECOND) if 8 <= k // 4 < 10 else view
+        for k, view in enumerate(views)
+    ]
     plan = ended_after(plan_bags([write_bag(tmp_path / "bag", ahead)]), 0.5)
     with ExitStack() as stack:
         for _, records in opened_streams(plan.streams, stack, lambda error: None):
@@ -99,9 +102,11 @@ def test_sound_and_imus_end_there_too(tmp_path):
         assert source.device == "mic"
         assert max(block.stamp_ns for block in source) < START + SECOND // 2
     series = ImuSeries(
-        START + np.arange(100) * 10_000_000, np.tile([1.0, 0, 0, 0], (100, 1)), np.zeros((100, 3)),
+        START + np.arange(100) * 10_000_000,
+        np.tile([1.0, 0, 0, 0], (100, 1)),
+        np.zeros((100, 3)),
         np.tile([0, 0, 9.81], (100, 1)),
-    )  # fmt: skip
+    )
     write_imus(tmp_path / "imu.csv", {"back": series})
     assert len(list(imu_samples(tmp_path / "imu.csv", ["back"], START + SECOND // 2))) == 50
     assert len(list(imu_samples(tmp_path / "imu.csv", ["back"]))) == 100

@@ -1,4 +1,5 @@
 """A rig fitted to images of bags: binned, cut, resized, or with width and height exchanged."""
+
 from contextlib import contextmanager
 from dataclasses import replace
 

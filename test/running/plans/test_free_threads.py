@@ -1,4 +1,5 @@
 """How much runs side by side."""
+
 from panoptic_ros.running.plans.free_threads import free_threads
 
 

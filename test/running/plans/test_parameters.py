@@ -1,4 +1,5 @@
 """Parameters from texts and from files."""
+
 import pytest
 
 from panoptic_ros.errors import ConfigError
@@ -22,8 +23,11 @@ def test_ros_parameter_files_are_taken_as_they_are():
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("sync", "must hold"), ("sync: 1", "must hold"), ("sync: {wide: 1}", "wide"),
-        ("sync: {window_s: a}", "'a'"), ("sink: {}", "no stage 'sink'"),
+        ("sync", "must hold"),
+        ("sync: 1", "must hold"),
+        ("sync: {wide: 1}", "wide"),
+        ("sync: {window_s: a}", "'a'"),
+        ("sink: {}", "no stage 'sink'"),
         ("sync: {ros__parameters: {wide: 1}}", "wide"),
     ],
 )

@@ -1,4 +1,5 @@
 """Plans of runs on files: what cameras know of each other, and what is told after the last frame."""
+
 import json
 from contextlib import ExitStack
 

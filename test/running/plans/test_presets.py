@@ -1,4 +1,5 @@
 """Presets are parameters that belong together; what the user says beside them counts more."""
+
 import argparse
 
 import pytest

@@ -1,4 +1,5 @@
 """What a run says and does where cameras are rolled, or no file states which way is up."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -18,8 +19,12 @@ SKELETON = SkeletonModel("two", ("a", "b"), 0, ((0, 1),), 0, bias_floors=(0.01, 
 LENS = Intrinsics(np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]]), np.zeros(5))
 LEVEL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 ON_ITS_SIDE = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # its top is on the right
-RIG = Rig((Camera("left", (640, 480), LENS, Rigid(LEVEL, [0.0, 0.0, 3.0])),
-           Camera("right", (480, 640), LENS, Rigid(ON_ITS_SIDE, [0.5, 0.0, 3.0]))))  # fmt: skip
+RIG = Rig(
+    (
+        Camera("left", (640, 480), LENS, Rigid(LEVEL, [0.0, 0.0, 3.0])),
+        Camera("right", (480, 640), LENS, Rigid(ON_ITS_SIDE, [0.5, 0.0, 3.0])),
+    )
+)
 
 
 def completed(rig: Rig, stage: str = "detection", **detection: object) -> tuple[tuple[float, ...], str]:

@@ -1,4 +1,5 @@
 """Processes of a launcher that die: told, or started anew."""
+
 import json
 import re
 import sys
@@ -33,8 +34,10 @@ def launched(tmp_path, monkeypatch):
 def told(tmp_path, monkeypatch):
     """A process that prints what it is told, in place of nodes, and where processes of a launch print."""
     child = tmp_path / "ahead.py"
-    child.write_text("import json, pathlib, sys; words = json.loads(sys.stdin.readline()); "
-                     "pathlib.Path(words[-1]).write_text(f'panoptic: {words[1]}'); raise SystemExit(2)")
+    child.write_text(
+        "import json, pathlib, sys; words = json.loads(sys.stdin.readline()); "
+        "pathlib.Path(words[-1]).write_text(f'panoptic: {words[1]}'); raise SystemExit(2)"
+    )
     monkeypatch.setattr(module, "HOST", (sys.executable, str(child)))
     return child
 

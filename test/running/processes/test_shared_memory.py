@@ -1,4 +1,5 @@
 """Segments of killed processes are removed, those of living ones stay, and a full /dev/shm is one line."""
+
 import fcntl
 import os
 import shutil

@@ -1,4 +1,5 @@
 """A process that stands by forks successors of those that die."""
+
 import json
 import signal
 import subprocess

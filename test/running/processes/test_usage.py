@@ -1,4 +1,5 @@
 """Processor time and memory of processes."""
+
 import os
 import subprocess
 import sys

@@ -1,4 +1,5 @@
 """Recordings of a live graph are whole, tell of themselves, survive a kill, and start on demand."""
+
 import json
 import re
 import signal
@@ -116,11 +117,11 @@ def test_recorders_start_and_stop_on_demand(graph, tmp_path):
     recorder = panoptic("record", "--standby", "--out", tmp_path / "takes")
     try:
         line_of(recorder, "^waiting")
-        (host, done, text), = ask_all(True, 2.0)
+        ((host, done, text),) = ask_all(True, 2.0)
         assert host.startswith("recorder_") and done and text.startswith("recording /"), text
-        (_, done, text), = ask_all(True, 2.0)
+        ((_, done, text),) = ask_all(True, 2.0)
         assert done and "already" in text
-        (_, done, text), = ask_all(False, 2.0)
+        ((_, done, text),) = ask_all(False, 2.0)
         assert done and re.search(r"\d+ messages, 0 did not", text), text
         assert ask_all(False, 2.0) == [(host, True, text)]
         (take,) = (tmp_path / "takes").iterdir()
@@ -194,8 +195,10 @@ def test_two_bags_that_begin_within_a_second_have_names_of_their_own(tmp_path, m
             standing.spin(lambda: False, 0.1)
             ask(False)
     assert sorted(p.name for p in tmp_path.iterdir()) == [
-        "20261124-090000", "20261124-090000-2", "20261124-090000-3"
-    ]  # fmt: skip
+        "20261124-090000",
+        "20261124-090000-2",
+        "20261124-090000-3",
+    ]
 
 
 class LateRecorder:

@@ -1,4 +1,5 @@
 """Replays keep the times of the bag at any rate, and begin at any stage."""
+
 import itertools
 import threading
 import time
@@ -140,7 +141,11 @@ def test_a_graph_that_begins_later_needs_less():
 
 def test_topics_are_told_apart_in_any_namespace():
     image = "sensor_msgs/msg/Image"
-    there = {"/hall/cam0/image_raw": image, "/hall/k/depth/image_raw": image,
-             "/hall/cam0/depth_registered/image_raw": image, "/a": image}  # fmt: skip
+    there = {
+        "/hall/cam0/image_raw": image,
+        "/hall/k/depth/image_raw": image,
+        "/hall/cam0/depth_registered/image_raw": image,
+        "/a": image,
+    }
     assert chosen_topics(there, {"image"}) == ["/hall/cam0/image_raw"]
     assert chosen_topics(there, {"sensor_depth"}) == ["/hall/k/depth/image_raw"]

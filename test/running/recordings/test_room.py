@@ -1,4 +1,5 @@
 """What the disk has room for is told before a recording begins."""
+
 from __future__ import annotations
 
 import shutil

@@ -1,4 +1,5 @@
 """Staged accidents: nothing that a live take recorded more than a second before is lost."""
+
 import json
 import os
 import resource

@@ -1,4 +1,5 @@
 """A live run ends when it is asked to, or when a camera fails, and keeps what it has."""
+
 import json
 import os
 import signal

@@ -1,4 +1,5 @@
 """Live cameras in one process: the newest instant, until somebody stops or a camera fails."""
+
 import threading
 import time
 from dataclasses import dataclass

@@ -1,4 +1,5 @@
 """Only files that a run made are replaced; links, mount points and files of the user stay."""
+
 import json
 import os
 
@@ -60,10 +61,14 @@ def test_a_file_of_the_user_in_the_way_is_kept_and_so_are_the_results(tmp_path):
     with pytest.raises(DataError, match="results are in .*results-2"):
         leave(out, {"a.txt": "2", "plot.png": "2", "bag/x": "2"})
     assert content(out) == {
-        "a.txt": "1", "plot.png": "mine", "bag": "mine",
-        "results-2/a.txt": "2", "results-2/plot.png": "2", "results-2/bag/x": "2", "results-2/report.json":
-        (out / "results-2" / "report.json").read_text(),
-    }  # fmt: skip
+        "a.txt": "1",
+        "plot.png": "mine",
+        "bag": "mine",
+        "results-2/a.txt": "2",
+        "results-2/plot.png": "2",
+        "results-2/bag/x": "2",
+        "results-2/report.json": (out / "results-2" / "report.json").read_text(),
+    }
 
 
 def test_a_link_to_a_folder_is_followed_and_one_to_nothing_refused(tmp_path):

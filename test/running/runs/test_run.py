@@ -1,4 +1,5 @@
 """Runs from Python: a plan of plain values, an outcome, an observer that is told."""
+
 import json
 
 import captures
@@ -68,8 +69,9 @@ def test_what_the_options_say_is_in_the_plan(bag, tmp_path):
     plan = plan_bags([bag], RunOptions(options.parameters), choice=BagChoice(cameras=names))
     assert plan.rig.names == names and plan.configs["tracking"].memory == 0.5
     assert options.all_parameters() == {
-        "tracking": {"memory": 0.5}, "detection": {"model": "movenet-multipose"}
-    }  # fmt: skip
+        "tracking": {"memory": 0.5},
+        "detection": {"model": "movenet-multipose"},
+    }
     assert options.parameters == {"tracking": {"memory": 0.5}}
     with pytest.raises(UsageError, match="--model"):
         plan_bags([bag], options)

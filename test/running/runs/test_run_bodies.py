@@ -28,8 +28,13 @@ from panoptic_ros.stage import StageContext
 def subject(path, number=4, device="back"):
     mounted = {"device": device, "segment": "spine4", "mount": [1, 0, 0, 0]}
     start = captures.people(0.0)[1, captures.SKELETON.joint("BodyCenter")].tolist()
-    document = {"format": "panoptic-subject-1", "id": number, "height_m": 1.7, "start": start,
-                "devices": [mounted]}  # fmt: skip
+    document = {
+        "format": "panoptic-subject-1",
+        "id": number,
+        "height_m": 1.7,
+        "start": start,
+        "devices": [mounted],
+    }
     path.write_text(json.dumps(document))
     return path
 

@@ -1,4 +1,5 @@
 """Clocks from motion while a bag is run."""
+
 import subprocess
 import sys
 from dataclasses import replace

@@ -1,4 +1,5 @@
 """The bags in the repository become skeletons, without a model."""
+
 import json
 
 import pytest

@@ -1,4 +1,5 @@
 """What is said while nothing comes."""
+
 from panoptic_ros.running.runs.waiting import why_waiting
 
 

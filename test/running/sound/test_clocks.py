@@ -1,4 +1,5 @@
 """Clocks from sound, from a simulated capture to corrected skeletons."""
+
 import json
 
 import numpy as np
@@ -64,9 +65,20 @@ def test_motion_after_sound_gives_skeletons_as_with_right_stamps(capture, tmp_pa
     folder, take = capture
     out, offsets = tmp_path / "skeletons.json.gz", tmp_path / "offsets.json"
     code, text, _ = run(
-        capsys, "solve", "--rig", folder / "rig.json", "--detections", folder / "detections.json.gz",
-        "--offsets-from-sound", folder, "--offsets-from-motion", "--offsets-out", offsets, "--out", out,
-    )  # fmt: skip
+        capsys,
+        "solve",
+        "--rig",
+        folder / "rig.json",
+        "--detections",
+        folder / "detections.json.gz",
+        "--offsets-from-sound",
+        folder,
+        "--offsets-from-motion",
+        "--offsets-out",
+        offsets,
+        "--out",
+        out,
+    )
     assert code == 0 and "clocks from sound" in text and "clocks from motion" in text
     assert "beside what its sound says" not in text
     found, true = read_offsets(offsets), behind(take)
@@ -81,15 +93,27 @@ def test_what_cannot_be_found_is_one_line(capture, tmp_path, capsys):
     empty = tmp_path / "empty"
     empty.mkdir()
     for given, says in (
-        ([empty], "has no sound"), ([tmp_path / "gone"], "does not exist"),
-        ([folder / "rig.json"], "no capture"), ([folder, "--trusted-camera", "cam99"], "cam99"),
-    ):  # fmt: skip
+        ([empty], "has no sound"),
+        ([tmp_path / "gone"], "does not exist"),
+        ([folder / "rig.json"], "no capture"),
+        ([folder, "--trusted-camera", "cam99"], "cam99"),
+    ):
         code, text, errors = run(capsys, "sync", "sound", *given)
         assert code == 2 and not text and len(errors) == 1 and says in errors[0]
     code, _, errors = run(
-        capsys, "solve", "--rig", folder / "rig.json", "--detections", folder / "detections.json.gz",
-        "--offsets", folder / "x.json", "--offsets-from-sound", folder, "--out", tmp_path / "s.json",
-    )  # fmt: skip
+        capsys,
+        "solve",
+        "--rig",
+        folder / "rig.json",
+        "--detections",
+        folder / "detections.json.gz",
+        "--offsets",
+        folder / "x.json",
+        "--offsets-from-sound",
+        folder,
+        "--out",
+        tmp_path / "s.json",
+    )
     assert code == 2 and len(errors) == 1 and "not both" in errors[0]
 
 
@@ -118,9 +142,16 @@ def test_a_run_on_a_bag_corrects_the_stamps_of_its_messages(capture, tmp_path, c
         assert abs(1e-9 * line.offset_ns - true[name]) < 0.02 and abs(line.drift) < 3e-4
     assert BagStream.from_words(plan.streams[1].words()) == plan.streams[1]
     code, text, _ = run(
-        capsys, "run", "--bag", folder / "bag", "--offsets-from-sound", "--in-process", "--no-pictures",
-        "--out", out,
-    )  # fmt: skip
+        capsys,
+        "run",
+        "--bag",
+        folder / "bag",
+        "--offsets-from-sound",
+        "--in-process",
+        "--no-pictures",
+        "--out",
+        out,
+    )
     assert code == 0 and "its stamps are kept" in text
     _, text, _ = run(capsys, "evaluate", folder / "truth.json.gz", out / "skeletons.json.gz", "--json")
     assert json.loads(text)["mpjpe_mm"] < 6.0

@@ -1,4 +1,5 @@
 """Runs on videos whose sound is all that tells when they were taken."""
+
 import json
 from dataclasses import replace
 
@@ -32,8 +33,9 @@ def folder(tmp_path, monkeypatch):
     """A capture folder of three cameras, still without videos."""
     monkeypatch.setattr(RunOptions, "detector", lambda options: (SKELETON, {}))
     rig = simulate(scene("clean-4p5v"), 0, 1).rig
-    cameras = tuple(replace(rig.cameras[k], name=name, image_size=(16, 16), clock="")
-                    for k, name in enumerate(BEGINS))  # fmt: skip
+    cameras = tuple(
+        replace(rig.cameras[k], name=name, image_size=(16, 16), clock="") for k, name in enumerate(BEGINS)
+    )
     write_rig(tmp_path / "rig.json", Rig(cameras))
     return tmp_path
 
@@ -44,8 +46,9 @@ def shoot(folder, channels, names=tuple(BEGINS), suffix=".mp4", clocks=None):
         begin = BEGINS[name]
         own = channels[name] if isinstance(channels, dict) else channels
         noise = np.random.default_rng(len(name)).normal(0.0, 0.05, int(SECONDS * SAMPLE_RATE))
-        heard = [noise if one is None else filmed([one], FREE, begin + SOUND_LATE, SECONDS)[:, 0]
-                 for one in own]  # fmt: skip
+        heard = [
+            noise if one is None else filmed([one], FREE, begin + SOUND_LATE, SECONDS)[:, 0] for one in own
+        ]
         sound = Sound(np.stack(heard, axis=1), SAMPLE_RATE, SOUND_LATE) if heard else None
         with VideoFile(folder / f"{name}{suffix}", (16, 16), 30.0, sound=sound) as video:
             for k in range(int(SECONDS * 30)):
@@ -159,25 +162,48 @@ def test_stamps_on_the_clocks_of_the_cameras_are_held_against_their_sound(folder
     np.testing.assert_allclose(firsts, list(BEGINS.values()), atol=3e-5)
 
 
-@pytest.mark.parametrize(("channels", "names", "message"), [
-    ({"cam00": [HOUSE], "cam01": [None], "cam02": [HOUSE]}, None,
-     "cam01 have neither stamps nor timecode in their sound, but cam00, cam02 hear timecode"),
-    ({"cam00": [HOUSE], "cam01": [HOUSE], "cam02": []}, None, "cam02 have neither stamps nor timecode"),
-    ([HOUSE, OTHER], None,
-     r"cam00.mp4 has two timecodes, 10:00:00:\d+ and 11:00:17:\d+, on channels 0 and 1"),
-    ({"cam00": [HOUSE], "cam01": [OTHER], "cam02": [HOUSE]}, None,
-     "never overlap: cam00, cam02 from 10:00:00.0 to 10:00:02.4; cam01 from 11:00:57.1"),
-    ({"cam00": [OTHER, HOUSE], "cam01": [OTHER], "cam02": [HOUSE]},
-     "cam00.mp4: [H, B]\ncam01.mp4: [B]\ncam02.mp4: [H]",
-     "clock B is heard as 25 fps by cam00 and as 29.97 fps by"),
-    ({"cam00": [HOUSE], "cam01": [OTHER], "cam02": [HOUSE]},
-     "cam00.mp4: [H]\ncam01.mp4: [B]\ncam02.mp4: [H]",
-     "clock cam01, which stamps cam01: .*nobody hears B and H"),
-    ([HOUSE], "cam00.mp4: [H, B]\ncam01.mp4: [H]\ncam02.mp4: [H]",
-     "2 channels of .*cam00.mp4 are named .H, B., but its sound has 1"),
-    ([HOUSE], "cam00.mp4: {clocks: [H], start_ns: 5}", "the sound of a video begins where the video does"),
-    ([HOUSE], "cam03.mp4: [H]", "names cam03.mp4; .* has cam00.mp4, cam01.mp4, cam02.mp4"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("channels", "names", "message"),
+    [
+        (
+            {"cam00": [HOUSE], "cam01": [None], "cam02": [HOUSE]},
+            None,
+            "cam01 have neither stamps nor timecode in their sound, but cam00, cam02 hear timecode",
+        ),
+        ({"cam00": [HOUSE], "cam01": [HOUSE], "cam02": []}, None, "cam02 have neither stamps nor timecode"),
+        (
+            [HOUSE, OTHER],
+            None,
+            r"cam00.mp4 has two timecodes, 10:00:00:\d+ and 11:00:17:\d+, on channels 0 and 1",
+        ),
+        (
+            {"cam00": [HOUSE], "cam01": [OTHER], "cam02": [HOUSE]},
+            None,
+            "never overlap: cam00, cam02 from 10:00:00.0 to 10:00:02.4; cam01 from 11:00:57.1",
+        ),
+        (
+            {"cam00": [OTHER, HOUSE], "cam01": [OTHER], "cam02": [HOUSE]},
+            "cam00.mp4: [H, B]\ncam01.mp4: [B]\ncam02.mp4: [H]",
+            "clock B is heard as 25 fps by cam00 and as 29.97 fps by",
+        ),
+        (
+            {"cam00": [HOUSE], "cam01": [OTHER], "cam02": [HOUSE]},
+            "cam00.mp4: [H]\ncam01.mp4: [B]\ncam02.mp4: [H]",
+            "clock cam01, which stamps cam01: .*nobody hears B and H",
+        ),
+        (
+            [HOUSE],
+            "cam00.mp4: [H, B]\ncam01.mp4: [H]\ncam02.mp4: [H]",
+            "2 channels of .*cam00.mp4 are named .H, B., but its sound has 1",
+        ),
+        (
+            [HOUSE],
+            "cam00.mp4: {clocks: [H], start_ns: 5}",
+            "the sound of a video begins where the video does",
+        ),
+        ([HOUSE], "cam03.mp4: [H]", "names cam03.mp4; .* has cam00.mp4, cam01.mp4, cam02.mp4"),
+    ],
+)
 def test_what_would_be_grouped_wrongly_is_told(folder, channels, names, message):
     shoot(folder, channels)
     if names:

@@ -1,4 +1,5 @@
 """Runs on cameras of two clocks, by the timecodes that one recorder hears of both."""
+
 import subprocess
 import sys
 from dataclasses import replace
@@ -167,14 +168,20 @@ def test_sound_of_another_rate_is_told(folder):
         plan_capture(folder)
 
 
-@pytest.mark.parametrize(("text", "message"), [
-    ("timecode.wav: [A, B, X]", "3 channels of .*timecode.wav are named .A, B, X., but it has 2"),
-    ("timecode.wav: [A, C]", "nobody hears clock B, which stamps cam01, cam03, cam05"),
-    ("other.wav: [A, B]", "names other.wav; .* has timecode.wav"),
-    ("timecode.wav: {clocks: [A, B], begin: 3}", "unknown key 'begin'; known are clocks, start_ns, track"),
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("timecode.wav: [A, B, X]", "3 channels of .*timecode.wav are named .A, B, X., but it has 2"),
+        ("timecode.wav: [A, C]", "nobody hears clock B, which stamps cam01, cam03, cam05"),
+        ("other.wav: [A, B]", "names other.wav; .* has timecode.wav"),
+        (
+            "timecode.wav: {clocks: [A, B], begin: 3}",
+            "unknown key 'begin'; known are clocks, start_ns, track",
+        ),
         ("timecode.wav: [[A], B]", "is no list of clocks"),
-    ("[timecode.wav]", "must hold the clocks of files"),
-])  # fmt: skip
+        ("[timecode.wav]", "must hold the clocks of files"),
+    ],
+)
 def test_a_sound_yaml_that_cannot_be_meant_is_told(folder, text, message):
     (folder / "sound.yaml").write_text(text)
     with pytest.raises(DataError, match=message):

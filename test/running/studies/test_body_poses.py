@@ -18,19 +18,42 @@ def skeleton(stamp_ns, ids, missing=()):
     positions = np.where(there[..., None], np.zeros((len(ids), 2, 3)), np.nan)
     covariances = np.where(there[..., None, None], np.tile(np.eye(3), (len(ids), 2, 1, 1)), np.nan)
     return TrackedPoseSet(
-        stamp_ns // STEP, stamp_ns, "hash", positions, covariances, 0.5 * there, 3 * there, states,
-        np.ones(len(ids)), ids=np.array(ids),
-    )  # fmt: skip
+        stamp_ns // STEP,
+        stamp_ns,
+        "hash",
+        positions,
+        covariances,
+        0.5 * there,
+        3 * there,
+        states,
+        np.ones(len(ids)),
+        ids=np.array(ids),
+    )
 
 
 def body(stamp_ns, number, x):
     one = np.zeros((1, 1, 3))
     points = np.array([[[x, 0.0, 0.0], [x, 1.0, 0.0]]])
     return BodyStateSet(
-        0, stamp_ns, stamp_ns, "hash", ("hips",), [-1], [number], [2], [2], [0], one, np.zeros((1, 6)), one,
-        [[[1.0, 0.0, 0.0, 0.0]]], np.zeros((1, 1, 6)), np.zeros((1, 1, 6, 6)), points,
+        0,
+        stamp_ns,
+        stamp_ns,
+        "hash",
+        ("hips",),
+        [-1],
+        [number],
+        [2],
+        [2],
+        [0],
+        one,
+        np.zeros((1, 6)),
+        one,
+        [[[1.0, 0.0, 0.0, 0.0]]],
+        np.zeros((1, 1, 6)),
+        np.zeros((1, 1, 6, 6)),
+        points,
         np.tile(np.eye(3), (1, 2, 1, 1)),
-    )  # fmt: skip
+    )
 
 
 def test_bodies_are_taken_between_two_of_their_instants():

@@ -1,4 +1,5 @@
 """The study of captures without truth, from the command line and on tracks that are known."""
+
 from types import SimpleNamespace
 
 import captures

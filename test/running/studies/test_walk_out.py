@@ -1,4 +1,5 @@
 """People walk out of the cameras: who sees them when."""
+
 import numpy as np
 
 from panoptic_ros.cli.main import main

@@ -1,4 +1,5 @@
 """`panoptic view` of what is on a disk answers its page."""
+
 import json
 import subprocess
 import sys

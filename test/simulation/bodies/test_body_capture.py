@@ -1,4 +1,5 @@
 """Simulated captures without noise are exact, and with it as wrong as stated."""
+
 from dataclasses import fields, replace
 
 import numpy as np

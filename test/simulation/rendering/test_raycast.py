@@ -1,4 +1,5 @@
 """Compiled kernels against numpy, and numpy against geometry."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -37,19 +38,29 @@ def cast(shapes, kernel):
     frames = np.ascontiguousarray(shapes.local_from_world[0])
     origins = -(frames @ shapes.origins[0][..., None])[..., 0]
     boxes = np.tile([0, 0, WIDTH, HEIGHT], (len(frames), 1))
-    kernel(
-        frames, origins, shapes.lengths[0], shapes.radii, shapes.materials, boxes, PLANE, depth, hits
-    )
+    kernel(frames, origins, shapes.lengths[0], shapes.radii, shapes.materials, boxes, PLANE, depth, hits)
     return depth, hits
 
 
 def colour(shapes, depth, hits, kernel):
     image, ids = np.zeros((HEIGHT, WIDTH, 3), np.uint8), np.zeros((HEIGHT, WIDTH), np.uint8)
     kernel(
-        np.ascontiguousarray(shapes.local_from_world[0]), shapes.origins[0], shapes.lengths[0],
-        shapes.radii, shapes.materials, shapes.seeds, shapes.colours, shapes.people, np.zeros(3),
-        np.eye(3), PLANE, depth, hits, image, ids,
-    )  # fmt: skip
+        np.ascontiguousarray(shapes.local_from_world[0]),
+        shapes.origins[0],
+        shapes.lengths[0],
+        shapes.radii,
+        shapes.materials,
+        shapes.seeds,
+        shapes.colours,
+        shapes.people,
+        np.zeros(3),
+        np.eye(3),
+        PLANE,
+        depth,
+        hits,
+        image,
+        ids,
+    )
     return image, ids
 
 

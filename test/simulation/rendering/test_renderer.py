@@ -1,4 +1,5 @@
 """Rendered takes: pictures, depth and ids fit the exact truth."""
+
 from __future__ import annotations
 
 from dataclasses import replace

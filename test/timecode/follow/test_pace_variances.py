@@ -1,4 +1,5 @@
 """Variances of starts: never negative, and those of least squares where errors are independent."""
+
 from __future__ import annotations
 
 from dataclasses import replace
@@ -22,10 +23,19 @@ def fit_at(middle: float, cell: float, white: float, unseen: float = 0.0) -> Wor
     """A word whose edges state a variance of the middle, and that of the cell of edges spread evenly."""
     covariance = white * np.diag([1.0, 12.0 / WORD_CELLS**2])
     return WordFit(
-        grid=Grid(middle, cell), covariance=covariance, observed=covariance, level=0.25,
-        clean=Samples(0, np.zeros(1)), clicked=False, places=np.linspace(-40.0, 40.0, 110),
-        unseen=unseen, gap=0.02, sudden=0.0, waver=1.0, swing=0.0,
-    )  # fmt: skip
+        grid=Grid(middle, cell),
+        covariance=covariance,
+        observed=covariance,
+        level=0.25,
+        clean=Samples(0, np.zeros(1)),
+        clicked=False,
+        places=np.linspace(-40.0, 40.0, 110),
+        unseen=unseen,
+        gap=0.02,
+        sudden=0.0,
+        waver=1.0,
+        swing=0.0,
+    )
 
 
 def stds(middles: np.ndarray, whites: np.ndarray, reverse: bool = False) -> list[float]:
@@ -48,9 +58,11 @@ def test_words_that_scatter_less_than_their_edges_state():
 
 @settings(max_examples=40)
 @given(
-    seed=st.integers(0, 2**31), bend=st.floats(-0.02, 0.02), scatter=st.floats(0.0, 2.0),
+    seed=st.integers(0, 2**31),
+    bend=st.floats(-0.02, 0.02),
+    scatter=st.floats(0.0, 2.0),
     reverse=st.booleans(),
-)  # fmt: skip
+)
 def test_no_words_give_a_negative_variance(seed, bend, scatter, reverse):
     rng = np.random.default_rng(seed)
     numbers = np.arange(30.0)
@@ -86,9 +98,12 @@ def test_a_place_beside_the_last_word_has_the_variance_of_least_squares(count, s
 
 
 @given(
-    st.floats(1e-12, 1e3), st.floats(1e-12, 1e3), st.floats(-1.0, 1.0),
-    st.floats(-2.0, 2.0), st.floats(-80.0, 80.0),
-)  # fmt: skip
+    st.floats(1e-12, 1e3),
+    st.floats(1e-12, 1e3),
+    st.floats(-1.0, 1.0),
+    st.floats(-2.0, 2.0),
+    st.floats(-80.0, 80.0),
+)
 def test_a_place_has_the_quadratic_form_of_the_covariance(own, other, correlation, middle, cell):
     both = correlation * np.sqrt(own * other)
     fit = replace(fit_at(0.0, CELL, 1.0), covariance=np.array([[own, both], [both, other]]))

@@ -1,4 +1,5 @@
 """Echoes turn the same bits of every word: labels are not believed for being the same in all of them."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """What one word says for a label, and timecode that stands still: what comes out was sent, or nothing."""
+
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence

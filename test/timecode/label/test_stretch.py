@@ -1,4 +1,5 @@
 """Labels are believed only when a stretch of words has them and no others fit."""
+
 from __future__ import annotations
 
 import numpy as np
@@ -33,8 +34,12 @@ def stretch(rate: str, first: int, step: int, count: int, noise: float, seed: in
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.sampled_from(["24", "25", "29.97df", "30"]), st.integers(0, 2_073_599), st.booleans(),
-       st.integers(0, 99))  # fmt: skip
+@given(
+    st.sampled_from(["24", "25", "29.97df", "30"]),
+    st.integers(0, 2_073_599),
+    st.booleans(),
+    st.integers(0, 99),
+)
 def test_labels_are_solved_through_noise(rate: str, first: int, reverse: bool, seed: int) -> None:
     """At 0.75 of the level (-3 dB at 16 kHz), where hardly a word can be read alone."""
     labels, words = stretch(rate, first, -1 if reverse else 1, 12, 0.75, seed)
@@ -64,8 +69,10 @@ def test_noise_and_words_that_do_not_count_have_no_labels() -> None:
     assert solve_labels(words, True, 3) is None  # they count the other way
     assert solve_labels(words[:2], False, 3) is None
     assert solve_labels([words[k] for k in (0, 3, 1, 5, 2, 4)], False, 3) is None
-    random = [WordLevels(halves_of(Timecode.from_frame_count(int(n), timecode_rate("25")), 0.1, rng))
-              for n in rng.integers(0, 2_000_000, 6)]  # fmt: skip
+    random = [
+        WordLevels(halves_of(Timecode.from_frame_count(int(n), timecode_rate("25")), 0.1, rng))
+        for n in rng.integers(0, 2_000_000, 6)
+    ]
     assert solve_labels(random, False, 3) is None
 
 

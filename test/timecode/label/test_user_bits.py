@@ -1,4 +1,5 @@
 """User bits are reported when they are certain, and stay until words clearly say something else."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The slow functions that a fit leaves free, and products with them, against dense matrices."""
+
 from __future__ import annotations
 
 import numpy as np

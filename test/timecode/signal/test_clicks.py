@@ -1,4 +1,5 @@
 """Clicks are bridged, and nothing else."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The filter before decoding: what it lets pass stays where it is, what it does not is gone."""
+
 from __future__ import annotations
 
 import numpy as np

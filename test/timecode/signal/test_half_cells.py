@@ -1,4 +1,5 @@
 """Integrals over half cells against plain numpy, and the bits of a clean signal."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The loops of learning the shape of a step, against plain numpy and scipy."""
+
 from __future__ import annotations
 
 import numpy as np

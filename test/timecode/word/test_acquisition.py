@@ -1,4 +1,5 @@
 """The place of the sync word and of cells in a stretch of bits."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Grids of cells move, and are drawn to the edges of a signal."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The edges of a word one by one: where they are, and whether they swing."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """Starts of words and their deviations, against the truth and the bound of Cramer and Rao."""
+
 from __future__ import annotations
 
 import numpy as np

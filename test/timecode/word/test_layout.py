@@ -1,4 +1,5 @@
 """The bits that a label fixes are those that are sent."""
+
 from __future__ import annotations
 
 import numpy as np

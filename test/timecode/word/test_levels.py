@@ -1,4 +1,5 @@
 """Levels of a word, and what the sync word before it says of its polarity."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,4 +1,5 @@
 """The smoother of edges against a Gaussian process solved at once."""
+
 from __future__ import annotations
 
 import numpy as np

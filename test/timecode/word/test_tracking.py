@@ -1,4 +1,5 @@
 """Half cells are followed through flutter, from both sides."""
+
 from __future__ import annotations
 
 import numpy as np

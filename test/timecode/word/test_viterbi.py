@@ -1,4 +1,5 @@
 """The most likely bits, against brute force."""
+
 from __future__ import annotations
 
 import itertools

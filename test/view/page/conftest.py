@@ -1,4 +1,5 @@
 """A recording that pages are shown."""
+
 import pytest
 from recorded_scene import write_scene
 

@@ -1,4 +1,5 @@
 """The page is one document that asks nobody for anything."""
+
 import json
 import re
 

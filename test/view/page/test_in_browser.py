@@ -1,4 +1,5 @@
 """The page in a headless browser without a GPU: people at their pixels, images, no word to others."""
+
 import asyncio
 import threading
 from contextlib import contextmanager
@@ -205,8 +206,9 @@ def test_patches_lie_where_they_are_projected_to_once_they_are_shown(browser, tm
                 spots = (pixels + 0.5) * (box["width"] / SIZE[0]) + [box["x"], box["y"]]
                 found[camera.name] = [
                     has_color(image, spot, colors[part], 1)
-                    for part, spot in enumerate(spots) if camera.contains(pixels)[part]
-                ]  # fmt: skip
+                    for part, spot in enumerate(spots)
+                    if camera.contains(pixels)[part]
+                ]
             space = page.evaluate(f"panoptic.pixelsOf({positions.tolist()})")
             found["space"] = [has_color(image, spot, rgb, 1) for spot, rgb in zip(space, colors)]
             return found

@@ -1,4 +1,5 @@
 """Layouts of other viewers name topics that the graph has, with the types that they draw."""
+
 import json
 import re
 

@@ -1,4 +1,5 @@
 """Live messages are paired by stamp, not by arrival; what pages do not want is not asked for."""
+
 import numpy as np
 from recorded_scene import SKELETON, as_bytes, make_patches, make_poses, make_preview, make_rig, make_view
 

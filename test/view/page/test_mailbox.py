@@ -1,4 +1,5 @@
 """A client gets the newest, and never more than it has drawn."""
+
 from panoptic_ros.view.page.mailbox import CREDITS, Instant, Mailbox
 from panoptic_ros.view.page.packets import Message
 

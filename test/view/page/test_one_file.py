@@ -1,4 +1,5 @@
 """A recording in one file: all of it, or a part, and nothing that is too much."""
+
 import base64
 import gzip
 import json

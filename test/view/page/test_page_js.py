@@ -1,4 +1,5 @@
 """The page's own arithmetic is that of the package."""
+
 import base64
 
 import numpy as np
@@ -45,12 +46,14 @@ def cameras_of_all_kinds():
     rng = np.random.default_rng(5)
     matrix = [[600.0, 1.5, 330.0], [0.0, 590.0, 250.0], [0.0, 0.0, 1.0]]
     lenses = [
-        Intrinsics(matrix, []), Intrinsics(matrix, [-0.4, 0.2, 0.003, -0.002, -0.05]),
-        Intrinsics(matrix, [-0.9, 0.0]), Intrinsics(matrix, [0.1, -0.03, 0.01, -0.002], "fisheye"),
+        Intrinsics(matrix, []),
+        Intrinsics(matrix, [-0.4, 0.2, 0.003, -0.002, -0.05]),
+        Intrinsics(matrix, [-0.9, 0.0]),
+        Intrinsics(matrix, [0.1, -0.03, 0.01, -0.002], "fisheye"),
         Intrinsics(matrix, [-0.6, 0.0, 0.0, 0.0], "fisheye"),
         Intrinsics(matrix, [0.3, -0.2, 1e-3, 2e-3, 0.1, 0.2, -0.1, 0.15]),
         Intrinsics(matrix, [-0.2, 0.1, 1e-3, 2e-3, 0, 0, 0, 0.01, 2e-3, -1e-3, 1e-3, 2e-3, 0.03, -0.04]),
-    ]  # fmt: skip
+    ]
     for i, lens in enumerate(lenses):
         rotation, _ = np.linalg.qr(rng.normal(size=(3, 3)))
         rotation *= np.sign(np.linalg.det(rotation))
@@ -116,7 +119,8 @@ def test_messages_of_every_type_of_a_real_bag_are_decoded_as_in_the_package():
     cases += [(as_bytes(poses, little), "panoptic_msgs/msg/Skeletons") for little in (True, False)]
     cases.append((as_bytes(make_view(RIG.cameras[0], poses, 5), False), "panoptic_msgs/msg/ViewDetections"))
     found = run_js(
-        BYTES + """
+        BYTES
+        + """
         import { Decoder } from "#view/cdr.js";
         const decoder = new Decoder(data.schemas);
         const plain = (key, value) => ArrayBuffer.isView(value) ? Array.from(value) : value;
@@ -135,7 +139,8 @@ def test_messages_of_every_type_of_a_real_bag_are_decoded_as_in_the_package():
 def test_packets_are_taken_apart_and_what_is_none_is_refused():
     messages = [Message(3, b"abc"), Message(0, b""), Message(70000, bytes(range(100)))]
     found = run_js(
-        BYTES + """
+        BYTES
+        + """
         import { unpack } from "#view/packets.js";
         const { kind, number, messages } = unpack(bytes(data.packet).buffer);
         let refused = 0;
@@ -165,7 +170,8 @@ def test_a_tile_pairs_an_image_with_the_people_of_its_own_stamp(recording):
     scene = RecordedScene(recording, "test")
     blocks = [text(scene.block(number)) for number in range(scene.block_count)]
     found = run_js(
-        BYTES + """
+        BYTES
+        + """
         import { Store } from "#view/store.js";
         import { unpack } from "#view/packets.js";
         const store = new Store(data.facts);
@@ -220,7 +226,8 @@ def test_people_are_shown_where_there_are_no_images(tmp_path):
     write_scene(tmp_path / "bag", 10, previews=False)
     scene = RecordedScene(tmp_path / "bag", "test")
     found = run_js(
-        BYTES + """
+        BYTES
+        + """
         import { Store } from "#view/store.js";
         import { unpack } from "#view/packets.js";
         const store = new Store(data.facts);
@@ -236,7 +243,8 @@ def test_people_are_shown_where_there_are_no_images(tmp_path):
 def test_evidence_tells_views_and_residuals(recording):
     scene = RecordedScene(recording, "test")
     found = run_js(
-        BYTES + """
+        BYTES
+        + """
         import { Store } from "#view/store.js";
         import { unpack } from "#view/packets.js";
         import { makeCamera } from "#view/lens.js";
@@ -268,7 +276,8 @@ def test_evidence_tells_views_and_residuals(recording):
 def test_live_times_that_are_old_are_forgotten(recording):
     scene = RecordedScene(recording, "test")
     found = run_js(
-        BYTES + """
+        BYTES
+        + """
         import { Store } from "#view/store.js";
         import { unpack } from "#view/packets.js";
         const store = new Store(data.facts);
@@ -363,16 +372,35 @@ def test_lanes_of_the_time_line_do_not_overlap():
 
 def test_health_of_statuses_and_of_a_report():
     statuses = [
-        {"name": "sync", "owner": "panoptic_ros", "level": 1, "message": "",
-         "values": {"taken": "9", "step_p50_ms": "0.5", "step_p99_ms": "2.5", "dropped.late": "3"}},
-        {"name": "camera_cam1", "owner": "", "level": 0, "message": "",
-         "values": {"taken": "0", "step_p50_ms": "nan", "step_p99_ms": "nan", "dropped.overtaken": "4"}},
-        {"name": "clock of cam1", "owner": "cam1", "level": 0, "message": "ok",
-         "values": {"offset_s": "0.012", "std_us": "40"}},
-        {"name": "fusion: cam1 detections", "owner": "cam1", "level": 1,
-         "message": "silent for 3 s",
-         "values": {"taken": "9", "lost": "2", "left_out": "1", "bad": "0", "step_p50_ms": "1"}},
-    ]  # fmt: skip
+        {
+            "name": "sync",
+            "owner": "panoptic_ros",
+            "level": 1,
+            "message": "",
+            "values": {"taken": "9", "step_p50_ms": "0.5", "step_p99_ms": "2.5", "dropped.late": "3"},
+        },
+        {
+            "name": "camera_cam1",
+            "owner": "",
+            "level": 0,
+            "message": "",
+            "values": {"taken": "0", "step_p50_ms": "nan", "step_p99_ms": "nan", "dropped.overtaken": "4"},
+        },
+        {
+            "name": "clock of cam1",
+            "owner": "cam1",
+            "level": 0,
+            "message": "ok",
+            "values": {"offset_s": "0.012", "std_us": "40"},
+        },
+        {
+            "name": "fusion: cam1 detections",
+            "owner": "cam1",
+            "level": 1,
+            "message": "silent for 3 s",
+            "values": {"taken": "9", "lost": "2", "left_out": "1", "bad": "0", "step_p50_ms": "1"},
+        },
+    ]
     cameras = {"cam0": {"rate_hz": 30, "age_s": 0.01}, "cam1": {"rate_hz": 0, "age_s": 3.2}}
     found = run_js(
         """
@@ -398,14 +426,15 @@ def test_balls_of_a_body_lie_where_its_capsules_are():
     data = as_bytes(body_set(0, 5, 5, MODEL, SKELETON, [body]))
     kind = "panoptic_msgs/msg/Bodies"
     found = run_js(
-        BYTES + """
+        BYTES
+        + """
         import { Decoder } from "#view/cdr.js";
         import { ballsOf } from "#view/bodies.js";
         const message = new Decoder(data.schemas).decode(bytes(data.message), data.kind);
         console.log(JSON.stringify(ballsOf(message, message.bodies[0], data.shape)));
         """,
         {"schemas": schemas([kind]), "message": text(data), "kind": kind, "shape": shape_document()},
-    )  # fmt: skip
+    )
     centres, sizes = np.array([ball["at"] for ball in found]), np.array([ball["radius"] for ball in found])
     axes = np.array([ball["axes"] for ball in found]).reshape(-1, 3, 3)
     for capsule in read_body_shape(MODEL).capsules(BODY.offsets):
@@ -422,7 +451,8 @@ def test_patches_are_those_of_the_message_and_a_picture_has_those_that_its_camer
     patches = make_patches(RIG, 40, START_NS)
     kind = "panoptic_msgs/msg/PatchTrajectories"
     everywhere, seen, hidden, nowhere, empty = run_js(
-        BYTES + """
+        BYTES
+        + """
         import { Decoder } from "#view/cdr.js";
         import { patchesOf, seenBy } from "#view/patches.js";
         const message = new Decoder(data.schemas).decode(bytes(data.message), data.kind);
@@ -431,7 +461,7 @@ def test_patches_are_those_of_the_message_and_a_picture_has_those_that_its_camer
           seenBy(message, "no such camera"), patchesOf(null)]));
         """,
         {"schemas": schemas([kind]), "message": text(as_bytes(patches)), "kind": kind, "cameras": RIG.names},
-    )  # fmt: skip
+    )
     assert np.allclose([patch["at"] for patch in everywhere], patches.positions)
     assert np.allclose([patch["normal"] for patch in everywhere], patches.normals)
     assert [patch["part"] for patch in everywhere] == patches.parts.tolist()
@@ -449,8 +479,15 @@ def test_a_click_means_the_nearest_joint_else_the_person_whose_bone_is_there():
         console.log(JSON.stringify(data.map((spot) => pickPerson(people, bones, pixelOf, spot, 10))));
         """,
         [[3, 5], [3, 40], [4, 92], [50, 109], [50, 111], [309, 50], [350, 100], [150, 50]],
-    )  # fmt: skip
+    )
     bone = {"id": 3, "joint": None}
     assert found == [
-        {"id": 3, "joint": 0}, bone, {"id": 3, "joint": 1}, bone, None, {"id": 8, "joint": None}, None, None,
-    ]  # fmt: skip
+        {"id": 3, "joint": 0},
+        bone,
+        {"id": 3, "joint": 1},
+        bone,
+        None,
+        {"id": 8, "joint": None},
+        None,
+        None,
+    ]

@@ -1,4 +1,5 @@
 """What pairs messages is read without decoding them."""
+
 import pytest
 from recorded_scene import as_bytes, make_poses, make_preview, make_rig, make_view
 

@@ -1,4 +1,5 @@
 """A bag is handed out second by second, whole and unchanged."""
+
 import json
 from types import SimpleNamespace
 
@@ -27,8 +28,9 @@ def test_every_message_is_in_one_block(recording):
     with BagReader(recording) as bag:
         raw = [(name, bytes(data)) for name, _, data, _ in bag.raw()]
     assert len(found) == len(raw) - 2  # but the rig and the skeleton
-    assert sorted(data for _, data in found) == sorted(data for name, data in raw if name.count("/") > 1
-                                                       or name == "/skeletons")  # fmt: skip
+    assert sorted(data for _, data in found) == sorted(
+        data for name, data in raw if name.count("/") > 1 or name == "/skeletons"
+    )
     assert scene.block_count == 4
 
 
@@ -70,9 +72,7 @@ def test_previews_are_made_of_images_where_there_are_none(tmp_path):
             bag.write("/lab/cam1/image_raw/compressed", stamp, message)
     scene = RecordedScene(tmp_path / "bag", "test")
     messages = all_messages(scene)
-    previews = [
-        from_message(decode_cdr(data, TOPICS["preview"].message), "Preview") for _, data in messages
-    ]
+    previews = [from_message(decode_cdr(data, TOPICS["preview"].message), "Preview") for _, data in messages]
     assert {preview.camera for preview in previews} == {"cam1"}
     assert len(previews) == 10 and len({preview.stamp_ns // 10**8 for preview in previews}) == 10
 

@@ -1,4 +1,5 @@
 """One port for the page and its data; who may have them."""
+
 import asyncio
 import gzip
 import json

@@ -1,4 +1,5 @@
 """A capture folder is shown as it is read, with the truth where it is known; a bag may have it, too."""
+
 import threading
 
 import cv2
@@ -23,11 +24,17 @@ def plain(start_ns, count=60):
     positions = np.concatenate([np.zeros((1, 3)), BODY[:5][::-1]])[None]
     frames = [
         PlainSkeletonFrame(
-            k, start_ns + round(k * 1e9 / 30), np.array([5]), positions + [k, 0, 0], np.ones((1, 6)),
-            np.full((1, 6, 3, 3), np.nan), np.zeros(1, bool), np.full((1, 6), -1),
+            k,
+            start_ns + round(k * 1e9 / 30),
+            np.array([5]),
+            positions + [k, 0, 0],
+            np.ones((1, 6)),
+            np.full((1, 6, 3, 3), np.nan),
+            np.zeros(1, bool),
+            np.full((1, 6), -1),
         )
         for k in range(count)
-    ]  # fmt: skip
+    ]
     return PlainSkeletons(names, tuple(frames))
 
 

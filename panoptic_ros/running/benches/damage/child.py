@@ -3,6 +3,7 @@
 It writes a line of JSON for each second, the last when the time is over. Its memory is limited, so a reader
 that takes too much of it gets a MemoryError, which counts as a foreign exception.
 """
+
 from __future__ import annotations
 
 import itertools

@@ -1,4 +1,5 @@
 """A small sample of every format that is read, and its reader, for trials with damaged copies."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,4 +1,5 @@
 """Samples of every format, as small as they can be; each function writes one and returns its path."""
+
 from __future__ import annotations
 
 import gzip
@@ -33,10 +34,12 @@ def rig() -> Rig:
     """Return three cameras that look along y."""
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     matrix = np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]])
-    return Rig(tuple(
-        Camera(name, SIZE, Intrinsics(matrix, np.full(5, 0.01)), Rigid(turn, np.array([x, 1.0, 4.0])))
-        for name, x in (("cam00", 0.0), ("cam01", 0.3), ("cam02", 0.6))
-    ))  # fmt: skip
+    return Rig(
+        tuple(
+            Camera(name, SIZE, Intrinsics(matrix, np.full(5, 0.01)), Rigid(turn, np.array([x, 1.0, 4.0])))
+            for name, x in (("cam00", 0.0), ("cam01", 0.3), ("cam02", 0.6))
+        )
+    )
 
 
 def rig_file(form: str, name: str = "rig.json") -> Sample:
@@ -89,11 +92,17 @@ def _installed(folder: Path, *place: str) -> Path:
 def pack_rig(folder: Path) -> Path:
     """Write calibration.json of a data pack."""
     cameras = [
-        {"name": camera.name, "K": camera.intrinsics.matrix.tolist(), "distortion": [0.0] * 5, "width": 64,
-         "R": camera.cam_from_world.rotation.tolist(), "t": camera.cam_from_world.translation.tolist(),
-         "height": 48}
+        {
+            "name": camera.name,
+            "K": camera.intrinsics.matrix.tolist(),
+            "distortion": [0.0] * 5,
+            "width": 64,
+            "R": camera.cam_from_world.rotation.tolist(),
+            "t": camera.cam_from_world.translation.tolist(),
+            "height": 48,
+        }
         for camera in rig().cameras
-    ]  # fmt: skip
+    ]
     return _json(folder, "calibration.json", {"unit": "m", "cameras": cameras})
 
 
@@ -108,14 +117,18 @@ def detections(folder: Path) -> Path:
     names = list(load_skeleton("panoptic19").joint_names)
     person = [[10.0 + k, 20.0, 0.9] for k in range(18)] + [None]
     frames = [
-        {"index": k, "stamp_ns": SECOND + k, "views": {
-            name: {"stamp_ns": SECOND + k, "persons": [person, person]} for name in rig().names
-        }} for k in range(2)
-    ]  # fmt: skip
+        {
+            "index": k,
+            "stamp_ns": SECOND + k,
+            "views": {name: {"stamp_ns": SECOND + k, "persons": [person, person]} for name in rig().names},
+        }
+        for k in range(2)
+    ]
     return _json(
-        folder, "detections.json",
+        folder,
+        "detections.json",
         {"format": "panoptic-detections-1", "joint_names": names, "frames": frames},
-    )  # fmt: skip
+    )
 
 
 def skeletons(folder: Path) -> Path:
@@ -124,10 +137,16 @@ def skeletons(folder: Path) -> Path:
     joints = [[0.1 * k, 0.2, 1.0] for k in range(18)] + [None]
     covariances = [[1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4]] * 18 + [None]
     people = [
-        {"id": k, "joints": joints, "scores": [0.9] * 18 + [0.0], "covariances": covariances, "ignore": False,
-         "views": [3] * 18 + [0]}
+        {
+            "id": k,
+            "joints": joints,
+            "scores": [0.9] * 18 + [0.0],
+            "covariances": covariances,
+            "ignore": False,
+            "views": [3] * 18 + [0],
+        }
         for k in range(2)
-    ]  # fmt: skip
+    ]
     frames = [{"index": k, "stamp_ns": SECOND + k, "skeletons": people} for k in range(2)]
     return _json(
         folder, "skeletons.json", {"format": "panoptic-skeletons-1", "joint_names": names, "frames": frames}
@@ -145,29 +164,47 @@ def bodies(folder: Path) -> Path:
     model = read_body_model()
     count, covariances = len(model.names), [[1e-4, 0, 0, 1e-4, 0, 1e-4]] * len(model.names)
     body = {
-        "id": 0, "positions": [[0.0, 0.0, 1.0]] * count, "orientations": [[1.0, 0.0, 0.0, 0.0]] * count,
-        "joint_angles": [0.0] * (3 * count - 3), "velocities": [[0.0] * 3] * count,
-        "angular_velocities": [[0.0] * 3] * count, "position_covariances": covariances,
+        "id": 0,
+        "positions": [[0.0, 0.0, 1.0]] * count,
+        "orientations": [[1.0, 0.0, 0.0, 0.0]] * count,
+        "joint_angles": [0.0] * (3 * count - 3),
+        "velocities": [[0.0] * 3] * count,
+        "angular_velocities": [[0.0] * 3] * count,
+        "position_covariances": covariances,
         "orientation_covariances": covariances,
-    }  # fmt: skip
+    }
     frames = [{"index": 0, "stamp_ns": SECOND, "subjects": [body]}]
-    return _json(folder, "kinematics.json", {
-        "format": "panoptic-kinematics-1", "segment_names": list(model.names),
-        "joint_names": list(model.joint_names), "frames": frames,
-    })  # fmt: skip
+    return _json(
+        folder,
+        "kinematics.json",
+        {
+            "format": "panoptic-kinematics-1",
+            "segment_names": list(model.names),
+            "joint_names": list(model.joint_names),
+            "frames": frames,
+        },
+    )
 
 
 def subject(folder: Path) -> Path:
     """Write a person with a bone, a keypoint and a device."""
     model = read_body_model()
     name, point = model.names[1], next(iter(model.keypoints))
-    return _json(folder, "subject.json", {
-        "format": "panoptic-subject-1", "id": 1, "height_m": 1.8, "inertial_frame": "world",
-        "segments": {name: [0.0, 0.0, 0.1]},
-        "keypoints": {point: {"segment": name, "offset": [0.0, 0.0, 0.1]}},
-        "devices": [{"device": "a", "segment": name, "position": [0, 0, 0], "mount": [1, 0, 0, 0]}],
-        "start": [0.0, 0.0, 1.0], "t_pose": {"from_ns": 0, "to_ns": SECOND, "facing": [1, 0, 0]},
-    })  # fmt: skip
+    return _json(
+        folder,
+        "subject.json",
+        {
+            "format": "panoptic-subject-1",
+            "id": 1,
+            "height_m": 1.8,
+            "inertial_frame": "world",
+            "segments": {name: [0.0, 0.0, 0.1]},
+            "keypoints": {point: {"segment": name, "offset": [0.0, 0.0, 0.1]}},
+            "devices": [{"device": "a", "segment": name, "position": [0, 0, 0], "mount": [1, 0, 0, 0]}],
+            "start": [0.0, 0.0, 1.0],
+            "t_pose": {"from_ns": 0, "to_ns": SECOND, "facing": [1, 0, 0]},
+        },
+    )
 
 
 def imus(folder: Path) -> Path:
@@ -185,8 +222,17 @@ def timestamps(folder: Path) -> Path:
 
 def offsets(folder: Path) -> Path:
     """Write clocks of two cameras."""
-    rows = [{"name": name, "offset_s": 0.01, "offset_std_s": 1e-3, "drift": 0.0, "drift_std": 0.0,
-             "applied": True} for name in ("cam00", "cam01")]  # fmt: skip
+    rows = [
+        {
+            "name": name,
+            "offset_s": 0.01,
+            "offset_std_s": 1e-3,
+            "drift": 0.0,
+            "drift_std": 0.0,
+            "applied": True,
+        }
+        for name in ("cam00", "cam01")
+    ]
     return _json(folder, "offsets.json", {"format": "panoptic-offsets-1", "cameras": rows})
 
 
@@ -267,9 +313,10 @@ def occluders(folder: Path) -> Path:
     mesh = {"name": "m", "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "triangles": [[0, 1, 2]]}
     box = {"name": "b", "size": [1, 1, 1], "centre": [0, 0, 0.5], "R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}
     return _json(
-        folder, "occluders.json",
+        folder,
+        "occluders.json",
         {"format": "panoptic-occluders-1", "units": "m", "boxes": [box], "meshes": [mesh]},
-    )  # fmt: skip
+    )
 
 
 _PLY = (
@@ -299,13 +346,17 @@ def obj(folder: Path) -> Path:
 
 def bvh(folder: Path) -> Path:
     """Write two joints in two frames."""
-    return _text(folder, "a.bvh", (
-        "HIERARCHY\nROOT Hips\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition "
-        "Zrotation Xrotation Yrotation\n JOINT Chest\n {\n  OFFSET 0 5 0\n"
-        "  CHANNELS 3 Zrotation Xrotation Yrotation\n  End Site\n  {\n   OFFSET 0 5 0\n"
-        "  }\n }\n}\nMOTION\nFrames: 2\nFrame Time: 0.033\n"
-        "0 90 0 0 0 0 0 0 0\n0 91 0 1 2 3 4 5 6\n"
-    ))  # fmt: skip
+    return _text(
+        folder,
+        "a.bvh",
+        (
+            "HIERARCHY\nROOT Hips\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition "
+            "Zrotation Xrotation Yrotation\n JOINT Chest\n {\n  OFFSET 0 5 0\n"
+            "  CHANNELS 3 Zrotation Xrotation Yrotation\n  End Site\n  {\n   OFFSET 0 5 0\n"
+            "  }\n }\n}\nMOTION\nFrames: 2\nFrame Time: 0.033\n"
+            "0 90 0 0 0 0 0 0 0\n0 91 0 1 2 3 4 5 6\n"
+        ),
+    )
 
 
 def c3d(folder: Path) -> Path:

@@ -1,4 +1,5 @@
 """Readers at damaged copies of a sample: what each copy costs, and which exception is foreign."""
+
 from __future__ import annotations
 
 import random

@@ -68,9 +68,12 @@ def _found(case: BodyCase, states: list[Any], rng: np.random.Generator) -> dict[
         return {"found": False, "deg": float("nan"), "ms": float("nan")}
     off = (found.heading - heading + np.pi) % (2.0 * np.pi) - np.pi
     return {
-        "found": True, "deg": float(np.degrees(off)), "ms": 1e3 * (found.offset + late),
-        "unsure_deg": float(np.degrees(found.heading_unsure)), "unsure_ms": 1e3 * found.unsure,
-    }  # fmt: skip
+        "found": True,
+        "deg": float(np.degrees(off)),
+        "ms": 1e3 * (found.offset + late),
+        "unsure_deg": float(np.degrees(found.heading_unsure)),
+        "unsure_ms": 1e3 * found.unsure,
+    }
 
 
 def _during(series: ImuSeries, states: list[Any]) -> Felt:
@@ -83,9 +86,7 @@ def _during(series: ImuSeries, states: list[Any]) -> Felt:
 def alignment_lines(result: dict[str, Any]) -> Iterator[str]:
     """The table: root mean square (most) over all stretches in which motion tells."""
     yield "simulated captures; heading and clock from stretches of motion, root mean square (most)"
-    yield (
-        "cameras IMUs  seconds  stretches   found     heading, deg         clock, ms   both, in their sd"
-    )
+    yield ("cameras IMUs  seconds  stretches   found     heading, deg         clock, ms   both, in their sd")
     rows = result["rows"]
     for kind in dict.fromkeys((row["cameras"], row["imus"], row["seconds"]) for row in rows):
         mine = [row for row in rows if (row["cameras"], row["imus"], row["seconds"]) == kind]

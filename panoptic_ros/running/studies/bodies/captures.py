@@ -27,9 +27,10 @@ def study_captures(
         settings: NAME=VALUE of the kinematics, for ours.
     """
     configs = {
-        OURS: body_config(settings=settings), PAPER: body_config(PAPER, (SAME_PEOPLE,)),
+        OURS: body_config(settings=settings),
+        PAPER: body_config(PAPER, (SAME_PEOPLE,)),
         SORTED: body_config(PAPER),
-    }  # fmt: skip
+    }
     rows = []
     for n, case in enumerate(cases):
         everybody: dict[int, list[BodyState]] = {}

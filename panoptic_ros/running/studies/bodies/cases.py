@@ -63,18 +63,22 @@ class BodyCase:
         """The same with the first cameras, which are neighbours, and 0, 6 or 13 IMUs of each subject."""
         names = self.model.names
         subjects = tuple(
-            replace(s, devices=tuple(
-                d for d in s.devices if imus == 13 or (imus == 6 and names[d.segment] in SPARSE)
-            ))
+            replace(
+                s,
+                devices=tuple(
+                    d for d in s.devices if imus == 13 or (imus == 6 and names[d.segment] in SPARSE)
+                ),
+            )
             for s in self.subjects
-        )  # fmt: skip
+        )
         worn = {device.name for subject in subjects for device in subject.devices}
         given = self.recording
         recording = replace(
-            given, rig=given.rig if cameras else None,
+            given,
+            rig=given.rig if cameras else None,
             views={camera: view for camera, view in given.views.items() if camera < cameras},
             devices={name: series for name, series in given.devices.items() if name in worn},
-        )  # fmt: skip
+        )
         return replace(self, recording=recording, subjects=subjects)
 
     def of_stature(self) -> BodyCase:

@@ -32,9 +32,15 @@ TOLD_S = 5.0  # within which a fault is to be told, and after which what is left
 SLIPS_S = 5.0  # after the start, a strap
 WRONG_DEG, SLIP_DEG, HEADING_DEG = 30.0, 25.0, 10.0
 LEFT_DEG = {  # of a mounting that cameras correct: floors of the segments, and 2 degrees
-    "hips": 7.0, "spine4": 7.0, "head": 9.0, "UpperArm": 11.0, "Forearm": 12.0, "Thigh": 6.0, "Shin": 6.0,
+    "hips": 7.0,
+    "spine4": 7.0,
+    "head": 9.0,
+    "UpperArm": 11.0,
+    "Forearm": 12.0,
+    "Thigh": 6.0,
+    "Shin": 6.0,
     "Foot": 14.0,
-}  # fmt: skip
+}
 WHOLE = "good, to its end"
 KINDS = ("good", WHOLE, "mounting", "swapped", "strap", "heading")
 LONGER_S = 60.0  # than any capture
@@ -106,9 +112,10 @@ def spoil(capture: BodyCapture, kind: str, number: int) -> Spoilt:
         forces[late] = forces[late] @ slip
         slipped = replace(series, quaternions=to_quaternions(turned), forces=forces)
         found = replace(
-            capture, devices=capture.devices | {device: slipped},
+            capture,
+            devices=capture.devices | {device: slipped},
             mounts=capture.mounts | {device: capture.mounts[device] @ slip},
-        )  # fmt: skip
+        )
         return Spoilt(found, kind, (segment,), SLIPS_S)
     if kind == "heading":
         off = np.radians(HEADING_DEG)
@@ -129,8 +136,14 @@ def _trial(spoilt: Spoilt, config: KinematicsConfig, statistics: PoseStatistics)
         for notice in tracker.devices.take_notices():
             code = notice.code.removeprefix("kinematics.")
             passed = (instant.stamp_ns - instants[0].stamp_ns) * 1e-9 - spoilt.begin_s
-            where = next((names[d.segment] for d in spoilt.capture.subject.devices
-                          if d.name == notice.values.get("device")), "")  # fmt: skip
+            where = next(
+                (
+                    names[d.segment]
+                    for d in spoilt.capture.subject.devices
+                    if d.name == notice.values.get("device")
+                ),
+                "",
+            )
             right = code == spoilt.kind and (where in spoilt.segments or not spoilt.segments)
             if right and passed >= 0.0:
                 told_s = passed if told_s is None else told_s
@@ -140,11 +153,15 @@ def _trial(spoilt: Spoilt, config: KinematicsConfig, statistics: PoseStatistics)
     heading = HEADING_DEG * (spoilt.kind == "heading") - float(np.degrees(tracker.mounting.heading))
     kept = [after[n] for n in after if n not in spoilt.segments]
     return {
-        "kind": spoilt.kind, "segments": list(spoilt.segments), "told_s": told_s, "false": false,
-        "left_deg": max((after[n] for n in spoilt.segments), default=0.0), "heading_deg": abs(heading),
+        "kind": spoilt.kind,
+        "segments": list(spoilt.segments),
+        "told_s": told_s,
+        "false": false,
+        "left_deg": max((after[n] for n in spoilt.segments), default=0.0),
+        "heading_deg": abs(heading),
         "others_before_deg": float(np.mean([before[n] for n in before if n not in spoilt.segments])),
         "others_deg": float(np.mean(kept)),
-    }  # fmt: skip
+    }
 
 
 def _off(tracker: SubjectTracker, spoilt: Spoilt) -> dict[str, float]:

@@ -67,11 +67,20 @@ def draw(rng: np.random.Generator) -> Drawn:
         return values[int(rng.integers(len(values)))]
 
     drawn = Drawn(
-        pick(*BODY_SCENES, *OTHER_BODY_SCENES), pick(8, 8, 4, 4, 2), pick(13, 13, 13, 6, 0),
-        pick(25, 30, 50, 60), pick(60, 100), pick(False, True), pick(0.5, 0.8, 1.0, 1.3, 1.6, 2.5),
-        pick(0.5, 1.0, 1.5), pick("stated", *MOUNTING_DEG), pick(True, True, False), pick(True, True, False),
-        pick(True, False, False), pick(True, False, False),
-    )  # fmt: skip
+        pick(*BODY_SCENES, *OTHER_BODY_SCENES),
+        pick(8, 8, 4, 4, 2),
+        pick(13, 13, 13, 6, 0),
+        pick(25, 30, 50, 60),
+        pick(60, 100),
+        pick(False, True),
+        pick(0.5, 0.8, 1.0, 1.3, 1.6, 2.5),
+        pick(0.5, 1.0, 1.5),
+        pick("stated", *MOUNTING_DEG),
+        pick(True, True, False),
+        pick(True, True, False),
+        pick(True, False, False),
+        pick(True, False, False),
+    )
     told = drawn.mounting == "stated" and not body_scene(drawn.scene).mounts
     return replace(drawn, mounting="T 2.5") if told else drawn
 
@@ -95,8 +104,9 @@ def drawn_case(seed: int) -> BodyCase:
     worn = {device.name for subject in subjects for device in subject.devices}
     devices = {
         name: ImuSeries(*(part[:: RATE // drawn.imu_hz] for part in vars(series).values()))
-        for name, series in case.recording.devices.items() if name in worn
-    }  # fmt: skip
+        for name, series in case.recording.devices.items()
+        if name in worn
+    }
     rig = Rig(tuple(take.rig.cameras[camera] for camera in cameras))
     recording = replace(case.recording, rig=rig, views=views, devices=devices)
     first = min(int(view.stamps[0]) for view in views.values())
@@ -109,13 +119,17 @@ def _scene(drawn: Drawn) -> BodyScene:
     seconds = LEAVES_SECONDS if scene.path else SECONDS
     known = drawn.mounting == "stated"
     shared: dict[str, Any] = {
-        "rate": float(RATE), "seconds": seconds, "mounts": known, "t_pose": MOUNTING_DEG[drawn.mounting],
+        "rate": float(RATE),
+        "seconds": seconds,
+        "mounts": known,
+        "t_pose": MOUNTING_DEG[drawn.mounting],
         "joints": _louder(JointNoise(), drawn.joint_noise, ("white", "correlated", "bias")),
         "imus": _louder(ImuNoise(), drawn.imu_noise, tuple(f.name for f in fields(ImuNoise))),
-    }  # fmt: skip
+    }
     unknown: dict[str, Any] = {
-        "heading": 180.0 if drawn.heading else scene.heading, "clock": 0.06 if drawn.clock else scene.clock,
-    }  # fmt: skip
+        "heading": 180.0 if drawn.heading else scene.heading,
+        "clock": 0.06 if drawn.clock else scene.clock,
+    }
     others = tuple(replace(other, **shared, **unknown) for other in scene.others)
     return replace(scene, **shared, **unknown, others=others)
 
@@ -124,9 +138,7 @@ def _louder(noise: Any, share: float, names: tuple[str, ...]) -> Any:
     return replace(noise, **{name: share * getattr(noise, name) for name in names})
 
 
-def _other_body(
-    rng: np.random.Generator, model: SegmentModel, clips: Mapping[str, Clip]
-) -> dict[str, Clip]:
+def _other_body(rng: np.random.Generator, model: SegmentModel, clips: Mapping[str, Clip]) -> dict[str, Clip]:
     """The motions of somebody else, of another size and with limbs of other lengths, left as right."""
     size, lengths = rng.uniform(*SIZES), dict[str, float]()
     for name in model.names:

@@ -20,9 +20,11 @@ from panoptic_ros.simulation.bodies.capture import BodyCapture
 
 
 def tracker_of(
-    capture: BodyCapture, config: KinematicsConfig, statistics: PoseStatistics,
+    capture: BodyCapture,
+    config: KinematicsConfig,
+    statistics: PoseStatistics,
     kind: type[SubjectTracker] = SubjectTracker,
-) -> tuple[Any, list[Instant]]:  # fmt: skip
+) -> tuple[Any, list[Instant]]:
     """A tracker of this kind that has seen nothing yet, and all instants; heading and clock as stated."""
     recording = recording_of(capture)
     weighing = Weighing(config, capture.subject, statistics, recording.rig, recording.joint_names)

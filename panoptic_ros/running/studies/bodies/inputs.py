@@ -16,9 +16,12 @@ CAMERAS, IMUS = (0, 1, 2, 4, 8), (0, 6, 13)
 
 
 def study_inputs(
-    cases: Iterable[BodyCase], number: int, cameras: Sequence[int], settings: Sequence[str],
+    cases: Iterable[BodyCase],
+    number: int,
+    cameras: Sequence[int],
+    settings: Sequence[str],
     progress: Progress,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Errors by cameras, IMUs and method, on each of so many captures.
 
     Args:

@@ -37,13 +37,19 @@ def lengths_row(case: BodyCase, config: KinematicsConfig) -> dict[str, Any] | No
     row = {}
     for name, part in zip(LENGTHS, (case, replace(short, subjects=tuple(learnt)), short)):
         states = part.solve(kept).states
-        row[name] = float(np.mean([
-            score_bodies(
-                [s for s in case.truth if s.id == subject.id], [s for s in states if s.id == subject.id],
-                case.model.parents, SKIPPED_S + LEARNT_S,
-            )["mm"]
-            for subject in case.subjects
-        ]))  # fmt: skip
+        row[name] = float(
+            np.mean(
+                [
+                    score_bodies(
+                        [s for s in case.truth if s.id == subject.id],
+                        [s for s in states if s.id == subject.id],
+                        case.model.parents,
+                        SKIPPED_S + LEARNT_S,
+                    )["mm"]
+                    for subject in case.subjects
+                ]
+            )
+        )
     return row
 
 

@@ -21,14 +21,23 @@ class Kinds(NamedTuple):
 
 POSITIONS = Kinds(
     "joints, mm",
-    {"global": "mm", "from the root": "relative_mm", "Procrustes": "procrustes_mm",
-     "less constant offsets": "aligned_mm"},
-)  # fmt: skip
+    {
+        "global": "mm",
+        "from the root": "relative_mm",
+        "Procrustes": "procrustes_mm",
+        "less constant offsets": "aligned_mm",
+    },
+)
 ORIENTATIONS = Kinds(
     "segments, deg",
-    {"global": "deg", "Procrustes": "procrustes_deg", "less constant turns": "aligned_deg",
-     "to the parent": "joint_deg", "joint angles": "angle_deg"},
-)  # fmt: skip
+    {
+        "global": "deg",
+        "Procrustes": "procrustes_deg",
+        "less constant turns": "aligned_deg",
+        "to the parent": "joint_deg",
+        "joint angles": "angle_deg",
+    },
+)
 
 
 def origin(result: Mapping[str, Any]) -> str:

@@ -92,9 +92,10 @@ SETTINGS: dict[str, dict[str, tuple[str, ...]]] = {  # by method
         "errors are new at each instant": ("error_time=0.0167",),
         "no errors that last": ("lasting_share=0",),
         "lag 0": ("lag=0",),
-    } | {f"acceleration {sd:g} m/s^2": (f"acceleration_sd={sd:g}",) for sd in (0.5, 1.0, 4.0, 8.0)},
+    }
+    | {f"acceleration {sd:g} m/s^2": (f"acceleration_sd={sd:g}",) for sd in (0.5, 1.0, 4.0, 8.0)},
     PAPER: {f"acceleration {w:g}": (f"paper_acceleration={w:g}",) for w in (1e-6, 1e-5, 1e-4, 1e-3)},
-}  # fmt: skip
+}
 
 
 def study_terms(

@@ -36,9 +36,10 @@ def test_people_are_detected_where_a_capture_has_images(folder, monkeypatch, imu
     if imus:
         write_imus(path / "imu.csv.gz", take.devices)
     found = SimpleNamespace(
-        context=SimpleNamespace(rig=take.rig, skeleton=SKELETON), sets=sets,
+        context=SimpleNamespace(rig=take.rig, skeleton=SKELETON),
+        sets=sets,
         subjects=(read_subject(path / "subject.json", MODEL),),
-    )  # fmt: skip
+    )
     monkeypatch.setattr(cases, "detected", lambda *_: found)
     case = cases.read_case(path)
     assert len(case.recording.devices) == (13 if imus else 0) and len(case.truth) == len(take.stamps)

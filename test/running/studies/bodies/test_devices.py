@@ -20,8 +20,11 @@ def take():
 def off(take, name, late):
     """Degrees between a device's orientation and that which its segment and true mounting give."""
     segment = next(d.segment for d in take.subject.devices if d.name == name)
-    turned = from_quaternions(take.devices[name].quaternions)[-60:] if late else from_quaternions(
-        take.devices[name].quaternions)[:60]  # fmt: skip
+    turned = (
+        from_quaternions(take.devices[name].quaternions)[-60:]
+        if late
+        else from_quaternions(take.devices[name].quaternions)[:60]
+    )
     frames = take.motion.frames[-60:, segment] if late else take.motion.frames[:60, segment]
     apart = turned.swapaxes(1, 2) @ frames @ take.mounts[name]
     return np.degrees(np.linalg.norm(vectors_of(np.ascontiguousarray(apart)), axis=-1)).mean()
@@ -44,15 +47,24 @@ def test_a_strap_slips_late_and_its_true_mounting_with_it(take):
 
 def test_exchanged_devices_fit_each_others_segment(take):
     spoilt = spoil(take, "swapped", 0)
-    left, right = (next(d.name for d in take.subject.devices if MODEL.names[d.segment] == s)
-                   for s in spoilt.segments)  # fmt: skip
+    left, right = (
+        next(d.name for d in take.subject.devices if MODEL.names[d.segment] == s) for s in spoilt.segments
+    )
     assert np.array_equal(spoilt.capture.devices[left].quaternions, take.devices[right].quaternions)
     assert np.array_equal(spoilt.capture.mounts[left], take.mounts[right])
 
 
 def test_the_table_counts_what_was_told_and_false_alarms():
-    row = {"kind": "good", "segments": [], "told_s": None, "false": ["strap head"], "left_deg": 0.0,
-           "heading_deg": 1.0, "others_before_deg": 4.0, "others_deg": 3.0}  # fmt: skip
+    row = {
+        "kind": "good",
+        "segments": [],
+        "told_s": None,
+        "false": ["strap head"],
+        "left_deg": 0.0,
+        "heading_deg": 1.0,
+        "others_before_deg": 4.0,
+        "others_deg": 3.0,
+    }
     bad = row | {"kind": "mounting", "segments": ["lShin"], "told_s": 1.0, "false": [], "left_deg": 7.0}
     rows = [row, bad, bad | {"told_s": None, "left_deg": 5.0}]
     rest = row | {"segments": ["lShin"], "false": []}

@@ -30,8 +30,9 @@ def test_each_part_of_the_prior_is_left_out_alone():
 
 def test_changes_are_told_against_all_terms():
     scores = {"method": "ours", "change": FULL, "mm": 10.0, "relative_mm": 9.0, "deg": 5.0} | {
-        "acc": 1.0, "inside": 0.9
-    }  # fmt: skip
+        "acc": 1.0,
+        "inside": 0.9,
+    }
     less = scores | {"change": "no prior", "mm": 15.0, "deg": 4.0}
     rows = [row | {"method": m} for m in ("ours", "malleson-2020") for row in (scores, less)]
     lines = list(term_lines({"rows": rows}))
