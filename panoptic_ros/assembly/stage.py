@@ -33,7 +33,7 @@ from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.robust import covariance_correction
 from panoptic_ros.solving.bodies import Body
 from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views, view_sources
-from panoptic_ros.solving.joints import solve_joints, solve_without
+from panoptic_ros.solving.joints import compile_claims, solve_joints, solve_without
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
 from panoptic_ros.solving.scene import Scene, cameras_of, carried_ages, check_association, scene_of
 from panoptic_ros.solving.triangulation import SolverRules
@@ -84,6 +84,7 @@ class AssemblyStage(Stateful):
         self.reset()
         for example in example_sets(context.rig, context.skeleton):
             self.step(example)
+        compile_claims()  # no image border cuts the people of the examples
         self.reset()
 
     def reset(self) -> None:
