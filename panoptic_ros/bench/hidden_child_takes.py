@@ -53,7 +53,7 @@ KINDS = {"usual": USUAL, "hard": HARD}
 
 @dataclass(frozen=True)
 class Huddle:
-    """How far a person is down (T,), 0 to 1: in pulses, and in one interval together with the others."""
+    """Degree of crouching (T,), 0 to 1: in pulses, and in one interval together with the others."""
 
     pulses: Pulses
     begin: float  # s

@@ -18,7 +18,7 @@ from panoptic_ros.io.skeletons import in_vocabulary, shared_names, skeleton_name
 
 ANNOTATION_KEYS = keys(
     f"unit joint_names {OTHERS}",
-    frames={EACH: [keys(f"id joints {OTHERS}")]},  # of other people's programs
+    frames={EACH: [keys(f"id joints {OTHERS}")]},  # other programs write them
 )
 
 

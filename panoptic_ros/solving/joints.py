@@ -194,7 +194,7 @@ def solve_joints(found: Candidates, seen: Observations, rules: SolverRules) -> S
 def solve_without(
     wrong: Array, solved: SolvedJoints, found: Candidates, seen: Observations, rules: SolverRules
 ) -> None:
-    """Solve the joints anew, in place, that have 2D joints which are wrong (D, J).
+    """Solve again, in place, the joints of which 2D joints are wrong (D, J).
 
     The precision of these 2D joints becomes 0, in place. All other joints keep their 2D joints unless one of
     the new joints fits them better.
@@ -240,7 +240,7 @@ def _solve_and_settle(
     rules: SolverRules,
     solved: SolvedJoints,
 ) -> None:
-    """Solve the joints `todo` (P, J) in place, then those anew that lose a 2D joint to another person."""
+    """Solve the joints `todo` (P, J) in place, then again those that lose a 2D joint to another person."""
     solve_again(todo, found.guide, claims, seen, rules, solved)
     losers = settle(solved, claims, rules.foreign_penalty)
     if losers.any():

@@ -1,4 +1,4 @@
-"""What of a word's wave samples do not show: levels that change at once, and phases where no sample lies."""
+"""Parts of a word's wave that its samples do not show: instantaneous level changes, phases between samples."""
 
 from __future__ import annotations
 
