@@ -1,4 +1,4 @@
-"""Parts of a word's wave that its samples do not show: instantaneous level changes, phases between samples."""
+"""Parts of a word's wave that its samples do not show: sudden level changes, phases between samples."""
 
 from __future__ import annotations
 
