@@ -241,15 +241,19 @@ def _solve_and_settle(
     solved: SolvedJoints,
 ) -> None:
     """Solve the joints `todo` (P, J) in place, then again those that lose a 2D joint to another person."""
-    solve_again(todo, found.guide, claims, seen, rules, solved)
+    solve_again(todo, found.guide, claims, seen, rules, solved, False)
     losers = settle(solved, claims, rules.foreign_penalty)
     if losers.any():
-        solve_again(losers, found.guide, claims, seen, rules, solved)
+        solve_again(losers, found.guide, claims, seen, rules, solved, True)
 
 
 @njit(cache=True, error_model="numpy")
-def solve_again(todo, guides, claims, seen, rules, solved):
-    """Replace, in place, the results of the joints `todo` (P, J)."""
+def solve_again(todo, guides, claims, seen, rules, solved, claiming):
+    """Replace, in place, the results of the joints `todo` (P, J).
+
+    Args:
+        claiming: whether each joint claims its 2D joints before the next one is solved.
+    """
     views = len(seen.starts) - 1
     x, trial, table = np.empty(3), np.empty(3), np.empty((views, TABLE))
     own, have = np.empty((views, 2), np.int64), np.empty(views, np.int64)
@@ -267,12 +271,17 @@ def solve_again(todo, guides, claims, seen, rules, solved):
                 _forget(pick, result)
                 continue
             count = refine_point(x, joint.shift, pick, seen, rules, Steps(LAST_STEPS, True), result)
-            if count == 2 and guides.firm[p, j] and _prior_cost(x, joint, np.inf) > DENIED * DENIED:
-                for v in range(views):
-                    result.residuals[v] = -1.0
-            elif count >= 2:
-                for i in range(3):
-                    solved.positions[p, j, i] = x[i]
+            firm = guides.firm[p, j]
+            if count < 2 or (count == 2 and firm and _prior_cost(x, joint, np.inf) > DENIED * DENIED):
+                _forget(pick, result)
+                continue
+            for i in range(3):
+                solved.positions[p, j, i] = x[i]
+            if not claiming:
+                continue
+            for v in range(views):
+                if result.residuals[v] >= 0.0:
+                    claims.owner[pick[v, 0], pick[v, 1]] = p
 
 
 @njit(cache=True, error_model="numpy")

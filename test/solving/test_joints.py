@@ -197,3 +197,45 @@ def test_solved_without_wrong_2d_joints_equals_solved_anew(scenes, seed, count):
     for ours, expected in zip(solved[:3], anew[:3], strict=True):
         assert np.array_equal(ours, expected, equal_nan=True)
     assert np.array_equal(solved.positions[0], before, equal_nan=True)
+
+
+def crowd(scenes, seed):
+    """Four people side by side, of whom views confuse 2D people and miss joints: candidates and observations."""
+    rng = np.random.default_rng(seed)
+    views, people = 5, 4
+    rig = scenes.ring(views)
+    truths = [scenes.person(*rng.uniform(-0.35, 0.35, 2), rng.uniform(0, 6)) for _ in range(people)]
+    plane = np.stack([c.intrinsics.undistort(c.project(t)[0]) for c in rig.cameras for t in truths])
+    plane += 4e-3 * rng.standard_normal(plane.shape)
+    precision = np.where(rng.random(plane.shape[:2]) < 0.6, 500.0, 0.0)
+    member = np.arange(views * people).reshape(views, people).T.copy()
+    for v in range(views):
+        if rng.random() < 0.5:
+            member[:, v] = rng.permutation(member[:, v])
+    member[rng.random(member.shape) < 0.2] = -1
+    joints, stack = plane.shape[1], rig.stack()
+    cams, starts = Cameras(stack.rotations, stack.translations, np.zeros(views)), people * np.arange(views + 1)
+    guides = Guides.of_nobody_known(people, joints, 0.1)
+    guides.positions[...] = np.stack(truths) + 0.03 * rng.standard_normal((people, joints, 3))
+    source = np.tile(np.arange(joints), (people, views, 1))
+    found = Candidates(member, source, guides, np.full(people, -1), guides.positions)
+    return found, observations(plane, precision, np.repeat(np.arange(views), people), starts, cams)
+
+
+@given(seed=st.integers(0, 10**6))
+def test_a_2d_joint_supports_one_joint_only(scenes, seed):
+    """Paper 5.3, also after joints that lost a 2D joint were solved again."""
+    found, first = crowd(scenes, seed)
+    solved = solve_joints(found, first, SolverRules(4.0, 3.0, 5.0, 4.0, 45))
+    used = solved.picks[solved.residuals >= 0.0]
+    assert len(np.unique(used, axis=0)) == len(used)
+
+
+@given(seed=st.integers(0, 10**6))
+def test_joints_without_a_place_hold_no_2d_joints(scenes, seed):
+    found, first = crowd(scenes, seed)
+    solved = solve_joints(found, first, SolverRules(4.0, 3.0, 5.0, 4.0, 45))
+    nowhere = np.isnan(solved.positions[..., 0])
+    assert nowhere.any() and not nowhere.all()
+    assert (solved.residuals[nowhere] < 0.0).all() and not solved.normals[nowhere].any()
+    assert (solved.views[~nowhere] >= 2).all()
