@@ -6,10 +6,9 @@ import argparse
 import json
 from pathlib import Path
 
-from panoptic_ros.cli.evaluate_study import add_study_arguments, run_study
 from panoptic_ros.errors import UsageError, UserError
 from panoptic_ros.io.files import known
-from panoptic_ros.running.studies.evaluate import PROTOCOLS, evaluate, read_limits
+from panoptic_ros.running.evaluate import PROTOCOLS, evaluate, read_limits
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,17 +43,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             metavar="SCORE=NUMBER",
             help=f"exit with 2 unless the score (as named by --json) is at {word} this; repeatable",
         )
-    add_study_arguments(parser)
+    parser.add_argument("--study", help=argparse.SUPPRESS)  # the spelling of old versions
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the scores; raises UserError (exit code 2) on bad input and on missed bars."""
     if args.study is not None:
-        if args.truth is not None and args.study != "fill":
-            raise UsageError(f"--study {args.study} simulates its own truth; leave out {args.truth}")
-        return run_study(args)
+        raise UsageError(f"evaluate --study {args.study} is now `panoptic study {args.study}`")
     if args.result is None:
-        raise UsageError("name the truth and the result: panoptic evaluate TRUTH RESULT, or --study NAME")
+        raise UsageError("name the truth and the result: panoptic evaluate TRUTH RESULT")
     limits = read_limits(args.minimum, args.maximum)
     scores = evaluate(
         args.truth,

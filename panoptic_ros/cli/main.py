@@ -28,7 +28,7 @@ VERBS: dict[str, str] = {
     "kinematics": "bodies with joint angles from cameras and IMUs",
     "evaluate": "compare skeletons with the truth",
     "ltc": "decode or make LTC timecode",
-    "bench": "measure this machine and this code against named baselines",
+    "study": "accuracy, time and memory of this code beside baselines: every study and bench",
     "sync": "what the clocks of a capture do, what is wrong with them, and what to do",
     "rig": "check or convert a calibration",
     "record": "a live graph to a self-contained bag; on all hosts at once",
@@ -50,6 +50,9 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the program; returns the exit code: 0, 2 for what the user can mend, 1 for our faults."""
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if arguments[:1] == ["bench"]:  # the spelling of old versions
+        print(f"panoptic bench: it is now `panoptic study {_renamed(arguments[1:2])}`", file=sys.stderr)
+        return 2
     verb = next((word for word in arguments if word in VERBS), "")
     name = f"panoptic {verb}".strip()
     try:
@@ -68,6 +71,12 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise
         print(f"{name}: {one_line(error, LONGEST_LINE)}", file=sys.stderr)
         return error.exit_code
+
+
+def _renamed(bench: Sequence[str]) -> str:
+    """Return the name of the study that an old bench is now."""
+    name = bench[0] if bench else "NAME"
+    return {"kinematics": "kinematics-time"}.get(name, name)
 
 
 def _tell_warning(message: Warning | str, *about: object, **more: object) -> None:

@@ -39,7 +39,7 @@ def parameter_page(classes: Mapping[str, type[Config]]) -> str:
         *_changed_by_labs(classes),
         "",
         "The rest is below, stage by stage. *Expert*: the default serves all captures that we know of; "
-        "change it with figures in hand (`panoptic evaluate`, `panoptic bench ablation`).",
+        "change it with figures in hand (`panoptic evaluate`, `panoptic study ablation`).",
         "",
     ]
     for stage, cls in classes.items():

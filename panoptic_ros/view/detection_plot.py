@@ -1,4 +1,4 @@
-"""Plot of `panoptic bench detection`: error and misses over processor time."""
+"""Plot of `panoptic study detection`: error and misses over processor time."""
 
 from __future__ import annotations
 

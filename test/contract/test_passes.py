@@ -7,14 +7,8 @@ import captures
 import numpy as np
 import patch_scene
 import pytest
-from blobs import Blobs
 
-from panoptic_ros.bench.sound_rooms import CASES, make_room
-from panoptic_ros.bench.stage1.world import truth_of
-from panoptic_ros.bench.studies.cameras import CamerasStudy, CamerasStudyConfig
-from panoptic_ros.bench.studies.resolution import ImageStudy, ImageStudyConfig
-from panoptic_ros.detection.model import DetectorModel
-from panoptic_ros.domain import JointMap, PatchTracks, ViewFrame
+from panoptic_ros.domain import PatchTracks
 from panoptic_ros.evaluation import SkeletonFrame
 from panoptic_ros.evaluation.bias import BiasConfig, BiasPass
 from panoptic_ros.graph.build import configure
@@ -22,10 +16,10 @@ from panoptic_ros.graph.clocks_from_motion import motion_clocks
 from panoptic_ros.graph.recording import HeldRecording
 from panoptic_ros.graph.refinement_pass import RefinementPass
 from panoptic_ros.offsets.sound import SoundClocks, SoundClocksConfig
-from panoptic_ros.simulation import CLEAN, SKELETON, Lens, PanelDome, Ring, simulate
+from panoptic_ros.simulation import SKELETON, simulate
 from panoptic_ros.simulation.scenes import SCENES
-from panoptic_ros.simulation.studio import study_scene
 from panoptic_ros.stage import Pass, StageContext, each, part_of, untold
+from panoptic_ros.study.timing.sound_rooms import CASES, make_room
 
 
 class Interrupted(Exception):
@@ -51,30 +45,6 @@ def biases():
     return records, BiasPass(BiasConfig(names, (0, 1, 2, 3), (1, 0, 3, 2, 4), (4,)))
 
 
-def study():
-    rig = PanelDome(1).build(np.random.default_rng(0))
-    take = simulate(study_scene(rig, 2, 1.6, CLEAN), 0, 3)
-    records = {"detection_sets": list(take.detection_sets()), "truth": truth_of(take).frames}
-    return records, CamerasStudy(CamerasStudyConfig((8, 4)), StageContext(rig, SKELETON))
-
-
-def image_study():
-    """Three joints of one person as blobs, and a detector of blobs."""
-    rig = Ring(2, lens=Lens((256, 192), (150.0, 150.0))).build(np.random.default_rng(0))
-    take = simulate(study_scene(rig, 1, 1.4, CLEAN), 0, 3)
-    truth = truth_of(take).frames
-
-    def view(camera, index):
-        places = camera.project(truth[index].positions[:, :3])[0]
-        return ViewFrame(camera.name, truth[index].stamp_ns, index, Blobs.picture((192, 256), places, 4.0))
-
-    images = {("image", c.name): [view(c, index) for index in range(3)] for c in rig.cameras}
-    joints = JointMap(3, tuple((j,) if j < 3 else () for j in range(len(SKELETON))))
-    network = Blobs.heads_network([-10, -2, 0, 0, 10, 2])
-    extras = {"detector": DetectorModel(Blobs.heads_card(), network), "joint_map": joints}
-    return {"truth": truth, **images}, ImageStudy(ImageStudyConfig(), StageContext(rig, SKELETON, extras))
-
-
 def sound():
     """Two microphones in one room."""
     heard = make_room(CASES["talker"], 2, 3, 12.0, 20.0)
@@ -98,8 +68,6 @@ PASSES = {
     "clocks from motion": clocks,
     "clocks from sound": sound,
     "biases": biases,
-    "study of cameras": study,
-    "study of images": image_study,
     "refinement": refinement,
 }
 

@@ -18,7 +18,7 @@ from panoptic_ros.errors import UserError
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.kinematic_files import read_subject
 from panoptic_ros.io.known_keys import EACH, OTHERS, UnknownKeyWarning, keys, tell_unknown
-from panoptic_ros.running.benches.damage.formats import FORMATS
+from panoptic_ros.study.faults.formats import FORMATS
 
 # Tables whose keys are names that the user or the data choose, by reader: place, as a pattern.
 NAMES = {
@@ -195,7 +195,7 @@ def test_every_module_that_parses_documents_is_known_here() -> None:
         for path in root.rglob("*.py")
         if pattern.search(path.read_text())
     }
-    found = {name for name in found if not name.startswith(("running.benches.", "bench."))}
+    found = {name for name in found if not name.startswith("study.")}
     assert found == {*OTHER_MODULES, *TELLING, *REFUSING}
     for name in TELLING:
         assert "tell_unknown(" in root.joinpath(*name.split(".")).with_suffix(".py").read_text(), name

@@ -4,8 +4,8 @@ import itertools
 
 import pytest
 
-from panoptic_ros.running.benches.damage.formats import FORMATS
-from panoptic_ros.running.benches.damage.trials import try_copies
+from panoptic_ros.study.faults.formats import FORMATS
+from panoptic_ros.study.faults.trials import try_copies
 
 MUTATIONS, SEED = 200, 42
 SLOW = {"bag": 50, "metadata.yaml": 50, "C3D": 20}  # formats whose library is slow

@@ -20,8 +20,8 @@ from panoptic_ros.io.kinematic_files import read_imus, read_subject
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.running.kinematics import body_config
-from panoptic_ros.running.studies.bodies.cases import case_of, read_case
 from panoptic_ros.simulation.bodies.capture import FIRST_NS, BodyScene, simulate_body
+from panoptic_ros.study.bodies.cases import case_of, read_case
 
 MODEL = read_body_model()
 OWN = [MODEL.index(name) for name in SEGMENTS.values()]

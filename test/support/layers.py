@@ -39,9 +39,9 @@ RANKS: dict[str, int] = {
     "graph": 5,
     "nodes": 6,
     "view": 6,
-    "bench": 6,
     "running": 7,
-    "cli": 8,
+    "study": 8,
+    "cli": 9,
 }
 # kernels is free to find the cache of compiled code, on which no result depends
 PURE = 4  # up to this rank, and graph: no printing, files, clocks, environment, global randomness
@@ -59,8 +59,8 @@ THIRD_PARTY: dict[str, set[str]] = {
     "capture": {"numpy", "cv2", "av"},
     "export": {"numpy", "websockets"},  # the last for the live stream of bodies
     "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits", "websockets"},  # the last in page/
-    "bench": {"numpy", "scipy"},
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},
+    "study": {"numpy", "scipy", "rclpy"},
     "running": {"numpy", "cv2", "av", "rclpy", "websockets"},  # those of the doctor among them
     "cli": set(),
 }
@@ -69,12 +69,6 @@ STANDARD_IMPURE = {"logging", "time", "datetime", "os", "random", "subprocess", 
 IMPURE_CALLS = {"print", "open", "input"}
 # outside of nodes: the only modules that import it
 _NEED = (
-    "benches.failures",
-    "benches.fed_bodies",
-    "benches.fed_graph",
-    "benches.played_graph",
-    "benches.player",
-    "benches.viewed_graph",
     "plans.driver_plan",
     "plans.driver_rig",
     "processes.fork_server",
@@ -87,10 +81,16 @@ _NEED = (
     "viewer.live",
     "watching",
 )
-NEED_ROS = {f"panoptic_ros.running.{name}" for name in _NEED}
-# A verb parses, calls running (or a bench), and prints the records, tables and plots that come back: it knows
+_FED = (
+    "bodies.fed_bodies",
+    *(f"live.{n}" for n in ("failures", "fed_graph", "played_graph", "player", "viewed_graph")),
+)
+NEED_ROS = {f"panoptic_ros.running.{name}" for name in _NEED} | {
+    f"panoptic_ros.study.{name}" for name in _FED
+}
+# A verb parses, calls running (or a study), and prints the records, tables and plots that come back: it knows
 # no stage, no graph and no arrays.
-THIN = {"errors", "domain", "stage", "io", "view", "bench", "running"}
+THIN = {"errors", "domain", "stage", "io", "view", "running", "study"}
 LONGEST_VERB = 100  # statements of a module of cli, which parses and prints only
 SAME_RANK_ALLOWED = {("capture", "io")}  # a capture folder holds files that io reads, not the reverse
 # Rooms inside of a room: each imports itself and those before it. Modules beside them import all.

@@ -8,10 +8,10 @@ from fed_stages import FedVoting
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.bench.stage1.dense import dense_nodes, is_maximum
 from panoptic_ros.domain import Camera, Rig, ScoreMaps, ViewDetections, VisibilityLimit
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.stage import StageContext
+from panoptic_ros.study.stage1.dense import dense_nodes, is_maximum
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.exact import highest, maxima
 from panoptic_ros.voting.proposals import Demands

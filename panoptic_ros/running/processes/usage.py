@@ -5,10 +5,19 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
-from panoptic_ros.bench.graph_figures import Usage
 from panoptic_ros.errors import EnvironmentProblem
+
+
+@dataclass(frozen=True)
+class Usage:
+    """What processes have used so far: a moment, their processor time, and their memory now."""
+
+    at_ns: int
+    cpu_s: float
+    resident_mb: float
 
 
 def usage_of(processes: Iterable[int]) -> Usage:

@@ -9,7 +9,7 @@ import pytest
 
 from panoptic_ros.evaluation.rig_up import assumed_up
 from panoptic_ros.io.rigs import read_rig, write_rig
-from panoptic_ros.running.benches.damage import samples
+from panoptic_ros.study.faults import samples
 
 UNIT, UP = "lengths are assumed to be metres", "+z is assumed to be up"
 

@@ -10,8 +10,8 @@ from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.body.contact import Contact
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.targets import NOTHING_STANDS
-from panoptic_ros.running.studies.bodies.cases import case_of, prior_without
 from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body
+from panoptic_ros.study.bodies.cases import case_of, prior_without
 
 KNOWN = MODEL, read_clips()
 GROUND = np.array([MODEL.index(name) for name in MODEL.ground])

@@ -9,8 +9,8 @@ from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.balance import Balance, masses_of, t_pose_turns
-from panoptic_ros.running.studies.bodies.cases import case_of, prior_without
 from panoptic_ros.simulation.bodies.capture import DEVICES, BodyScene, simulate_body
+from panoptic_ros.study.bodies.cases import case_of, prior_without
 
 MODEL, CLIPS = read_body_model(), read_clips()
 CHAIN = MODEL.body(1.75).chain

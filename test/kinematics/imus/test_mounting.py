@@ -11,9 +11,9 @@ from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.devices import unseen_axes
 from panoptic_ros.kinematics.session import solve_recording
-from panoptic_ros.running.studies.bodies.cases import case_of, prior_without, recording_of
 from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body, sparse
 from panoptic_ros.simulation.bodies.imus import unknown_heading
+from panoptic_ros.study.bodies.cases import case_of, prior_without, recording_of
 
 MODEL, CLIPS = read_body_model(), read_clips()
 PRIOR = prior_without(("02_05",), CLIPS, MODEL)

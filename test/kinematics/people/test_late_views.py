@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 
-from panoptic_ros.bench.body_feed import body_feed
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.stage import KinematicsStage
 from panoptic_ros.stage import StageContext
+from panoptic_ros.study.bodies.body_feed import body_feed
 
 BEGIN, RATE, SECONDS = 1_000_000_000, 30, 5.4
 LATE_NS = 14_000_000  # beyond the next views: without tracks, views wait for these

@@ -6,11 +6,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from panoptic_ros.bench.sound_rooms import CASES, make_room
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.recording import HeldRecording
 from panoptic_ros.offsets.sound import SoundClocks, SoundClocksConfig
 from panoptic_ros.stage import untold
+from panoptic_ros.study.timing.sound_rooms import CASES, make_room
 
 AIR = 343.0
 

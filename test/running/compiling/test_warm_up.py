@@ -51,8 +51,8 @@ def _name(kernel):
 
 
 def _kernels(module, path):
-    if module.startswith("panoptic_ros.bench."):
-        return []  # benches compile their baselines themselves
+    if module.startswith("panoptic_ros.study."):
+        return []  # studies compile their baselines themselves
     names = "|".join({"inlined", "njit", *re.findall(r"^(\w+) = njit\(", path.read_text(), re.M)})
     found = re.findall(rf"^@(?:{names})\b.*\ndef (\w+)", path.read_text(), re.M)
     return [getattr(import_module(module), name) for name in found]

@@ -10,9 +10,9 @@ from panoptic_ros.io.files import write_json
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.models import DEFAULT_MODEL, is_cached, read_card
 from panoptic_ros.io.resources import share_folder
+from panoptic_ros.running.evaluate import evaluate
 from panoptic_ros.running.plans.bag_plan import plan_bags
 from panoptic_ros.running.runs.run import run
-from panoptic_ros.running.studies.evaluate import evaluate
 from panoptic_ros.simulation import scene, simulate
 
 SAMPLE = share_folder() / "bags" / "sample"

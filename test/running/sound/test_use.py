@@ -13,12 +13,12 @@ from panoptic_ros.io.bags import BagReader, BagWriter
 from panoptic_ros.io.messages import bag_messages, from_message, to_message
 from panoptic_ros.io.rigs import read_rig, write_rig
 from panoptic_ros.io.wav import WavFile, write_wav
+from panoptic_ros.running.evaluate import evaluate
 from panoptic_ros.running.plans.bag_plan import plan_bags
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.planning import plan_capture
 from panoptic_ros.running.runs.run import run
 from panoptic_ros.running.simulations.takes import write_take
-from panoptic_ros.running.studies.evaluate import evaluate
 from panoptic_ros.simulation import SKELETON
 from panoptic_ros.view.pictures import write_image
 

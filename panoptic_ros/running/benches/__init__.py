@@ -1,1 +1,0 @@
-"""Benches that run whole graphs or captures."""

@@ -1,1 +1,0 @@
-"""Damaged and hostile files: mutations of a sample of every format, and how the readers take them."""

@@ -1,1 +1,0 @@
-"""Scores of results against the truth, and the papers' studies."""

@@ -1,0 +1,190 @@
+"""The study `ablation`: each mechanism of the core is off in turn, and the same people are solved again."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from typing import Any
+
+from panoptic_ros.errors import UsageError
+from panoptic_ros.stage import Progress
+from panoptic_ros.study.ablation.differences import DEFAULT, summary
+from panoptic_ros.study.ablation.figures import FIGURES, Figure, figures_of, solve
+from panoptic_ros.study.ablation.mechanisms import MECHANISMS, Mechanism, chosen
+from panoptic_ros.study.child import run_child
+from panoptic_ros.study.options import add_recordings, add_seeds, within, words
+from panoptic_ros.study.study import Case, Column, Result, Row, Study, table
+from panoptic_ros.study.world import VARIANTS, World, frames_of, recorded_world, simulated_world, split
+
+RECORDING_COST = 3000.0  # of a recording whose size is not known yet, in frames x people x views
+RENDERING_COST = 4.0  # of a rendered frame over a simulated one
+SIMULATED = (
+    "clean-4p5v",
+    "noisy-4p5v+2views",
+    "noisy-4p5v+maps",
+    "noisy-4p5v+unlisted",
+    "noisy-8p5v",
+    "noisy-8p10v",
+    "noisy-8p31v",
+    "three-views-2p",
+    "sitting-group-6p5v",
+    "sitting-group-6p5v+maps",
+    "crossing",
+    "occluded",
+    "bystanders",
+    "enter-leave",
+    "unsync-5v",
+    "mixed-rates",
+    "rendered-4p6v",
+    "rendered-3p8v",
+    "rendered-table-4p8v",
+)
+LEGEND = (
+    "Change of each figure when a mechanism is off, with its standard error; * = more than chance (95 %).",
+    "Misfit: by how many points the share of joints within their 95 % ellipsoids is not 95.",
+    "Errors are over seeds, or over stretches of a recording; `all scenes` gives each scene the same weight.",
+)
+COLUMNS = (Column("name", ""), *(Column(figure.key, figure.title) for figure in FIGURES))
+
+
+class Ablation(Study):
+    """Every case is solved in a process of one thread, by default and with each mechanism off."""
+
+    @classmethod
+    def add_options(cls, parser: argparse.ArgumentParser) -> None:
+        """See `Study`."""
+        add_seeds(parser, "0:3")
+        parser.add_argument(
+            "--scenes",
+            type=words,
+            default=list(SIMULATED),
+            metavar="NAME,NAME",
+            help="of `panoptic simulate`; behind the name of one that is not rendered "
+            f"{', '.join('+' + word for word in VARIANTS)} (drawn score maps; somebody whom these alone "
+            f"show; two cameras only); empty = none; default {','.join(SIMULATED)}",
+        )
+        add_recordings(parser)
+        parser.add_argument(
+            "--only", type=words, default=[], metavar="NAME,NAME", help="these mechanisms, or these parts"
+        )
+        parser.add_argument("--frames", type=within(int, 3, 10**6), metavar="N", help="of each scene at most")
+        parser.add_argument("--model", default="movenet-multipose", help="detector of rendered scenes")
+        parser.add_argument(
+            "--jobs", type=within(int, 1, 64), default=1, metavar="N", help="processes at a time; default 1"
+        )
+
+    def cases(self) -> list[Case]:
+        """See `Study`."""
+        given = self.options
+        only = [mechanism.name for mechanism in chosen(given.only)]
+        for paths in given.captures:
+            if len(paths) > 3:
+                raise UsageError(
+                    f"--capture {' '.join(paths)}: give a folder, a bag and a truth, or three files"
+                )
+        found = [self._scene(name, seed, only) for name in given.scenes for seed in given.seeds]
+        found += [
+            Case(" ".join(paths), {"paths": paths, "only": only}, RECORDING_COST) for paths in given.captures
+        ]
+        if not found:
+            raise UsageError("there is nothing to solve: give --scenes or --capture")
+        return found
+
+    def _scene(self, name: str, seed: int, only: list[str]) -> Case:
+        scene, _ = split(name)
+        frames = frames_of(name, self.options.frames)
+        request = {"scene": name, "seed": seed, "frames": frames, "model": self.options.model, "only": only}
+        views = getattr(scene.rig, "cameras", 1)
+        cost = frames * (len(scene.activities) + 2) * views * (RENDERING_COST if scene.rendered else 1.0)
+        return Case(name, request, cost)
+
+    def measure(self, case: Case, progress: Progress) -> list[Row]:
+        """See `Study`."""
+        about = {"scene": case.title, "seed": case.request.get("seed")}
+        return [about | row for row in run_child(measure_case, case.request)]
+
+    def summary(self, rows: list[Row]) -> dict[str, Any]:
+        """See `Study`."""
+        mechanisms = chosen(self.options.only)
+        return {
+            "seeds": list(self.options.seeds),
+            "mechanisms": [
+                {"part": m.part, "name": m.name, "about": m.about, "off": m.off} for m in mechanisms
+            ],
+            "scenes": summary(rows, [m.name for m in mechanisms]),
+        }
+
+    def lines(self, result: Result) -> Iterable[str]:
+        """All scenes together; each scene with the mechanisms that change anything; those without effect."""
+        everything, *scenes = result["scenes"]
+        seeds, mechanisms = result["seeds"], result["mechanisms"]
+        yield from (*LEGEND, f"Seeds {seeds[0]} to {seeds[-1]}.", "", *_block(everything, mechanisms, True))
+        for scene in scenes:
+            yield from ("", *_block(scene, mechanisms, False))
+        idle = [m["name"] for m in mechanisms if earns_nothing(m["name"], result["scenes"])]
+        yield from (
+            "",
+            "No figure is clearly worse anywhere without: " + (", ".join(idle) or "(none of them)"),
+        )
+        yield from ("", *table(mechanisms, (Column("name", ""), Column("part", ""), Column("about", "")))[1:])
+
+
+def measure_case(request: dict[str, Any]) -> list[Row]:
+    """Return the figures of every run, with the name of the mechanism that was off; `DEFAULT` = none was.
+
+    Args:
+        request: only: names of mechanisms; scene, seed, frames, model; or paths, of a recording.
+    """
+    if "paths" in request:
+        world = recorded_world(request["paths"])
+    else:
+        world = simulated_world(request["scene"], request["seed"], request["frames"], request["model"])
+    runs: list[tuple[str, dict[str, Any]]] = [(DEFAULT, {})]
+    named = [m for m in MECHANISMS if m.name in request["only"]]
+    runs += [(m.name, m.off) for m in named if _acts(m, world)]
+    _solved(world, {})  # the first run has cold caches
+    return [{"off": name} | figures for name, off in runs for figures in _solved(world, off)]
+
+
+def _acts(mechanism: Mechanism, world: World) -> bool:
+    return world.mapped or not mechanism.maps
+
+
+def _solved(world: World, settings: dict[str, dict[str, Any]]) -> list[dict[str, float]]:
+    assert world.truth is not None  # all cases have one
+    return figures_of(world.truth, solve(world, settings), world.stretches)
+
+
+def earns_nothing(name: str, scenes: list[dict[str, Any]]) -> bool:
+    """Return whether no figure of quality is clearly worse in any scene, or in all, when it is off."""
+    return not any(
+        _is_worse(scene["off"][name][figure.key], figure)
+        for scene in scenes
+        if name in scene["off"]
+        for figure in FIGURES
+    )
+
+
+def _is_worse(change: dict[str, Any], figure: Figure) -> bool:
+    return bool(change["clear"] and change["mean"] * figure.worse > 0.0)
+
+
+def _block(scene: dict[str, Any], mechanisms: list[dict[str, Any]], whole: bool) -> list[str]:
+    default = {f.key: _plain(scene["default"][f.key], f) for f in FIGURES}
+    rows: list[Row] = [{"name": "default"} | default]
+    for mechanism in mechanisms:
+        changes = scene["off"].get(mechanism["name"])
+        if changes and (whole or any(changes[f.key]["mean"] for f in FIGURES if f.worse)):
+            rows.append({"name": mechanism["name"]} | {f.key: _cell(changes[f.key], f) for f in FIGURES})
+    return [f"{scene['scene']} ({scene['samples']})", *(f"  {line}" for line in table(rows, COLUMNS))]
+
+
+def _plain(value: float | None, figure: Figure) -> str:
+    return "-" if value is None else f"{value:.{figure.digits}f}"
+
+
+def _cell(change: dict[str, Any], figure: Figure) -> str:
+    if change["mean"] is None:
+        return "-"
+    error = "" if change["error"] is None else f" ±{change['error']:.{figure.digits}f}"
+    return f"{change['mean']:+.{figure.digits}f}{error}{'*' if change['clear'] else ''}"

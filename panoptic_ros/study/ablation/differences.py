@@ -1,0 +1,128 @@
+"""What figures change by, pair by pair, and whether that is more than chance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from panoptic_ros.study.ablation.figures import FIGURES
+from panoptic_ros.study.study import CONFIDENCE
+
+DEFAULT = ""  # in place of a mechanism's name: none was off
+EVERYTHING = "all scenes"
+Samples = list[dict[str, Any]]  # figures by their keys, of every seed or stretch
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A mean change of a figure.
+
+    Args:
+        mean: NaN if no pair has the figure.
+        error: its standard error, NaN of a single pair.
+        freedom: degrees of freedom of the error, 0 of a single pair.
+    """
+
+    mean: float
+    error: float
+    freedom: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether chance alone would seldom do as much (Student's t, 95 %)."""
+        if not self.freedom > 0.0 or not self.error >= 0.0 or self.mean == 0.0:
+            return False
+        return abs(self.mean) > float(student.ppf(0.5 + 0.5 * CONFIDENCE, self.freedom)) * self.error
+
+
+def paired(off: Sequence[float], default: Sequence[float]) -> Difference:
+    """The mean of off - default over samples (seeds, or stretches of a recording) that have both."""
+    changes = np.subtract(off, default)
+    changes = changes[np.isfinite(changes)]
+    count = len(changes)
+    if count < 2:
+        return Difference(float(changes[0]) if count else math.nan, math.nan, 0.0)
+    return Difference(float(changes.mean()), float(changes.std(ddof=1) / math.sqrt(count)), count - 1.0)
+
+
+def over_scenes(differences: Sequence[Difference]) -> Difference:
+    """The mean over scenes, each with the same weight, whatever its number of samples.
+
+    The degrees of freedom are those of Welch and Satterthwaite.
+    """
+    known = [d for d in differences if math.isfinite(d.mean)]
+    if not known:
+        return Difference(math.nan, math.nan, 0.0)
+    mean = sum(d.mean for d in known) / len(known)
+    if any(not math.isfinite(d.error) for d in known):
+        return Difference(mean, math.nan, 0.0)
+    squares = [d.error**2 for d in known]
+    spread = sum(square**2 / d.freedom for square, d in zip(squares, known))
+    freedom = sum(squares) ** 2 / spread if spread else sum(d.freedom for d in known)
+    return Difference(mean, math.sqrt(sum(squares)) / len(known), freedom)
+
+
+def summary(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
+    """Return figures by default, and their changes without each mechanism, for all scenes and for each.
+
+    Args:
+        rows: figures of every sample, with its scene, and `off`, the mechanism that was; `DEFAULT` = none.
+    """
+    samples: dict[str, dict[str, Samples]] = {}
+    for row in rows:
+        samples.setdefault(row["scene"], {}).setdefault(row["off"], []).append(dict(row))
+    differences = {
+        scene: {name: _differences(runs[name], runs[DEFAULT]) for name in names if name in runs}
+        for scene, runs in samples.items()
+    }
+    means = {scene: _means(runs[DEFAULT]) for scene, runs in samples.items()}
+    everywhere = {
+        name: {
+            figure.key: over_scenes([own[name][figure.key] for own in differences.values() if name in own])
+            for figure in FIGURES
+        }
+        for name in names
+    }
+    blocks = [(EVERYTHING, _means(list(means.values())), len(samples), everywhere)]
+    blocks += [(scene, means[scene], len(samples[scene][DEFAULT]), own) for scene, own in differences.items()]
+    return [
+        {
+            "scene": scene,
+            "samples": count,
+            "default": {key: _number(value) for key, value in mean.items()},
+            "off": {
+                name: {key: _row(found) for key, found in figures.items()} for name, figures in own.items()
+            },
+        }
+        for scene, mean, count, own in blocks
+    ]
+
+
+def _differences(off: Samples, default: Samples) -> dict[str, Difference]:
+    return {
+        figure.key: paired([row[figure.key] for row in off], [row[figure.key] for row in default])
+        for figure in FIGURES
+    }
+
+
+def _means(rows: Sequence[dict[str, float]]) -> dict[str, float]:
+    return {figure.key: _mean(row[figure.key] for row in rows) for figure in FIGURES}
+
+
+def _mean(values: Iterable[float]) -> float:
+    known = [value for value in values if math.isfinite(value)]
+    return sum(known) / len(known) if known else math.nan
+
+
+def _row(found: Difference) -> dict[str, Any]:
+    return {"mean": _number(found.mean), "error": _number(found.error), "clear": found.clear}
+
+
+def _number(value: float) -> float | None:
+    """For JSON, which knows no NaN."""
+    return value if math.isfinite(value) else None

@@ -1,0 +1,262 @@
+"""Captures of bodies with their truth, simulated or from a folder, in the form that studies solve."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from panoptic_ros.domain import Camera, DetectionSet, Rig
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.subjects import BodyState, Subject, ViewPeople, ViewSeries
+from panoptic_ros.errors import DataError
+from panoptic_ros.evaluation.kinematic_scores import inside, score_bodies, score_joint_angles
+from panoptic_ros.io.body_context import body_extras
+from panoptic_ros.io.body_files import read_bodies
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.kinematic_files import read_imus
+from panoptic_ros.io.recorded_motions import read_clips
+from panoptic_ros.kinematics.config import KinematicsConfig
+from panoptic_ros.kinematics.pose.prior import PoseStatistics, other_sides, train_prior
+from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
+from panoptic_ros.running.kinematics import PAPER, body_config, read_body_task
+from panoptic_ros.running.simulations.body_scenes import BODY_SCENES, OTHER_BODY_SCENES, body_scene
+from panoptic_ros.simulation.bodies.capture import SPARSE, BodyCapture
+from panoptic_ros.simulation.bodies.group import BodyGroup, group_of, simulate_group
+from panoptic_ros.simulation.bodies.motion import Clip
+from panoptic_ros.study.options import add_seeds, known_names, words
+from panoptic_ros.study.people.detected import detected
+from panoptic_ros.study.study import Case, Result, Study
+
+Array = np.ndarray
+SKIPPED_S = 3.0  # not scored: the T-pose and the way out of it
+OURS = "ours"
+METHODS = (OURS, PAPER)
+SAME_PEOPLE = "paper_sorting=false"  # the paper's solver with 2D people sorted as ours: solvers are compared
+
+
+@dataclass(frozen=True, eq=False)
+class BodyCase:
+    """A capture that is solved: what the solver gets, and the truth of its subjects.
+
+    Args:
+        statistics: of poses, without the motions of the capture if it is simulated.
+        strangers: the truth of others who are seen.
+    """
+
+    name: str
+    seed: int
+    recording: Recording
+    subjects: tuple[Subject, ...]
+    truth: tuple[BodyState, ...]
+    statistics: PoseStatistics
+    strangers: tuple[BodyState, ...] = ()
+
+    @property
+    def model(self) -> SegmentModel:
+        """Of all subjects."""
+        return self.subjects[0].body.model
+
+    def with_inputs(self, cameras: int, imus: int) -> BodyCase:
+        """The same with the first cameras, which are neighbours, and 0, 6 or 13 IMUs of each subject."""
+        names = self.model.names
+        subjects = tuple(
+            replace(
+                s,
+                devices=tuple(
+                    d for d in s.devices if imus == 13 or (imus == 6 and names[d.segment] in SPARSE)
+                ),
+            )
+            for s in self.subjects
+        )
+        worn = {device.name for subject in subjects for device in subject.devices}
+        given = self.recording
+        recording = replace(
+            given,
+            rig=given.rig if cameras else None,
+            views={camera: view for camera, view in given.views.items() if camera < cameras},
+            devices={name: series for name, series in given.devices.items() if name in worn},
+        )
+        return replace(self, recording=recording, subjects=subjects)
+
+    def of_stature(self) -> BodyCase:
+        """The same with nothing known of the subjects' lengths but the stature."""
+        subjects = []
+        for subject in self.subjects:
+            body = replace(subject.body, offsets=self.model.body(subject.stature).offsets)
+            subjects.append(replace(subject, body=body, measured=False))
+        return replace(self, subjects=tuple(subjects))
+
+    def solve(self, config: KinematicsConfig) -> Solved:
+        """Bodies of all subjects."""
+        return solve_recording(self.recording, self.subjects, config, self.statistics)
+
+    def score(self, config: KinematicsConfig) -> dict[str, Any]:
+        """Errors, mean over the subjects, and milliseconds of processor time per instant and subject."""
+        began = time.process_time()
+        states = self.solve(config).states
+        spent = 1e3 * (time.process_time() - began)
+        model, found = self.model, []
+        ground = [model.index(name) for name in model.ground]
+        for subject in self.subjects:
+            truth, mine = ([s for s in both if s.id == subject.id] for both in (self.truth, states))
+            scores = score_bodies(truth, mine, model.parents, SKIPPED_S, ground)
+            scores |= score_joint_angles(truth, mine, model, SKIPPED_S)
+            found.append(scores | {"inside": inside(mine, truth)})
+        means = {key: float(np.mean([scores.get(key, np.nan) for scores in found])) for key in found[0]}
+        return means | {"ms": spent / len(self.truth)}
+
+
+class BodyStudy(Study):
+    """Base of the studies of bodies: captures in folders, or simulated ones of all scenes and seeds.
+
+    Attributes:
+        scenes: known ones by default.
+    """
+
+    scenes: ClassVar[Sequence[str]] = tuple(BODY_SCENES)
+
+    @classmethod
+    def add_options(cls, parser: argparse.ArgumentParser) -> None:
+        """See `Study`."""
+        parser.add_argument(
+            "--capture",
+            type=Path,
+            metavar="DIR",
+            action="append",
+            default=[],
+            dest="captures",
+            help="a capture folder with its truth, in place of simulated ones; repeatable",
+        )
+        parser.add_argument(
+            "--scenes",
+            type=words,
+            default=list(cls.scenes),
+            metavar="NAME,NAME",
+            help=f"of bodies; default {','.join(cls.scenes)}",
+        )
+        add_seeds(parser, "0")
+        parser.add_argument(
+            "--set",
+            action="append",
+            default=[],
+            metavar="NAME=VALUE",
+            dest="settings",
+            help="a parameter of our kinematics; repeatable",
+        )
+
+    def cases(self) -> list[Case]:
+        """See `Study`."""
+        if self.options.captures:
+            return [Case(str(folder), folder) for folder in self.options.captures]
+        names = known_names(self.options.scenes, {**BODY_SCENES, **OTHER_BODY_SCENES}, "scene")
+        return [Case(f"{name} {seed}", (name, seed)) for seed in self.options.seeds for name in names]
+
+    def capture(self, case: Case) -> BodyCase:
+        """Read or simulate the capture of a case."""
+        return read_case(case.request) if isinstance(case.request, Path) else simulated_case(*case.request)
+
+    @property
+    def configs(self) -> dict[str, KinematicsConfig]:
+        """Our method with the user's parameters, and the paper's solver on the same people."""
+        return {OURS: body_config(settings=self.options.settings), PAPER: body_config(PAPER, (SAME_PEOPLE,))}
+
+    def head(self, result: Result) -> str:
+        """Whether captures were simulated, as those in folders may be, too."""
+        simulated = "simulated captures: no reproduction of Total Capture"
+        return "captures in folders" if self.options.captures else simulated
+
+
+def simulated_case(name: str, seed: int) -> BodyCase:
+    """The capture of `panoptic simulate NAME --seed N`, with a prior of all other motions."""
+    model, clips, scene = read_body_model(), read_clips(), body_scene(name)
+    capture = simulate_group(scene, seed, model, clips)
+    used = [clip for person in (scene, *scene.others) for clip in person.clips]
+    return case_of(capture, prior_without(used, clips, model), name, seed)
+
+
+def case_of(
+    capture: BodyCapture | BodyGroup, statistics: PoseStatistics, name: str = "", seed: int = 0
+) -> BodyCase:
+    """A simulated capture as a case."""
+    group = capture if isinstance(capture, BodyGroup) else group_of(capture)
+    truth, strangers = tuple(group.truth), tuple(group.strangers)
+    return BodyCase(name, seed, recording_of(group), group.subjects, truth, statistics, strangers)
+
+
+def read_case(folder: Path) -> BodyCase:
+    """A capture in a folder: rig.json, detections.json.gz, or images in which people are detected, imu.csv or
+    imu.csv.gz, subject*.json, truth.json.gz and strangers.json.gz, with the installed prior.
+
+    Raises:
+        UserError: if one is missing or cannot be used.
+    """
+    subjects = sorted(folder.glob("subject*.json"))
+    if not subjects:
+        raise DataError(f"{folder} has no subject*.json; a capture of bodies names whom to solve for")
+    rig, detections = folder / "rig.json", folder / "detections.json.gz"
+    imu = next((folder / n for n in ("imu.csv", "imu.csv.gz") if (folder / n).exists()), None)
+    if rig.exists() and not detections.exists():
+        recording, people, statistics = _from_images(folder, subjects, imu)
+    else:
+        seen = (rig, detections) if rig.exists() else (None, None)
+        task = read_body_task(subjects, body_config(), seen[0], seen[1], imu)
+        recording, people, statistics = task.recording, task.subjects, task.statistics
+    names, truth = read_bodies(folder / "truth.json.gz")
+    if names != people[0].body.model.names:
+        raise DataError(f"{folder / 'truth.json.gz'} is of another skeleton: {', '.join(names[:4])}, ...")
+    others = folder / "strangers.json.gz"
+    strangers = read_bodies(others)[1] if others.exists() else []
+    return BodyCase(folder.name, 0, recording, people, tuple(truth), statistics, tuple(strangers))
+
+
+def _from_images(
+    folder: Path, subjects: Sequence[Path], imu: Path | None
+) -> tuple[Recording, tuple[Subject, ...], PoseStatistics]:
+    """What the solver gets of a capture whose people must be detected first."""
+    found, extras = detected(folder, (), {}, None), body_extras(subjects)
+    devices = {} if imu is None else read_imus(imu)
+    names, rig = found.context.skeleton.joint_names, found.context.rig
+    return Recording(rig, names, series_of(rig, found.sets), devices), found.subjects, extras["pose_prior"]
+
+
+def series_of(rig: Rig, sets: Sequence[DetectionSet]) -> dict[int, ViewSeries]:
+    """2D people of every camera by time, on the plane at distance 1, in the joints of the sets."""
+    rows: dict[int, dict[int, ViewPeople]] = {}
+    for view in (view for item in sets for view in item.views):
+        people = _on_plane(rig.cameras[rig.names.index(view.camera)], view.points, view.scores)
+        rows.setdefault(rig.names.index(view.camera), {})[view.stamp_ns] = people
+    return {
+        camera: ViewSeries(np.array(sorted(found)), tuple(found[stamp] for stamp in sorted(found)))
+        for camera, found in rows.items()
+    }
+
+
+def _on_plane(camera: Camera, pixels: Array, scores: Array) -> ViewPeople:
+    plane, there = np.full(pixels.shape, np.nan), np.isfinite(pixels).all(-1)
+    if there.any():
+        plane[there] = camera.intrinsics.undistort(pixels[there])
+    return ViewPeople(plane, scores)
+
+
+def recording_of(capture: BodyCapture | BodyGroup) -> Recording:
+    """What the solver gets of a simulated capture."""
+    group = capture if isinstance(capture, BodyGroup) else group_of(capture)
+    if not len(group.views):
+        return Recording(None, group.joint_names, {}, group.devices)
+    views = {}
+    for c, (camera, seen) in enumerate(zip(group.rig.cameras, group.views)):
+        people = tuple(_on_plane(camera, pixels, scores) for pixels, scores in seen)
+        views[c] = ViewSeries(group.stamps, people)
+    return Recording(group.rig, group.joint_names, views, group.devices)
+
+
+def prior_without(left_out: Sequence[str], clips: Mapping[str, Clip], model: SegmentModel) -> PoseStatistics:
+    """Statistics of the poses of all clips but these."""
+    poses = np.concatenate([clip.vectors for name, clip in clips.items() if name not in left_out])
+    return train_prior(poses, other_sides(model.names))

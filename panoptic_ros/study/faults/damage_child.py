@@ -1,0 +1,50 @@
+"""`python -m panoptic_ros.study.faults.damage_child FORMAT SEED SECONDS FOLDER`: trials of one format.
+
+It writes a line of JSON for each second, the last when the time is over. Its memory is limited, so a reader
+that takes too much of it gets a MemoryError, which counts as a foreign exception.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import resource
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+from panoptic_ros.study.faults.trials import Trials, try_copies
+
+MEMORY = 1 << 30  # bytes that a reader may take beyond what the process has mapped
+
+
+def main() -> int:
+    """Try copies for so long."""
+    name, seed, seconds, folder = sys.argv[1], int(sys.argv[2]), float(sys.argv[3]), Path(sys.argv[4])
+    ends = time.monotonic() + seconds
+    told, found = 0.0, Trials()
+    for number, found in try_copies(name, folder, seed, itertools.count()):
+        if number == 0:
+            mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (mapped + MEMORY, mapped + MEMORY))
+        now = time.monotonic()
+        if now >= told + 1.0:
+            told = now
+            _tell(found)
+        if now >= ends:
+            break
+    _tell(found)
+    return 0
+
+
+def _tell(found: Trials) -> None:
+    """Write the state of the trials to the process that started this one."""
+    lines = Path("/proc/self/status").read_text().splitlines()  # its peak does not count the parent's
+    peak_mb = next(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM:"))
+    sys.stdout.write(json.dumps({**asdict(found), "peak_mb": peak_mb}) + "\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,188 @@
+"""The study `borders`: people whom image borders cut, with and without the model of borders, and an oracle.
+
+The oracle solves without the model, but without every 2D joint that lies far from its true projection.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain import Camera, DetectionSet, Rig, ViewDetections, ViewFrame
+from panoptic_ros.errors import UsageError
+from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, pair_sequences
+from panoptic_ros.evaluation.report import report_of
+from panoptic_ros.io.compared_skeletons import spelt_alike
+from panoptic_ros.io.detector_context import detector_extras
+from panoptic_ros.simulation import SCENES, Simulation, simulate
+from panoptic_ros.stage import Progress, StageContext
+from panoptic_ros.study.ablation.figures import solve
+from panoptic_ros.study.ablation.mechanisms import MECHANISMS
+from panoptic_ros.study.options import add_recordings, add_seeds, known_names, within, words
+from panoptic_ros.study.study import Case, Column, Result, Row, Study
+from panoptic_ros.study.world import DETECTED, World, detected_sets, instants_of, recorded_world, truth_of
+
+Array = np.ndarray
+OFF = next(m.off for m in MECHANISMS if m.name == "image-borders")
+FAR = 25.0  # px, from the true projection, beyond which the oracle leaves a 2D joint out
+SAME = 60.0  # px, largest median distance between a 2D person and the projection of a true person
+SEEN_SHARE, SEEN_BY = 1.0 / 3.0, 2  # share of joints in an image, and number of such cameras; fewer: ignored
+FIGURES = ("MPJPE mm", "PCK 5 cm", "PCK 10 cm", "people found", "within 95 %")
+
+
+class Borders(Study):
+    """Every case is solved three times: without the model, with it, and by the oracle."""
+
+    columns = (
+        Column("case", ""),
+        Column("model", "model"),
+        *(Column(name, name, ".1f" if "mm" in name else ".4f") for name in FIGURES),
+        *(Column(f"share {name}", f"gain {name}", ".0%") for name in FIGURES[:3]),
+    )
+
+    @classmethod
+    def add_options(cls, parser: argparse.ArgumentParser) -> None:
+        """See `Study`."""
+        parser.add_argument(
+            "--scenes",
+            type=words,
+            default=["rendered-6p8v"],
+            metavar="NAME,NAME",
+            help="rendered ones of `panoptic simulate`; empty = none; default rendered-6p8v",
+        )
+        add_seeds(parser, "51")
+        parser.add_argument("--frames", type=within(int, 1, 10**6), metavar="N", help="of each scene at most")
+        for name, default, text in (
+            ("--width", 0.5, "of the images of scenes, in the middle; default 0.5"),
+            ("--height", 1.0, "the same; default 1"),
+        ):
+            parser.add_argument(
+                name, type=within(float, 0.1, 1.0), default=default, metavar="SHARE", help=text
+            )
+        parser.add_argument("--model", default="movenet-multipose", help="detector of scenes")
+        add_recordings(parser)
+
+    def cases(self) -> list[Case]:
+        """See `Study`."""
+        names, seeds = self.options.scenes, self.options.seeds
+        known_names(names, [name for name, scene in SCENES.items() if scene.rendered], "rendered scene")
+        found = [Case(f"{name} {seed}", (name, seed)) for name in names for seed in seeds]
+        found += [Case(" ".join(paths), paths) for paths in self.options.captures]
+        if not found:
+            raise UsageError("there is nothing to solve: give --scenes or --capture")
+        return found
+
+    def measure(self, case: Case, progress: Progress) -> list[Row]:
+        """See `Study`."""
+        given = self.options
+        if isinstance(case.request, list):
+            world = recorded_world(case.request)
+        else:
+            name, seed = case.request
+            take = simulate(SCENES[name], seed, given.frames or SCENES[name].frames)
+            world = _cropped_world(take, (given.width, given.height), given.model)
+        cleaned = replace(world, sets=tuple(without_far_joints(world)))
+        off, on = _figures(world, OFF), _figures(world, {})
+        oracle = _figures(cleaned, OFF)
+        shares = {f"share {name}": _share(off[name], on[name], oracle[name]) for name in FIGURES}
+        runs = {"off": off, "on": on | shares, "oracle": oracle}
+        return [{"case": case.title, "model": key} | figures for key, figures in runs.items()]
+
+    def head(self, result: Result) -> str:
+        """See `Study`."""
+        return "people whom borders cut: without the model, with it, and by an oracle; gain: its share"
+
+
+def _figures(world: World, settings: dict[str, dict[str, Any]]) -> dict[str, float]:
+    assert world.truth is not None  # all cases have one
+    found = solve(world, settings).skeletons
+    pairs = pair_sequences(world.truth, spelt_alike(found, world.truth))
+    scores = report_of(pairs, world.truth.joint_names)
+    pck = dict(scores.joints.pck_of_everybody)
+    cover = float("nan") if scores.consistency is None else scores.consistency.cover95
+    numbers = (scores.joints.mpjpe_mm, pck[0.05], pck[0.1], scores.people.recall, cover)
+    return {name: float(number) for name, number in zip(FIGURES, numbers)}
+
+
+def _share(off: float, on: float, oracle: float) -> float:
+    """Return the share of the oracle's gain."""
+    return (on - off) / (oracle - off) if oracle != off else float("nan")
+
+
+def without_far_joints(world: World) -> Iterator[DetectionSet]:
+    """Yield the sets without 2D joints farther than `FAR` px from their true projections."""
+    assert world.truth is not None
+    stamps = np.array([frame.stamp_ns for frame in world.truth.frames])
+    columns = [
+        world.truth.joint_names.index(name) if name in world.truth.joint_names else -1
+        for name in spelt_alike(SkeletonSequence(world.skeleton.joint_names, ()), world.truth).joint_names
+    ]
+    cameras = {camera.name: camera for camera in world.rig.cameras}
+    for item in world.sets:
+        truth = world.truth.frames[int(np.abs(stamps - item.stamp_ns).argmin())].positions
+        places = np.full((len(truth), len(columns), 3), np.nan)
+        known = np.array(columns) >= 0
+        places[:, known] = truth[:, np.array(columns)[known]]
+        views = tuple(_cleaned(view, cameras[view.camera], places) for view in item.views)
+        yield replace(item, views=views)
+
+
+def _cleaned(view: ViewDetections, camera: Camera, places: Array) -> ViewDetections:
+    """Return the view without 2D joints far from the projection of the true joints (P, J, 3) m they match."""
+    pixels, seen = camera.project(np.nan_to_num(places))
+    inside = seen & camera.contains(pixels) & np.isfinite(places[..., 0])
+    points, scores = view.points.copy(), view.scores.copy()
+    for d in range(len(points)):
+        away = np.linalg.norm(points[d] - np.where(seen[..., None], pixels, np.inf), axis=-1)
+        shared = inside & (scores[d] > 0.0)
+        medians = [np.median(row[own]) if own.any() else np.inf for row, own in zip(away, shared)]
+        if medians and min(medians) < SAME:
+            who = int(np.argmin(medians))
+            far = (away[who] > FAR) & np.isfinite(places[who, :, 0]) & (scores[d] > 0.0)
+            points[d, far], scores[d, far] = np.nan, 0.0
+    return replace(view, points=points, scores=scores)
+
+
+def _cropped_world(take: Simulation, shares: tuple[float, float], model: str) -> World:
+    """Detect people in the middle windows of a take's images; people seen by few cameras are ignored."""
+    windows = {camera.name: _window(camera, shares) for camera in take.rig.cameras}
+    rig = replace(take.rig, cameras=tuple(_cropped(c, windows[c.name]) for c in take.rig.cameras))
+    skeleton, extras = detector_extras(model, DETECTED)
+    context = StageContext(rig, skeleton, extras)
+    instants = (
+        [_cut(frame, windows[frame.camera]) for frame in frames] for frames in instants_of(take, rig.names)
+    )
+    truth = truth_of(take)
+    frames = tuple(_with_ignored(frame, rig) for frame in truth.frames)
+    return World(rig, skeleton, tuple(detected_sets(context, instants)), (), replace(truth, frames=frames))
+
+
+def _window(camera: Camera, shares: tuple[float, float]) -> tuple[int, int, int, int]:
+    """Left, top, width and height of the middle of an image, px."""
+    (width, height), (across, down) = camera.image_size, shares
+    w, h = int(width * across) // 2 * 2, int(height * down) // 2 * 2
+    return (width - w) // 2, (height - h) // 2, w, h
+
+
+def _cropped(camera: Camera, window: tuple[int, int, int, int]) -> Camera:
+    """Return the camera of a window (left, top, width, height) px of its images."""
+    left, top, width, height = window
+    matrix = camera.intrinsics.matrix.copy()
+    matrix[:2, 2] -= left, top
+    return replace(camera, image_size=(width, height), intrinsics=replace(camera.intrinsics, matrix=matrix))
+
+
+def _cut(frame: ViewFrame, window: tuple[int, int, int, int]) -> ViewFrame:
+    left, top, width, height = window
+    return replace(frame, image=np.ascontiguousarray(frame.image[top : top + height, left : left + width]))
+
+
+def _with_ignored(frame: SkeletonFrame, rig: Rig) -> SkeletonFrame:
+    """Mark true people as ignored if fewer than `SEEN_BY` cameras show a third of their joints."""
+    shares = [camera.sees(np.nan_to_num(frame.positions)).mean(axis=1) for camera in rig.cameras]
+    seldom = (np.array(shares) > SEEN_SHARE).sum(axis=0) < SEEN_BY
+    return replace(frame, ignored=frame.ignored | seldom)

@@ -1,0 +1,37 @@
+"""What a viewer is loaded with: people before cameras, and an image of each ten times a second."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.domain import Preview, Rig, ViewFrame
+from panoptic_ros.io.previews import make_preview
+from panoptic_ros.study.live.graph_feed import Feed, simulated_feed
+
+SCENARIO = "noisy-8p10v"
+PEOPLE, VIEWS, RATE_HZ = 8, 8, 30.0
+PREVIEW_EVERY = 3  # instants: 10 Hz
+
+
+def view_load() -> Feed:
+    """The 2D people of eight people before eight cameras at 30 Hz, simulated, played forth and back."""
+    return simulated_feed(SCENARIO, PEOPLE, VIEWS, RATE_HZ)
+
+
+def moving_previews(rig: Rig, count: int = 20) -> list[dict[str, Preview]]:
+    """Images that move, by camera, as large as those of a real room (11 kB); stamps 0."""
+    rng = np.random.default_rng(0)
+    pictures = {name: _picture(rng) for name in rig.names}
+    return [
+        {
+            name: make_preview(ViewFrame(name, 0, number, np.roll(picture, 24 * number, axis=1)))
+            for name, picture in pictures.items()
+        }
+        for number in range(count)
+    ]
+
+
+def _picture(rng: np.random.Generator) -> np.ndarray:
+    """An HD image whose preview is as large as one of a real room: 11 kB."""
+    coarse = rng.integers(96, 160, (27, 48, 3), dtype=np.uint8)
+    return np.kron(coarse, np.ones((40, 40, 1), np.uint8))

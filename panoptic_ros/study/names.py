@@ -1,0 +1,245 @@
+"""The list of all studies: where each is, and its subject. A study is imported when it is needed."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from panoptic_ros.errors import UsageError, nearest
+from panoptic_ros.io.files import check_output
+from panoptic_ros.study.study import Study
+
+STUDIES: dict[str, tuple[str, str]] = {  # MODULE:CLASS in this room, and the subject
+    "ablation": (
+        "ablation.ablation:Ablation",
+        "the value of every mechanism of the core: each off in turn, on simulations and recordings",
+    ),
+    "accidents": (
+        "faults.faults:Accidents",
+        "the loss by accidents of live takes: full disks, kills, power cuts",
+    ),
+    "alignment": (
+        "bodies.alignment:Alignment",
+        "heading and clock of IMUs from motion, and lengths of bodies",
+    ),
+    "borders": (
+        "fusion.borders:Borders",
+        "people whom image borders cut: with and without the model of borders, and an oracle",
+    ),
+    "cameras": (
+        "rigs.cameras:Cameras",
+        "PCK by the number of cameras of a rig (Joo et al. 2017, Fig. 8)",
+    ),
+    "captures": (
+        "bodies.captures:Captures",
+        "bodies in captures with unknown headings and clocks, bystanders, people who leave",
+    ),
+    "child": (
+        "people.hidden_child:Child",
+        "a child whom adults hide, in rendered takes: seconds lost, identity",
+    ),
+    "clocks": (
+        "timing.clocks:Clocks",
+        "stamps corrected by timecode against the truth: an hour of mixed rates, and events",
+    ),
+    "detection": (
+        "detection.detection:Detection",
+        "processor time and accuracy of looks, regions and carrying, beside every image",
+    ),
+    "devices": (
+        "bodies.devices:Devices",
+        "IMUs that are worn otherwise than stated: what is told, when, and the correction",
+    ),
+    "faults": (
+        "faults.faults:Faults",
+        "damaged and hostile files of every format",
+    ),
+    "fill": (
+        "people.fill:Fill",
+        "how bodies fit, and joints that few views see with and without them",
+    ),
+    "graph": (
+        "live.graph:Graph",
+        "the live graph after detection, over DDS: losses, latency, processor time",
+    ),
+    "identity": (
+        "people.identity_study:Identity",
+        "identities of people who hide, cross, come and go, and whom few views see",
+    ),
+    "kinematics": (
+        "bodies.goals:Goals",
+        "bodies beside the paper's solver, against the goals (Malleson et al. 2020)",
+    ),
+    "kinematics-inputs": (
+        "bodies.inputs:Inputs",
+        "bodies by the number of cameras and IMUs (Malleson et al. 2020, Fig. 7)",
+    ),
+    "kinematics-live": (
+        "bodies.times:KinematicsLive",
+        "bodies in the live graph: latency, processor time",
+    ),
+    "kinematics-time": (
+        "bodies.times:KinematicsTime",
+        "bodies: processor time per solve and per instant",
+    ),
+    "live": (
+        "live.live:Live",
+        "cameras to skeletons live, recordings played as cameras: losses, latency, processor time",
+    ),
+    "ltc": (
+        "timing.ltc:Ltc",
+        "timecode decoding: recall, wrong labels, exactness, latency and speed, beside libltc",
+    ),
+    "ltc-impairments": (
+        "timing.ltc:LtcImpairments",
+        "timecode under random combinations of impairments",
+    ),
+    "ltc-sounds": (
+        "timing.ltc:LtcSounds",
+        "words that the decoder reads in sounds without timecode",
+    ),
+    "ltc-starts": (
+        "timing.ltc:LtcStarts",
+        "starts of timecode after noise, silence, tones and clicks",
+    ),
+    "network": (
+        "live.network:Network",
+        "2D people from host to host with packets lost (network namespaces, root)",
+    ),
+    "nodes": (
+        "rigs.cameras:Nodes",
+        "accuracy of nodes and skeletons with all cameras of a rig (Joo et al. 2017, Table 3)",
+    ),
+    "offsets": (
+        "timing.offsets:Offsets",
+        "clocks from motion against the truth: errors, stated deviations, poses",
+    ),
+    "offsets-shifted": (
+        "timing.shifted_cameras:OffsetsShifted",
+        "clocks from motion on a recording whose cameras are shifted",
+    ),
+    "patches": (
+        "surface.patches:Patches",
+        "the motion of the surface: time of every stage by the number of views",
+    ),
+    "recording": (
+        "live.recording:Recording",
+        "the memory of a live run that records, hours in minutes",
+    ),
+    "refine": (
+        "surface.refine:Refine",
+        "the value of the motion of the surface, on a capture with truth",
+    ),
+    "refine-faults": (
+        "surface.refine_faults:RefineFaults",
+        "true joints with noise, outliers and gaps, refined in every way",
+    ),
+    "resolution": (
+        "rigs.resolution:Resolution",
+        "accuracy of HD, VGA and QVGA cameras, rendered",
+    ),
+    "soak": (
+        "live.soak:Soak",
+        "a long live run: cameras die and come back, processes are killed",
+    ),
+    "solve": (
+        "fusion.solve:Solve",
+        "2D people to skeletons: time of every stage on one thread, and joints far off",
+    ),
+    "sound": (
+        "timing.sound:Sound",
+        "clocks from sound in simulated rooms against the truth, and controls",
+    ),
+    "sound-motion": (
+        "timing.sound:SoundMotion",
+        "clocks from sound, and from motion after it, against the truth",
+    ),
+    "stage1": (
+        "stage1.stage1:Stage1",
+        "voting, assembly, tracking and refinement beside baselines: time, memory, accuracy",
+    ),
+    "start": (
+        "start:Start",
+        "seconds from a command to its end",
+    ),
+    "steady": (
+        "surface.steady:Steady",
+        "limb lengths and accelerations of a capture without truth, without and with patches",
+    ),
+    "terms": (
+        "bodies.terms:Terms",
+        "each term of the kinematic solve left out (Malleson et al. 2020, Table 3)",
+    ),
+    "time": (
+        "rigs.times:Time",
+        "seconds for a minute of capture (Joo et al. 2017, Table 2)",
+    ),
+    "view": (
+        "live.view:View",
+        "the viewer at a live graph: its load, ages of data, effects of slow and frozen pages",
+    ),
+    "view-recording": (
+        "live.view:ViewRecording",
+        "the viewer at a recording: seconds to open it and to seek",
+    ),
+    "visibility": (
+        "fusion.visibility:Visibility",
+        "the value of known occluders and depth maps: votes, nodes and people",
+    ),
+    "walkout": (
+        "people.walk_out:Walkout",
+        "people whom two cameras, then one see, of a capture or simulated",
+    ),
+}
+PRINTED = Path("-")  # in place of a file: JSON is printed
+
+
+def study_of(name: str) -> type[Study]:
+    """Return the class of a study.
+
+    Raises:
+        UsageError: if there is none of that name.
+    """
+    if name not in STUDIES:
+        raise UsageError(f"there is no study {name!r}; {nearest(name, STUDIES)}")
+    module, _, kind = STUDIES[name][0].partition(":")
+    found: type[Study] = getattr(importlib.import_module(f"panoptic_ros.study.{module}"), kind)
+    return found
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """See `argparse`."""
+        raise UsageError(f"{message}; see `{self.prog} --help`")
+
+
+def parsed(name: str, words: Sequence[str]) -> Study:
+    """Return the study of a name with its options.
+
+    Raises:
+        UsageError: on a name or options that are not known, and values that make no sense.
+    """
+    kind, about = study_of(name), STUDIES[name][1]
+    parser = _Parser(prog=f"panoptic study {name}", description=f"{about[0].upper()}{about[1:]}.")
+    kind.add_options(parser)
+    parser.add_argument(
+        "--json",
+        type=_output,
+        nargs="?",
+        const=PRINTED,
+        metavar="FILE",
+        help="write JSON into FILE; without FILE, print JSON in place of the table",
+    )
+    if kind.has_plot:
+        parser.add_argument("--plot", type=_output, metavar="FILE.png", help="draw the result")
+    return kind(name, parser.parse_args(list(words)))
+
+
+def _output(text: str) -> Path:
+    """Return a file to write, checked before any work."""
+    if Path(text) != PRINTED:
+        check_output(Path(text))
+    return Path(text)

@@ -1,0 +1,114 @@
+"""Options that several studies share. Each is parsed once, and a bad value is told in one line."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from panoptic_ros.errors import UsageError
+
+SETTING = "STAGE.NAME=VALUE"
+
+
+def seeds(text: str) -> range:
+    """Return the seeds FROM:TO, or the one seed N; for `type` of an option."""
+    first, colon, last = text.partition(":")
+    try:
+        found = range(int(first), int(last) if colon else int(first) + 1)
+    except ValueError:
+        found = range(0)
+    if not found or found.start < 0:
+        raise argparse.ArgumentTypeError(f"{text!r}: write FROM:TO, e.g. 400:405, or one seed")
+    return found
+
+
+def numbers(low: int, high: int) -> Callable[[str], tuple[int, ...]]:
+    """Return the parser of a list of whole numbers in a range; for `type` of an option."""
+
+    def parse(text: str) -> tuple[int, ...]:
+        try:
+            found = tuple(int(word) for word in text.split(","))
+        except ValueError:
+            found = ()
+        if not found or not all(low <= value <= high for value in found):
+            raise argparse.ArgumentTypeError(
+                f"{text!r} is no list of whole numbers from {low} to {high}, e.g. {low + 1},{low + 2}"
+            )
+        return found
+
+    return parse
+
+
+def within(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], Any]:
+    """Return the parser of a number in a range; for `type` of an option."""
+
+    def parse(text: str) -> float:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = float("nan")
+        if not low <= value <= high:
+            whole = "whole number" if kind is int else "number"
+            raise argparse.ArgumentTypeError(f"{text!r} is no {whole} from {low:g} to {high:g}")
+        return value
+
+    return parse
+
+
+def words(text: str) -> list[str]:
+    """Return the words of a list separated by commas; for `type` of an option."""
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def add_seeds(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add --seeds FROM:TO."""
+    parser.add_argument(
+        "--seeds",
+        type=seeds,
+        default=seeds(default),
+        metavar="FROM:TO",
+        help=f"of the simulation, or one seed; default {default}",
+    )
+
+
+def add_settings(parser: argparse.ArgumentParser, text: str = "a parameter, for every method") -> None:
+    """Add --set STAGE.NAME=VALUE."""
+    parser.add_argument(
+        "--set", action="append", default=[], metavar=SETTING, dest="settings", help=f"{text}; repeatable"
+    )
+
+
+def add_capture(parser: argparse.ArgumentParser, text: str, required: bool = True) -> None:
+    """Add --capture DIR and --cameras NAME,NAME."""
+    parser.add_argument("--capture", type=Path, metavar="DIR", required=required, help=text)
+    parser.add_argument(
+        "--cameras", type=words, default=[], metavar="NAME,NAME", help="of the capture, only these"
+    )
+
+
+def add_recordings(parser: argparse.ArgumentParser) -> None:
+    """Add --capture PATH..., which may be given several times."""
+    parser.add_argument(
+        "--capture",
+        nargs="+",
+        action="append",
+        default=[],
+        metavar="PATH",
+        dest="captures",
+        help="a recording with its truth: a folder (rig.json, detections.json.gz, truth.json.gz); or a bag "
+        "(or folder) of `panoptic run` and TRUTH; or RIG DETECTIONS TRUTH. Repeatable",
+    )
+
+
+def known_names(given: list[str], known: Any, what: str) -> list[str]:
+    """Return the names that are given.
+
+    Raises:
+        UsageError: if one is not known.
+    """
+    for name in given:
+        if name not in known:
+            raise UsageError(f"there is no {what} {name!r}; there are {', '.join(known)}")
+    return given

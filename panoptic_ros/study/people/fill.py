@@ -1,0 +1,202 @@
+"""The study `fill`: how bodies fit, and their value for skeletons, by how many views see a joint."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from heapq import merge
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.capture.imus import imu_samples
+from panoptic_ros.domain import DetectionSet, RefinedPoseSet, TrackedPoseSet
+from panoptic_ros.domain.bodies import BodyStateSet
+from panoptic_ros.errors import UsageError
+from panoptic_ros.evaluation import FramePair, SkeletonFrame, SkeletonSequence, pair_sequences
+from panoptic_ros.geometry.torso import torso_frames
+from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.params import config_of
+from panoptic_ros.refinement.config import RefinementConfig
+from panoptic_ros.running.plans.parameters import read_parameters
+from panoptic_ros.stage import Progress
+from panoptic_ros.study.options import add_capture, add_settings
+from panoptic_ros.study.people.body_poses import body_summary, both_at
+from panoptic_ros.study.people.detected import Detected, detected
+from panoptic_ros.study.study import Case, Column, Result, Row, Study, grouped, table
+
+Array = np.ndarray
+FEW = 2  # views
+CORNERS = ("lShoulder", "rShoulder", "lHip", "rHip")
+
+
+class Fill(Study):
+    """How bodies fit images, and errors of `/skeletons` with and without bodies, and of bodies."""
+
+    columns = (
+        Column("joints", "joints that"),
+        Column("count", "there"),
+        Column("only_with", "only with"),
+        *(Column(f"mm_{which}", f"mm {which}", ".1f") for which in ("before", "after")),
+        *(Column(f"offset_free_mm_{which}", f"offset-free {which}", ".1f") for which in ("before", "after")),
+        Column("better_mm", "mm the better", ".1f"),
+    )
+
+    @classmethod
+    def add_options(cls, parser: argparse.ArgumentParser) -> None:
+        """See `Study`."""
+        add_capture(
+            parser,
+            "images, 2D people in detections.json.gz, or the results of a run; with imu.csv and "
+            "subject*.json, else everybody has a body",
+        )
+        parser.add_argument(
+            "--truth", type=Path, metavar="FILE", help="in place of the capture's own, which it need not have"
+        )
+        parser.add_argument(
+            "--person",
+            type=int,
+            metavar="ID",
+            action="append",
+            default=[],
+            help="score only this person of the truth; repeatable",
+        )
+        add_settings(parser)
+
+    def measure(self, case: Case, progress: Progress) -> list[Row]:
+        """See `Study`."""
+        given = self.options
+        settings = read_parameters(None, given.settings)
+        capture = detected(given.capture, given.cameras, settings, given.truth)
+        if given.person:
+            capture = replace(capture, truth=_only(capture.truth, given.person))
+        progress(0.4, "without bodies")
+        plain, _ = _solved(capture, False)
+        progress(0.6, "with bodies")
+        filled, bodies = _solved(capture, True)
+        both = both_at(plain, bodies)
+        self.about = {
+            "capture": str(given.capture),
+            "cameras": list(capture.context.rig.names),
+            "imus": sum(len(subject.devices) for subject in capture.subjects),
+            "summary": body_summary(capture.context, capture.sets, bodies, both),
+        }
+        if capture.truth is None:
+            return []
+        rows = [{"table": "skeletons"} | row for row in _scores(capture, plain, filled)]
+        return rows + [{"table": "bodies"} | row for row in _scores(capture, *both)]
+
+    def summary(self, rows: list[Row]) -> dict[str, Any]:
+        """See `Study`."""
+        return self.about
+
+    def lines(self, result: Result) -> Iterator[str]:
+        """See `Study`."""
+        yield f"{result['capture']}: {len(result['cameras'])} cameras, {result['imus']} IMUs"
+        found = result["summary"]
+        for key, text in (("px", "px, median"), ("px_90", "px, 90 %"), ("acceleration", "m/s^2")):
+            yield f"{text:24}{found[key][0]:7.1f} of skeletons{found[key][1]:7.1f} of bodies"
+        yield f"{'beyond limits by 5 deg':24}{found['beyond']:7.2%}, most {found['most_deg']:.0f} deg"
+        heads = {
+            "skeletons": "before: without bodies, after: with",
+            "bodies": "before: skeletons, after: bodies",
+        }
+        for name, rows in grouped(result["rows"], lambda row: row["table"]).items():
+            yield from ("", heads[name], *table(rows, self.columns))
+
+
+def _only(truth: SkeletonSequence | None, people: Sequence[int]) -> SkeletonSequence:
+    """The truth of some people."""
+    found = set() if truth is None else {int(i) for frame in truth.frames for i in frame.ids}
+    missing = [person for person in people if person not in found]
+    if truth is None or missing:
+        known = ", ".join(map(str, sorted(found))) or "there is none"
+        raise UsageError(f"--person {(missing or people)[0]}: the ids of the truth are {known}")
+    frames = []
+    for frame in truth.frames:
+        rows = np.isin(frame.ids, people)
+        frames.append(SkeletonFrame(frame.stamp_ns, frame.ids[rows], frame.positions[rows]))
+    return SkeletonSequence(truth.joint_names, tuple(frames))
+
+
+def _solved(capture: Detected, bodies: bool) -> tuple[list[RefinedPoseSet], list[BodyStateSet]]:
+    """`/skeletons` and `/bodies`, by the stages after sync."""
+    found: dict[str, list[Any]] = {"skeletons": [], "bodies": []}
+    refinement = replace(config_of(capture.configs, RefinementConfig), bodies=bodies)
+    pipeline = Pipeline(
+        {**capture.configs, "refinement": refinement},
+        capture.context,
+        (*FUSION, "kinematics") if bodies else FUSION,
+        on_record=lambda topic, record: found[topic].append(record) if topic in found else None,
+    )
+    devices = [device.name for subject in capture.subjects for device in subject.devices]
+    samples = imu_samples(capture.imus, devices) if bodies and capture.imus is not None else ()
+    for item in merge(samples, capture.sets, key=lambda item: item.stamp_ns):
+        pipeline.push("detection_sets" if isinstance(item, DetectionSet) else "imu", item)
+    pipeline.flush()
+    return found["skeletons"], found["bodies"]
+
+
+def _pairs(capture: Detected, items: Sequence[TrackedPoseSet]) -> list[FramePair]:
+    assert capture.truth is not None
+    frames = tuple(SkeletonFrame(i.stamp_ns, i.ids, i.positions, views=i.views) for i in items)
+    return pair_sequences(capture.truth, SkeletonSequence(capture.context.skeleton.joint_names, frames))
+
+
+def _scores(
+    capture: Detected, plain: Sequence[TrackedPoseSet], filled: Sequence[TrackedPoseSet]
+) -> list[dict[str, Any]]:
+    """Of joints by the views that measured them without bodies: errors without and with, mm; and of the
+    better one at each joint and instant, which no way to weigh both would go below by much."""
+    assert capture.truth is not None
+    names = capture.truth.joint_names
+    corners = [names.index(name) for name in CORNERS]
+    errors: dict[int, list[tuple[Array, Array, Array]]] = {}  # views (J,), of both (J, 3) m, by person
+    for one, other in zip(_pairs(capture, plain), _pairs(capture, filled)):
+        columns = {match: row for match, row in zip(other.match_ids, other.matches[:, 1].tolist())}
+        for match, (t, r) in zip(one.match_ids, one.matches):
+            if match not in columns:
+                continue
+            axes, _ = torso_frames(one.truth[t, corners])
+            views = np.where(np.isfinite(one.result[r, :, 0]), one.views[r], 0)
+            both = one.result[r], other.result[columns[match]]
+            errors.setdefault(match[0], []).append(
+                (views, (both[0] - one.truth[t]) @ axes, (both[1] - one.truth[t]) @ axes)
+            )
+    views = np.concatenate([np.array([v for v, _, _ in own]) for own in errors.values()])
+    ends = [[np.array([row[k] for row in own]) for own in errors.values()] for k in (1, 2)]
+    whole = [np.concatenate(found) for found in ends]
+    free = [np.concatenate([own - np.nanmean(own, axis=0) for own in found]) for found in ends]
+    common = np.isfinite(whole[0][..., 0]) & np.isfinite(whole[1][..., 0])
+    only = np.isfinite(whole[1][..., 0]) & ~np.isfinite(whole[0][..., 0])
+    rows = []
+    for text, mask in (
+        ("3 views and more see", views > FEW),
+        ("2 views see", views == FEW),
+        ("1 view or none sees", views < FEW),
+        ("2 views or fewer see", views <= FEW),
+    ):
+        if (mask & common).any():
+            rows.append(
+                {
+                    "joints": text,
+                    "count": int((mask & common).sum()),
+                    "only_with": int((mask & only).sum()),
+                    **_means("mm", whole, mask & common),
+                    **_means("offset_free_mm", free, mask & common),
+                    "better_mm": _better(whole, mask & common),
+                }
+            )
+    return rows
+
+
+def _means(key: str, errors: Sequence[Array], mask: Array) -> dict[str, float]:
+    means = [float(1e3 * np.linalg.norm(values[mask], axis=-1).mean()) for values in errors]
+    return dict(zip((f"{key}_before", f"{key}_after"), means))
+
+
+def _better(errors: Sequence[Array], mask: Array) -> float:
+    return float(1e3 * np.min([np.linalg.norm(own[mask], axis=-1) for own in errors], axis=0).mean())

@@ -1,0 +1,179 @@
+"""Rooms with microphones for `panoptic study sound`: what is heard in them, and controls with nothing in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.domain import AudioBlock
+from panoptic_ros.graph.recording import HeldRecording
+from panoptic_ros.simulation.room_sound import DrySound, Recorder, Room, record
+from panoptic_ros.simulation.voices import RATE, clap, talk
+
+Array = np.ndarray
+Rng = np.random.Generator
+SIZE = (7.5, 6.5, 2.8)  # m
+REVERBERATION = (0.3, 0.8)  # s
+RADIUS = (1.8, 3.0)  # m, of microphones around the middle
+RATES = (16_000, 22_050, 44_100, 48_000)  # Hz
+LOUD = 8.0  # a clap, in units of talk
+BEFORE_S, AFTER_S = 1.5, 6.0  # by which people go on before and after the recordings
+DRIFT, MOST_DRIFT = 5e-5, 1e-4
+BLOCK_S = 0.5
+
+
+def _place(rng: Rng) -> Array:
+    """Where somebody may stand or sit."""
+    return np.array([*rng.uniform([1.5, 1.2], [6.0, 5.3]), rng.uniform(1.1, 1.7)])
+
+
+def _talkers(count: int) -> Callable[[Rng, float], list[DrySound]]:
+    def sounds(rng: Rng, seconds: float) -> list[DrySound]:
+        pieces: list[list[tuple[float, Array]]] = [[] for _ in range(count)]
+        at = -BEFORE_S
+        while at < seconds + AFTER_S:
+            length = float(rng.uniform(1.5, 5.0))
+            pieces[int(rng.integers(count))].append((at, talk(rng, length)))
+            at += length + float(rng.uniform(0.2, 1.0))
+        return [DrySound(_place(rng), own) for own in pieces]
+
+    return sounds
+
+
+def _claps(rng: Rng, seconds: float) -> list[DrySound]:
+    """Two people clap in turn, ten times in all, somewhere in the recording."""
+    places, at, sounds = [_place(rng), _place(rng)], float(rng.uniform(7.0, 10.0)), []
+    for k in range(10):
+        sounds.append(DrySound(places[k % 2], [(at, LOUD * clap(rng))]))
+        at += float(rng.uniform(0.6, 3.5))
+    return sounds
+
+
+def _ticks(rng: Rng, seconds: float) -> list[DrySound]:
+    tick = LOUD * clap(rng)
+    times = np.arange(-1.0, seconds + AFTER_S, rng.uniform(0.4, 1.2))
+    return [DrySound(_place(rng), [(float(at), tick) for at in times])]
+
+
+def _loop(rng: Rng, seconds: float) -> list[DrySound]:
+    """Music of one bar of two seconds, again and again."""
+    bar = [(float(k) / 4.0 + 0.02 * rng.standard_normal(), talk(rng, 0.2)) for k in range(8)]
+    starts = np.arange(-2.0, seconds + AFTER_S, 2.0)
+    return [DrySound(_place(rng), [(float(begin) + at, sound) for begin in starts for at, sound in bar])]
+
+
+def _hum(rng: Rng, seconds: float) -> list[DrySound]:
+    time = np.arange(int((seconds + AFTER_S) * RATE)) / RATE
+    wave = sum(np.sin(2.0 * np.pi * 50.0 * k * time + rng.uniform(0.0, 6.3)) / k for k in range(1, 24))
+    return [DrySound(_place(rng), [(-BEFORE_S, np.asarray(wave))])]
+
+
+def _nothing(rng: Rng, seconds: float) -> list[DrySound]:
+    return []
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is heard.
+
+    Args:
+        apart: every microphone is in a room of its own. tells: whether clocks can be known from it.
+    """
+
+    about: str
+    sounds: Callable[[Rng, float], list[DrySound]]
+    tells: bool = True
+    apart: bool = False
+
+
+CASES = {
+    "talker": Case("one talks where he stands", _talkers(1)),
+    "talkers": Case("three talk in turn", _talkers(3)),
+    "claps": Case("two clap in turn, ten times in all", _claps),
+    "other-rooms": Case("talk in a room of its own for each", _talkers(2), False, True),
+    "other-claps": Case("ten claps in a room of its own for each", _claps, False, True),
+    "ticks": Case("one tick again and again, evenly", _ticks, False),
+    "loop": Case("music of two seconds again and again", _loop, False),
+    "hum": Case("mains hum with its overtones", _hum, False),
+    "silence": Case("nothing but noise", _nothing, False),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Heard:
+    """A recording, and the truth about its devices.
+
+    Args:
+        recording: with the topic "audio" of each device. lengths: s.
+    """
+
+    recording: HeldRecording
+    recorders: dict[str, Recorder]
+    lengths: dict[str, float]
+
+    @property
+    def places(self) -> dict[str, Array]:
+        """(3,) m of the microphones."""
+        return {name: np.array(recorder.place) for name, recorder in self.recorders.items()}
+
+    @property
+    def shared(self) -> tuple[float, float]:
+        """Begin and end, true s, of what all record."""
+        ends = [self.recorders[name].begin_s + self.lengths[name] for name in self.recorders]
+        return max(recorder.begin_s for recorder in self.recorders.values()), min(ends)
+
+    def offset(self, name: str, base: str, stamp_ns: int) -> float:
+        """s, by which the clock of a base is ahead when the device's shows a stamp."""
+        one, other = self.recorders[name], self.recorders[base]
+        true = one.begin_s + (1e-9 * stamp_ns - one.clock_s) / (1.0 + one.drift)
+        return other.stamp_s(true) - 1e-9 * stamp_ns
+
+
+def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: float) -> Heard:
+    """Recordings that begin up to 5 s after each other, of clocks up to 100 s apart."""
+    rng = np.random.default_rng([seed, microphones, 11])
+    room = Room(SIZE, float(rng.uniform(*REVERBERATION)))
+    angles = rng.uniform(0.0, 6.3) + np.linspace(0.0, 2.0 * np.pi, microphones, endpoint=False)
+    angles += 0.2 * rng.standard_normal(microphones)
+    radius = rng.uniform(*RADIUS, microphones)
+    middle = 0.5 * np.array(SIZE)
+    places = np.stack(
+        [
+            middle[0] + radius * np.cos(angles),
+            middle[1] + radius * np.sin(angles),
+            rng.uniform(1.0, 2.5, microphones),
+        ],
+        axis=1,
+    )
+    sounds = case.sounds(np.random.default_rng([seed, 12]), seconds)
+    recorders: dict[str, Recorder] = {}
+    lengths: dict[str, float] = {}
+    records: dict[str | tuple[str, str], list[AudioBlock]] = {}
+    for k in range(microphones):
+        x, y, z = np.clip(places[k], 0.1, np.array(SIZE) - 0.1)
+        recorder = Recorder(
+            (float(x), float(y), float(z)),
+            RATES[int(rng.integers(len(RATES)))],
+            float(rng.uniform(0.0, 5.0)),
+            float(rng.uniform(0.0, 100.0)),
+            float(np.clip(DRIFT * rng.standard_normal(), -MOST_DRIFT, MOST_DRIFT)),
+            snr_db,
+        )
+        if case.apart:
+            sounds = case.sounds(np.random.default_rng([seed, 12, k]), seconds)
+        length = seconds + float(rng.uniform(-3.0, 3.0))
+        name = f"mic{k}"
+        recorders[name], lengths[name] = recorder, length
+        records["audio", name] = _blocks(name, recorder, record(room, sounds, recorder, length, (seed, k)))
+    return Heard(HeldRecording(records), recorders, lengths)
+
+
+def _blocks(name: str, recorder: Recorder, samples: Array) -> list[AudioBlock]:
+    rate, begin = recorder.sample_rate, round(1e9 * recorder.clock_s)
+    step = int(BLOCK_S * rate)
+    return [
+        AudioBlock(name, begin + k * 1_000_000_000 // rate, k, rate, samples[k : k + step])
+        for k in range(0, len(samples), step)
+    ]

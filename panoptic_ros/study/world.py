@@ -1,0 +1,318 @@
+"""The one world of all studies: 2D people with their truth, simulated, rendered, in a folder or in a bag.
+
+`open_world` names them all as the user writes them.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from panoptic_ros.domain import (
+    DetectionSet,
+    EndOfStream,
+    Rig,
+    ScoreMaps,
+    SkeletonModel,
+    ViewDetections,
+    ViewFrame,
+)
+from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence
+from panoptic_ros.graph.build import configure, make_stage
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.compared_skeletons import read_sequence
+from panoptic_ros.io.detector_context import detector_extras
+from panoptic_ros.io.messages import from_message
+from panoptic_ros.io.recorded_people import read_people
+from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.simulation import SCENES, SKELETON, Scene, Simulation, simulate
+from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
+from panoptic_ros.simulation.rendering import Studio
+from panoptic_ros.simulation.timing import to_stamp
+from panoptic_ros.stage import StageContext
+from panoptic_ros.voting.volume import volume_of_rig
+
+Array = np.ndarray
+Sets = tuple[DetectionSet, ...]
+HD_MAPS, VGA_MAPS = MapDrawing((512, 288)), MapDrawing((256, 192))
+DETECTED = "panoptic19"  # skeleton of rendered worlds
+RENDERED_FRAMES = 25  # at most: images take most of the time
+STRETCHES = 8  # of a recording, each with figures of its own, to know the variation by chance
+SHORTEST = 4  # frames of a stretch
+EVERY_FRAME = 1_000_000_000
+TRUTHS = ("truth.json.gz", "truth.json", "groundtruth3d.json.gz")
+WINDOW_S = 0.01  # views that are so near in time are of one instant
+VOXEL = 0.04  # m
+UNLISTED_PERSON = 0  # whom score maps alone show, as a detector's person head may fail
+FEW = 2  # cameras
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """2D people, and the truth about them.
+
+    Args:
+        bounds: m, of the volume that `exact` and `dense` search.
+        given: per frame pixels (P, J, C, 2), NaN where no detection comes from that person's joint, and
+            scores (P, J, C): the 2D joints with the simulator's own identities; empty for recordings.
+        truth: None if nobody knows it.
+        joint_names: of results, spelt as the recording spells them; empty = those of the skeleton.
+        stretches: number of parts of the frames that have figures of their own.
+    """
+
+    rig: Rig
+    skeleton: SkeletonModel
+    sets: tuple[DetectionSet, ...]
+    bounds: tuple[float, ...]
+    truth: SkeletonSequence | None = None
+    given: tuple[tuple[Array, Array], ...] = ()
+    joint_names: tuple[str, ...] = ()
+    stretches: int = 1
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints of results."""
+        return self.joint_names or self.skeleton.joint_names
+
+    @property
+    def mapped(self) -> bool:
+        """Whether the sets have score maps."""
+        return any(view.maps is not None for item in self.sets for view in item.views)
+
+
+def truth_of(take: Simulation) -> SkeletonSequence:
+    """Return the true skeletons at the instants of the sets."""
+    ticks = take.schedule.ticks
+    joints = np.stack([person.joints(ticks) for person in take.people], axis=1)
+    there = np.stack([person.is_present(ticks) for person in take.people], axis=1)
+    ids = np.array([person.id for person in take.people])
+    frames = []
+    for tick, here, rows in zip(ticks, there, joints):
+        ignored = np.array([take.is_ignored(person, tick) for person in take.people])
+        frames.append(SkeletonFrame(to_stamp(tick), ids[here], rows[here], ignored=ignored[here]))
+    return SkeletonSequence(SKELETON.joint_names, tuple(frames))
+
+
+def simulated_world(name: str, seed: int, frames: int, model: str = "") -> World:
+    """Simulate a take of a scene, whose name may have variants behind it, e.g. "noisy-4p5v+maps".
+
+    Args:
+        model: detector of rendered scenes.
+
+    Raises:
+        UsageError: if there is no such scene or variant.
+        UserError: if the detector cannot be loaded.
+    """
+    scene, variants = split(name)
+    take = simulate(scene, seed, frames)
+    if scene.rendered:
+        return rendered_world(take, model)
+    rig, sets = take.rig, tuple(take.detection_sets())
+    for word in variants:
+        rig, sets = VARIANTS[word](take, rig, sets)
+    return World(rig, SKELETON, sets, (), truth_of(take))
+
+
+def frames_of(name: str, most: int | None) -> int:
+    """Return how many frames of a scene are used.
+
+    Raises:
+        UsageError: if there is no such scene.
+    """
+    scene, _ = split(name)
+    own = min(scene.frames, RENDERED_FRAMES) if scene.rendered else scene.frames
+    return own if most is None else min(own, most)
+
+
+def split(name: str) -> tuple[Scene, list[str]]:
+    """Return the scene of a name and its variants.
+
+    Raises:
+        UsageError: if there is no such scene or variant.
+    """
+    scene, *variants = name.split("+")
+    unknown = [word for word in variants if word not in VARIANTS]
+    if scene not in SCENES or unknown or (variants and SCENES[scene].rendered):
+        raise UsageError(
+            f"there is no scene {name!r}; there are {', '.join(SCENES)}, and behind those that are not "
+            f"rendered {', '.join('+' + word for word in VARIANTS)}"
+        )
+    return SCENES[scene], variants
+
+
+def _with_maps(take: Simulation, rig: Rig, sets: Sets) -> tuple[Rig, Sets]:
+    """Score maps drawn from the 2D people."""
+    return rig, tuple(with_drawn_maps(item, HD_MAPS) for item in sets)
+
+
+def _with_someone_unlisted(take: Simulation, rig: Rig, sets: Sets) -> tuple[Rig, Sets]:
+    """Score maps of everybody; one person is in no list of 2D people."""
+    rig, sets = _with_maps(take, rig, sets)
+    varied = []
+    for item, (_, sightings) in zip(sets, take.sightings()):
+        views = [
+            _unlisted(view, (sightings[rig.names.index(view.camera)].sources[..., 0] == UNLISTED_PERSON))
+            for view in item.views
+        ]
+        varied.append(replace(item, views=tuple(views)))
+    return rig, tuple(varied)
+
+
+def _unlisted(view: ViewDetections, theirs: Array) -> ViewDetections:
+    """The view without the 2D people most of whose joints are `theirs` (Q, J); the maps stay."""
+    listed = 2 * theirs.sum(axis=1) <= (view.scores > 0.0).sum(axis=1)
+    numbers = np.where(listed, np.cumsum(listed) - 1, -1)
+    maps = view.maps
+    if isinstance(maps, ScoreMaps):
+        maps = replace(maps, persons=numbers[maps.persons])
+    return replace(
+        view,
+        points=view.points[listed],
+        scores=view.scores[listed],
+        person_scores=view.person_scores[listed],
+        maps=maps,
+    )
+
+
+def _with_few_views(take: Simulation, rig: Rig, sets: Sets) -> tuple[Rig, Sets]:
+    """Two cameras, the first ones."""
+    few = replace(rig, cameras=rig.cameras[:FEW])
+    kept = [replace(item, views=tuple(v for v in item.views if v.camera in few.names)) for item in sets]
+    return few, tuple(item for item in kept if item.views)
+
+
+VARIANTS: dict[str, Callable[[Simulation, Rig, Sets], tuple[Rig, Sets]]] = {
+    "maps": _with_maps,
+    "unlisted": _with_someone_unlisted,
+    "2views": _with_few_views,
+}
+
+
+def rendered_world(take: Simulation, model: str) -> World:
+    """The images of a take whose cameras are in step, through the detector of a model card.
+
+    Raises:
+        UserError: if the detector cannot be loaded.
+    """
+    skeleton, extras = detector_extras(model, DETECTED)
+    context = StageContext(take.rig, skeleton, extras)
+    sets = tuple(detected_sets(context, instants_of(take, take.rig.names)))
+    return World(take.rig, skeleton, sets, (), truth_of(take))
+
+
+def detected_sets(context: StageContext, instants: Iterable[Sequence[ViewFrame]]) -> Iterator[DetectionSet]:
+    """The 2D people of each instant; the context has the extra "detector"."""
+    stage = make_stage("detection", configure({})["detection"], context)
+    for index, frames in enumerate(instants):
+        views = tuple(view for frame in frames for view in stage.step(frame).outputs)
+        yield DetectionSet(index, frames[0].stamp_ns, context.skeleton.hash, views)
+
+
+def instants_of(take: Simulation, names: Sequence[str]) -> Iterator[list[ViewFrame]]:
+    """The images of these cameras, instant by instant."""
+    studio, ticks = Studio(take), take.schedule.ticks
+    cameras = [studio.camera(name).render(ticks) for name in names]
+    for index, (tick, images) in enumerate(zip(ticks, zip(*cameras))):
+        yield [ViewFrame(name, to_stamp(tick), index, image.image) for name, image in zip(names, images)]
+
+
+def recorded_world(paths: Sequence[str]) -> World:
+    """Read a recording: [folder], [bag, truth] or [rig, 2D people, truth].
+
+    Raises:
+        UserError: if something is missing or cannot be read.
+    """
+    if len(paths) == 2:
+        bag = Path(paths[0])
+        inner = bag / "bag"  # of a folder that `panoptic run` wrote
+        world = bag_world(inner if inner.is_dir() else bag, truth=Path(paths[1]))
+    else:
+        rig_file, people_file, truth_file = _files(paths)
+        rig = read_rig(rig_file)
+        people = read_people(people_file, rig)
+        truth = read_sequence(truth_file)
+        world = World(rig, people.skeleton, tuple(people.sets), (), truth, (), people.joint_names)
+    return replace(world, stretches=max(1, min(STRETCHES, len(world.sets) // SHORTEST)))
+
+
+def _files(paths: Sequence[str]) -> tuple[Path, Path, Path]:
+    """Rig, 2D people and truth."""
+    if len(paths) == 3:
+        rig, people, truth = map(Path, paths)
+        return rig, people, truth
+    (folder,) = map(Path, paths)
+    truths = [folder / name for name in TRUTHS if (folder / name).is_file()]
+    if not truths:
+        raise UsageError(f"{folder} has no truth; it needs one of {', '.join(TRUTHS)}, or name the files")
+    return folder / "rig.json", folder / "detections.json.gz", truths[0]
+
+
+def bag_world(
+    bag: Path,
+    cameras: Sequence[str] = (),
+    truth: Path | None = None,
+    frames: int = EVERY_FRAME,
+    bounds: Sequence[float] | None = None,
+) -> World:
+    """Read the first detection sets of a bag that `panoptic run` wrote.
+
+    Args:
+        cameras: only these; empty = all.
+        bounds: m, see `World`; None = what two cameras see.
+
+    Raises:
+        DataError: if it has no rig, skeleton or detections, or is damaged.
+        CalibrationError: if it has no camera of a name.
+    """
+    with BagReader(bag) as reader:
+        rig, skeleton = _latched(reader, "rig"), _latched(reader, "skeleton_model")
+    if cameras:
+        rig = rig.subset(list(cameras))
+    config = configure({"sync": {"window_s": WINDOW_S}})["sync"]
+    stage = make_stage("sync", config, StageContext(rig, skeleton))
+    sets: list[DetectionSet] = []
+    for item in _detections(bag, rig):
+        sets += stage.step(item).outputs
+        if len(sets) >= frames:
+            break
+    else:
+        sets += stage.flush().outputs
+    if not sets:
+        raise DataError(f"{bag} has no detections of the cameras {', '.join(rig.names)}")
+    if bounds is None:
+        volume = volume_of_rig(rig, VOXEL)
+        bounds = [VOXEL * float(edge) for edge in (*volume.lower, *volume.upper)]
+    known = None if truth is None else read_sequence(truth)
+    return World(rig, skeleton, tuple(sets[:frames]), tuple(bounds), known)
+
+
+def _latched(reader: BagReader, key: str) -> Any:
+    topic = "/" + TOPICS[key].name
+    for _, _, message in reader.messages(topic) if topic in reader.topics else ():
+        return from_message(message, TOPICS[key].record)
+    raise DataError(f"{reader.path} has no message on {topic}; write the bag with `panoptic run`")
+
+
+def _detections(bag: Path, rig: Rig) -> Iterator[Any]:
+    """The views of all cameras by stamp, and the end of each."""
+
+    def stream(order: int, camera: str) -> Iterator[tuple[int, int, Any]]:
+        last = 0
+        with BagReader(bag) as reader:
+            topic = "/" + TOPICS["detections"].of(camera)
+            for _, _, message in reader.messages(topic) if topic in reader.topics else ():
+                view = from_message(message, "ViewDetections")
+                last = view.stamp_ns
+                yield last, order, view
+        yield last + 1, order, EndOfStream(camera)
+
+    streams = [stream(order, camera) for order, camera in enumerate(rig.names)]
+    for _, _, item in heapq.merge(*streams, key=lambda row: row[:2]):
+        yield item
