@@ -60,7 +60,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "export": {"numpy", "websockets"},  # the last for the live stream of bodies
     "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits", "websockets"},  # the last in page/
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},
-    "study": {"numpy", "scipy", "rclpy"},
+    "study": {"numpy", "scipy", "cv2", "av", "rclpy", "websockets"},
     "running": {"numpy", "cv2", "av", "rclpy", "websockets"},  # those of the doctor among them
     "cli": set(),
 }

@@ -1,4 +1,4 @@
-"""Rooms with microphones for `panoptic study sound`: what is heard in them, and controls with nothing in common."""
+"""Rooms with microphones for `panoptic study sound`: recordings, and controls with nothing in common."""
 
 from __future__ import annotations
 
