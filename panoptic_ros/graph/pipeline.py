@@ -92,7 +92,6 @@ class Pipeline:
         self._on_step = on_step or (lambda stage, duration: None)
         self._on_cpu = on_cpu or (lambda stage, duration: None)
         self._clock, self._cpu_clock = clock or (lambda: 0), cpu_clock or (lambda: 0)
-        self.place: Place = ()  # of the newest record that was given
         self.stepping: tuple[str, int] = ("", 0)  # the stage in whose step this is, and since when
 
     @property
@@ -275,8 +274,7 @@ class Pipeline:
             self._on_notice(spec.name, notice)
         for record in result.outputs:
             topic = spec.output_for(record)
-            self.place = self.schedule.place_of_next(turn, topic)
-            self.schedule.add(topic, record, self.place, turn.stage)
+            self.schedule.add(topic, record, self.schedule.place_of_next(turn, topic), turn.stage)
             self._on_record(topic, record)
 
 

@@ -6,10 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
-from panoptic_ros.graph.host import Host
-from panoptic_ros.graph.lane_groups import Key
-from panoptic_ros.graph.schedule import Place
-from panoptic_ros.graph.topics import owner_of
+from panoptic_ros.graph.host import Host, Key
 from panoptic_ros.graph.under_way import UnderWay
 
 
@@ -29,9 +26,6 @@ class Delivery(Protocol):
 
     def take(self, arrivals: Sequence[Arrival]) -> None:
         """What has come, of one instant where it is known to be."""
-
-    def gave(self, topic: str, record: Any) -> None:
-        """The stages have given a record, which was published."""
 
     def wait(self) -> None:
         """Until no stage is at work."""
@@ -54,9 +48,6 @@ class LiveDelivery:
         self._under_way.arrived(came_ns, self._now_ns() - waited_ns)
         self._under_way.begin([(one.topic, one.record) for one in arrivals if one.record is not None])
 
-    def gave(self, topic: str, record: Any) -> None:
-        """Nobody waits for it."""
-
     def wait(self) -> None:
         self._under_way.wait()
 
@@ -76,20 +67,12 @@ class ReplayDelivery:
             self.host.put(one.topic, one.owner, one.stamp_ns, one.record)
         self._advance()
 
-    def gave(self, topic: str, record: Any) -> None:
-        self.host.gave(topic, owner_of(topic, record))
-
     def wait(self) -> None:
         """One record is taken after the other."""
 
     def end(self, key: Key) -> None:
         """No more comes on a topic of a camera or device."""
         self.host.end(*key)
-        self._advance()
-
-    def mark(self, key: Key, place: Place, count: int) -> None:
-        """Another node has told where a topic has come to."""
-        self.host.mark(*key, place, count)
         self._advance()
 
     def _advance(self) -> None:

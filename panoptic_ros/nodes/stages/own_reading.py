@@ -13,8 +13,7 @@ from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.errors import PanopticError
 from panoptic_ros.graph.build import make_stage, rows_in_use
 from panoptic_ros.graph.flow import Flow
-from panoptic_ros.graph.host import Host
-from panoptic_ros.graph.lane_groups import Key
+from panoptic_ros.graph.host import Host, Key
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.side_by_side import TABLE, SideBySide
 from panoptic_ros.graph.topics import TOPICS

@@ -11,8 +11,7 @@ from typing import Any
 
 from panoptic_ros.capture import Note, open_recording
 from panoptic_ros.domain import Rig, ViewDetections
-from panoptic_ros.graph.host import Host
-from panoptic_ros.graph.lane_groups import Key
+from panoptic_ros.graph.host import Host, Key
 from panoptic_ros.graph.side_by_side import SideBySide, looked_ahead
 from panoptic_ros.nodes.flow.credit import STALL_S, Credit
 from panoptic_ros.nodes.stages.own_cameras import OwnCameras

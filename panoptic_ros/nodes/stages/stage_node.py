@@ -49,8 +49,7 @@ class StageNode(GatheringNode):
     Parameters: those of the stages' configurations, of several stages as `<stage>.<name>`; `flow` (live or
     replay), `replay_window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all
     stages that run in the graph (empty: those that this node needs), and the ports that parameters of them
-    switch on; `marked`: whether nodes tell each other places (replay, see `graph.host`);
-    `shifts`: "camera or topic=ns", see `graph.lanes.Lane` (replay);
+    switch on; `shifts`: "camera or topic=ns", see `graph.host.Lane` (replay);
     inputs as in `nodes.stages.inputs.InputChoice`.
 
     Args:
@@ -78,7 +77,6 @@ class StageNode(GatheringNode):
         self._cameras = self._names("cameras")
         graph = self._names("graph")
         shifts = {name: int(ns) for name, ns in named_words("shifts", self._names("shifts")).items()}
-        marked = bool(self.declare_parameter("marked", False).value)
         self.prefixes = {stage: f"{stage}." if len(names) > 1 else "" for stage in names}
         configs = {
             stage: declare_config(
@@ -88,7 +86,7 @@ class StageNode(GatheringNode):
         }
         used = {*graph, *ports_in_use(configs)}
         everywhere = [stage for stage in NODES if stage in {*graph, *names}]
-        self._chosen = ChosenStages(configs, everywhere, used, shifts, marked)
+        self._chosen = ChosenStages(configs, everywhere, used, shifts)
         self._work: StageWork | None = None  # once rig and skeleton model are there
         self._fault: PanopticError | None = None
         self._tally = Tally(self.get_logger(), names)

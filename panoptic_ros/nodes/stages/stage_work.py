@@ -14,16 +14,13 @@ from panoptic_ros.graph.aligned import AlignedTimes
 from panoptic_ros.graph.companions import Companions, Item
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.health import Health
-from panoptic_ros.graph.host import Host, lanes_of
-from panoptic_ros.graph.lane_groups import Key
+from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.queue_choice import queue_for
-from panoptic_ros.graph.schedule import Place
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.graph.under_way import UnderWay
 from panoptic_ros.nodes.flow.delivery import Arrival, Delivery, LiveDelivery, ReplayDelivery
-from panoptic_ros.nodes.flow.progress import ProgressTold
 from panoptic_ros.nodes.flow.streams import StreamEnds
 from panoptic_ros.nodes.health.diagnostics import Diagnostics
 from panoptic_ros.nodes.health.reports import Report
@@ -73,14 +70,13 @@ class ChosenStages:
 
     Args:
         configs: by stage. everywhere: all stages that run in the graph.
-        used: ports that parameters switch on. shifts, marked: see `StageNode`.
+        used: ports that parameters switch on. shifts: see `StageNode`.
     """
 
     configs: Mapping[str, Config]
     everywhere: Sequence[str]
     used: Collection[str]
     shifts: Mapping[str, int]
-    marked: bool
 
 
 class StageWork:
@@ -152,10 +148,8 @@ class StageWork:
 
     def _open_outputs(self) -> Outputs:
         around, wiring = self._around, self.pipeline.wiring
-        told = self._chosen.marked and not self._live
-        progress = ProgressTold(around.node, self._progress_heard) if told else None
         final = {topic for topic in wiring.given if TOPICS[topic].latched or not _is_taken(topic)}
-        outputs = Outputs(around.node, around.flow, wiring.leaving | final, around.ends, progress)
+        outputs = Outputs(around.node, around.flow, wiring.leaving | final, around.ends)
         for topic in sorted(wiring.given):
             for owner in around.choice.owners(topic, self._rig):
                 outputs.open(topic, owner)
@@ -163,10 +157,9 @@ class StageWork:
 
     def _in_order(self, owners: Mapping[str, Sequence[str]]) -> ReplayDelivery:
         chosen, outputs, clock_of = self._chosen, self._outputs, self._around.facts.rig.clock_of
-        waited_for = [topic for topic in owners if self._is_waited_for(topic)]
+        waited_for = [topic for topic in owners if not TOPICS[topic].latched]
         lanes = lanes_of(waited_for, lambda topic: owners[topic], self.pipeline, clock_of, chosen.shifts)
-        host = Host(self.pipeline, lanes, marked=chosen.marked, on_marker=outputs.mark, on_end=outputs.end)
-        return ReplayDelivery(host, self._around.diagnostics.finish)
+        return ReplayDelivery(Host(self.pipeline, lanes, outputs.end), self._around.diagnostics.finish)
 
     def _subscribe(self) -> None:
         around = self._around
@@ -177,7 +170,7 @@ class StageWork:
             for entry in subscribe(around.node, around.choice, topic, owner, around.flow, takers):
                 self._inputs[entry.name] = entry
                 around.health.add(entry.arrivals, self._entrance.taker(topic))
-                if self._is_waited_for(topic) and entry.carrier != "audio_common":
+                if not TOPICS[topic].latched and entry.carrier != "audio_common":
                     around.ends.watch(entry.name)
 
     def _take_over(self, states: Mapping[str, bytes]) -> None:
@@ -193,13 +186,6 @@ class StageWork:
         """Hand over what the stages remember."""
         self._delivery.wait()
         kept.publish(self.pipeline.lasting_state)
-
-    def _is_waited_for(self, topic: str) -> bool:
-        """Whether messages of a topic are sure to come, and have an end: the latched only from a stage of
-        the graph.
-        """
-        around = self._chosen.marked and topic in self.pipeline.wiring.given_around
-        return around or not TOPICS[topic].latched
 
     # --------------------------------------------------------------- work
 
@@ -264,8 +250,7 @@ class StageWork:
 
     def _gave(self, topic: str, record: Any) -> None:
         giver = next(spec.name for spec in self.pipeline.wiring.specs if topic in spec.outputs)
-        if self._outputs.publish(topic, record, self._around.facts.rig):
-            self._delivery.gave(topic, record)
+        self._outputs.publish(topic, record, self._around.facts.rig)
         self._around.tally.gave(giver, self._age_ns(record))
 
     def _now_ns(self) -> int:
@@ -302,13 +287,6 @@ class StageWork:
     def _replay(self) -> ReplayDelivery:
         assert isinstance(self._delivery, ReplayDelivery)
         return self._delivery
-
-    def _progress_heard(self, name: str, place: Place, count: int) -> None:
-        """Where a topic has come to; on the executor's thread."""
-        entry = self._inputs.get(name)
-        if entry is not None:
-            key = entry.topic, entry.owner
-            self._around.worker.note(lambda: self._replay.mark(key, place, count))
 
     def topic_over(self, name: str) -> None:
         """All messages of a topic have been taken (replay)."""

@@ -124,6 +124,7 @@ def plan_devices(
     frame_rate: float | None = None,
     latency_ms: float = 0.0,
     microphones: Mapping[str, str] = NOTHING,
+    audio: Sequence[str] = (),
 ) -> Plan:
     """The plan of a live run.
 
@@ -132,6 +133,7 @@ def plan_devices(
         devices: V4L2 device or RTSP/HTTP address of each camera.
         microphones: input as PortAudio calls it, or a WAV file that is played, by name. They and the cameras
             are stamped by this machine's clock, so the first stands for that of cameras without a clock.
+        audio: devices whose sound others publish.
         frame_rate: Hz to ask for, 30 unless given.
         latency_ms: of the devices, from exposure to arrival.
 
@@ -154,6 +156,7 @@ def plan_devices(
             extras=extras,
             frame_rate=rate,
             live=True,
+            heard=tuple(audio),
         )
     )
     heard = plan_clocks(clocked, plan.configs, [Recorder(name, (), name) for name in microphones], {})

@@ -17,10 +17,10 @@ from panoptic_ros.domain import AudioBlock
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import make_stage, ports_in_use, switched_on
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.host import Host, lanes_of
-from panoptic_ros.graph.lane_groups import Key
+from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.refinement_pass import refinement_of
 from panoptic_ros.graph.side_by_side import TABLE, SideBySide, looked_ahead
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, TRACKS_KEY, opened_streams
@@ -29,10 +29,13 @@ from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.finish import TOLD
 from panoptic_ros.running.runs.newest_frames import newest_frames
+from panoptic_ros.running.runs.results import Results
 from panoptic_ros.stage import Notice, StageContext
 
 # what results keep of what comes from outside
 TAKEN = ("image", "detections", SOUND_KEY, IMU_KEY, "sensor_depth", TRACKS_KEY)
+
+REFINED = ("patch_tracks", "sensor_depth", "skeletons_raw")  # what offline refinement takes
 
 
 class Taker(Protocol):
@@ -43,6 +46,27 @@ class Taker(Protocol):
 
 
 Records = dict[Key, Iterator[Any]]  # of each topic of each camera
+
+
+class OfflineResults:
+    """Takes the records of a run in one process; its own refinement stands in for the smoother with a lag."""
+
+    def __init__(self, plan: Plan, results: Results):
+        self._results = results
+        self._refinement = refinement_of(plan.configs, StageContext(plan.rig, plan.skeleton, plan.extras))
+
+    def take(self, key: str, record: Any) -> None:
+        """See `Results`."""
+        if key != "skeletons":
+            self._results.take(key, record)
+        if key in REFINED:
+            for output in self._refinement.take(record):
+                self._results.take("skeletons", output)
+
+    def flush(self) -> None:
+        """The rest of the skeletons."""
+        for output in self._refinement.flush():
+            self._results.take("skeletons", output)
 
 
 class _Counted:

@@ -20,9 +20,9 @@ from panoptic_ros.running.plans.duration import ended_after
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead
 from panoptic_ros.running.runs.finish import draw, finish, grouped_views
-from panoptic_ros.running.runs.in_process import run_in_process
+from panoptic_ros.running.runs.in_process import OfflineResults, run_in_process
+from panoptic_ros.running.runs.launch import without_patch_inputs
 from panoptic_ros.running.runs.observer import RunObserver
-from panoptic_ros.running.runs.offline import OfflineResults, without_patch_inputs
 from panoptic_ros.running.runs.result_folder import LiveFolder, files_below, open_live_folder, result_folder
 from panoptic_ros.running.runs.results import MADE, Results
 from panoptic_ros.running.runs.startup_check import StartupCheck
@@ -69,7 +69,7 @@ def run(
         in_process: all stages in this process, without ROS; else nodes in processes of their own.
         offline: the same, and skeletons are refined over the whole recording.
         jpeg_quality: 1-100: images are sent to other processes as JPEG; 0: as they are.
-        node_per_stage: a node and a process for every stage after detection, in place of one for all.
+        node_per_stage: live, a node and a process for every stage after detection, in place of one for all.
         duration_s: of a recording, from its first stamp; live, from the first record on, or from the start
             where none comes. None = all of it.
         pictures: also draw overlays, a video and a plot.
