@@ -122,16 +122,11 @@ def make_plan(given, options):
         raise UsageError("flow:=replay is for recordings; leave it out for devices:=")
     rig = Path(given["rig"]) if given["rig"] else None
     if given["capture"]:
-        plan = plan_capture(Path(given["capture"]), options, rig=rig)
-        plan = replace(plan, live=given["flow"] == "live")
+        plan = replace(plan_capture(Path(given["capture"]), options, rig=rig), live=given["flow"] == "live")
     else:
-        plan = plan_devices(
-            rig,
-            pairs(given, "devices"),
-            options,
-            microphones=pairs(given, "microphones"),
-            audio=given["audio"].split(),
-        )
+        microphones = pairs(given, "microphones")
+        plan = plan_devices(rig, pairs(given, "devices"), options, microphones=microphones)
+        plan = replace(plan, heard=tuple(given["audio"].split()))
     words = tuple(word for word in given["publish"].split(",") if word)
     return replace(plan, publish=words, namespace=given["namespace"])
 

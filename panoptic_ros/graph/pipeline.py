@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 from panoptic_ros.domain import EndOfStream, Rig
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import make_stage, ports_in_use, rows_in_use, switched_on
-from panoptic_ros.graph.lines import Lines
 from panoptic_ros.graph.nodes import CHAIN, FUSION, NODES, Port
 from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, Schedule, Turn
 from panoptic_ros.graph.topics import TOPICS, number_of, owner_of
@@ -118,15 +117,20 @@ class Pipeline:
         for stage in self._timed_stages:
             stage.arrived(came_ns, host_ns)
 
-    def begin_step(self, topic: str, record: Any, lines: Lines) -> Future[Any] | None:
+    def begin_step(
+        self, topic: str, record: Any, add: Callable[[str, Callable[[], Any]], Future[Any]]
+    ) -> Future[Any] | None:
         """Let the stage that takes a record first begin with it, where its cameras or devices are apart.
         `push` then hands on what came of it. None: nothing was begun.
+
+        Args:
+            add: has a call done for a camera or device, after those before it (see `graph.under_way`).
         """
         first = self.wiring.readers[topic][0].stage
         if self.names[first] not in self._apart:
             return None
         stage = self._stages[first]
-        step = lines.add(owner_of(topic, record), lambda: self._timed(stage, record))
+        step = add(owner_of(topic, record), lambda: self._timed(stage, record))
         self._begun[first, id(record)] = step
         return step
 

@@ -76,7 +76,6 @@ _NEED = (
     "benches.player",
     "benches.viewed_graph",
     "plans.driver_plan",
-    "plans.driver_rig",
     "processes.fork_server",
     "recordings.control",
     "recordings.facts",
@@ -97,7 +96,7 @@ SAME_RANK_ALLOWED = {("capture", "io")}  # a capture folder holds files that io 
 INNER_ROOMS = {
     "timecode": ("config", "signal", "word", "label", "follow"),
     "kinematics": ("config", "pose", "imus", "body", "people"),
-    "nodes": ("middleware", "health", "flow", "stages", "listeners", "sources"),
+    "nodes": ("middleware", "health", "stages", "listeners", "sources"),
 }
 
 

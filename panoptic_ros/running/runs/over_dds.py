@@ -15,8 +15,7 @@ from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.nodes.listeners.collector_node import CollectorNode
 from panoptic_ros.nodes.listeners.domain_claim import claim_domain
-from panoptic_ros.nodes.middleware.executor import make_executor
-from panoptic_ros.nodes.middleware.runtime import in_namespace, start_ros
+from panoptic_ros.nodes.middleware.runtime import in_namespace, make_executor, start_ros
 from panoptic_ros.nodes.sources.statics_node import StaticsNode
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.plan import Plan

@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from panoptic_ros.nodes.health.compilation import TEXT, Compilation
+from panoptic_ros.nodes.stages.stage_node import TEXT, Compilation
 
 
 class Log:
@@ -20,7 +20,7 @@ def fresh_kernel(name):
     def kernel(x):
         return x + 1.0
 
-    kernel.__module__, kernel.__qualname__ = "panoptic_ros.nodes.health.compilation", name
+    kernel.__module__, kernel.__qualname__ = "panoptic_ros.nodes.stages.stage_node", name
     return numba.njit(kernel)
 
 
