@@ -14,7 +14,7 @@ from toy_graph import OWNERS, TABLE, Group, Known, Transport, View, Wide
 
 from panoptic_ros.graph import topics
 from panoptic_ros.graph.build import rows_in_use
-from panoptic_ros.graph.nodes import NODES, Port
+from panoptic_ros.graph.nodes import BESIDE_IMAGES, NODES, Port
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.schedule import Schedule
 from panoptic_ros.graph.topics import number_of
@@ -147,6 +147,13 @@ def test_only_offsets_comes_back_to_sync_and_tracking_to_association():
     assert heads_of(Wiring(NODES, table=table)) == ["sync", "association"]
     others = [name for name in NODES if name not in ("offsets", "tracking")]
     assert Wiring(others, table=table).heads == frozenset()
+
+
+def test_only_records_whose_stamps_tell_their_places_cross_the_standard_graph():
+    assert all(topics.TOPICS[topic].by_stamp for topic in Wiring(BESIDE_IMAGES, NODES).leaving)
+    rest = Wiring([name for name in NODES if name not in BESIDE_IMAGES])
+    assert [port for port in rest.inputs if not (topics.TOPICS[port.topic].by_stamp or port.latched)] == []
+    assert not Wiring(BESIDE_IMAGES, NODES, rows_in_use(())).heads
 
 
 def test_tracking_comes_back_to_detection_where_it_looks_at_regions():

@@ -47,6 +47,9 @@ from panoptic_ros.params import Config
 from panoptic_ros.stage import Stage, StageContext
 
 
+WAIT_S = 0.1  # for room; then the node looks whether there is something else to do
+
+
 @dataclass(frozen=True)
 class OwnCameras:
     """The cameras that a node reads itself.
@@ -60,6 +63,9 @@ class OwnCameras:
     sources: Mapping[str, Mapping[str, Any]]
     threads: int = 1
     jpeg_quality: int = 0
+
+
+NONE = OwnCameras({})
 
 
 class OwnInput(Input):
@@ -176,9 +182,6 @@ class LiveCameras:
             thread.join(timeout=5.0)
 
 
-WAIT_S = 0.1  # for room; then the node looks whether there is something else to do
-
-
 class RecordingsRead:
     """The records of cameras of a recording, taken when the stages want them.
 
@@ -272,9 +275,6 @@ def _told(items: Iterator[Any], sent: Callable[[Any], None]) -> Iterator[Any]:
     for item in items:
         sent(item)
         yield item
-
-
-NONE = OwnCameras({})
 
 
 class OwnReading:

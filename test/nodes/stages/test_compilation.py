@@ -29,11 +29,11 @@ def test_compilation_is_told_once_in_the_log_and_while_it_goes_on():
     times = iter([10.0, 10.5, 11.5])  # s, when kernels begin
     compilation = Compilation(log, lambda: seen.append(compilation.kernel), clock=lambda: next(times))
     assert [kernel(np.float64(1.0)) for kernel in kernels] == [2.0, 2.0]
-    assert log.texts == [TEXT] and seen == ["nodes.health.compilation.one"]
+    assert log.texts == [TEXT] and seen == ["nodes.stages.stage_node.one"]
     assert kernels[0](np.float64(1.0)) == 2.0
     assert compilation.kernel == "" and log.texts == [TEXT]
     fresh_kernel("four")(np.float64(1.0))
-    assert seen == ["nodes.health.compilation.one", "nodes.health.compilation.four"] and log.texts == [TEXT]
+    assert seen == ["nodes.stages.stage_node.one", "nodes.stages.stage_node.four"] and log.texts == [TEXT]
     compilation.close()
     other = Log()
     fresh_kernel("three")(np.float64(1.0))
