@@ -214,10 +214,7 @@ def crowd(scenes, seed):
             member[:, v] = rng.permutation(member[:, v])
     member[rng.random(member.shape) < 0.2] = -1
     joints, stack = plane.shape[1], rig.stack()
-    cams, starts = (
-        Cameras(stack.rotations, stack.translations, np.zeros(views)),
-        people * np.arange(views + 1),
-    )
+    cams, starts = Cameras(stack.rotations, stack.translations, np.zeros(views)), people * np.arange(views + 1)
     guides = Guides.of_nobody_known(people, joints, 0.1)
     guides.positions[...] = np.stack(truths) + 0.03 * rng.standard_normal((people, joints, 3))
     source = np.tile(np.arange(joints), (people, views, 1))
