@@ -66,9 +66,8 @@ def run(args: argparse.Namespace) -> int:
         return _ask(args.start)
     # only now: --help must be quick
     from panoptic_ros.io.bag_split import split_of
-    from panoptic_ros.running.recordings.options import RecordOptions
+    from panoptic_ros.running.recordings.options import RecordOptions, Selection
     from panoptic_ros.running.recordings.record import record, stand_by
-    from panoptic_ros.running.recordings.selection import Selection
 
     options = RecordOptions(
         Selection(args.topic, not args.no_images),

@@ -1,33 +1,293 @@
 """A part of the graph in replay: whatever arrives first, its stages take records in the order of their
 places.
 
-A host gives what comes from outside its place (`graph.lanes`) and hands it to its stages (`graph.pipeline`)
-as soon as nothing can come before it. Where other hosts need to know places (`marked`), it tells those of
-what it gives.
+Records of sources, and those that follow them one by one, have the place (time, owner, topic), see
+`graph.schedule`. The time is their stamp. Of a clock of its own, it is counted from the first stamp and
+begins where the common clock does, unless it is known by how much the clocks differ (`shift_ns`). A host
+hands a record to its stages (`graph.pipeline`) as soon as nothing can come before it. Other records from
+outside, such as latched facts, have no place: stages take them as they come.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from heapq import heappop, heappush
+from typing import Any, NamedTuple
 
-from panoptic_ros.graph.lane_groups import Group, Key
-from panoptic_ros.graph.lanes import Lane
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.graph.schedule import DONE, Place
+from panoptic_ros.graph.schedule import DONE, END, Place
 from panoptic_ros.graph.topics import TOPICS, number_of
+
+Key = tuple[str, str]  # topic, owner
+EARLY = 4  # records of a stream that are shown early after its start or a pause
+PAUSE_NS = 500_000_000  # a longer time between two records is a pause
+JUMP_NS = 60_000_000_000  # a still longer one is a clock that jumped
+
+
+class Lane(NamedTuple):
+    """One topic of one camera or device.
+
+    Args:
+        topic, owner: keys. A topic of the graph has the owner "".
+        order: (number of the owner, number of the topic), the same everywhere in a graph.
+        by_stamp: stamps tell the places of its records; others have none.
+        ahead_ns: see `graph.nodes.Port`.
+        clock: whose clock the stamps are on.
+        shift_ns: what is added to stamps for a time that all such lanes share; None: not known.
+    """
+
+    topic: str
+    owner: str
+    order: tuple[int, int]
+    by_stamp: bool
+    ahead_ns: int = 0
+    clock: str = ""
+    shift_ns: int | None = None
+
+
+class Origins(NamedTuple):
+    """Where times begin.
+
+    Args:
+        shifts: what is taken from the stamps of a clock; of the common one nothing.
+        begin: the earliest time.
+    """
+
+    shifts: Mapping[str, int]
+    begin: int
+
+    @classmethod
+    def of(cls, firsts: Mapping[str, int], shifted: Sequence[int] = ()) -> Origins:
+        """Origins by the first stamps of the clocks: all begin with the common one ("").
+
+        Args:
+            shifted: first times of lanes whose clocks are known; the first of all is the beginning.
+        """
+        common = [firsts[""]] if "" in firsts else []
+        begin = min([*common, *shifted], default=0)
+        return cls({clock: first - begin for clock, first in firsts.items() if clock}, begin)
+
+
+class BesideStream:
+    """Records that are handed over just before those of another topic of their owner, by their stamps.
+
+    Such as depth maps before the images that they belong to: with the image of stamp t come those before t
+    plus the time by which the port is ahead.
+    """
+
+    def __init__(self, lane: Lane):
+        self.lane = lane
+        self.wanted = False  # whether a record waits for what is to come
+        self.ended = False
+        self._records: deque[tuple[int, Any]] = deque()
+        self._newest = -1
+
+    def put(self, stamp_ns: int, record: Any) -> None:
+        """A record has arrived."""
+        self._records.append((stamp_ns, record))
+        self._newest = max(self._newest, stamp_ns)
+
+    def end(self) -> None:
+        """All that was sent has arrived."""
+        self.ended = True
+
+    def covers(self, stamp_ns: int) -> bool:
+        """Whether all that belongs to a record of this stamp has come."""
+        self.wanted = not self.ended and self._newest < stamp_ns + self.lane.ahead_ns
+        return not self.wanted
+
+    def take(self, stamp_ns: int) -> list[Any]:
+        """What belongs to a record of this stamp, or to none before it."""
+        found = []
+        while self._records and self._records[0][0] < stamp_ns + self.lane.ahead_ns:
+            found.append(self._records.popleft()[1])
+        return found
+
+
+class StampedStream:
+    """Records whose stamps tell their places.
+
+    A stream that begins later than others, or pauses, shows its next records early, at the place where it was
+    silent. So nobody waits for what does not come. Where its clock jumps, its time goes on.
+    """
+
+    def __init__(self, lane: Lane):
+        self.lane = lane
+        self.bound: Place = ()  # what is still to come is not before this
+        self._records: deque[tuple[int, Any]] = deque()
+        self._last: int | None = None  # stamp of the newest record with a place
+        self._time = 0  # of that place
+        self._shift = 0  # from stamps to times
+        self._period = 1
+        self._early = 0  # records that are still shown early
+        self.ended = False
+
+    @property
+    def shown(self) -> bool:
+        """Whether anything has come."""
+        return bool(self._records) or self._last is not None
+
+    @property
+    def first_stamp(self) -> int | None:
+        """Stamp of the first record; None: none has come."""
+        return self._records[0][0] if self._records else None
+
+    @property
+    def empty(self) -> bool:
+        """Whether it has ended without a record."""
+        return self.ended and not self._records and self._last is None
+
+    def put(self, stamp_ns: int, record: Any) -> None:
+        """A record has arrived."""
+        self._records.append((stamp_ns, record))
+
+    def end(self) -> None:
+        """All that was sent has arrived."""
+        self.ended = True
+
+    def take(self, origins: Origins, beside: Sequence[BesideStream] = ()) -> list[tuple[Lane, Place, Any]]:
+        """The records that have come, with their lanes and places, each behind those that belong beside it.
+
+        Args:
+            beside: what waits for records of this stream; a record waits until all of it has come.
+        """
+        found: list[tuple[Lane, Place, Any]] = []
+        while self._records and all(stream.covers(self._records[0][0]) for stream in beside):
+            stamp, record = self._records.popleft()
+            time = self._time_of(stamp, origins)
+            for stream in beside:
+                owner, topic = stream.lane.order
+                found += [(stream.lane, (time, owner, -topic), other) for other in stream.take(stamp)]
+            found.append((self.lane, (time, *self.lane.order), record))
+            self.bound = (time, *self.lane.order, END)
+        if self.ended and not self._records:
+            self.bound = (DONE,)
+        return found
+
+    @property
+    def last_place(self) -> Place:
+        """Of the newest record that has a place."""
+        return (self._time, *self.lane.order)
+
+    def _time_of(self, stamp: int, origins: Origins) -> int:
+        if self._last is None:
+            known = self.lane.shift_ns
+            self._shift = -origins.shifts.get(self.lane.clock, 0) if known is None else known
+            self._early = EARLY if stamp + self._shift - origins.begin > PAUSE_NS else 0
+            self._time = origins.begin - 1
+        else:
+            step = stamp - self._last
+            if not 0 < step <= JUMP_NS:
+                self._shift -= step - self._period
+            elif step > PAUSE_NS:
+                self._early = EARLY
+            else:
+                self._period = step
+        self._last = stamp
+        soon = self._time + 1
+        if self._early:
+            self._early -= 1
+            self._time = soon
+        else:
+            self._time = max(soon, stamp + self._shift)
+        return self._time
+
+
+class Group:
+    """Streams that are merged: all of a host, or those of one camera or device."""
+
+    def __init__(self, lanes: Sequence[Lane]):
+        self.streams = {(lane.topic, lane.owner): StampedStream(lane) for lane in lanes if not lane.ahead_ns}
+        self.beside = {(lane.topic, lane.owner): BesideStream(lane) for lane in lanes if lane.ahead_ns}
+        self._placed: list[tuple[Place, int, Lane, Any, bool]] = []  # a heap
+        self._number = 0
+        self._origins: Origins | None = None
+        self._ends: dict[Key, bool] = {}  # ends that have come: whether they were placed
+
+    def put(self, key: Key, stamp_ns: int, record: Any) -> None:
+        """A record has arrived."""
+        (self.beside.get(key) or self.streams[key]).put(stamp_ns, record)
+
+    def end(self, key: Key) -> None:
+        """No more will come on a lane."""
+        if key in self.beside:
+            self.beside[key].end()
+        else:
+            self.streams[key].end()
+            self._ends.setdefault(key, False)
+
+    def waiting_for(self) -> tuple[bool, Place, tuple[int, int], Key] | None:
+        """The lane on which something must come, or end, first; None: all have ended."""
+        waiting = [
+            (stream.shown, stream.bound, stream.lane.order, key)
+            for key, stream in self.streams.items()
+            if not stream.ended
+        ]
+        waiting += [
+            (False, (), stream.lane.order, key)
+            for key, stream in self.beside.items()
+            if not stream.ended and (stream.wanted or not waiting)
+        ]
+        return min(waiting) if waiting else None
+
+    def bound(self, topics: frozenset[str] | None = None) -> Place:
+        """What is still to come on these topics (None: all) is not before this."""
+        return min(
+            (
+                stream.bound
+                for stream in self.streams.values()
+                if topics is None or stream.lane.topic in topics
+            ),
+            default=(DONE,),
+        )
+
+    def place(self) -> None:
+        """Give all that has come its place, as far as that is known."""
+        origins = self._origins = self._origins or self._find_origins()
+        if origins is not None:
+            for stream in self.streams.values():
+                beside = [other for other in self.beside.values() if other.lane.owner == stream.lane.owner]
+                for lane, place, record in stream.take(origins, beside):
+                    self._keep(lane, place, record)
+        for key, placed in self._ends.items():
+            stream = self.streams[key]
+            if not placed and stream.bound == (DONE,):
+                self._ends[key] = True
+                self._keep(stream.lane, stream.last_place, None, is_end=True)
+
+    def take(self, bound: Place) -> tuple[Place, Lane, Any, bool] | None:
+        """The next record that is not after this place: place, lane, record, whether it is an end."""
+        if not self._placed or self._placed[0][0] > bound:
+            return None
+        place, _, lane, record, is_end = heappop(self._placed)
+        return place, lane, record, is_end
+
+    def _keep(self, lane: Lane, place: Place, record: Any, is_end: bool = False) -> None:
+        self._number += 1
+        heappush(self._placed, (place, self._number, lane, record, is_end))
+
+    def _find_origins(self) -> Origins | None:
+        """Where the times of all clocks begin; None: a lane has not shown it yet."""
+        if any(stream.first_stamp is None and not stream.empty for stream in self.streams.values()):
+            return None
+        firsts: dict[str, int] = {}
+        shifted: list[int] = []
+        for stream in self.streams.values():
+            first, clock, shift = stream.first_stamp, stream.lane.clock, stream.lane.shift_ns
+            if first is not None and shift is not None:
+                shifted.append(first + shift)
+            elif first is not None:
+                firsts[clock] = min(first, firsts.get(clock, first))
+        return Origins.of(firsts, shifted)
 
 
 class Host:
     """Stages, and the order in which they take what comes from outside.
 
     Args:
-        pipeline: the stages. Whoever sends its records out calls `gave` after each that leaves the host.
-            Ends of cameras and devices are told by the pipeline, those of whole topics by the host.
+        pipeline: the stages. It tells ends of cameras and devices, the host those of whole topics.
         lanes: all that comes from outside.
-        marked: whether the hosts of the graph tell each other places; without, records that have none are
-            taken as they come, which is the same order as long as they are of one topic.
-        on_marker: called with (topic, owner, place): see `graph.lanes`.
         on_end: called with a topic when no more is given on it.
     """
 
@@ -35,19 +295,15 @@ class Host:
         self,
         pipeline: Pipeline,
         lanes: Sequence[Lane],
-        *,
-        marked: bool = False,
-        on_marker: Callable[[str, str, Place], None] = lambda topic, owner, place: None,
         on_end: Callable[[str], None] = lambda topic: None,
     ):
-        self._pipeline, self._marked = pipeline, marked
-        self._on_marker, self._on_end = on_marker, on_end
+        self._pipeline, self._on_end = pipeline, on_end
         wiring = pipeline.wiring
         self.keys = {(lane.topic, lane.owner) for lane in lanes}
-        merged = [lane for lane in lanes if marked or lane.by_stamp]
+        merged = [lane for lane in lanes if lane.by_stamp]
         self._merged = {(lane.topic, lane.owner) for lane in merged}
-        self._optional = {port.topic for port in wiring.inputs if port.optional}
-        self._open_at_once = {key for key in self.keys - self._merged if key[0] not in self._optional}
+        optional = {port.topic for port in wiring.inputs if port.optional}
+        self._open_at_once = {key for key in self.keys - self._merged if key[0] not in optional}
         self._apart = all(spec.apart for spec in wiring.specs)
         owners = dict.fromkeys(lane.owner if self._apart else "" for lane in merged)
         self._groups = {
@@ -58,14 +314,6 @@ class Host:
             frozenset(lane.topic for lane in merged if stage in wiring.reached(lane.topic))
             for stage in range(len(wiring.specs))
         ]
-        self._by_markers = frozenset(lane.topic for lane in merged if not lane.by_stamp)
-        self._told: dict[tuple[str, str, int], Place] = {  # topic, owner, stage: place
-            (topic, owner if TOPICS[topic].scope != "graph" else "", stage): ()
-            for stage, spec in enumerate(wiring.specs)
-            for topic in spec.outputs
-            if topic in wiring.leaving and not TOPICS[topic].by_stamp
-            for owner in self._groups
-        }
         self._flushed = 0
         self.over = False
 
@@ -80,11 +328,6 @@ class Host:
             return
         self._group(owner).put(key, stamp_ns, record)
 
-    def mark(self, topic: str, owner: str, place: Place, count: int) -> None:
-        """A marker of a topic has arrived."""
-        if self._marked and (topic, owner) in self._merged:
-            self._group(owner).marked[topic, owner].mark(place, count)
-
     def end(self, topic: str, owner: str) -> None:
         """All that was sent on a lane has arrived."""
         if (topic, owner) not in self._merged:
@@ -98,30 +341,20 @@ class Host:
         waiting = [found for group in self._groups.values() if (found := group.waiting_for()) is not None]
         return min(waiting)[3] if waiting else None
 
-    def gave(self, topic: str, owner: str) -> None:
-        """A record of these stages has left the process on a topic."""
-        if self._marked and topic in self._pipeline.wiring.leaving and not TOPICS[topic].by_stamp:
-            self._on_marker(topic, owner, self._pipeline.place)
-
     def advance(self) -> None:
-        """Take all records whose turn it is, tell how far these stages have come, and end with the last
-        lane.
-        """
+        """Take all records whose turn it is, and end with the last lane."""
         if self.over:
             return
         for group in self._groups.values():
             group.place()
-            bounds = None if self._apart else self._bounds
             limit = group.bound() if self._apart else (DONE,)
             while (item := group.take(limit)) is not None:
                 self._add(*item)
                 if self._apart:
                     self._pipeline.run()
             if not self._apart:
-                self._pipeline.run(bounds)
+                self._pipeline.run(self._bounds)
         self._finish_stages()
-        if self._marked:
-            self._tell_bounds()
 
     # ------------------------------------------------------------------ helpers
 
@@ -135,8 +368,8 @@ class Host:
             self._pipeline.schedule.add(lane.topic, record, place)
 
     def _bounds(self, stage: int) -> Place:
-        """What a stage may still get from outside; of -1: what may come back."""
-        topics = self._reaching[stage] if stage >= 0 else self._by_markers
+        """What a stage may still get from outside is not before this."""
+        topics = self._reaching[stage]
         return min((group.bound(topics) for group in self._groups.values()), default=(DONE,))
 
     def _finish_stages(self) -> None:
@@ -148,28 +381,12 @@ class Host:
                 self._pipeline.run(self._bounds)
                 self._flushed += 1
                 for topic in spec.outputs:
-                    self._end_topic(stage, topic)
+                    self._on_end(topic)
         self.over = self._flushed == len(wiring.specs)
 
     def _is_open(self, stage: int) -> bool:
         """Whether something that is taken as it comes may still come."""
         return any(stage in self._pipeline.wiring.reached(topic) for topic, _ in self._open_at_once)
-
-    def _end_topic(self, stage: int, topic: str) -> None:
-        for told, owner, giver in self._told:
-            if (told, giver) == (topic, stage):
-                self._told[told, owner, giver] = (DONE,)
-                if self._marked:
-                    self._on_marker(topic, owner, (DONE,))
-        self._on_end(topic)
-
-    def _tell_bounds(self) -> None:
-        for (topic, owner, stage), told in self._told.items():
-            group = self._groups[owner if self._apart else ""]
-            place = group.bound() if self._apart else self._pipeline.schedule.bound(stage, self._bounds)
-            if told < place < (DONE,):
-                self._told[topic, owner, stage] = place
-                self._on_marker(topic, owner, place)
 
 
 def lanes_of(

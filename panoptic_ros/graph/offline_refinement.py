@@ -4,22 +4,39 @@ Joo et al. 2017, 6.3, propagate parts forward and backward and associate patches
 until nothing more is filled. Here a displacement ties two states in both directions, and smoothing over two
 seconds to come is as good as over all of the recording. What it fills is what patches are put on next, in a
 second round; so a recording of any length is refined as it passes by.
+
+The averaging of Joo et al. 2017, 6.3, over a whole recording: see `refinement.averaging`.
+
+Refinement of a whole recording as a pass, by the method that is configured.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from heapq import merge
 from typing import Any, NamedTuple
 
-from panoptic_ros.domain import DepthFrame, PatchTracks, PatchTrajectories, RefinedPoseSet, TrackedPoseSet
+import numpy as np
+
+from panoptic_ros.domain import (
+    DepthFrame,
+    JointState,
+    PartMotions,
+    PatchTracks,
+    PatchTrajectories,
+    RefinedPoseSet,
+    TrackedPoseSet,
+)
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import make_stage
 from panoptic_ros.params import Config, config_of
 from panoptic_ros.patches.config import PatchesConfig
+from panoptic_ros.refinement.averaging import Joints, averaged
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.stage import StageContext
+from panoptic_ros.refinement.stage import bias_floor, without
+from panoptic_ros.stage import Progress, Recording, StageContext
 
 AHEAD = 2.0  # s that smoothing looks ahead; motion is forgotten in a fraction of that
 BRIDGED = 1.0  # s, longest gap that is filled although nothing was followed
@@ -111,3 +128,130 @@ class OfflineRefinement:
                 yield output
             else:
                 yield from self._next(k + 1, self._rounds[k + 1].take(instant, output))
+
+
+Array = np.ndarray
+UNKNOWN = 0.1**2  # m^2, of joints that averaging filled: it does not tell
+
+
+class OfflineAveraging:
+    """Takes 2D tracks, depth maps and tracked skeletons in their order; gives all skeletons at the end.
+
+    Joints in free space are missing at first. Parts are followed on the joints of the round before. It holds
+    the whole recording.
+
+    Attributes:
+        rounds: that it took.
+
+    Raises:
+        UsageError: if the motion of the surface is not measured.
+    """
+
+    def __init__(self, configs: Mapping[str, Config], context: StageContext):
+        self._patches, self._context = config_of(configs, PatchesConfig), context
+        if not self._patches.active:
+            text = "averaging needs the motion of the surface: add --set patches.active=true, or leave"
+            raise UsageError(f"refinement.method=averaging: {text} --offline out")
+        self._floor = bias_floor(config_of(configs, RefinementConfig).bias_floor, context.skeleton)
+        self._items: list[Taken] = []
+        self._last_ns = -1
+        self.rounds = 0
+
+    def take(self, item: Taken) -> Iterator[RefinedPoseSet]:
+        """Nothing yet; sets from the past are left out."""
+        if isinstance(item, TrackedPoseSet):
+            if item.stamp_ns <= self._last_ns:
+                return iter(())
+            self._last_ns = item.stamp_ns
+        self._items.append(item)
+        return iter(())
+
+    def flush(self) -> Iterator[RefinedPoseSet]:
+        """All skeletons."""
+        raw = [item for item in self._items if isinstance(item, TrackedPoseSet)]
+        free = {own.stamp_ns: own.free for own in self._followed(raw, self._patches)}
+        raw = [without(item, free[item.stamp_ns]) if len(free[item.stamp_ns]) else item for item in raw]
+        carried = replace(self._patches, carry_gain=1.0)  # on skeletons as they are
+
+        def motions_on(joints: Sequence[Joints]) -> list[PartMotions | None]:
+            shown = [_shown(item, own) for item, own in zip(raw, joints)]
+            before = [-1, *(item.stamp_ns for item in raw)]
+            return [
+                own.motions if own.before_ns == last else None
+                for own, last in zip(self._followed(shown, carried), before)
+            ]
+
+        begun = [dict(zip(item.ids.tolist(), item.positions)) for item in raw]
+        joints, self.rounds = averaged(begun, motions_on, self._context.skeleton)
+        for item, own in zip(raw, joints):
+            shown = _shown(item, own)
+            values = {field.name: getattr(shown, field.name) for field in fields(shown)}
+            yield RefinedPoseSet(**{**values, "covariances": shown.covariances + self._floor})
+        self._items = []
+
+    def _followed(
+        self, shown: Sequence[TrackedPoseSet], config: PatchesConfig
+    ) -> Iterator[PatchTrajectories]:
+        """Patches of every set, put on these skeletons in place of those that came."""
+        stage, instead = make_stage("patches", config, self._context), iter(shown)
+        for item in self._items:
+            taken: Iterable[PatchTrajectories] = stage.step(
+                next(instead) if isinstance(item, TrackedPoseSet) else item
+            ).outputs
+            yield from taken
+
+
+def _shown(item: TrackedPoseSet, own: Mapping[int, Array]) -> TrackedPoseSet:
+    """The people of a set with other joints (J, 3) m, NaN = missing."""
+    positions = item.positions.copy()
+    for row, number in enumerate(item.ids.tolist()):
+        positions[row] = own[number]
+    filled = np.isfinite(positions[..., 0]) & (item.states == JointState.MISSING)
+    return replace(
+        item,
+        positions=positions,
+        states=np.where(filled, np.uint8(JointState.FILLED), item.states),
+        scores=np.where(filled, item.person_scores[:, None], item.scores),
+        covariances=np.where(filled[..., None, None], UNKNOWN * np.eye(3), item.covariances),
+    )
+
+
+ORDER = {PatchTracks: 0, DepthFrame: 1, TrackedPoseSet: 2}  # of records of the same stamp
+
+
+def refinement_of(
+    configs: Mapping[str, Config], context: StageContext
+) -> OfflineRefinement | OfflineAveraging:
+    """What refines a whole recording.
+
+    Raises:
+        UsageError: if the configuration asks for what is not possible offline.
+    """
+    averages = config_of(configs, RefinementConfig).method == "averaging"
+    return OfflineAveraging(configs, context) if averages else OfflineRefinement(configs, context)
+
+
+class RefinementPass:
+    """All of a recording, refined: a `stage.Pass`."""
+
+    def __init__(self, config: Mapping[str, Config], context: StageContext):
+        self._configs, self._context = config, context
+
+    def run(self, recording: Recording, progress: Progress) -> tuple[RefinedPoseSet, ...]:
+        """Skeletons of every set; reads `skeletons_raw`, and `patch_tracks` and `sensor_depth` if there."""
+        refinement, rig = refinement_of(self._configs, self._context), self._context.rig
+        count = max(1, sum(1 for _ in recording.records("skeletons_raw")))
+        streams: list[Iterable[Taken]] = [recording.records("patch_tracks", name) for name in rig.names]
+        streams += [recording.records("sensor_depth", sensor.name) for sensor in rig.depth_sensors]
+        streams.append(recording.records("skeletons_raw"))
+        found: list[RefinedPoseSet] = []
+        for item in merge(*streams, key=_place):
+            found += refinement.take(item)
+            progress(min(1.0, len(found) / count), "refining")
+        found += refinement.flush()
+        progress(1.0, "refining")
+        return tuple(found)
+
+
+def _place(item: Taken) -> tuple[int, int]:
+    return item.stamp_ns, next(order for kind, order in ORDER.items() if isinstance(item, kind))

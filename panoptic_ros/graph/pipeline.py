@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 from panoptic_ros.domain import EndOfStream, Rig
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import make_stage, ports_in_use, rows_in_use, switched_on
-from panoptic_ros.graph.lines import Lines
 from panoptic_ros.graph.nodes import CHAIN, FUSION, NODES, Port
 from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, Schedule, Turn
 from panoptic_ros.graph.topics import TOPICS, number_of, owner_of
@@ -92,7 +91,6 @@ class Pipeline:
         self._on_step = on_step or (lambda stage, duration: None)
         self._on_cpu = on_cpu or (lambda stage, duration: None)
         self._clock, self._cpu_clock = clock or (lambda: 0), cpu_clock or (lambda: 0)
-        self.place: Place = ()  # of the newest record that was given
         self.stepping: tuple[str, int] = ("", 0)  # the stage in whose step this is, and since when
 
     @property
@@ -119,15 +117,20 @@ class Pipeline:
         for stage in self._timed_stages:
             stage.arrived(came_ns, host_ns)
 
-    def begin_step(self, topic: str, record: Any, lines: Lines) -> Future[Any] | None:
+    def begin_step(
+        self, topic: str, record: Any, add: Callable[[str, Callable[[], Any]], Future[Any]]
+    ) -> Future[Any] | None:
         """Let the stage that takes a record first begin with it, where its cameras or devices are apart.
         `push` then hands on what came of it. None: nothing was begun.
+
+        Args:
+            add: has a call done for a camera or device, after those before it (see `graph.under_way`).
         """
         first = self.wiring.readers[topic][0].stage
         if self.names[first] not in self._apart:
             return None
         stage = self._stages[first]
-        step = lines.add(owner_of(topic, record), lambda: self._timed(stage, record))
+        step = add(owner_of(topic, record), lambda: self._timed(stage, record))
         self._begun[first, id(record)] = step
         return step
 
@@ -275,8 +278,7 @@ class Pipeline:
             self._on_notice(spec.name, notice)
         for record in result.outputs:
             topic = spec.output_for(record)
-            self.place = self.schedule.place_of_next(turn, topic)
-            self.schedule.add(topic, record, self.place, turn.stage)
+            self.schedule.add(topic, record, self.schedule.place_of_next(turn, topic), turn.stage)
             self._on_record(topic, record)
 
 

@@ -1,12 +1,12 @@
-"""In which order stages take records: the same however they are divided among processes.
+"""In which order stages take records: the same in one process and in the standard graph.
 
 Every record has a place, a tuple of whole numbers that is compared from the left. Records from sources have
-places by their stamps (`graph.lanes`). A stage of rank s takes a record of place p at the turn p + (s,),
+places by their stamps (`graph.host`). A stage of rank s takes a record of place p at the turn p + (s,),
 and gives its n-th record for it the place p + (s, n). A stage takes records in the order of their turns. So
 all that follows from a record in the stages above is done before a stage below takes it, and places of what
 a stage gives never go back. A port that is marked `first` takes records before all others do. A record that
 follows one of a source by its stamp has the place of that one, but for the topic, which comes last in such
-places (`graph.lanes`).
+places (`graph.host`).
 
 A stage to which something comes back from below (a head) has one record at hand: it takes the next after
 all that follows from it is done, and after what came back. What it gives for that has the next places after
@@ -32,7 +32,7 @@ DONE = 2**63 - 1  # p + (DONE,) is beyond all that follows from p
 END = DONE - 1  # p + (END,): the end of a stream whose last record was at p
 FLUSH = DONE - 1  # time of what stages hand out at the end
 FIRST = -(2**31)  # added to the rank of a stage whose port comes first
-Bounds = Callable[[int], Place]  # of a stage (None of what is to come from outside has a place before)
+Bounds = Callable[[int], Place]  # of a stage: nothing that is to come from outside has a place before
 
 
 class Turn(NamedTuple):
@@ -135,7 +135,7 @@ class Schedule:
             turn = self._earliest(bounds)
             if turn is not None and turn.time < head.floor:
                 return self._begun(turn)
-            if not self._all_back(head, bounds):
+            if any(waiting and waiting[0][0] < head.floor for waiting in self._waiting):
                 waiting = {other.turn.stage for other in self._open}
                 return self._begun(self._earliest(bounds, waiting))  # stages above go on meanwhile
             stage = head.turn.stage
@@ -143,19 +143,6 @@ class Schedule:
                 return Turn(head.turn.time, stage, self._back[stage].popleft(), True)
             self._open.pop()
         return self._begun(self._earliest(bounds))
-
-    def bound(self, stage: int, bounds: Bounds | None) -> Place:
-        """What a stage is still to give has no place before this one."""
-        least = bounds(stage) if bounds is not None else (DONE,)
-        for above in self._wiring.above[stage]:
-            if above not in self._closed:
-                least = min(least, (FLUSH, self._wiring.ranks[above]))
-            if self._waiting[above]:
-                least = min(least, self._waiting[above][0][0])
-        for head in self._open:
-            if head.turn.stage in self._wiring.above[stage]:
-                least = min(least, head.floor)
-        return least
 
     def is_over(self, stage: int, bounds: Bounds) -> bool:
         """Whether a stage has taken all that it will get, and may hand out what it holds."""
@@ -194,10 +181,3 @@ class Schedule:
                 return Turn(time, stage, record, beside)
             held.add(stage)
         return None
-
-    def _all_back(self, head: _Open, bounds: Bounds | None) -> bool:
-        """Whether all that follows from what a head gave is done, and what comes back has come."""
-        for waiting in self._waiting:
-            if waiting and waiting[0][0] < head.floor:
-                return False
-        return not head.given or bounds is None or bounds(-1) >= head.floor

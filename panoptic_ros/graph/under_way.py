@@ -1,13 +1,62 @@
-"""Live: images of a few instants under work side by side, so that no camera waits for another one's look."""
+"""Live: images of a few instants under work side by side, so that no camera waits for another one's look.
+
+Work that waits in lines: of each line one thing after the other, of all lines side by side.
+"""
 
 from __future__ import annotations
 
+import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, wait
 from typing import Any
 
-from panoptic_ros.graph.lines import Lines
 from panoptic_ros.graph.pipeline import Pipeline
+
+Work = tuple["Future[Any]", Callable[[], Any]]
+
+
+class Lines:
+    """What is done on a pool for cameras that must not wait for each other, each image after the one before.
+
+    Args:
+        pool: whoever is free takes what has waited longest, of those lines that nobody works on.
+    """
+
+    def __init__(self, pool: Executor):
+        self._pool = pool
+        self._lines: dict[str, deque[Work]] = {}  # those on which somebody works
+        self._changing = threading.Lock()
+
+    def add(self, line: str, call: Callable[[], Any]) -> Future[Any]:
+        """Do this once all that was added to the line before is done."""
+        future: Future[Any] = Future()
+        with self._changing:
+            idle = line not in self._lines
+            self._lines.setdefault(line, deque()).append((future, call))
+        if idle:
+            self._pool.submit(self._do_next, line)
+        return future
+
+    def _do_next(self, line: str) -> None:
+        with self._changing:
+            future, call = self._lines[line].popleft()
+        try:
+            result = call()
+        except BaseException as error:  # is raised again where the result is taken
+            self._go_on(line)
+            future.set_exception(error)
+        else:
+            self._go_on(line)
+            future.set_result(result)
+
+    def _go_on(self, line: str) -> None:
+        with self._changing:
+            if not self._lines[line]:
+                del self._lines[line]
+                return
+        self._pool.submit(self._do_next, line)
+
 
 INSTANTS = 2  # under way at most: while a long look at one camera goes on, the others go on to the next
 
@@ -50,7 +99,7 @@ class UnderWay:
         for topic, record in (item for item in records if self._pipeline.is_beside(item[0])):
             self._pipeline.push(topic, record)
         for topic, record in others:
-            step = None if self._lines is None else self._pipeline.begin_step(topic, record, self._lines)
+            step = None if self._lines is None else self._pipeline.begin_step(topic, record, self._lines.add)
             if step is None:
                 self._pipeline.push(topic, record)
             else:

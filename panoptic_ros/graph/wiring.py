@@ -76,18 +76,13 @@ class Wiring:
         return self.given & {port.topic for spec in others for port in spec.inputs}
 
     @cached_property
-    def given_around(self) -> frozenset[str]:
-        """Topics that stages of the whole graph give."""
-        return frozenset(topic for spec in self._around for topic in spec.outputs)
-
-    @cached_property
     def heads(self) -> frozenset[int]:
-        """Stages to which something comes back from a stage of the graph that stands below them."""
+        """Stages to which something comes back from one of these stages that stands below them."""
         return frozenset(
             reader.stage
             for readers in self.readers.values()
             for reader in readers
-            if self.port(reader).feedback and self._given_below(reader)
+            if self.port(reader).feedback and self._is_given_below(reader)
         )
 
     @cached_property
@@ -117,17 +112,14 @@ class Wiring:
         """Whether a record comes back to a reader from below.
 
         Args:
-            giver: the stage that gave it; None: one outside.
+            giver: the stage that gave it; None: one outside, whose records are taken as they come.
         """
-        if not self.port(reader).feedback:
-            return False
-        return giver > reader.stage if giver is not None else self._given_below(reader)
+        return self.port(reader).feedback and giver is not None and giver > reader.stage
 
     def reached(self, topic: str) -> frozenset[int]:
         """Stages that a topic from outside reaches, but for feedback."""
-        takers = {reader.stage for reader in self.readers[topic] if not self.comes_back(reader, None)}
+        takers = {reader.stage for reader in self.readers[topic]}
         return frozenset(stage for stage in range(len(self.specs)) if self.above[stage] & takers)
 
-    def _given_below(self, reader: Reader) -> bool:
-        topic, row = self.port(reader).topic, self._around.index(self.specs[reader.stage])
-        return any(topic in spec.outputs for spec in self._around[row + 1 :])
+    def _is_given_below(self, reader: Reader) -> bool:
+        return any(self.port(reader).topic in spec.outputs for spec in self.specs[reader.stage + 1 :])

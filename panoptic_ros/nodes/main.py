@@ -27,8 +27,7 @@ from panoptic_ros.io.output import print_to
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.nodes.listeners.heat_maps_node import HeatMapsNode
-from panoptic_ros.nodes.listeners.markers_node import MarkersNode
-from panoptic_ros.nodes.listeners.people_node import PeopleNode
+from panoptic_ros.nodes.listeners.people_node import MarkersNode, PeopleNode
 from panoptic_ros.nodes.listeners.rpt_node import RptNode
 from panoptic_ros.nodes.middleware.runtime import in_namespace, leave, run_nodes
 from panoptic_ros.nodes.sources.statics_node import StaticsNode

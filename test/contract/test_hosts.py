@@ -1,4 +1,4 @@
-"""However the stages of a graph are divided among hosts, and whatever arrives first, they take the same.
+"""In one process and in the standard graph, and whatever arrives first, stages take the same.
 
 The graph is of toy stages with all that a table can hold: two inputs of one camera, a third input, several
 outputs, images again after 3D, ends that are told, feedback to two stages, one loop within the other.
@@ -10,11 +10,11 @@ import pytest
 import toy_graph
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from toy_graph import OWNERS, TABLE, Transport, View, Wide
+from toy_graph import OWNERS, TABLE, Group, Known, Transport, View, Wide
 
 from panoptic_ros.graph import topics
 from panoptic_ros.graph.build import rows_in_use
-from panoptic_ros.graph.nodes import NODES, Port
+from panoptic_ros.graph.nodes import BESIDE_IMAGES, NODES, Port
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.schedule import Schedule
 from panoptic_ros.graph.topics import number_of
@@ -63,24 +63,26 @@ def run(parts, seed, order):
     return {**logs, "Looker": sorted(logs.get("Looker", ()))}, transport.results
 
 
-def divided(labels):
-    """The stages by label."""
-    return [[n for n, own in zip(TABLE, labels) if own == label] for label in sorted(set(labels))]
+ONE = [list(TABLE)]
+STANDARD = [["looker"], [name for name in TABLE if name != "looker"]]
 
 
-divisions = st.lists(st.integers(0, 7), min_size=len(TABLE), max_size=len(TABLE)).map(divided)
+@settings(max_examples=80, deadline=None)
+@given(parts=st.sampled_from([ONE, STANDARD]), seed=st.integers(0, 200), order=st.integers(0, 1000))
+def test_one_process_and_the_standard_graph_take_the_same(parts, seed, order):
+    assert run(parts, seed, order) == run(ONE, seed, 0)
 
 
-@settings(max_examples=60, deadline=None)
-@given(parts=divisions, seed=st.integers(0, 200), order=st.integers(0, 1000))
-def test_every_division_gives_the_same(parts, seed, order):
-    expected = run([list(TABLE)], seed, 0)
-    assert run(parts, seed, order) == expected
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_a_node_for_every_stage_gives_the_same(seed):
-    assert run([[name] for name in TABLE], seed, seed) == run([list(TABLE)], seed, 9)
+def test_a_stage_takes_what_comes_back_from_another_process_as_it_comes():
+    """Live, one node per stage: nobody waits for feedback, and none of it waits for the next record."""
+    logs = {}
+    pipeline = Pipeline(
+        toy_graph.CONFIGS, context(logs), ["linker"], everywhere=["linker", "knower"], table=TABLE
+    )
+    for number in range(3):
+        pipeline.push("group", Group(number, f"g{number}"))
+        pipeline.push("known", Known(number, f"k{number}"))
+    assert logs["Linker"] == ["Group g0", "Known k0", "Group g1", "Known k1", "Group g2", "Known k2"]
 
 
 def test_records_that_are_pushed_one_by_one_are_taken_as_in_a_replay():
@@ -145,6 +147,13 @@ def test_only_offsets_comes_back_to_sync_and_tracking_to_association():
     assert heads_of(Wiring(NODES, table=table)) == ["sync", "association"]
     others = [name for name in NODES if name not in ("offsets", "tracking")]
     assert Wiring(others, table=table).heads == frozenset()
+
+
+def test_only_records_whose_stamps_tell_their_places_cross_the_standard_graph():
+    assert all(topics.TOPICS[topic].by_stamp for topic in Wiring(BESIDE_IMAGES, NODES).leaving)
+    rest = Wiring([name for name in NODES if name not in BESIDE_IMAGES])
+    assert [port for port in rest.inputs if not (topics.TOPICS[port.topic].by_stamp or port.latched)] == []
+    assert not Wiring(BESIDE_IMAGES, NODES, rows_in_use(())).heads
 
 
 def test_tracking_comes_back_to_detection_where_it_looks_at_regions():

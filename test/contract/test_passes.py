@@ -13,8 +13,8 @@ from panoptic_ros.evaluation import SkeletonFrame
 from panoptic_ros.evaluation.bias import BiasConfig, BiasPass
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import motion_clocks
+from panoptic_ros.graph.offline_refinement import RefinementPass
 from panoptic_ros.graph.recording import HeldRecording
-from panoptic_ros.graph.refinement_pass import RefinementPass
 from panoptic_ros.offsets.sound import SoundClocks, SoundClocksConfig
 from panoptic_ros.simulation import SKELETON, simulate
 from panoptic_ros.simulation.scenes import SCENES

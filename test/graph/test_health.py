@@ -2,8 +2,7 @@
 
 from panoptic_ros.graph.arrivals import SECOND, Arrivals
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.graph_health import GraphHealth
-from panoptic_ros.graph.health import Doing, Health
+from panoptic_ros.graph.health import Doing, GraphHealth, Health
 from panoptic_ros.stage import Notice
 
 

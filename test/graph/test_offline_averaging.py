@@ -10,7 +10,7 @@ import pytest
 from panoptic_ros.domain import JointState, PatchTracks
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import configure, make_stage
-from panoptic_ros.graph.refinement_pass import refinement_of
+from panoptic_ros.graph.offline_refinement import refinement_of
 
 WRIST = list(captures.SKELETON.joint_names).index("lWrist")
 COUNT, GAP = 9, (4, 5)

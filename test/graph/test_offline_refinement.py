@@ -11,9 +11,8 @@ import pytest
 from panoptic_ros.domain import PatchTracks
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import configure
-from panoptic_ros.graph.offline_refinement import OfflineRefinement
+from panoptic_ros.graph.offline_refinement import OfflineRefinement, RefinementPass
 from panoptic_ros.graph.recording import HeldRecording
-from panoptic_ros.graph.refinement_pass import RefinementPass
 
 WRIST = list(captures.SKELETON.joint_names).index("lWrist")
 COUNT, GAP = 14, range(3, 12)  # longer than `refinement.max_gap`

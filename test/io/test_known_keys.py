@@ -63,7 +63,7 @@ OTHER_MODULES = {
     "nodes.main": "launch.json of our own",
     "view.page.clients": "what a page says",
     "view.page.server": "the same",
-    "state.envelope": "states of stages",
+    "state.stateful": "states of stages",
 }
 TELLING = {
     "io.biases",

@@ -16,7 +16,7 @@ from panoptic_ros.domain import ClockModel  # noqa: E402
 from panoptic_ros.errors import DataError  # noqa: E402
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
 from panoptic_ros.io.messages import from_message, to_message  # noqa: E402
-from panoptic_ros.nodes.middleware.audio_common import AudioDataReader, audio_common_class  # noqa: E402
+from panoptic_ros.nodes.middleware.decoding import AudioDataReader, audio_common_class  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
 from panoptic_ros.nodes.middleware.quality import CLOCKS, data_quality  # noqa: E402
 from panoptic_ros.nodes.sources.statics_node import StaticsNode  # noqa: E402

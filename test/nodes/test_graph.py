@@ -37,18 +37,17 @@ def test_graph_and_pipeline_give_identical_bytes(over_dds, recorded, tmp_path):
     assert skeletons(out) == skeletons(over_dds)
 
 
-def test_feedback_gives_the_same_bytes_in_one_process_in_one_node_and_in_many(tmp_path):
+def test_feedback_gives_the_same_bytes_in_one_process_and_in_one_node(tmp_path):
     """Clocks from motion go back to sync, which moves the views that come after."""
     late = {"cam1": 40_000_000, "cam3": -30_000_000}  # ns
     views = [replace(v, stamp_ns=v.stamp_ns + 10**9 + late.get(v.camera, 0)) for v in captures.views(75)]
     bag = write_bag(tmp_path / "bag", views)
     settings = ["offsets.active=true", "offsets.block_s=0.5", "offsets.trusted_camera=cam0"]
     common = ["run", "--bag", str(bag), "--no-pictures", *(f"--set={text}" for text in settings)]
-    for out, more in (("process", ["--in-process"]), ("node", []), ("nodes", ["--node-per-stage"])):
+    for out, more in (("process", ["--in-process"]), ("node", [])):
         assert main([*common, "--out", str(tmp_path / out), *more]) == 0
     assert json.loads((tmp_path / "process" / "offsets.json").read_text())
     assert skeletons(tmp_path / "node") == skeletons(tmp_path / "process")
-    assert skeletons(tmp_path / "nodes") == skeletons(tmp_path / "process")
 
 
 def test_people_are_right_and_nothing_is_lost(over_dds):

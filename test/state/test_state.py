@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from panoptic_ros.errors import ContractError, DataError
 from panoptic_ros.state import Fields, Stateful, StateLayout
-from panoptic_ros.state.envelope import FIXED, MARK, closed
+from panoptic_ros.state.stateful import FIXED, MARK, closed
 
 
 class Colour(Enum):

@@ -70,7 +70,6 @@ IMPURE_CALLS = {"print", "open", "input"}
 # outside of nodes: the only modules that import it
 _NEED = (
     "plans.driver_plan",
-    "plans.driver_rig",
     "processes.fork_server",
     "recordings.control",
     "recordings.facts",
@@ -97,7 +96,7 @@ SAME_RANK_ALLOWED = {("capture", "io")}  # a capture folder holds files that io 
 INNER_ROOMS = {
     "timecode": ("config", "signal", "word", "label", "follow"),
     "kinematics": ("config", "pose", "imus", "body", "people"),
-    "nodes": ("middleware", "health", "flow", "stages", "listeners", "sources"),
+    "nodes": ("middleware", "health", "stages", "listeners", "sources"),
 }
 
 

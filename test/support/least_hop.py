@@ -17,10 +17,9 @@ import numpy as np
 import rclpy
 
 from panoptic_ros.graph.flow import make_flow
-from panoptic_ros.nodes.middleware.executor import make_executor
 from panoptic_ros.nodes.middleware.family import message_class
 from panoptic_ros.nodes.middleware.quality import data_quality
-from panoptic_ros.nodes.middleware.runtime import SWITCH_S, start_ros
+from panoptic_ros.nodes.middleware.runtime import SWITCH_S, make_executor, start_ros
 from panoptic_ros.running.processes.children import child_environment, prepare_environment
 
 KIND = message_class("std_msgs/msg/UInt8MultiArray")

@@ -274,10 +274,6 @@ class Transport:
                 owner = topics.owner_of(topic, record)
                 sent[topic, owner] = sent.get((topic, owner), 0) + 1
                 self._send(topic, owner, ("record", record))
-                host.gave(topic, owner)
-
-        def marker(topic, owner, place):
-            self._send(topic, owner, ("marker", place, sent.get((topic, owner), 0)))
 
         def end(topic, owner=""):
             if topic in leaving and TOPICS[topic].by_stamp == bool(owner):
@@ -293,9 +289,7 @@ class Transport:
             table=TABLE,
         )
         leaving = pipeline.wiring.leaving
-        there = pipeline.wiring.given_around | {"view", "wide"}
-        lanes = lanes_of([p.topic for p in pipeline.wiring.inputs if p.topic in there], owners, pipeline)
-        host = Host(pipeline, lanes, marked=True, on_marker=marker, on_end=end)
+        host = Host(pipeline, lanes_of([p.topic for p in pipeline.wiring.inputs], owners, pipeline), end)
         return host
 
     def _send(self, topic, owner, what):
@@ -323,8 +317,6 @@ class Transport:
             if kind == "record":
                 count[lane] = count.get(lane, 0) + 1
                 host.put(topic, owner, what[1].stamp_ns, what[1])
-            elif kind == "marker":
-                host.mark(topic, owner, what[1], what[2])
             else:
                 ends[lane] = what[1]
             if lane in ends and count.get(lane, 0) >= ends[lane]:

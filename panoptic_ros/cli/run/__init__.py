@@ -151,7 +151,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--node-per-stage",
         action="store_true",
-        help="a node and a process for every stage after detection too",
+        help="live: a node and a process for every stage after detection too",
     )
     parser.add_argument(
         "--jpeg",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from panoptic_ros.cli.options import names, pairs
@@ -11,7 +12,7 @@ from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.running.plans.bag_plan import plan_bags
 from panoptic_ros.running.plans.bag_topics import BagChoice
 from panoptic_ros.running.plans.imu_plan import plan_live_imus
-from panoptic_ros.running.plans.options import RunOptions
+from panoptic_ros.running.plans.options import RunOptions, Source
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.plans.planning import plan_capture, plan_demo, plan_devices, plan_videos
@@ -36,36 +37,30 @@ def make_plan(args: argparse.Namespace) -> Plan:
         args.apart,
         tuple(args.subject),
     )
+    return _source(args)(options)
+
+
+def _source(args: argparse.Namespace) -> Source:
+    """What the command line names to take records from."""
     if args.bag:
-        return plan_bags(args.bag, options, rig=args.rig, choice=_choice(args), size_policy=args.size_policy)
+        own = {"rig": args.rig, "choice": _choice(args), "size_policy": args.size_policy}
+        return partial(plan_bags, args.bag, **own)
     if args.topics:
         from panoptic_ros.running.plans.driver_plan import plan_drivers  # needs ROS
 
-        return plan_drivers(args.topics, args.rig, options, args.fixed_frame)
+        return partial(plan_drivers, args.topics, rig=args.rig, fixed_frame=args.fixed_frame)
     if args.imus:
-        return plan_live_imus(options)
-    rate = args.frame_rate
+        return plan_live_imus
     if args.device:
-        devices = pairs(args.device, "--device")
-        return plan_devices(
-            args.rig,
-            devices,
-            options,
-            frame_rate=rate,
-            latency_ms=args.latency_ms,
-            microphones=pairs(args.microphone, "--microphone"),
-        )
-    fit = {
-        "frame_rate": rate,
-        "size_policy": args.size_policy,
-        "hardware": args.hardware,
-        "skip_damaged": args.skip_damaged,
-    }
+        own = {"frame_rate": args.frame_rate, "latency_ms": args.latency_ms}
+        own |= {"microphones": pairs(args.microphone, "--microphone")}
+        return partial(plan_devices, args.rig, pairs(args.device, "--device"), **own)
+    own = {name: getattr(args, name) for name in ("frame_rate", "size_policy", "hardware", "skip_damaged")}
     if args.video:
         files = {name: Path(path) for name, path in pairs(args.video, "--video").items()}
-        return plan_videos(args.rig, files, options, **fit)
-    fit |= {"rig": args.rig, "cameras": names(args.cameras)}
-    return plan_demo(args.demo, options, **fit) if args.demo else plan_capture(args.capture, options, **fit)
+        return partial(plan_videos, args.rig, files, **own)
+    own |= {"rig": args.rig, "cameras": names(args.cameras)}
+    return partial(plan_demo, args.demo, **own) if args.demo else partial(plan_capture, args.capture, **own)
 
 
 def _choice(args: argparse.Namespace) -> BagChoice:

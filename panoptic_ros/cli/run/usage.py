@@ -24,6 +24,7 @@ _MEANS_SOMETHING_FOR = {
     "offline": (*_FILES, "bag"),
     "offsets_from_sound": (*_FILES, "bag"),
     "apart": (*_FILES, "bag"),
+    "node_per_stage": ("device", "topics", "imus"),
     "redetect": ("bag",),
     "size_policy": (*_FILES, "bag"),
     "skip_damaged": _FILES,

@@ -8,9 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.runs.finish import dropped_in_all, warnings_of
-from panoptic_ros.running.runs.observer import RunObserver
-from panoptic_ros.running.runs.waiting import Waiting
+from panoptic_ros.running.runs.finish import Waiting, dropped_in_all, warnings_of
+from panoptic_ros.running.runs.run import RunObserver
 from panoptic_ros.running.takes import named_unclosed_takes
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.live_table import LiveTable

@@ -12,12 +12,12 @@ from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.messages.bodies import read_imu
-from panoptic_ros.nodes.flow.streams import StreamEnds
 from panoptic_ros.nodes.health.diagnostics import own_statuses, values_of
 from panoptic_ros.nodes.middleware.family import message_class
 from panoptic_ros.nodes.middleware.negotiation import Negotiated
 from panoptic_ros.nodes.middleware.packets import unpacked
 from panoptic_ros.nodes.middleware.quality import CLOCKS, collecting_quality
+from panoptic_ros.nodes.middleware.streams import StreamEnds
 from panoptic_ros.stage import Notice
 
 COUNTS = ("dropped.", "notice.")  # keys of numbers of messages on /diagnostics begin so

@@ -11,9 +11,8 @@ from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEve
 from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 
-from panoptic_ros.nodes.middleware.executor import with_facts
-from panoptic_ros.nodes.middleware.one_shot import OneShot
 from panoptic_ros.nodes.middleware.read_together import Came, ReadTogether
+from panoptic_ros.nodes.middleware.runtime import OneShot, with_facts
 from panoptic_ros.stage import Notice
 
 CLOSE_S = 0.003  # between messages: more of them wait

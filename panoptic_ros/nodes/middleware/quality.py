@@ -30,12 +30,6 @@ END_OF_STREAM = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-PROGRESS = QoSProfile(  # longer than what can be under way; readers may be matched late
-    history=HistoryPolicy.KEEP_LAST,
-    depth=4096,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
 
 AHEAD = 1024  # replay: blocks of sound, which is ahead of images, or samples of an IMU
 

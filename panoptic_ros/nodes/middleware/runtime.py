@@ -1,26 +1,95 @@
-"""Running nodes in this process until they are done or somebody stops them."""
+"""Running nodes in this process until they are done or somebody stops them.
+
+The time of a node, for those who ask thousands of times a second.
+
+A timer that fires once. The executor on events may still call a timer that has been destroyed.
+
+The executor of every process of the graph.
+
+rclpy's usual one tells the middleware anew before every wait what all nodes wait for: services of
+parameters, timers, guards, each subscription. That takes half a millisecond for each message, in Python, in
+each of the processes that it goes through. The one on events is told by the middleware what has come.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import inspect
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
+from rclpy.clock import ROSClock
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
+from rclpy.executors import Executor
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.errors import ContractError, EnvironmentProblem, PanopticError, UsageError
 from panoptic_ros.io.interruption import first_request_told, listen_to_signals
 from panoptic_ros.io.kernel_cache import full_disk_told
-from panoptic_ros.nodes.middleware.executor import make_executor
+
+
+def now_of(node: Node) -> int:
+    """The node's time, ns: the system's, unless it is simulated."""
+    clock = node.get_clock()
+    if isinstance(clock, ROSClock) and not clock.ros_time_is_active:
+        return time.time_ns()
+    return int(clock.now().nanoseconds)
+
+
+class OneShot:
+    """Calls a function once on the executor, some time from now, unless it is cancelled before."""
+
+    def __init__(self, node: Node, seconds: float, call: Callable[[], None]):
+        self._node, self._call = node, call
+        self._over = False
+        self._timer = node.create_timer(seconds, self._fire)
+
+    def cancel(self) -> None:
+        """Not any more."""
+        if not self._over:
+            self._over = True
+            self._node.destroy_timer(self._timer)
+
+    def _fire(self) -> None:
+        if not self._over:
+            self.cancel()
+            self._call()
+
+
+Taker = Callable[[bytes, Mapping[str, Any]], None]
+
+
+def make_executor() -> Executor:
+    """An executor for one thread. Call `spin_once` in a loop: its `spin` does not end on signals."""
+    with contextlib.redirect_stderr(sys.__stderr__):  # it needs a file there, which notebooks have not
+        return EventsExecutor()
+
+
+def with_facts(take: Taker) -> Any:
+    """A callback for a raw subscription that is handed the middleware's facts about each message besides.
+
+    The executor on events hands over both as one tuple, others as two arguments.
+    """
+
+    def taken(*said: Any) -> None:
+        data, facts = said if len(said) == 2 else said[0]
+        take(data, facts)
+
+    taken.__signature__ = inspect.signature(lambda data, facts: None)  # type: ignore[attr-defined]  # for rclpy
+    return taken
+
 
 SWITCH_S = 0.0005  # Python's 5 ms is what a worker waits for while messages are taken in a row
 

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
 from panoptic_ros.domain import ViewDetections
-from panoptic_ros.graph.drop_log import DropLog
+from panoptic_ros.graph.counters import DropLog
 from panoptic_ros.graph.flow import make_flow
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import stamp_of, to_message

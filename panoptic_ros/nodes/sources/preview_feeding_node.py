@@ -12,9 +12,9 @@ from panoptic_ros.domain import Preview
 from panoptic_ros.graph.flow import make_flow
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import stamp_of, to_message
-from panoptic_ros.nodes.middleware.executor import with_facts
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 from panoptic_ros.nodes.middleware.quality import collecting_quality, data_quality
+from panoptic_ros.nodes.middleware.runtime import with_facts
 
 
 class PreviewFeedingNode(Node):

@@ -26,13 +26,12 @@ from panoptic_ros.io.messages import (
     image_message,
     to_message,
 )
-from panoptic_ros.nodes.flow.credit import STALL_S, Credit, SoundCredit
-from panoptic_ros.nodes.flow.streams import StreamEnds
 from panoptic_ros.nodes.health.diagnostics import Diagnostics
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 from panoptic_ros.nodes.middleware.parameters import declare_flow
 from panoptic_ros.nodes.middleware.quality import data_quality
 from panoptic_ros.nodes.middleware.runtime import quiet_once
+from panoptic_ros.nodes.middleware.streams import STALL_S, Credit, SoundCredit, StreamEnds
 from panoptic_ros.stage import Notice
 
 IMU = TOPICS["imu"].message

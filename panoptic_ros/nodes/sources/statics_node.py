@@ -10,7 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from panoptic_ros.domain import Camera, Rig, SkeletonModel
 from panoptic_ros.errors import EnvironmentProblem
-from panoptic_ros.graph.graph_health import GraphHealth
+from panoptic_ros.graph.health import GraphHealth
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import to_message

@@ -1,10 +1,13 @@
-"""What a node subscribes to: one input for each topic of each camera or device."""
+"""What a node subscribes to: one input for each topic of each camera or device.
+
+What comes into a node: a message becomes a record, or is counted as what cannot be used.
+"""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -12,22 +15,31 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.errors import ConfigError, DataError
-from panoptic_ros.graph.arrivals import Arrivals
+from panoptic_ros.errors import ConfigError, DataError, PanopticError
+from panoptic_ros.graph.arrivals import MOST_BYTES, MOST_MESSAGES, Arrivals, FloodGuard
 from panoptic_ros.graph.continuity import Continuity
-from panoptic_ros.graph.floods import MOST_BYTES, MOST_MESSAGES, FloodGuard
+from panoptic_ros.graph.entrance import check_record
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.nodes import NODES, Port
 from panoptic_ros.graph.topics import TOPICS, variants
+from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.nodes.middleware.audio_common import audio_common_class
-from panoptic_ros.nodes.middleware.decoding import Decoder, PackedDecoder, decoder_of, packed_decoder_of
+from panoptic_ros.nodes.health.reports import Report
+from panoptic_ros.nodes.health.tally import Tally
+from panoptic_ros.nodes.middleware.decoding import (
+    Decoder,
+    PackedDecoder,
+    audio_common_class,
+    decoder_of,
+    packed_decoder_of,
+)
 from panoptic_ros.nodes.middleware.family import message_class
 from panoptic_ros.nodes.middleware.negotiation import Negotiated
-from panoptic_ros.nodes.middleware.node_time import now_of
 from panoptic_ros.nodes.middleware.packets import header_of, unpacked
 from panoptic_ros.nodes.middleware.quality import CLOCKS, data_quality
 from panoptic_ros.nodes.middleware.read_together import GatheringNode
+from panoptic_ros.nodes.middleware.runtime import now_of
+from panoptic_ros.nodes.stages.facts import Facts
 from panoptic_ros.params import named_words
 from panoptic_ros.stage import Notice
 
@@ -281,3 +293,69 @@ def lossy(arrivals: Arrivals, size: int) -> Notice:
 def _is_regular(topic: str, carrier: str) -> bool:
     """Whether messages come at a rate, so that their absence is an outage. Sound comes as one of two."""
     return not TOPICS[topic].latched and topic not in ("timecode", "audio") and carrier != "audio_common"
+
+
+UNUSABLE = 3  # messages one after another that were refused
+UNUSABLE_S = 1.0  # time that these span before a notice names the input
+
+
+class Entrance:
+    """Converts and checks messages; what is refused, lost or worth a notice counts for the first stage that
+    takes the topic.
+
+    Args:
+        facts: rig and skeleton model, which records must fit.
+        reports: what is told of records on /diagnostics, by the name of their class.
+        wiring: of the node's stages.
+    """
+
+    def __init__(self, facts: Facts, tally: Tally, reports: Mapping[str, Report], wiring: Wiring):
+        self._facts, self._tally, self._reports, self._wiring = facts, tally, reports, wiring
+        self._refused: dict[str, list[float]] = {}  # by topic: when the messages since the last good one came
+
+    def takers(
+        self, receive: Callable[[Input, str, int, Any], None], on_record: Callable[[Any, Any], None]
+    ) -> Takers:
+        """Who takes what comes of an input."""
+        return Takers(receive, self.refuse, self._tell, self.lost, on_record)
+
+    def record(self, entry: Input, data: Any) -> Any | None:
+        """The record of a message, None if it cannot be used."""
+        try:
+            record = entry.record(data)
+            check_record(record, entry.owner, self._facts.rig, self._facts.skeleton)
+        except DataError as error:
+            self.refuse(entry, error)
+            return None
+        self._refused.pop(entry.name, None)
+        entry.missing_before(record)
+        if entry.continuity is not None:
+            entry.continuity.used(record.stamp_ns, time.monotonic_ns())
+        report = self._reports.get(type(record).__name__)
+        if report is not None:
+            report.take(record)
+        return record
+
+    def taker(self, topic: str) -> str:
+        """The first stage that takes a topic."""
+        return self._wiring.specs[self._wiring.readers[topic][0].stage].name
+
+    def refuse(self, entry: Input, error: PanopticError) -> None:
+        """Count a message that cannot be used; name the input once if none of its messages can."""
+        entry.arrivals.bad += 1
+        self._tally.refuse(self.taker(entry.topic), error)
+        times = self._refused.setdefault(entry.name, [])
+        times.append(time.monotonic())
+        if len(times) == UNUSABLE and times[-1] - times[0] < UNUSABLE_S:
+            times.pop()
+        elif len(times) == UNUSABLE:
+            text = f"no {entry.arrivals.title} can be used: {error}"
+            self._tell(entry, Notice("graph.unusable", "warning", text, {"device": entry.owner}))
+        del times[UNUSABLE + 1 :]
+
+    def lost(self, entry: Input, cause: str, count: int) -> None:
+        """So many messages of an input are gone."""
+        self._tally.dropped(self.taker(entry.topic), cause, count)
+
+    def _tell(self, entry: Input, notice: Notice) -> None:
+        self._tally.tell(self.taker(entry.topic), notice)

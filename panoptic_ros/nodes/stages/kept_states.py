@@ -17,8 +17,8 @@ from typing import Any
 from rclpy.node import Node
 
 from panoptic_ros.nodes.middleware.family import message_class
-from panoptic_ros.nodes.middleware.one_shot import OneShot
 from panoptic_ros.nodes.middleware.quality import LATCHED, NEWEST
+from panoptic_ros.nodes.middleware.runtime import OneShot
 
 PERIOD_S = 0.5
 SHARE = 0.02  # of the worker's time that goes into handing over, at most

@@ -1,8 +1,13 @@
-"""The one adapter round stages: a node that declares, waits for rig and skeleton model, and starts them."""
+"""The one adapter round stages: a node that declares, waits for rig and skeleton model, and starts them.
+
+Telling in the log and on /diagnostics that a node compiles kernels, and takes no data meanwhile.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from typing import Any
 
 from rclpy.node import Node
@@ -16,24 +21,70 @@ from panoptic_ros.graph.flow import live_defaults
 from panoptic_ros.graph.health import Doing, Health
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.wiring import Wiring
-from panoptic_ros.nodes.flow.streams import StreamEnds
-from panoptic_ros.nodes.health.compilation import Compilation
+from panoptic_ros.kernels import on_compilation
 from panoptic_ros.nodes.health.diagnostics import Diagnostics
 from panoptic_ros.nodes.health.reports import reports_of
 from panoptic_ros.nodes.health.tally import Tally
 from panoptic_ros.nodes.middleware.parameters import declare_config, declare_flow
 from panoptic_ros.nodes.middleware.read_together import GatheringNode, ReadTogether
+from panoptic_ros.nodes.middleware.streams import StreamEnds
 from panoptic_ros.nodes.middleware.worker import Worker
-from panoptic_ros.nodes.stages.facts import Facts
+from panoptic_ros.nodes.stages.facts import Facts, RigChanges
 from panoptic_ros.nodes.stages.inputs import InputChoice
 from panoptic_ros.nodes.stages.kept_states import KeptStates
-from panoptic_ros.nodes.stages.own_cameras import OwnCameras
-from panoptic_ros.nodes.stages.own_reading import OwnReading
-from panoptic_ros.nodes.stages.pausing import Pausing
-from panoptic_ros.nodes.stages.rig_changes import RigChanges
-from panoptic_ros.nodes.stages.stage_work import ChosenStages, StageWork, Surroundings
+from panoptic_ros.nodes.stages.own_cameras import OwnCameras, OwnReading
+from panoptic_ros.nodes.stages.stage_work import ChosenStages, Pausing, StageWork, Surroundings
 from panoptic_ros.params import Config, named_words
 from panoptic_ros.stage import StageContext
+
+TEXT = (
+    "kernels are not compiled yet: the node takes data in about half a minute, once per installation; "
+    "`panoptic warm-up` does it ahead"
+)
+TELL_S = 1.0
+
+
+class Compilation:
+    """What is being compiled now, from when this is made until `close`.
+
+    Args:
+        tell: called when something begins to be compiled, at most once a second, in the thread that does it.
+        clock: s.
+    """
+
+    def __init__(self, logger: Any, tell: Callable[[], None], clock: Callable[[], float] = time.monotonic):
+        self._logger, self._tell, self._clock = logger, tell, clock
+        self._under_way: list[str] = []  # a kernel, then what it needs
+        self._logged = False
+        self._told_s = -TELL_S
+        self._stack = ExitStack()
+        self._stack.enter_context(on_compilation(self._begins, self._ends))
+
+    @property
+    def kernel(self) -> str:
+        """The name of what is being compiled; "" if nothing is."""
+        names = self._under_way
+        return names[0].removeprefix("panoptic_ros.") if names else ""
+
+    def close(self) -> None:
+        """Watch no more."""
+        self._stack.close()
+
+    def _begins(self, kernel: str) -> None:
+        self._under_way = [*self._under_way, kernel]
+        if not kernel.startswith("panoptic_ros."):
+            return
+        if not self._logged:
+            self._logged = True
+            self._logger.warning(TEXT)
+        now_s = self._clock()
+        if now_s - self._told_s >= TELL_S:
+            self._told_s = now_s
+            self._tell()
+
+    def _ends(self) -> None:
+        self._under_way = self._under_way[:-1]
+
 
 Extras = Callable[[Node, str, SkeletonModel], Mapping[str, Any]]  # what stages need beyond the context
 
@@ -49,8 +100,7 @@ class StageNode(GatheringNode):
     Parameters: those of the stages' configurations, of several stages as `<stage>.<name>`; `flow` (live or
     replay), `replay_window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all
     stages that run in the graph (empty: those that this node needs), and the ports that parameters of them
-    switch on; `marked`: whether nodes tell each other places (replay, see `graph.host`);
-    `shifts`: "camera or topic=ns", see `graph.lanes.Lane` (replay);
+    switch on; `shifts`: "camera or topic=ns", see `graph.host.Lane` (replay);
     inputs as in `nodes.stages.inputs.InputChoice`.
 
     Args:
@@ -78,7 +128,6 @@ class StageNode(GatheringNode):
         self._cameras = self._names("cameras")
         graph = self._names("graph")
         shifts = {name: int(ns) for name, ns in named_words("shifts", self._names("shifts")).items()}
-        marked = bool(self.declare_parameter("marked", False).value)
         self.prefixes = {stage: f"{stage}." if len(names) > 1 else "" for stage in names}
         configs = {
             stage: declare_config(
@@ -88,7 +137,7 @@ class StageNode(GatheringNode):
         }
         used = {*graph, *ports_in_use(configs)}
         everywhere = [stage for stage in NODES if stage in {*graph, *names}]
-        self._chosen = ChosenStages(configs, everywhere, used, shifts, marked)
+        self._chosen = ChosenStages(configs, everywhere, used, shifts)
         self._work: StageWork | None = None  # once rig and skeleton model are there
         self._fault: PanopticError | None = None
         self._tally = Tally(self.get_logger(), names)

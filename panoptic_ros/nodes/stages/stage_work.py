@@ -1,4 +1,11 @@
-"""The stages of a node at work: messages in, one step after the other, messages out."""
+"""The stages of a node at work: messages in, one step after the other, messages out.
+
+What a node publishes: a message only where somebody wants one.
+
+Pausing and resuming a live node by a service, in place of a lifecycle: it keeps what it knows.
+
+How records reach the stages of a node: live as they come, in replay in the order of their places.
+"""
 
 from __future__ import annotations
 
@@ -6,41 +13,194 @@ import gc
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple, Protocol
+
+from rclpy.node import Node
 
 from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.errors import DataError, PanopticError
-from panoptic_ros.graph.aligned import AlignedTimes
-from panoptic_ros.graph.companions import Companions, Item
+from panoptic_ros.graph.continuity import AlignedTimes
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.health import Health
-from panoptic_ros.graph.host import Host, lanes_of
-from panoptic_ros.graph.lane_groups import Key
+from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.graph.queue_choice import queue_for
-from panoptic_ros.graph.schedule import Place
-from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.graph.queues import Companions, Item, queue_for
+from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.graph.under_way import UnderWay
-from panoptic_ros.nodes.flow.delivery import Arrival, Delivery, LiveDelivery, ReplayDelivery
-from panoptic_ros.nodes.flow.progress import ProgressTold
-from panoptic_ros.nodes.flow.streams import StreamEnds
+from panoptic_ros.io.messages import to_message
+from panoptic_ros.io.messages.origins import Origins
 from panoptic_ros.nodes.health.diagnostics import Diagnostics
 from panoptic_ros.nodes.health.reports import Report
 from panoptic_ros.nodes.health.tally import Tally
-from panoptic_ros.nodes.middleware.node_time import now_of
+from panoptic_ros.nodes.middleware.family import message_class, ros_messages, service_class
+from panoptic_ros.nodes.middleware.quality import CLOCKS, data_quality
 from panoptic_ros.nodes.middleware.read_together import GatheringNode
+from panoptic_ros.nodes.middleware.runtime import now_of
+from panoptic_ros.nodes.middleware.streams import StreamEnds
 from panoptic_ros.nodes.middleware.worker import Worker
-from panoptic_ros.nodes.stages.entrance import Entrance
 from panoptic_ros.nodes.stages.facts import Facts
-from panoptic_ros.nodes.stages.inputs import Input, InputChoice, subscribe
+from panoptic_ros.nodes.stages.inputs import Entrance, Input, InputChoice, subscribe
 from panoptic_ros.nodes.stages.kept_states import KeptStates
-from panoptic_ros.nodes.stages.outputs import Outputs
-from panoptic_ros.nodes.stages.own_cameras import OwnInput
-from panoptic_ros.nodes.stages.own_reading import OwnReading
-from panoptic_ros.nodes.stages.pausing import Pausing
+from panoptic_ros.nodes.stages.own_cameras import OwnInput, OwnReading
 from panoptic_ros.params import Config
 from panoptic_ros.stage import StageContext
+
+
+class Outputs:
+    """Publishers of topics.
+
+    Args:
+        leaving: keys of topics that are always published; others only while somebody subscribes.
+        ends: tells the ends of topics (replay).
+
+    Attributes:
+        origins: of records that go on inside of messages that leave the process.
+    """
+
+    def __init__(self, node: Node, flow: Flow, leaving: Collection[str], ends: StreamEnds):
+        self._node, self._flow, self._leaving, self._ends = node, flow, frozenset(leaving), ends
+        self.origins = Origins(TOPICS[topic].record for topic in leaving)
+        self._messages = replace(ros_messages(), origin=self.origins.of)
+        self._publishers: dict[tuple[str, str], Any] = {}
+        self._sent: dict[tuple[str, str], int] = {}
+
+    def open(self, topic: str, owner: str) -> None:
+        """Make the publisher of a topic of a camera or device."""
+        row = TOPICS[topic]
+        quality = CLOCKS if row.latched else data_quality(self._flow, sound=row.scope == "device")
+        self._publishers[topic, owner] = self._node.create_publisher(
+            message_class(row.message), row.of(owner), quality
+        )
+
+    def __len__(self) -> int:
+        return len(self._publishers)
+
+    def publish(self, topic: str, record: Any, rig: Rig) -> None:
+        """Publish a record, if it leaves the process or somebody subscribes."""
+        key = topic, owner_of(topic, record)
+        publisher = self._publishers[key]
+        if topic not in self._leaving and not publisher.get_subscription_count():
+            return
+        publisher.publish(to_message(record, self._messages, rig.frame_id))
+        self._sent[key] = self._sent.get(key, 0) + 1
+
+    def end(self, topic: str, owner: str | None = None) -> None:
+        """Tell that no more comes on a topic, of one camera or device or (None) of all that were not told
+        yet.
+        """
+        for key in [key for key in self._publishers if key[0] == topic and owner in (None, key[1])]:
+            if self._sent.get(key, 0) >= 0:
+                self._ends.announce(self._publishers[key].topic_name, self._sent.get(key, 0))
+                self._sent[key] = -1
+
+
+SERVICE = "std_srvs/srv/SetBool"
+
+
+class Pausing:
+    """Offers `~/pause`: true = take nothing that comes from now on, false = go on.
+
+    Identities, tables of noise and clocks stay; people who were there are found again where they are by then.
+    """
+
+    def __init__(self, node: Node):
+        self._node = node
+        self.paused = False
+        self.left_out = 0  # messages since it was paused
+        self._service = node.create_service(service_class(SERVICE), "~/pause", self._asked)
+
+    def leaves_out(self) -> bool:
+        """Whether a message that has come is left out; counts it."""
+        self.left_out += self.paused
+        return self.paused
+
+    def _asked(self, request: Any, response: Any) -> Any:
+        response.success = self.paused != request.data
+        if request.data and not self.paused:
+            self.left_out = 0
+            response.message = "paused"
+        elif request.data:
+            response.message = "paused already"
+        elif self.paused:
+            response.message = f"goes on; {self.left_out} messages were left out"
+        else:
+            response.message = "was not paused"
+        self.paused = bool(request.data)
+        if response.success:
+            self._node.get_logger().info(response.message)
+        return response
+
+
+class Arrival(NamedTuple):
+    """What has come on a topic of a camera or device, and when, on the monotonic clock; record None: it could
+    not be used."""
+
+    topic: str
+    owner: str
+    stamp_ns: int
+    record: Any | None
+    came_ns: int
+
+
+class Delivery(Protocol):
+    """All methods are called on the node's worker."""
+
+    def take(self, arrivals: Sequence[Arrival]) -> None:
+        """What has come, of one instant where it is known to be."""
+
+    def wait(self) -> None:
+        """Until no stage is at work."""
+
+
+class LiveDelivery:
+    """Stages take records as they come.
+
+    Args:
+        now_ns: the clock that stamps of cameras should be on.
+    """
+
+    def __init__(self, under_way: UnderWay, now_ns: Callable[[], int] = time.time_ns):
+        self._under_way, self._now_ns = under_way, now_ns
+
+    def take(self, arrivals: Sequence[Arrival]) -> None:
+        came_ns = arrivals[0].came_ns
+        waited_ns = time.monotonic_ns() - came_ns
+        self._under_way.waited(waited_ns)
+        self._under_way.arrived(came_ns, self._now_ns() - waited_ns)
+        self._under_way.begin([(one.topic, one.record) for one in arrivals if one.record is not None])
+
+    def wait(self) -> None:
+        self._under_way.wait()
+
+
+class ReplayDelivery:
+    """Stages take records in the order of their places, whatever comes first (see `graph.host`).
+
+    Args:
+        on_over: called when all topics have ended and all is taken; may be called again.
+    """
+
+    def __init__(self, host: Host, on_over: Callable[[], None]):
+        self.host, self._on_over = host, on_over
+
+    def take(self, arrivals: Sequence[Arrival]) -> None:
+        for one in arrivals:
+            self.host.put(one.topic, one.owner, one.stamp_ns, one.record)
+        self._advance()
+
+    def wait(self) -> None:
+        """One record is taken after the other."""
+
+    def end(self, key: Key) -> None:
+        """No more comes on a topic of a camera or device."""
+        self.host.end(*key)
+        self._advance()
+
+    def _advance(self) -> None:
+        self.host.advance()
+        if self.host.over:
+            self._on_over()
 
 
 @dataclass(frozen=True)
@@ -73,14 +233,13 @@ class ChosenStages:
 
     Args:
         configs: by stage. everywhere: all stages that run in the graph.
-        used: ports that parameters switch on. shifts, marked: see `StageNode`.
+        used: ports that parameters switch on. shifts: see `StageNode`.
     """
 
     configs: Mapping[str, Config]
     everywhere: Sequence[str]
     used: Collection[str]
     shifts: Mapping[str, int]
-    marked: bool
 
 
 class StageWork:
@@ -152,10 +311,8 @@ class StageWork:
 
     def _open_outputs(self) -> Outputs:
         around, wiring = self._around, self.pipeline.wiring
-        told = self._chosen.marked and not self._live
-        progress = ProgressTold(around.node, self._progress_heard) if told else None
         final = {topic for topic in wiring.given if TOPICS[topic].latched or not _is_taken(topic)}
-        outputs = Outputs(around.node, around.flow, wiring.leaving | final, around.ends, progress)
+        outputs = Outputs(around.node, around.flow, wiring.leaving | final, around.ends)
         for topic in sorted(wiring.given):
             for owner in around.choice.owners(topic, self._rig):
                 outputs.open(topic, owner)
@@ -163,10 +320,9 @@ class StageWork:
 
     def _in_order(self, owners: Mapping[str, Sequence[str]]) -> ReplayDelivery:
         chosen, outputs, clock_of = self._chosen, self._outputs, self._around.facts.rig.clock_of
-        waited_for = [topic for topic in owners if self._is_waited_for(topic)]
+        waited_for = [topic for topic in owners if not TOPICS[topic].latched]
         lanes = lanes_of(waited_for, lambda topic: owners[topic], self.pipeline, clock_of, chosen.shifts)
-        host = Host(self.pipeline, lanes, marked=chosen.marked, on_marker=outputs.mark, on_end=outputs.end)
-        return ReplayDelivery(host, self._around.diagnostics.finish)
+        return ReplayDelivery(Host(self.pipeline, lanes, outputs.end), self._around.diagnostics.finish)
 
     def _subscribe(self) -> None:
         around = self._around
@@ -177,7 +333,7 @@ class StageWork:
             for entry in subscribe(around.node, around.choice, topic, owner, around.flow, takers):
                 self._inputs[entry.name] = entry
                 around.health.add(entry.arrivals, self._entrance.taker(topic))
-                if self._is_waited_for(topic) and entry.carrier != "audio_common":
+                if not TOPICS[topic].latched and entry.carrier != "audio_common":
                     around.ends.watch(entry.name)
 
     def _take_over(self, states: Mapping[str, bytes]) -> None:
@@ -193,13 +349,6 @@ class StageWork:
         """Hand over what the stages remember."""
         self._delivery.wait()
         kept.publish(self.pipeline.lasting_state)
-
-    def _is_waited_for(self, topic: str) -> bool:
-        """Whether messages of a topic are sure to come, and have an end: the latched only from a stage of
-        the graph.
-        """
-        around = self._chosen.marked and topic in self.pipeline.wiring.given_around
-        return around or not TOPICS[topic].latched
 
     # --------------------------------------------------------------- work
 
@@ -264,8 +413,7 @@ class StageWork:
 
     def _gave(self, topic: str, record: Any) -> None:
         giver = next(spec.name for spec in self.pipeline.wiring.specs if topic in spec.outputs)
-        if self._outputs.publish(topic, record, self._around.facts.rig):
-            self._delivery.gave(topic, record)
+        self._outputs.publish(topic, record, self._around.facts.rig)
         self._around.tally.gave(giver, self._age_ns(record))
 
     def _now_ns(self) -> int:
@@ -302,13 +450,6 @@ class StageWork:
     def _replay(self) -> ReplayDelivery:
         assert isinstance(self._delivery, ReplayDelivery)
         return self._delivery
-
-    def _progress_heard(self, name: str, place: Place, count: int) -> None:
-        """Where a topic has come to; on the executor's thread."""
-        entry = self._inputs.get(name)
-        if entry is not None:
-            key = entry.topic, entry.owner
-            self._around.worker.note(lambda: self._replay.mark(key, place, count))
 
     def topic_over(self, name: str) -> None:
         """All messages of a topic have been taken (replay)."""

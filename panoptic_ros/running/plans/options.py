@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.capture.imus import imu_devices
@@ -95,6 +95,21 @@ class RunOptions:
             notices=(*rig.notices, *plan.notices, *told),
         )
         return _with_upright_images(plan) if plan.stage == "detection" else plan
+
+
+class Source(Protocol):
+    """What a run takes its records from: a capture folder, videos, devices, bags, topics of drivers, or IMUs.
+
+    All of them make the plan of a run from what a user may say about any run.
+    """
+
+    def __call__(self, options: RunOptions, /) -> Plan:
+        """Make the plan.
+
+        Raises:
+            UserError: on whatever the user can mend, before anything has started.
+        """
+        ...
 
 
 NO_OPTIONS = RunOptions()

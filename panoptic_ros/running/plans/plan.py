@@ -25,6 +25,7 @@ class Plan:
         sources: of each camera, as `nodes.sources` takes them; empty for bags and running drivers.
         streams: of bags, one per camera, and those of depth maps and sound.
         sounds: of devices that hear the clocks of cameras, as `capture.sound.open_sound` takes them.
+        heard: live, devices whose sound others publish.
         shifts: by camera, and of sound by topic, ns: what is added to stamps so that all are roughly in
             master time, and sound goes ahead.
         topics: of running drivers, by key of `graph.topics.TOPICS` and camera.
@@ -51,6 +52,7 @@ class Plan:
     sources: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     streams: tuple[BagStream, ...] = ()
     sounds: tuple[Mapping[str, Any], ...] = ()
+    heard: tuple[str, ...] = ()
     shifts: Mapping[str, int] = field(default_factory=dict)
     topics: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     encodings: Mapping[str, str] = field(default_factory=dict)
@@ -83,7 +85,7 @@ class Plan:
     def devices(self) -> tuple[str, ...]:
         """Those whose sound is used."""
         recorded = (stream.camera for stream in self.streams if stream.key == SOUND_KEY)
-        return (*(str(sound["device"]) for sound in self.sounds), *recorded)
+        return (*(str(sound["device"]) for sound in self.sounds), *recorded, *self.heard)
 
     @property
     def imu_devices(self) -> tuple[str, ...]:

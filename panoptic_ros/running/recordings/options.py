@@ -1,12 +1,57 @@
-"""How a live graph is recorded."""
+"""How a live graph is recorded.
+
+Which topics of a live graph are recorded.
+
+How much of a recording the disk has room for.
+"""
 
 from __future__ import annotations
 
+import fnmatch
+import shutil
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from panoptic_ros.io.bag_split import Split
-from panoptic_ros.running.recordings.selection import Selection
+from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.bag_split import GB, Split
+
+RESULTS = ("skeletons", "detections", "clock_models", "timecode", "audio", "rig", "skeleton_model")
+FROM_OUTSIDE = (
+    "sensor_msgs/msg/Image",
+    "sensor_msgs/msg/CompressedImage",
+    "sensor_msgs/msg/CameraInfo",
+    "sensor_msgs/msg/Imu",
+    "sensor_msgs/msg/TimeReference",
+    "audio_common_msgs/msg/AudioDataStamped",
+    "tf2_msgs/msg/TFMessage",
+    "diagnostic_msgs/msg/DiagnosticArray",
+)
+IMAGES = FROM_OUTSIDE[:2]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which topics are recorded.
+
+    Args:
+        patterns: of whole names, as a shell has them; empty: what a run needs and gives, without what lies
+            between. images: whether images are among these.
+    """
+
+    patterns: Sequence[str] = ()
+    images: bool = True
+
+    def wants(self, topic: str, kind: str) -> bool:
+        """Whether a topic with messages of that kind is recorded."""
+        if self.patterns:
+            return any(fnmatch.fnmatchcase(topic, pattern) for pattern in self.patterns)
+        if kind in IMAGES and not self.images:
+            return False
+        rows = [TOPICS[key] for key in RESULTS]
+        named = any(row.message == kind and topic.endswith("/" + row.name.split("}/")[-1]) for row in rows)
+        return kind in FROM_OUTSIDE or named
 
 
 @dataclass
@@ -25,3 +70,29 @@ class RecordOptions:
     keep_free_gb: float = 1.0
     rig: Path | None = None
     split: Split | None = None
+
+
+def told_room(path: Path, rates: Mapping[str, float], options: RecordOptions) -> str:
+    """What the disk has room for, in one line.
+
+    Args:
+        path: of the recording. rates: bytes per second by topic.
+
+    Raises:
+        EnvironmentProblem: if the time that is asked for does not fit.
+    """
+    total = sum(rates.values())
+    place = next(p for p in (path, *path.resolve().parents) if p.exists())
+    free = shutil.disk_usage(place).free - options.keep_free_gb * GB
+    room = min(free, options.budget_gb * GB) if options.budget_gb else free
+    line = f"{total / 1e6:.2f} MB/s on {len(rates)} topics, {3600 * total / GB:.1f} GB an hour"
+    if not total:
+        return f"nothing comes yet on the topics; room for {room / GB:.1f} GB"
+    seconds = room / total
+    if options.duration_s is not None and seconds < options.duration_s:
+        raise EnvironmentProblem(
+            f"{options.duration_s:g} s need {options.duration_s * total / GB:.2f} GB, but there is room for "
+            f"{max(0.0, room) / GB:.2f} GB ({line}); free some, or use --no-images, --topic, --keep-free"
+        )
+    largest = max(rates, key=lambda topic: rates[topic])
+    return f"{line} (most of it {largest}); room for {room / GB:.1f} GB, {seconds / 3600:.1f} h"

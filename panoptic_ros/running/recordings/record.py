@@ -24,13 +24,11 @@ from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.io.takes import OpenTake
 from panoptic_ros.nodes.listeners.recorder_node import RecorderNode
-from panoptic_ros.nodes.middleware.executor import make_executor
 from panoptic_ros.nodes.middleware.family import service_class
-from panoptic_ros.nodes.middleware.runtime import start_ros
+from panoptic_ros.nodes.middleware.runtime import make_executor, start_ros
 from panoptic_ros.running.recordings.control import PREFIX, SERVICE, prepare_recording
 from panoptic_ros.running.recordings.facts import as_text, recording_facts
-from panoptic_ros.running.recordings.options import RecordOptions
-from panoptic_ros.running.recordings.room import told_room
+from panoptic_ros.running.recordings.options import RecordOptions, told_room
 from panoptic_ros.running.takes import named_unclosed_takes
 
 FACTS, COUNTERS = "/recording/facts", "/recording/counters"

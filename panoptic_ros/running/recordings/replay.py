@@ -1,11 +1,14 @@
-"""Bags onto the live graph: at any rate, from any stage's topic, with the time of the bag on /clock."""
+"""Bags onto the live graph: at any rate, from any stage's topic, with the time of the bag on /clock.
+
+Which topics of a bag are replayed, so that the stages from one on do their work anew.
+"""
 
 from __future__ import annotations
 
 import fnmatch
 import heapq
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +16,9 @@ from pathlib import Path
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import try_shutdown
 
-from panoptic_ros.errors import DataError, EnvironmentProblem
+from panoptic_ros.errors import DataError, EnvironmentProblem, UsageError
+from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.topics import TOPICS, variants
 from panoptic_ros.io.bag_connections import Connection
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.cdr_heads import stamp_in, with_stamp
@@ -21,7 +26,50 @@ from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.nodes.middleware.runtime import start_ros
 from panoptic_ros.nodes.sources.replay_node import ReplayNode, is_latched
 from panoptic_ros.running.processes.children import prepare_environment
-from panoptic_ros.running.recordings.replay_topics import chosen_topics, topics_from
+
+
+def topics_from(begin: str) -> frozenset[str]:
+    """Keys of the topics that the graph needs when it begins with a topic: it, what stages behind it take
+    from elsewhere, and what is latched. Stages and ports that are off unless asked for do not count.
+
+    Args:
+        begin: key of a topic, e.g. detections, or the name of the stage that gives it.
+
+    Raises:
+        UsageError: if there is neither.
+    """
+    keys = set(NODES[begin].outputs) if begin in NODES else {begin}
+    if begin not in NODES and begin not in TOPICS:
+        raise UsageError(
+            f"--from {begin}: there is no such topic or stage; topics are {', '.join(TOPICS)}, stages "
+            f"{', '.join(NODES)}"
+        )
+    given, taken = set(keys), set[str]()
+    for spec in NODES.values():  # in the order in which records go down
+        ports = {port.topic for port in spec.inputs if not port.switch}
+        if ports & given and not spec.switch:
+            given |= set(spec.outputs)
+            taken |= ports
+    wanted = keys | (taken - given) | {key for key, topic in TOPICS.items() if topic.latched}
+    return frozenset(wanted | {variant for key in wanted for variant in variants(key)})
+
+
+def chosen_topics(topics: Mapping[str, str], keys: Collection[str]) -> list[str]:
+    """The topics of a bag that carry these topics of the graph, in any namespace.
+
+    Args:
+        topics: of the bag, kind of message by name.
+    """
+    return [name for name, kind in topics.items() if key_of(name, kind) in keys]
+
+
+def key_of(name: str, kind: str) -> str:
+    """The key of the topic of the graph that a topic of a bag carries, in any namespace; "" = none."""
+    rows = {key: row for key, row in TOPICS.items() if row.message == kind}
+    endings = {key: "/" + row.name.split("{owner}/")[-1] for key, row in rows.items()}
+    found = [key for key, ending in endings.items() if name.endswith(ending)]
+    return max(found, key=lambda key: len(endings[key]), default="")
+
 
 SECOND = 1_000_000_000
 CLOCK_PERIOD_S = 0.005  # of /clock, in real time: a node on it is at most so late

@@ -1,9 +1,13 @@
-"""A run in one process, without ROS: the same stages, the same results."""
+"""A run in one process, without ROS: the same stages, the same results.
+
+The newest frames of several live cameras, instant by instant, and all sound, in one process.
+"""
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from itertools import takewhile
@@ -14,13 +18,14 @@ from panoptic_ros.capture.imus import imu_samples
 from panoptic_ros.capture.sound import open_sound
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.domain import AudioBlock
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.build import make_stage, ports_in_use, switched_on
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.host import Host, lanes_of
-from panoptic_ros.graph.lane_groups import Key
+from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.offline_refinement import refinement_of
 from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.graph.queues import NewestInstant
 from panoptic_ros.graph.side_by_side import TABLE, SideBySide, looked_ahead
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, TRACKS_KEY, opened_streams
@@ -28,11 +33,91 @@ from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.runs.finish import TOLD
-from panoptic_ros.running.runs.newest_frames import newest_frames
+from panoptic_ros.running.runs.results import Results
 from panoptic_ros.stage import Notice, StageContext
+
+
+def newest_frames(
+    cameras: Iterable[str],
+    frames: Callable[[str], Iterator[Any]],
+    stop: Callable[[], bool],
+    on_drop: Callable[[int], None],
+    sounds: Sequence[Callable[[], Iterator[Any]]] = (),
+) -> Iterator[Any]:
+    """What the cameras give, as the detection node would take it when it falls behind.
+
+    Args:
+        frames: the frames of a camera; called in a thread for each.
+        stop: asked often, also while nothing comes.
+        on_drop: told how many frames were overtaken.
+        sounds: what devices hear, each in a thread of its own; nothing of it is dropped. The end of one
+            ends nothing.
+
+    Raises:
+        PanopticError: what ended a camera.
+    """
+    names = list(cameras)
+    waiting, changed, over = NewestInstant(names), threading.Condition(), threading.Event()
+    faults: list[PanopticError] = []
+    dropped: list[int] = []
+    ended: list[str] = []
+    heard: list[Any] = []
+
+    def read(camera: str) -> None:
+        try:
+            for item in frames(camera):
+                if over.is_set():
+                    return
+                with changed:
+                    dropped.append(waiting.put(camera, item.stamp_ns, item))
+                    changed.notify()
+        except PanopticError as error:
+            faults.append(error)
+        finally:
+            ended.append(camera)
+
+    def listen(sound: Callable[[], Iterator[Any]]) -> None:
+        try:
+            for block in sound():
+                if over.is_set():
+                    return
+                with changed:
+                    heard.append(block)
+                    changed.notify()
+        except PanopticError as error:
+            faults.append(error)
+
+    for name in names:
+        threading.Thread(target=read, args=(name,), daemon=True).start()
+    for sound in sounds:
+        threading.Thread(target=listen, args=(sound,), daemon=True).start()
+    try:
+        while not stop():
+            with changed:
+                all_ended = len(ended) == len(names)  # asked before what they left is taken
+                batch = waiting.take()
+                if not batch and not heard:
+                    changed.wait(0.2)
+                blocks = heard[:]
+                heard.clear()
+                lost = sum(dropped)
+                dropped.clear()
+            if lost:
+                on_drop(lost)
+            if faults:
+                raise faults[0]
+            yield from blocks
+            if not batch and not blocks and all_ended:
+                return
+            yield from batch
+    finally:
+        over.set()
+
 
 # what results keep of what comes from outside
 TAKEN = ("image", "detections", SOUND_KEY, IMU_KEY, "sensor_depth", TRACKS_KEY)
+
+REFINED = ("patch_tracks", "sensor_depth", "skeletons_raw")  # what offline refinement takes
 
 
 class Taker(Protocol):
@@ -43,6 +128,27 @@ class Taker(Protocol):
 
 
 Records = dict[Key, Iterator[Any]]  # of each topic of each camera
+
+
+class OfflineResults:
+    """Takes the records of a run in one process; its own refinement stands in for the smoother with a lag."""
+
+    def __init__(self, plan: Plan, results: Results):
+        self._results = results
+        self._refinement = refinement_of(plan.configs, StageContext(plan.rig, plan.skeleton, plan.extras))
+
+    def take(self, key: str, record: Any) -> None:
+        """See `Results`."""
+        if key != "skeletons":
+            self._results.take(key, record)
+        if key in REFINED:
+            for output in self._refinement.take(record):
+                self._results.take("skeletons", output)
+
+    def flush(self) -> None:
+        """The rest of the skeletons."""
+        for output in self._refinement.flush():
+            self._results.take("skeletons", output)
 
 
 class _Counted:

@@ -3,39 +3,61 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from panoptic_ros.detection.config import DetectionConfig
-from panoptic_ros.graph.build import ports_in_use, rows_in_use, switched_on
-from panoptic_ros.graph.flow import live_defaults
+from panoptic_ros.errors import UsageError
+from panoptic_ros.graph.build import ports_in_use, switched_on
+from panoptic_ros.graph.flow import WINDOW, live_defaults
 from panoptic_ros.graph.nodes import BESIDE_IMAGES, SLOW, SOUND
 from panoptic_ros.graph.topics import TOPICS, given_inputs, ros_name
-from panoptic_ros.graph.wiring import Wiring
-from panoptic_ros.io.bag_streams import SOUND_KEY
+from panoptic_ros.io.bag_streams import SENSOR_KEYS, SOUND_KEY, TRACKS_KEY
 from panoptic_ros.io.files import write_json
 from panoptic_ros.io.occluders import FILE as OCCLUDERS
 from panoptic_ros.io.occluders import write_occluders
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.params import config_of, diff
+from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.plans.plan import Plan
+from panoptic_ros.stage import Notice
 
 LOOKS_OF_A_PROCESS = 8  # at a time: the network, a tenth of whose time is Python's, leaves it no core to win
 HEAT_MAPS = "heat_maps"  # what is published of views, not of people
 SOUND_PROCESSES = 2  # at most, the same
 
 
+def flow_of(plan: Plan) -> tuple[str, int]:
+    """How the nodes of a plan queue: name and window of their flow, see `graph.flow.make_flow`."""
+    lag_s = config_of(plan.configs, RefinementConfig).lag
+    return "live" if plan.live else "replay", WINDOW + math.ceil(plan.frame_rate * lag_s)
+
+
+def without_patch_inputs(plan: Plan) -> tuple[Plan, tuple[Notice, ...]]:
+    """The plan of a run over several processes, without recorded depth maps and 2D tracks; says so."""
+    left = tuple(stream for stream in plan.streams if stream.key not in (*SENSOR_KEYS, TRACKS_KEY))
+    if not plan.maps and left == plan.streams:
+        return plan, ()
+    text = "patches go without recorded depth maps and 2D tracks here: add --in-process or --offline"
+    return replace(plan, maps=(), streams=left), (Notice("patches.inputs_left_out", "warning", text),)
+
+
 def write_launch_file(
     plan: Plan, folder: Path, flow: str, window: int, jpeg_quality: int, one_per_stage: bool = False
 ) -> Path:
-    """Which nodes run in which process, for `nodes.main host`.
+    """Which nodes run in which process, for `nodes.main host`: of `panoptic run` and of `ros2 launch`.
 
     Args:
-        one_per_stage: a node and a process for each stage, in place of one for all after detection.
-            In replay, where tracking tells detection where to look, one process runs all stages in any case.
+        one_per_stage: live, a node and a process for each stage, in place of one for all after detection.
+
+    Raises:
+        UsageError: if a recording is to have a node per stage.
     """
+    if one_per_stage and not plan.live:
+        raise UsageError(f"--node-per-stage is for live use only: leave it out for {plan.title}, a recording")
     rig = folder / "rig.json"
     if plan.rig.cameras:
         write_rig(rig, plan.rig)
@@ -59,7 +81,7 @@ def write_launch_file(
         processes["imus"] = [
             {"kind": "imus", "imus": paths, "until_ns": plan.until_ns, "parameters": plan_of_nodes.bodies}
         ]
-    joined = _is_joined(plan, plan_of_nodes.guided, one_per_stage)
+    joined = _is_joined(plan, plan_of_nodes.guided)
     beside = tuple(name for name in BESIDE_IMAGES if name in plan_of_nodes.stages)
     if plan.stage == "detection" and not joined:
         for k, cameras in enumerate(_shares(plan)):
@@ -71,18 +93,17 @@ def write_launch_file(
     apart = [name for name in plan_of_nodes.stages if plan.live and name in SLOW]
     alone = apart if joined else [*beside, *apart]
     together = [name for name in plan_of_nodes.stages if name not in alone]
-    divided = one_per_stage and not joined
-    hosts = _divided(together) if divided else [tuple(together)] if together else []
+    hosts = [(name,) for name in together] if one_per_stage else [tuple(together)] if together else []
     inputs = _inputs_of_detection(plan, list(plan.rig.names)) if joined else {}
     for host in (*hosts, *((name,) for name in apart)):
-        name = host[0] if len(host) == 1 else "sync" if divided else "fusion"
+        name = host[0] if len(host) == 1 else "fusion"
         looks = "detection" in host
         node = plan_of_nodes.node(host, name, **(inputs if looks else {}))
         node |= _own(plan, list(plan.rig.names), jpeg_quality) if looks else {}
-        processes.setdefault("fusion" if host in hosts and not divided else name, []).append(node)
+        processes.setdefault("fusion" if host in hosts and not one_per_stage else name, []).append(node)
     if plan.rig.cameras:
         markers = {"kind": "markers", "parameters": {"flow": flow}}
-        processes.setdefault("markers" if divided else "fusion", []).append(markers)
+        processes.setdefault("markers" if one_per_stage else "fusion", []).append(markers)
     if words := [word for word in plan.publish if word != HEAT_MAPS]:
         others = processes.setdefault("markers" if one_per_stage else "fusion", [])
         segments = config_of(plan.configs, KinematicsConfig).segments
@@ -97,22 +118,14 @@ def write_launch_file(
     return path
 
 
-def _is_joined(plan: Plan, guided: bool, one_per_stage: bool) -> bool:
+def _is_joined(plan: Plan, guided: bool) -> bool:
     """Whether one process runs all stages, with detection.
 
     In replay: where tracking tells detection where to look, as what comes back must come at its place; and
     where it reads images itself, so that only what is kept is sent, if one process fills the cores.
     """
-    fills = bool(plan.sources) and not one_per_stage and free_threads(1) <= LOOKS_OF_A_PROCESS
+    fills = bool(plan.sources) and free_threads(1) <= LOOKS_OF_A_PROCESS
     return not plan.live and plan.stage == "detection" and (guided or fills)
-
-
-def _divided(stages: list[str]) -> list[tuple[str, ...]]:
-    """A host for every stage. Sound is heard where its clocks are used: only there is its place among frames
-    known.
-    """
-    heard = [name for name in stages if name in (*SOUND, "sync")]
-    return [tuple(heard), *((name,) for name in stages if name not in heard)]
 
 
 class _Nodes:
@@ -140,7 +153,6 @@ class _Nodes:
         parameters = {
             **self.common,
             "graph": [*self.stages, *self._used],
-            "marked": self._is_marked(stages),
             **more,
         }
         if set(SOUND) & set(stages):
@@ -161,13 +173,6 @@ class _Nodes:
         config = self._plan.configs[stage]
         own = {key: value for key, value in diff(config).items() if value != []}
         return own | {key: getattr(config, key) for key in live_defaults(self._flow, stage)}
-
-    def _is_marked(self, stages: tuple[str, ...]) -> bool:
-        """Whether something comes back over the borders of processes, in replay."""
-        table = rows_in_use(self._used)
-        everything = Wiring(self.stages, table=table)
-        inside = Wiring(stages, self.stages, table)
-        return self._flow == "replay" and bool(everything.heads) and set(inside.given_around) != inside.given
 
 
 def _inputs_of_detection(plan: Plan, cameras: list[str]) -> dict[str, list[str]]:

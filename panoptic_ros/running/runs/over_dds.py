@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -11,19 +10,17 @@ from typing import Any
 
 from rclpy.utilities import try_shutdown
 
-from panoptic_ros.graph.flow import WINDOW, make_flow
+from panoptic_ros.graph.flow import make_flow
 from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.nodes.listeners.collector_node import CollectorNode
 from panoptic_ros.nodes.listeners.domain_claim import claim_domain
-from panoptic_ros.nodes.middleware.executor import make_executor
-from panoptic_ros.nodes.middleware.runtime import in_namespace, start_ros
+from panoptic_ros.nodes.middleware.runtime import in_namespace, make_executor, start_ros
 from panoptic_ros.nodes.sources.statics_node import StaticsNode
 from panoptic_ros.params import config_of
-from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead, Processes, prepare_environment
-from panoptic_ros.running.runs.launch import write_launch_file
+from panoptic_ros.running.runs.launch import flow_of, write_launch_file
 from panoptic_ros.running.runs.listening import require_no_other_graph
 from panoptic_ros.running.runs.results import Results, check_record, patch_topics
 
@@ -61,8 +58,7 @@ def _run(
     ahead: Ahead,
 ) -> dict[str, dict[str, str]]:
     require_no_other_graph(ahead, plan.namespace)  # before anything is published
-    flow_name = "live" if plan.live else "replay"
-    window = WINDOW + math.ceil(plan.frame_rate * config_of(plan.configs, RefinementConfig).lag)
+    flow_name, window = flow_of(plan)
     launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality, node_per_stage)
     document = json.loads(launch.read_text())
     names = [name for nodes in document["processes"].values() for node in nodes for name in _told_of(node)]

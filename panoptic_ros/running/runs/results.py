@@ -206,11 +206,6 @@ class Results:
         return self._skeletons.count
 
     @property
-    def has_something(self) -> bool:
-        """Whether there were skeletons or bodies."""
-        return bool(self.poses) or self.bodies.instants > 0
-
-    @property
     def recorded(self) -> bool:
         """Whether any record was written."""
         return self._started

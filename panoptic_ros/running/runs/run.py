@@ -3,12 +3,14 @@
 A run over recordings leaves all of its results or none. A live run has no end of its own: a request to end,
 as Ctrl-C, a fault of a camera or a bug ends the recording. The take is closed first, then the report and the
 pictures are made, and nothing that happens there changes the take.
+
+How a run tells what goes on in it.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,14 +22,33 @@ from panoptic_ros.running.plans.duration import ended_after
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead
 from panoptic_ros.running.runs.finish import draw, finish, grouped_views
-from panoptic_ros.running.runs.in_process import run_in_process
-from panoptic_ros.running.runs.observer import RunObserver
-from panoptic_ros.running.runs.offline import OfflineResults, without_patch_inputs
+from panoptic_ros.running.runs.in_process import OfflineResults, run_in_process
+from panoptic_ros.running.runs.launch import without_patch_inputs
 from panoptic_ros.running.runs.result_folder import LiveFolder, files_below, open_live_folder, result_folder
 from panoptic_ros.running.runs.results import MADE, Results
 from panoptic_ros.running.runs.startup_check import StartupCheck
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.report import RunReport
+
+
+class RunObserver:
+    """Is told of the course of a run, in its own thread. This one takes no notice; derive what shows it."""
+
+    def started(self, plan: Plan) -> None:
+        """The plan is about to run."""
+
+    def saw(self, key: str, record: Any) -> None:
+        """A record of the topic of that key; of "diagnostics", what all nodes have counted."""
+
+    def judged(self, notices: Sequence[Notice]) -> None:
+        """The self-check of the calibration is done; while records come, or after the last."""
+
+    def ended(self) -> None:
+        """No more records come; what follows is the self-check, if it was not done, and the pictures."""
+
+    def drew(self, done: int, total: int) -> None:
+        """So many of the pictures are drawn."""
+
 
 NOBODY = RunObserver()
 
@@ -69,7 +90,7 @@ def run(
         in_process: all stages in this process, without ROS; else nodes in processes of their own.
         offline: the same, and skeletons are refined over the whole recording.
         jpeg_quality: 1-100: images are sent to other processes as JPEG; 0: as they are.
-        node_per_stage: a node and a process for every stage after detection, in place of one for all.
+        node_per_stage: live, a node and a process for every stage after detection, in place of one for all.
         duration_s: of a recording, from its first stamp; live, from the first record on, or from the start
             where none comes. None = all of it.
         pictures: also draw overlays, a video and a plot.
@@ -272,27 +293,12 @@ Counted = Mapping[str, Mapping[str, str]]  # what every stage or node counted
 
 
 def _counted(plan: Plan, results: Results, stop: Callable[[], bool], how: _Options) -> Counted:
-    if how.in_process or how.offline:
-        return _in_process(plan, results, stop, how.offline)
-    return _over_dds(plan, results, stop, how.jpeg_quality, how.node_per_stage, how.ahead)
+    if not (how.in_process or how.offline):
+        from panoptic_ros.running.runs.over_dds import run_over_dds  # needs ROS, the other way does not
 
-
-def _in_process(plan: Plan, results: Results, stop: Callable[[], bool], offline: bool) -> Counted:
-    taker = OfflineResults(plan, results) if offline else results
+        return run_over_dds(plan, results, stop, how.jpeg_quality, how.node_per_stage, how.ahead)
+    taker = OfflineResults(plan, results) if how.offline else results
     counted = {name: stage.values() for name, stage in run_in_process(plan, taker, stop).items()}
     if isinstance(taker, OfflineResults):
         taker.flush()
     return counted
-
-
-def _over_dds(
-    plan: Plan,
-    results: Results,
-    stop: Callable[[], bool],
-    jpeg_quality: int,
-    node_per_stage: bool,
-    ahead: Ahead,
-) -> Counted:
-    from panoptic_ros.running.runs.over_dds import run_over_dds  # needs ROS, the other way does not
-
-    return run_over_dds(plan, results, stop, jpeg_quality, node_per_stage, ahead)

@@ -10,8 +10,7 @@ from rclpy.utilities import try_shutdown
 
 from panoptic_ros.io.interruption import first_request_told
 from panoptic_ros.nodes.listeners.viewer_node import ViewerNode
-from panoptic_ros.nodes.middleware.executor import make_executor
-from panoptic_ros.nodes.middleware.runtime import start_ros
+from panoptic_ros.nodes.middleware.runtime import make_executor, start_ros
 from panoptic_ros.running.processes.children import LISTENER, prepare_environment
 from panoptic_ros.view.page.live import LiveScene
 from panoptic_ros.view.page.live_talk import LiveTalk

@@ -14,8 +14,7 @@ from rclpy.utilities import try_shutdown
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.graph.flow import LIVE_DEFAULTS, WINDOW
 from panoptic_ros.nodes.listeners.domain_claim import claim_domain, require_no_other_graph
-from panoptic_ros.nodes.middleware.executor import make_executor
-from panoptic_ros.nodes.middleware.runtime import start_ros
+from panoptic_ros.nodes.middleware.runtime import make_executor, start_ros
 from panoptic_ros.nodes.sources.feeding_node import FeedingNode
 from panoptic_ros.nodes.sources.statics_node import StaticsNode
 from panoptic_ros.running.plans.parameters import with_defaults

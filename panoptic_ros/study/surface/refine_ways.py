@@ -22,8 +22,7 @@ from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation import FramePair, SkeletonFrame, SkeletonSequence, pair_sequences
 from panoptic_ros.evaluation.filtering import one_euro, savitzky_golay
 from panoptic_ros.graph.build import make_stage, merged
-from panoptic_ros.graph.offline_averaging import OfflineAveraging
-from panoptic_ros.graph.offline_refinement import OfflineRefinement
+from panoptic_ros.graph.offline_refinement import OfflineAveraging, OfflineRefinement
 from panoptic_ros.io.compared_skeletons import read_sequence
 from panoptic_ros.params import Config, config_of
 from panoptic_ros.refinement.config import RefinementConfig

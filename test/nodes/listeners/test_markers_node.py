@@ -11,7 +11,7 @@ rclpy = pytest.importorskip("rclpy")
 from panoptic_ros.domain import RefinedPoseSet  # noqa: E402
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
 from panoptic_ros.io.messages import to_message  # noqa: E402
-from panoptic_ros.nodes.listeners.markers_node import MarkersNode  # noqa: E402
+from panoptic_ros.nodes.listeners.people_node import MarkersNode  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
 from panoptic_ros.nodes.middleware.quality import data_quality  # noqa: E402
 from panoptic_ros.nodes.sources.statics_node import StaticsNode  # noqa: E402

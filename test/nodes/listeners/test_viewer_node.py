@@ -16,7 +16,7 @@ from panoptic_ros.domain import ViewFrame  # noqa: E402
 from panoptic_ros.graph.flow import make_flow  # noqa: E402
 from panoptic_ros.graph.topics import TOPICS  # noqa: E402
 from panoptic_ros.io.messages import from_message, to_message  # noqa: E402
-from panoptic_ros.nodes.health.preview_reports import PreviewReports  # noqa: E402
+from panoptic_ros.nodes.health.reports import PreviewReports  # noqa: E402
 from panoptic_ros.nodes.listeners.viewer_node import QUALITY, ViewerNode  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
 from panoptic_ros.nodes.middleware.quality import data_quality  # noqa: E402

@@ -10,11 +10,11 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from rclpy.serialization import serialize_message  # noqa: E402
 
-from panoptic_ros.nodes.middleware.executor import make_executor  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
 from panoptic_ros.nodes.middleware.negotiation import Negotiated  # noqa: E402
 from panoptic_ros.nodes.middleware.packets import header_of  # noqa: E402
 from panoptic_ros.nodes.middleware.read_together import Came, GatheringNode, ReadTogether  # noqa: E402
+from panoptic_ros.nodes.middleware.runtime import make_executor  # noqa: E402
 
 pytestmark = pytest.mark.ros
 HEADER = message_class("std_msgs/msg/Header")

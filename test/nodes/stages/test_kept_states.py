@@ -4,7 +4,7 @@ import pytest
 from spinning import spin_until
 
 rclpy = pytest.importorskip("rclpy")
-from panoptic_ros.nodes.middleware.one_shot import OneShot  # noqa: E402
+from panoptic_ros.nodes.middleware.runtime import OneShot  # noqa: E402
 from panoptic_ros.nodes.stages.kept_states import KeptStates, StateKeeper  # noqa: E402
 
 pytestmark = pytest.mark.ros

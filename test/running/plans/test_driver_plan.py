@@ -16,7 +16,7 @@ from panoptic_ros.graph.build import configure
 from panoptic_ros.io.messages import bag_messages, camera_info_message
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.nodes.sources.drivers import Drivers
-from panoptic_ros.running.plans import driver_plan, driver_rig
+from panoptic_ros.running.plans import driver_plan
 from panoptic_ros.running.runs.launch import write_launch_file
 
 SENSOR = captures.look_at("k1", (0.0, 4.0, 2.0), size=(320, 240))
@@ -34,7 +34,7 @@ def plan(tmp_path, monkeypatch):
         (tmp_path / "drivers.yaml").write_text(text)
         monkeypatch.setattr(driver_plan, "find_drivers", lambda wanted: Drivers(types, dict(infos)))
         monkeypatch.setattr(driver_plan, "prepare_environment", lambda: None)
-        return driver_plan.plan_drivers(tmp_path / "drivers.yaml", tmp_path / rig if rig else None)
+        return driver_plan.plan_drivers(tmp_path / "drivers.yaml", rig=tmp_path / rig if rig else None)
 
     return make
 
@@ -169,7 +169,7 @@ def test_without_a_rig_lenses_are_those_of_camera_info_and_poses_those_of_tf(pla
         asked.append((frames, fixed))
         return "map", {f"{n}_optical_frame": c.cam_from_world.inverse() for n, c in cameras.items()}
 
-    monkeypatch.setattr(driver_rig, "find_transforms", find)
+    monkeypatch.setattr(driver_plan, "find_transforms", find)
     made = plan("fixed_frame: map\n" + BOTH, TYPES, infos, "")
     assert asked == [(sorted(f"{name}_optical_frame" for name in cameras), "map")]
     assert made.rig.frame_id == "map" and made.rig.names == ("cam0", "cam1")
@@ -190,7 +190,7 @@ def test_without_a_rig_lenses_are_those_of_camera_info_and_poses_those_of_tf(pla
 
 def test_drivers_that_are_not_calibrated_are_told(plan, monkeypatch):
     monkeypatch.setattr(
-        driver_rig, "find_transforms", lambda frames, fixed: ("map", dict.fromkeys(frames, Rigid.identity()))
+        driver_plan, "find_transforms", lambda frames, fixed: ("map", dict.fromkeys(frames, Rigid.identity()))
     )
     text = "cam0: {image: /a/image_raw}\ncam1: {image: /b/image_raw}\n"
     types = {"/a/image_raw": IMAGE, "/b/image_raw": IMAGE, "/a/camera_info": INFO, "/b/camera_info": INFO}
@@ -255,7 +255,7 @@ def test_lenses_of_drivers_without_a_rig_are_read_by_any_name(plan, monkeypatch)
     infos["/a/camera_info"].distortion_model = "rational_polynomial"
     infos["/a/camera_info"].d = np.array([0.2, -0.1, 0, 0, 0.05, 0.1, -0.05, 0.02])
     infos["/b/camera_info"].d = np.zeros(8)
-    monkeypatch.setattr(driver_rig, "find_transforms", lambda frames, fixed: ("world", poses_of(frames)))
+    monkeypatch.setattr(driver_plan, "find_transforms", lambda frames, fixed: ("world", poses_of(frames)))
     text = "cam0: {image: /a/image_raw}\ncam1: {image: /b/image_raw}\n"
     types = {"/a/image_raw": IMAGE, "/b/image_raw": IMAGE, "/a/camera_info": INFO, "/b/camera_info": INFO}
     made = plan(text, types, infos, rig=None)

@@ -26,9 +26,8 @@ from panoptic_ros.running.plans.bag_plan import plan_bags
 from panoptic_ros.running.recordings import control
 from panoptic_ros.running.recordings import record as recording
 from panoptic_ros.running.recordings.control import ask_all
-from panoptic_ros.running.recordings.options import RecordOptions
+from panoptic_ros.running.recordings.options import RecordOptions, Selection
 from panoptic_ros.running.recordings.record import COUNTERS, FACTS
-from panoptic_ros.running.recordings.selection import Selection
 
 pytestmark = pytest.mark.ros
 SECOND = 1_000_000_000

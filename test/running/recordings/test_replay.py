@@ -17,8 +17,7 @@ from panoptic_ros.errors import DataError, EnvironmentProblem, UsageError  # noq
 from panoptic_ros.nodes.middleware.family import message_class  # noqa: E402
 from panoptic_ros.nodes.middleware.quality import LATCHED  # noqa: E402
 from panoptic_ros.running.recordings import replay as replays  # noqa: E402
-from panoptic_ros.running.recordings.replay import ReplayOptions, replay  # noqa: E402
-from panoptic_ros.running.recordings.replay_topics import chosen_topics, topics_from  # noqa: E402
+from panoptic_ros.running.recordings.replay import ReplayOptions, chosen_topics, replay, topics_from  # noqa: E402  # noqa: E402
 
 pytestmark = pytest.mark.ros
 VIEWS = "panoptic_msgs/msg/ViewDetections"

@@ -16,10 +16,9 @@ from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.running.plans.bag_plan import plan_bags
 from panoptic_ros.running.plans.bag_topics import BagChoice
 from panoptic_ros.running.plans.options import RunOptions
-from panoptic_ros.running.runs.observer import RunObserver
 from panoptic_ros.running.runs.result_folder import result_folder
 from panoptic_ros.running.runs.results import Results
-from panoptic_ros.running.runs.run import run
+from panoptic_ros.running.runs.run import RunObserver, run
 
 FRAMES = 6
 

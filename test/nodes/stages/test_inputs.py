@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from panoptic_ros.errors import DataError
-from panoptic_ros.nodes.stages import entrance
+from panoptic_ros.nodes.stages import inputs as module
 from panoptic_ros.running.runs.finish import TOLD
 
 
@@ -26,8 +26,8 @@ class Told:
 def room(monkeypatch):
     """An entrance at a clock that the test sets, its tally, and inputs of two cameras."""
     clock = SimpleNamespace(now=0.0)
-    monkeypatch.setattr(entrance.time, "monotonic", lambda: clock.now)
-    monkeypatch.setattr(entrance, "check_record", lambda record, *rest: None)
+    monkeypatch.setattr(module.time, "monotonic", lambda: clock.now)
+    monkeypatch.setattr(module, "check_record", lambda record, *rest: None)
     wiring = SimpleNamespace(
         specs=[SimpleNamespace(name="detection")], readers={"image": [SimpleNamespace(stage=0)]}
     )
@@ -45,7 +45,7 @@ def room(monkeypatch):
         )
         for name in ("left", "right")
     }
-    return entrance.Entrance(facts, tally, {}, wiring), tally, clock, inputs
+    return module.Entrance(facts, tally, {}, wiring), tally, clock, inputs
 
 
 @pytest.mark.parametrize("rate", [0.5, 4.0, 30.0])

@@ -8,7 +8,7 @@ pytest.importorskip("rclpy")
 
 from panoptic_ros.cli.run.watch import Watch
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.nodes.health.notice_log import CALM_S, NoticeLog
+from panoptic_ros.nodes.health.tally import CALM_S, NoticeLog
 from panoptic_ros.stage import Notice
 
 

@@ -1,6 +1,6 @@
 """Counts of nodes go on where they are started anew."""
 
-from panoptic_ros.graph.drop_log import DropLog
+from panoptic_ros.graph.counters import DropLog
 
 
 def test_counts_go_on_over_restarts():

@@ -8,7 +8,7 @@ import pytest
 
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.io.bag_split import GB
-from panoptic_ros.running.recordings import room
+from panoptic_ros.running.recordings import options
 from panoptic_ros.running.recordings.options import RecordOptions
 
 RATES = {"/a/image": 3e6, "/a/detections": 1e6}  # bytes/s
@@ -17,7 +17,7 @@ RATES = {"/a/image": 3e6, "/a/detections": 1e6}  # bytes/s
 @pytest.fixture(autouse=True)
 def eleven_gb_free(monkeypatch):
     disk = shutil.disk_usage("/")._replace(free=round(11 * GB))
-    monkeypatch.setattr(room.shutil, "disk_usage", lambda place: disk)
+    monkeypatch.setattr(options.shutil, "disk_usage", lambda place: disk)
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ def eleven_gb_free(monkeypatch):
     [(0.0, 10.0, 10 * GB / 4e6 / 3600), (2.0, 2.0, 2 * GB / 4e6 / 3600), (50.0, 10.0, 10 * GB / 4e6 / 3600)],
 )
 def test_room_is_what_is_free_or_the_budget(tmp_path, budget_gb, gb, hours):
-    line = room.told_room(tmp_path / "not" / "yet", RATES, RecordOptions(budget_gb=budget_gb))
+    line = options.told_room(tmp_path / "not" / "yet", RATES, RecordOptions(budget_gb=budget_gb))
     assert line.startswith("4.00 MB/s on 2 topics")
     assert "most of it /a/image" in line
     assert line.endswith(f"room for {gb:.1f} GB, {hours:.1f} h")
@@ -33,12 +33,12 @@ def test_room_is_what_is_free_or_the_budget(tmp_path, budget_gb, gb, hours):
 
 def test_a_time_that_does_not_fit_is_refused_with_what_it_needs(tmp_path):
     fits = 10 * GB / 4e6
-    room.told_room(tmp_path, RATES, RecordOptions(duration_s=fits - 1))
+    options.told_room(tmp_path, RATES, RecordOptions(duration_s=fits - 1))
     with pytest.raises(EnvironmentProblem, match=r"need 10\.00 GB.* room for 10\.00 GB"):
-        room.told_room(tmp_path, RATES, RecordOptions(duration_s=fits + 1))
+        options.told_room(tmp_path, RATES, RecordOptions(duration_s=fits + 1))
 
 
 def test_topics_on_which_nothing_comes_tell_no_rate(tmp_path):
-    assert room.told_room(tmp_path, {}, RecordOptions()) == (
+    assert options.told_room(tmp_path, {}, RecordOptions()) == (
         "nothing comes yet on the topics; room for 10.0 GB"
     )

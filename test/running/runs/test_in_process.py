@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from panoptic_ros.errors import BackendError
-from panoptic_ros.running.runs.newest_frames import newest_frames
+from panoptic_ros.running.runs.in_process import newest_frames
 
 
 @dataclass(frozen=True)

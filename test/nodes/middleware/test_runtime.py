@@ -9,8 +9,8 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 from rclpy.serialization import deserialize_message  # noqa: E402
 
-from panoptic_ros.nodes.middleware.executor import make_executor, with_facts  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class  # noqa: E402
+from panoptic_ros.nodes.middleware.runtime import make_executor, with_facts  # noqa: E402
 
 pytestmark = pytest.mark.ros
 TEXT = message_class("std_msgs/msg/Header")

@@ -1,6 +1,6 @@
 """What is said while nothing comes."""
 
-from panoptic_ros.running.runs.waiting import why_waiting
+from panoptic_ros.running.runs.finish import why_waiting
 
 
 def test_the_first_stage_that_waits_is_named():
