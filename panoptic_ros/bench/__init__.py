@@ -2,7 +2,7 @@
 
 Each bench is one module with `add_arguments(parser)`, `measure(args, progress) -> dict` (JSON, SI units in
 the names) and `lines(result) -> list[str]` (the table), and is named in `BENCHES`; those of the live
-graph need processes, and are `running.graph_bench` and `running.view_bench`. Times of the others are those
+graph need processes, and are in `running.benches`. Times of the others are those
 of one thread, inputs already in arrays, first call excluded. Benches only measure: tests never assert a time.
 """
 

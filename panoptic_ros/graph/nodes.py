@@ -49,7 +49,7 @@ class NodeSpec:
     Args:
         name: of the stage, the node and the section of the parameters.
         stage, config: "module:class".
-        inputs: ports. Records of one place (see `graph.merge`) are handed over in this order.
+        inputs: ports. Records of one place (see `graph.schedule`) are handed over in this order.
         outputs: keys of `TOPICS`. A record goes to the topic of its type.
         apart: the inputs of every camera or device are merged on their own, as none waits for another.
         queue: of a live node that falls behind. "newest": a few messages of every topic; "instant": images

@@ -24,7 +24,7 @@ class Topic:
         message: the ROS type.
         latched: kept for subscribers who come late; has no end.
         by_stamp: one record for every one of a source, so stamps tell its place among other topics. The
-            place of other records is that of the record from which they follow (see `graph.merge`).
+            place of other records is that of the record from which they follow (see `graph.schedule`).
         variant_of: the topic that carries the same records as another message.
     """
 

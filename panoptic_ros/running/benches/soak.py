@@ -30,7 +30,7 @@ def measure(args: argparse.Namespace, progress: Progress = untold) -> dict[str, 
 
     Raises:
         UsageError: on numbers that make no sense.
-        UserError, EnvironmentProblem: as `running.player.played`.
+        UserError, EnvironmentProblem: as `running.benches.player.played`.
     """
     from panoptic_ros.running.benches.failures import run_soak  # needs ROS
 
