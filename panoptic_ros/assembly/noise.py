@@ -23,10 +23,10 @@ LOW = float(np.log(LEVEL_RANGE[0]))
 WIDTH = (float(np.log(LEVEL_RANGE[1])) - LOW) / LEVELS
 RAYLEIGH_MEDIAN = 1.17741  # of a 2D residual with standard deviation 1 per axis
 MOST_OF, RAYLEIGH_MOST = 0.9, 2.14597  # a quantile, and that of such a residual
-PRIOR_COUNT = 40.0  # weight of the initial values, in residuals
-HIDDEN_PRIOR_COUNT = 5.0  # the same for joints that are hidden or may be, which are few
-VIEW_PRIOR_COUNT = 200.0
-SIZE_PRIOR = 20.0  # weight of the slope 0, in residuals times variance of their log sizes
+PRIOR_COUNT = 20.0  # weight of the initial values, in residuals
+HIDDEN_PRIOR_COUNT = 2.5  # the same for joints that are hidden or may be, which are few
+VIEW_PRIOR_COUNT = 100.0
+SIZE_PRIOR = 10.0  # weight of the slope 0, in residuals times variance of their log sizes
 REACH, CLIP = 1.4, 4.0  # of log sizes about their mean, and of log residuals
 CARRIED_NOISE = 0.022  # of the diagonal of a 2D person, after a second of being carried by motion
 

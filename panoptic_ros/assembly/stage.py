@@ -107,9 +107,11 @@ class AssemblyStage(Stateful):
         if self._config.method == "dynamic_programming":
             people = people_from_parts(item, self._context.rig, self._skeleton, self._config)
             return StepResult((self._without_biases(people.pose_set(item)),))
-        if self._config.learn_noise and not self._noise.learnt:
-            self._solve(item)  # the first people are solved with their learnt noise
-        people, found, observed, motion = self._solve(item)
+        learns = self._config.learn_noise
+        if learns and not self._noise.learnt:
+            self._solve(item, learns)  # the first people are solved again, with the noise learnt from them
+            learns = False  # from each instant once
+        people, found, observed, motion = self._solve(item, learns)
         votes = exchanged_views(found.source, observed, self._limbs.groups)[people.kept]
         votes -= ANATOMY_VOTES * self._sides.right_way(people.joints.positions, people.joints.views)
         shift = None
@@ -118,8 +120,12 @@ class AssemblyStage(Stateful):
             shift = time_shift(motion, people.kept, positions, shifts, self._skeleton)
         return StepResult((self._without_biases(people.pose_set(item, votes, shift)),))
 
-    def _solve(self, item: ProposalSet) -> tuple[People, Candidates, Array, Motion | None]:
-        """People of an instant, the candidates, where their joints are observed (P, V, J), motion; learns."""
+    def _solve(self, item: ProposalSet, learns: bool) -> tuple[People, Candidates, Array, Motion | None]:
+        """Return people of an instant, the candidates, where their joints are observed (P, V, J), and motion.
+
+        Args:
+            learns: whether the noise table learns from the residuals.
+        """
         evidence, prediction = item.association.evidence, item.association.prediction
         found = Candidates.of(item.association, self._mirror)
         cams = cameras_of(evidence, self._rig)
@@ -146,7 +152,7 @@ class AssemblyStage(Stateful):
         inside |= found.who[people.kept] >= 0  # tracks stay until no view shows them
         if not inside.all():
             people = people.rows(inside)
-        if self._config.learn_noise:
+        if learns:
             residuals = residuals_to_learn(
                 people.kept, solved, found.guide.shifts, scene.observations, scene.focals
             )

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--host",
         default="127.0.0.1",
-        help="where to listen: 0.0.0.0 lets other machines see the page, with the token that is printed",
+        help="where to listen: 0.0.0.0 lets other machines see the page, with the address that is printed",
     )
     parser.add_argument("--port", type=number(int, 0, 65535), default=8765, help="0: any that is free")
     parser.add_argument("--no-browser", action="store_true", help="print the address only")

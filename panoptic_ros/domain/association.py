@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import NOT_GIVEN, check_not_infinite, check_stamp
+from panoptic_ros.domain.checks import NOT_GIVEN, check_not_infinite, check_stamp, own_copy
 from panoptic_ros.domain.detections import DetectionSet
 from panoptic_ros.errors import DataError
 
@@ -217,9 +217,9 @@ def _fit_lengths(record: Prediction | TrackSet, people: int) -> None:
 
 
 def _fit(record: object, names: str, shape: tuple[int, ...]) -> None:
-    """Make the arrays of these names read-only, and raise DataError unless they have the shape."""
+    """Store read-only copies of the arrays of these names, and raise DataError unless they have the shape."""
     for name in names.split():
-        array = getattr(record, name)
-        array.flags.writeable = False
+        array = own_copy(getattr(record, name))
+        object.__setattr__(record, name, array)
         if array.shape != shape:
             raise DataError(f"{type(record).__name__}.{name} has shape {array.shape}, expected {shape}")

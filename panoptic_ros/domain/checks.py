@@ -43,7 +43,7 @@ class Shapes:
         """
         value = getattr(self.record, name)
         try:
-            array = value if _is_own(value, dtype) else np.array(value, dtype=dtype, order="C")
+            array = own_copy(value, dtype)
         except (TypeError, ValueError, OverflowError) as error:
             told = one_line(error)
             raise DataError(f"{self._of(name)} is no array of {np.dtype(dtype)}: {told}") from None
@@ -56,7 +56,6 @@ class Shapes:
                 raise DataError(
                     f"{self._of(name)} has shape {array.shape}, expected ({letters}) with {letter} = {known}"
                 )
-        array.setflags(write=False)
         object.__setattr__(self.record, name, array)
         return array
 
@@ -64,15 +63,19 @@ class Shapes:
         return f"{type(self.record).__name__}.{name}"
 
 
-def _is_own(value: Any, dtype: Any) -> bool:
-    """Whether an array is already what a record holds: nobody can write to it."""
-    return (
+def own_copy(value: Any, dtype: Any = None) -> Array:
+    """Return a read-only array of this type (None = its own): a copy, unless nobody can write to the value."""
+    if (
         type(value) is np.ndarray
-        and value.dtype == dtype
+        and dtype in (None, value.dtype)
         and value.base is None
         and value.flags.c_contiguous
         and not value.flags.writeable
-    )
+    ):
+        return value
+    array = np.array(value, dtype=dtype, order="C")
+    array.setflags(write=False)
+    return array
 
 
 @cache

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-import hmac
-import re
-import secrets
 import threading
 from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
 
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
 
 from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.export.access import Access
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-OWN_PAGES = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?")
 MOST_ASKED = 1024  # bytes that a client may send; nothing is asked of it
 REFUSED = 1008  # code of a connection that is closed for lack of the token
 
@@ -46,7 +42,9 @@ class BodySocket:
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0):
         self._host, self._port = host, port
-        self._token = "" if host in LOOPBACK else secrets.token_urlsafe(9)
+        self._access = Access(
+            host, open_here=True
+        )  # game engines keep the address, and joints are no pictures
         self._hello: str | None = None
         self._clients: set[_Client] = set()
         self._loop = asyncio.new_event_loop()
@@ -65,7 +63,7 @@ class BodySocket:
     @property
     def address(self) -> str:
         """Where clients connect."""
-        return f"ws://{self._host}:{self.port}/" + (f"?token={self._token}" if self._token else "")
+        return self._access.address("ws", self.port)
 
     @property
     def watched(self) -> bool:
@@ -106,7 +104,7 @@ class BodySocket:
                 compression=None,
                 max_size=MOST_ASKED,
                 server_header=None,
-                origins=[None, OWN_PAGES],
+                process_request=self._refusal,
             )
         except OSError as error:
             started.set_exception(error)
@@ -115,10 +113,14 @@ class BodySocket:
             started.set_result(int(next(iter(server.sockets)).getsockname()[1]))
             await self._over.wait()
 
+    def _refusal(self, connection: ServerConnection, request: Request) -> Response | None:
+        if self._access.is_foreign(request.headers):
+            return connection.respond(403, "another site asked for this\n")
+        return None
+
     async def _talk(self, connection: ServerConnection) -> None:
         request: Any = connection.request
-        given = parse_qs(urlsplit(request.path).query).get("token", [""])[0]
-        if not hmac.compare_digest(given.encode(), self._token.encode()):
+        if not self._access.has_token(request.path):
             await connection.close(REFUSED, "the address lacks its token")
             return
         client = _Client()

@@ -51,21 +51,8 @@ def _radial(terms: Array, r2: Array) -> tuple[Array | float, Array | float, Arra
     return above, 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6)), rise, k4 + r2 * (2.0 * k5 + 3.0 * r2 * k6)
 
 
-def jacobian(terms: Array, plane: Array) -> Array:
-    """Derivative (..., 2, 2) of `distort` at undistorted points (..., 2)."""
-    derivative = _bend_jacobian(terms, plane)
-    if len(terms) < 14:
-        return derivative
-    matrix = tilt(terms)
-    h = _bend(terms, plane) @ matrix[:, :2].T + matrix[:, 2]
-    tilted: Array = (
-        matrix[:2, :2] / h[..., 2, None, None] - h[..., :2, None] * matrix[2, :2] / h[..., 2, None, None] ** 2
-    )
-    full: Array = tilted @ derivative
-    return full
-
-
 def _bend_jacobian(terms: Array, plane: Array) -> Array:
+    """Return the derivative (..., 2, 2) of `_bend` at undistorted points (..., 2)."""
     _, _, p1, p2, _ = terms[:5]
     x, y = plane[..., 0], plane[..., 1]
     r2 = x * x + y * y

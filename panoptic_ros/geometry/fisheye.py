@@ -26,18 +26,6 @@ def distort(terms: Array, plane: Array) -> Array:
     return distorted
 
 
-def jacobian(terms: Array, plane: Array) -> Array:
-    """Derivative (..., 2, 2) of `distort` at undistorted points (..., 2)."""
-    radius = np.maximum(np.hypot(plane[..., 0], plane[..., 1]), TINY)
-    theta = np.arctan(radius)
-    across = theta * _factor(terms, theta * theta) / radius
-    along = _slope(terms, theta * theta) / (1.0 + radius * radius)
-    towards = plane / radius[..., None]
-    outer = towards[..., :, None] * towards[..., None, :]
-    derivative: Array = across[..., None, None] * np.eye(2) + (along - across)[..., None, None] * outer
-    return derivative
-
-
 def undistort(terms: Array, goal: Array, radius_limit: float) -> Array:
     """Undistorted points (..., 2) of distorted ones (..., 2), by Newton's method; NaN if there is none."""
     reached = np.hypot(goal[..., 0], goal[..., 1])

@@ -88,11 +88,6 @@ class Intrinsics:
         distorted: Array = LENSES[self.lens].distort(self.distortion, plane)
         return distorted
 
-    def distort_jacobian(self, plane: Array) -> Array:
-        """Derivative (..., 2, 2) of `distort` at undistorted points (..., 2)."""
-        jacobian: Array = LENSES[self.lens].jacobian(self.distortion, plane)
-        return jacobian
-
     def undistort(self, pixels: Array) -> Array:
         """Undistorted normalised image points (..., 2) of pixels (..., 2), by Newton's method.
 

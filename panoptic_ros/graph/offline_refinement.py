@@ -6,8 +6,6 @@ seconds to come is as good as over all of the recording. What it fills is what p
 second round; so a recording of any length is refined as it passes by.
 
 The averaging of Joo et al. 2017, 6.3, over a whole recording: see `refinement.averaging`.
-
-Refinement of a whole recording as a pass, by the method that is configured.
 """
 
 from __future__ import annotations
@@ -15,7 +13,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
-from heapq import merge
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,7 +33,7 @@ from panoptic_ros.patches.config import PatchesConfig
 from panoptic_ros.refinement.averaging import Joints, averaged
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.stage import bias_floor, without
-from panoptic_ros.stage import Progress, Recording, StageContext
+from panoptic_ros.stage import StageContext
 
 AHEAD = 2.0  # s that smoothing looks ahead; motion is forgotten in a fraction of that
 BRIDGED = 1.0  # s, longest gap that is filled although nothing was followed
@@ -216,9 +213,6 @@ def _shown(item: TrackedPoseSet, own: Mapping[int, Array]) -> TrackedPoseSet:
     )
 
 
-ORDER = {PatchTracks: 0, DepthFrame: 1, TrackedPoseSet: 2}  # of records of the same stamp
-
-
 def refinement_of(
     configs: Mapping[str, Config], context: StageContext
 ) -> OfflineRefinement | OfflineAveraging:
@@ -229,29 +223,3 @@ def refinement_of(
     """
     averages = config_of(configs, RefinementConfig).method == "averaging"
     return OfflineAveraging(configs, context) if averages else OfflineRefinement(configs, context)
-
-
-class RefinementPass:
-    """All of a recording, refined: a `stage.Pass`."""
-
-    def __init__(self, config: Mapping[str, Config], context: StageContext):
-        self._configs, self._context = config, context
-
-    def run(self, recording: Recording, progress: Progress) -> tuple[RefinedPoseSet, ...]:
-        """Skeletons of every set; reads `skeletons_raw`, and `patch_tracks` and `sensor_depth` if there."""
-        refinement, rig = refinement_of(self._configs, self._context), self._context.rig
-        count = max(1, sum(1 for _ in recording.records("skeletons_raw")))
-        streams: list[Iterable[Taken]] = [recording.records("patch_tracks", name) for name in rig.names]
-        streams += [recording.records("sensor_depth", sensor.name) for sensor in rig.depth_sensors]
-        streams.append(recording.records("skeletons_raw"))
-        found: list[RefinedPoseSet] = []
-        for item in merge(*streams, key=_place):
-            found += refinement.take(item)
-            progress(min(1.0, len(found) / count), "refining")
-        found += refinement.flush()
-        progress(1.0, "refining")
-        return tuple(found)
-
-
-def _place(item: Taken) -> tuple[int, int]:
-    return item.stamp_ns, next(order for kind, order in ORDER.items() if isinstance(item, kind))

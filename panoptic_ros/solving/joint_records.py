@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import AssociationSet, DetectionSet, Evidence, Groups, ViewSources
-from panoptic_ros.domain.checks import known_good
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
@@ -139,14 +138,8 @@ def view_sources(
     views = [detections.views[slot] for slot in evidence.slots]
     rows = main_people(evidence.starts, found.member[kept], solved.residuals[kept], solved.picks[kept])
     known = np.concatenate([evidence.rows, [-1]])  # -1 stays -1
-    return known_good(
-        ViewSources,
-        {
-            "cameras": tuple(view.camera for view in views),
-            "frames": np.array([view.frame_number for view in views], np.int64),
-            "persons": known[rows].astype(np.int32),
-        },
-    )
+    frames = np.array([view.frame_number for view in views], np.int64)
+    return ViewSources(tuple(view.camera for view in views), frames, known[rows])
 
 
 @njit(cache=True, error_model="numpy")

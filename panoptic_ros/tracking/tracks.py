@@ -7,8 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import JointState, PoseSet, TrackSet
-from panoptic_ros.domain.checks import known_good
-from panoptic_ros.domain.of_all import of_all
 from panoptic_ros.identity.appearance import Colours
 from panoptic_ros.identity.likeness import Bones, learnt_bones
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
@@ -145,17 +143,14 @@ class Tracks(NamedTuple):
 
     def record(self, poses: PoseSet) -> TrackSet:
         """The record that is fed back."""
-        return known_good(
-            TrackSet,
-            {
-                "index": poses.index,
-                "stamp_ns": poses.stamp_ns,
-                "skeleton_hash": poses.skeleton_hash,
-                "ids": self.ids.copy(),
-                "unseen": self.unseen.copy(),
-                **of_all(np.copy, self.motion)._asdict(),
-                "lengths": np.where(self.bodies.counts >= KNOWN_AFTER, self.bodies.lengths, np.nan),
-            },
+        return TrackSet(
+            poses.index,
+            poses.stamp_ns,
+            poses.skeleton_hash,
+            self.ids,
+            unseen=self.unseen,
+            **self.motion._asdict(),
+            lengths=np.where(self.bodies.counts >= KNOWN_AFTER, self.bodies.lengths, np.nan),
         )
 
 

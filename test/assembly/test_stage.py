@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fed_stages import FedAssembly, seen_by
 
+from panoptic_ros.assembly.noise import NoiseTable
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.skeletons import map_joints
 
@@ -54,6 +55,23 @@ def test_covariances_are_consistent(scenes):
         scaled = np.linalg.solve(pose.covariances[0], offset[..., None])[..., 0]
         values.append((offset * scaled).sum(axis=-1))
     assert 0.7 < np.mean(values) / 3.0 < 1.2
+
+
+def test_every_instant_is_learnt_from_once(scenes, monkeypatch):
+    learnt, learn = [], NoiseTable.learn
+
+    def counted(table, marks, residuals, rig):
+        learnt.append(len(residuals[0]))
+        learn(table, marks, residuals, rig)
+
+    rig, people = scenes.ring(5), [scenes.person()]
+    sets = [scenes.proposals(rig, people, index=i, noise=1.0) for i in range(3)]
+    stage = FedAssembly(scenes.context(rig))
+    monkeypatch.setattr(NoiseTable, "learn", counted)
+    for item in sets:
+        stage.step(item)
+    assert len(learnt) == len(sets)
+    assert min(learnt) > 50
 
 
 def test_outliers_and_misses_do_not_move_joints(scenes):

@@ -3,17 +3,13 @@
 from functools import lru_cache
 from itertools import pairwise
 
-import captures
 import numpy as np
-import patch_scene
 import pytest
 
-from panoptic_ros.domain import PatchTracks
 from panoptic_ros.evaluation import SkeletonFrame
 from panoptic_ros.evaluation.bias import BiasConfig, BiasPass
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import motion_clocks
-from panoptic_ros.graph.offline_refinement import RefinementPass
 from panoptic_ros.graph.recording import HeldRecording
 from panoptic_ros.offsets.sound import SoundClocks, SoundClocksConfig
 from panoptic_ros.simulation import SKELETON, simulate
@@ -52,23 +48,10 @@ def sound():
     return records, SoundClocks(SoundClocksConfig({name: name for name in heard.recorders}, heard.places))
 
 
-def refinement():
-    """Somebody whose surface is followed."""
-    items = patch_scene.recording(4)
-    tracks = [item for item in items if isinstance(item, PatchTracks)]
-    records = {
-        ("patch_tracks", name): [item for item in tracks if item.camera == name]
-        for name in captures.RIG.names
-    }
-    records["skeletons_raw"] = [item for item in items if not isinstance(item, PatchTracks)]
-    return records, RefinementPass(configure({"patches": {"active": True}}), captures.CONTEXT)
-
-
 PASSES = {
     "clocks from motion": clocks,
     "clocks from sound": sound,
     "biases": biases,
-    "refinement": refinement,
 }
 
 

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from panoptic_ros.domain import (
     DetectionSet,
     FrameRate,
+    Groups,
     JointMap,
     PoseSet,
+    Prediction,
     ScoreMaps,
     SkeletonModel,
     Timecode,
@@ -43,6 +45,17 @@ def view(points=((1.0, 2.0),), scores=(0.5,), **more):
         **more,
     }
     return ViewDetections(points=[points], scores=[scores], **fields)
+
+
+def test_arrays_of_callers_stay_writable_and_apart():
+    places, numbers = np.zeros((1, 2, 3)), np.zeros((1, 2))
+    people = Prediction(places, places, numbers, places, numbers > 0.0)
+    member = np.zeros((1, 2), np.int64)
+    groups = Groups(member, member > 0)
+    places[:], member[:] = 1.0, 1
+    assert not people.positions.any() and not groups.member.any()
+    with pytest.raises(ValueError, match="read-only"):
+        groups.member[:] = 1
 
 
 def test_arrays_are_copied_and_read_only():

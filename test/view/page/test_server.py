@@ -23,9 +23,15 @@ def run(coroutine):
     return asyncio.run(asyncio.wait_for(coroutine, 30))
 
 
-async def asked(address, path="/", **headers):
-    """(status, headers, body) of a page."""
-    _, port = address.removeprefix("http://").split("/")[0].rsplit(":", 1)
+def data_of(address):
+    """Where the page of an address gets its data."""
+    return address.replace("http", "ws").replace("/?", "/data?")
+
+
+async def asked(address, path="", **headers):
+    """(status, headers, body) of a page; path: in place of the address's own."""
+    place, own = address.removeprefix("http://").split("/", 1)
+    port, path = place.rsplit(":", 1)[1], path or f"/{own}"
     reader, writer = await asyncio.open_connection("127.0.0.1", int(port))
     fields = {"Host": f"127.0.0.1:{port}", **{k.replace("_", "-"): v for k, v in headers.items()}}
     lines = [f"GET {path} HTTP/1.1", *(f"{key}: {value}" for key, value in fields.items()), "", ""]
@@ -53,7 +59,7 @@ def test_the_page_is_served_and_nothing_else():
             assert (status, body) == (200, page()) and headers["content-type"].startswith("text/html")
             status, headers, body = await asked(address, Accept_Encoding="gzip, br")
             assert gzip.decompress(body) == page() and headers["content-encoding"] == "gzip"
-            assert (await asked(address, "/../../etc/passwd"))[0] == 404
+            assert (await asked(address.replace("/?", "/../../etc/passwd?")))[0] == 404
 
     run(check())
 
@@ -63,11 +69,22 @@ def test_other_sites_and_names_that_lead_here_are_refused():
         async with served(nothing) as address:
             assert (await asked(address, Origin="http://elsewhere.example"))[0] == 403
             assert (await asked(address, Host="elsewhere.example:80"))[0] == 403
-            data = address.replace("http", "ws") + "data"
+            data = data_of(address)
             with pytest.raises(InvalidStatus, match="403"):
                 await connect(data, origin="http://elsewhere.example")
-            async with connect(data, origin=address.rstrip("/")):
+            async with connect(data, origin=address.split("/?")[0]):
                 pass
+
+    run(check())
+
+
+def test_other_users_of_this_machine_need_the_token():
+    async def check():
+        async with served(nothing) as address:
+            assert (await asked(address))[0] == 200
+            assert (await asked(address, "/"))[0] == (await asked(address, "/data"))[0] == 403
+            with pytest.raises(InvalidStatus, match="403"):
+                await connect(data_of(address).split("?")[0])
 
     run(check())
 
@@ -90,7 +107,7 @@ def test_other_machines_need_the_token():
 def test_a_port_that_is_taken_is_told():
     async def check():
         async with served(nothing) as address:
-            port = int(address.split(":")[-1].strip("/"))
+            port = int(address.split(":")[-1].split("/")[0])
             with pytest.raises(EnvironmentProblem, match=f"port {port}.*give another --port"):
                 async with PageServer(nothing, "127.0.0.1", port).listening():
                     pass
@@ -103,7 +120,7 @@ def test_a_recording_answers_for_its_seconds(recording):
 
     async def check():
         async with served(RecordedTalk(scene)) as address:
-            async with connect(address.replace("http", "ws") + "data", max_size=None) as page:
+            async with connect(data_of(address), max_size=None) as page:
                 facts = json.loads(await page.recv())
                 assert facts == json.loads(json.dumps(scene.facts()))
                 assert json.loads(await page.recv())["type"] == "presence"
@@ -119,7 +136,7 @@ def test_a_live_page_gets_facts_health_and_the_newest():
 
     async def check():
         async with served(LiveTalk(scene)) as address:
-            async with connect(address.replace("http", "ws") + "data") as page:
+            async with connect(data_of(address)) as page:
                 assert json.loads(await page.recv())["type"] == "waiting"
                 scene.begin(rig, SKELETON)
                 told = []
@@ -150,7 +167,7 @@ def test_a_second_that_cannot_be_read_is_named(recording, monkeypatch):
 
     async def check():
         async with served(RecordedTalk(RecordedScene(recording, "test"))) as address:
-            async with connect(address.replace("http", "ws") + "data", max_size=None) as page:
+            async with connect(data_of(address), max_size=None) as page:
                 await page.send('{"block": 2}')
                 said = [json.loads(await page.recv()) for _ in range(3)]
         assert said[-1] == {"type": "problem", "text": "the bag is damaged", "block": 2}

@@ -1,11 +1,14 @@
 """A capture folder is shown as it is read, with the truth where it is known; a bag may have it, too."""
 
+import asyncio
 import threading
+import time
 
 import cv2
 import numpy as np
 import pytest
 from recorded_scene import BODY, SKELETON, START_NS, make_rig
+from websockets.asyncio.client import connect
 
 from panoptic_ros.capture import open_capture_folder
 from panoptic_ros.errors import DataError
@@ -15,6 +18,8 @@ from panoptic_ros.io.plain_formats import PlainSkeletonFrame, PlainSkeletons
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.view.page.folder import FolderScene
 from panoptic_ros.view.page.recorded import RecordedScene
+from panoptic_ros.view.page.recorded_talk import RecordedTalk
+from panoptic_ros.view.page.server import PageServer
 from panoptic_ros.view.page.truth import KEY, Truth
 
 
@@ -84,6 +89,8 @@ def test_a_folder_is_read_while_pages_wait(folder):
     reading = threading.Timer(0.2, scene.scan, (lambda: False, lambda: None))
     reading.start()
     for number in range(2):
+        while not scene.has(number):
+            time.sleep(0.01)
         found = list(decoded(scene, scene.messages(number, [KEY])))
         previews = [from_message(message, "Preview") for key, _, message in found if key == "preview"]
         assert sorted({preview.camera for preview in previews}) == ["cam0", "cam1"]
@@ -101,4 +108,30 @@ def test_an_image_that_cannot_be_read_is_told_to_who_waits(folder):
     assert len(list(scene.messages(0))) == 20
     with pytest.raises(DataError, match="0040.png"):
         list(scene.messages(1))
+    scene.close()
+
+
+def test_previews_that_are_kept_have_a_bound(folder):
+    scene = FolderScene(open_capture_folder(folder), "test", SKELETON, most=30_000)
+    scene.scan(lambda: False, lambda: None)
+    assert scene.has(1) and not scene.presence.complete
+    with pytest.raises(DataError, match=r"previews of \d s fill the 3e-05 GB .* `panoptic run`"):
+        list(scene.messages(1))
+    scene.close()
+
+
+def test_pages_that_wait_take_no_threads_and_do_not_delay_the_end(folder):
+    scene = scene_of(folder)
+
+    async def check():
+        async with PageServer(RecordedTalk(scene)).listening() as address:
+            pages = [await connect(address.replace("http", "ws").replace("/?", "/data?")) for _ in range(40)]
+            for page in pages:
+                await page.send('{"block": 0}')
+            await asyncio.sleep(0.2)
+            assert await asyncio.wait_for(asyncio.to_thread(lambda: 5), 5) == 5
+
+    begun = time.monotonic()
+    asyncio.run(check())
+    assert time.monotonic() - begun < 30.0
     scene.close()
