@@ -26,6 +26,9 @@ OUTLIER = 4.0  # standard deviations, at which a length's difference from the me
 BALANCE_MEMORY = 0.9  # per frame, decay of the balance of exchanged and straight views of a limb
 FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
 WORST = 10.0  # sigmas, at which distances of joints are truncated
+# Cost of a track or skeleton without a partner. A new person is anywhere in a room of 40 m^3: with a density
+# that falls off as exp(-distance / sigma), that costs ln(40 / (8 pi FLOOR^3)).
+ALONE = 11.0
 
 
 class Bodies(NamedTuple):
