@@ -20,10 +20,12 @@ Array = np.ndarray
 
 MEASURED = int(JointState.MEASURED)
 KNOWN_AFTER = 10  # measurements of a bone, from which on its length counts as known
-LENGTH_MEMORY = 60.0  # frames over which bone lengths are averaged
+# Measurements over which a bone length is averaged. It is no time: a bone does not change, and the mean is as
+# certain as the number of its measurements tells. The limit lets errors of the first ones fade.
+LENGTH_MEMORY = 60.0
 DRIFT_FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
 OUTLIER = 4.0  # standard deviations, at which a length's difference from the mean is cut
-BALANCE_MEMORY = 0.9  # per frame, decay of the balance of exchanged and straight views of a limb
+BALANCE_TIME = 0.316  # s, time constant of the balance of exchanged and straight views, 0.9 in 1/30 s
 FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
 WORST = 10.0  # sigmas, at which distances of joints are truncated
 # Cost of a track or skeleton without a partner. A new person is anywhere in a room of 40 m^3: with a density
@@ -127,12 +129,13 @@ class Tracks(NamedTuple):
             bones,
         )
         k = np.flatnonzero(owners >= 0)
+        memory = np.exp(-self.unseen[owners[k]] / BALANCE_TIME)[:, None]
         self.unseen[owners[k]] = self.missed[owners[k]] = 0.0
         self.hits[owners[k]] += 1
         seen = k[np.isfinite(poses.positions[k, head, 0])]
         self.heads[owners[seen]] = poses.positions[seen, head]
         if poses.side_votes is not None:
-            self.balance[owners[k]] = BALANCE_MEMORY * self.balance[owners[k]] + poses.side_votes[k]
+            self.balance[owners[k]] = memory * self.balance[owners[k]] + poses.side_votes[k]
 
     def exchange_sides(self, limbs: Limbs) -> None:
         """Exchange, in place, left and right of limbs that most views have seen exchanged for long."""

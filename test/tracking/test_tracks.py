@@ -5,7 +5,7 @@ import pytest
 
 from panoptic_ros.domain import PoseSet
 from panoptic_ros.solving.limbs import Limbs
-from panoptic_ros.tracking.tracks import FLOOR, WORST, Tracks, joint_distances
+from panoptic_ros.tracking.tracks import BALANCE_TIME, FLOOR, WORST, Tracks, joint_distances
 
 JOINTS = 5
 BONES = np.array([[0, 1], [1, 2], [2, 3], [3, 4]])
@@ -76,3 +76,18 @@ def test_sides_that_most_views_see_exchanged_for_long_are_exchanged():
     assert np.array_equal(tracks.motion.states[1, :, :3], positions[1])
     tracks.exchange_sides(LIMBS)  # not again: the balance was turned round
     assert np.array_equal(tracks.motion.states[0, :, :3], positions[0, MIRROR])
+
+
+@pytest.mark.parametrize("rate", [15.0, 30.0, 60.0])
+def test_sides_are_exchanged_after_the_same_time_at_any_frame_rate(rate):
+    tracks = Tracks.of_new(1, JOINTS, len(BONES), 1)
+    positions = np.random.default_rng(0).normal(size=(1, JOINTS, 3))
+    seconds = 0.0
+    for index in range(round(6.0 * rate)):
+        straight = index < 3.0 * rate
+        tracks.predict(1.0 / rate)
+        votes = np.array([[-1.0 if straight else 1.0]])
+        tracks.update(np.array([0]), poses(positions, index, votes), BONES, 0)
+        if tracks.balance[0, 0] <= 0.0:
+            seconds += 0.0 if straight else 1.0 / rate
+    assert seconds == pytest.approx(BALANCE_TIME * np.log(2.0), abs=1.0 / rate)
