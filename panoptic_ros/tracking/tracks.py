@@ -235,12 +235,21 @@ def joint_distances(states, variances, positions, covariances):
             for j in range(positions.shape[1]):
                 gap = _distance(states[t, j], positions[p, j])
                 if np.isfinite(gap):
-                    c = covariances[p, j]
-                    noise = (c[0, 0] + c[1, 1] + c[2, 2]) / 3.0
+                    c, extra = covariances[p, j], variances[t, j, 0] + FLOOR**2
+                    x = positions[p, j, 0] - states[t, j, 0]
+                    y = positions[p, j, 1] - states[t, j, 1]
+                    z = positions[p, j, 2] - states[t, j, 2]
+                    xx = np.sqrt(c[0, 0] + extra)  # the Cholesky factor of the covariance of the difference
+                    yx, zx = c[1, 0] / xx, c[2, 0] / xx
+                    yy = np.sqrt(c[1, 1] + extra - yx**2)
+                    zy = (c[2, 1] - zx * yx) / yy
+                    zz = np.sqrt(c[2, 2] + extra - zx**2 - zy**2)
+                    x /= xx
+                    y = (y - yx * x) / yy
+                    z = (z - zx * x - zy * y) / zz
                     count += 1
                     gaps += gap
-                    sigma = np.sqrt(variances[t, j, 0] + noise + FLOOR**2)
-                    scaled += min(gap / sigma, WORST) + 3.0 * np.log(sigma / FLOOR)
+                    scaled += min(np.sqrt(x * x + y * y + z * z), WORST) + np.log(xx * yy * zz / FLOOR**3)
             if count:
                 distance[t, p], cost[t, p] = gaps / count, scaled / count
     return distance, cost
