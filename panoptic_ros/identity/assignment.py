@@ -7,12 +7,19 @@ import numpy as np
 from panoptic_ros.kernels.assignment import best_assignment
 
 Array = np.ndarray
-FORBIDDEN = 1e6  # cost of pairs outside of the gates
 
 
-def best_pairs(cost: Array) -> list[tuple[int, int]]:
-    """Pairs (row, column) of the optimal assignment (Hungarian) of a cost (N, M); infinite ones cannot be."""
+def best_pairs(cost: Array, gate: float) -> list[tuple[int, int]]:
+    """Return the pairs (row, column) of a cost (N, M) that minimise the sum of `cost - gate` over the pairs.
+
+    A row or a column without a partner costs the gate, so one good pair beats two poor ones. A pair whose
+    cost reaches the gate or is not finite is never chosen. The pairs are in the order of the rows.
+
+    Args:
+        gate: the cost of a row that has no partner, in the unit of the cost.
+    """
     if not cost.size:
         return []
-    rows, columns = best_assignment(np.where(np.isfinite(cost), cost, FORBIDDEN))
-    return [(int(i), int(k)) for i, k in zip(rows, columns) if np.isfinite(cost[i, k])]
+    worth = np.where(cost < gate, cost - gate, 0.0)  # 0 = both stay alone
+    rows, columns = best_assignment(worth)
+    return [(int(i), int(k)) for i, k in zip(rows, columns) if worth[i, k] < 0.0]

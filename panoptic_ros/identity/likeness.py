@@ -141,6 +141,6 @@ def recognised(odds: Array, seconds: Array, patience: float) -> Array:
     sure = odds - total >= np.log(SURE)
     unsure = ~sure.any(axis=0) & (-total < np.log(SURE))
     found[unsure & (seconds < patience)] = WAIT
-    for t, p in best_pairs(np.where(sure, -odds, np.inf)):
+    for t, p in best_pairs(np.where(sure, -odds, np.inf), 0.0):  # nobody is sure at odds of 1 to 1
         found[p] = t
     return found

@@ -15,7 +15,7 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-ACCELERATION = 10.0  # m/s^2, standard deviation, of a joint
+ACCELERATION = 10.0**2 / 30.0  # m^2/s^3, spectral density of a joint's acceleration: 10 m/s^2 over 1/30 s
 START_SPEED = 1.5  # m/s, standard deviation of the velocity of a new joint
 FADE_TIME = 0.15  # s, over which the predicted velocity of an unseen joint fades
 LOST_SIGMA = 0.35  # m, joints whose prediction is less certain are forgotten
@@ -70,9 +70,12 @@ def predicted(tracks: TrackSet, stamp_ns: int, memory: float) -> Prediction:
 
 @njit(cache=True, error_model="numpy")
 def predict(motion, dt):
-    """Predict in place to dt >= 0 s later: of joints that were not measured last the velocity fades."""
-    noise, fade = ACCELERATION**2, np.exp(-dt / FADE_TIME)
-    growth = (noise * dt**4 / 4.0, noise * dt**3 / 2.0, noise * dt**2)
+    """Predict in place to dt >= 0 s later: of joints that were not measured last the velocity fades.
+
+    Acceleration is white noise, so variances grow by the time that passes and not by the number of steps.
+    """
+    fade = np.exp(-dt / FADE_TIME)
+    growth = (ACCELERATION * dt**3 / 3.0, ACCELERATION * dt**2 / 2.0, ACCELERATION * dt)
     states, variances, ages, unagreed = motion
     for t in range(ages.shape[0]):
         for j in range(ages.shape[1]):

@@ -85,7 +85,7 @@ def found_subjects(
         back[subjects.times[due] == FIRST] = 0.0
         gaps = seen.middles - back * seen.drifts - subjects.places[due][:, None]
         cost = np.linalg.norm(gaps[..., :2], axis=-1)
-        found = {row: int(due[s]) for s, row in best_pairs(np.where(cost <= REACH, cost, np.inf))}
+        found = {row: int(due[s]) for s, row in best_pairs(cost, REACH)}
     anywhere = missing[~placed & (subjects.tracks[missing] < 0)]
     order = [row for row in np.argsort(seen.ids).tolist() if row not in found]
     found.update(zip(order, anywhere.tolist()))

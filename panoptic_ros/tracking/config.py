@@ -78,7 +78,11 @@ class TrackingConfig(Config):
         0.6, ge=0.0, le=1.0, doc="Share of the joints from which a new skeleton gets an identity at once."
     )
     confirm_frames: int = param(
-        5, ge=1, le=1000, doc="Otherwise it must be seen so many times without a long gap."
+        5,
+        ge=1,
+        le=1000,
+        doc="Otherwise it must be seen in so many sets without a long gap. It is no time, as ghosts of "
+        "different sets are independent.",
     )
 
     def __post_init__(self) -> None:

@@ -68,8 +68,7 @@ def returned_at_once(lost: Tracks, came: Arrivals, groups: Array, reach: Array) 
     rival = odds[~soon].max(axis=0, initial=-np.inf)
     near = ground_distances(lost, came) <= reach[:, None]
     can_be = near & soon[:, None] & (odds >= np.maximum(UNLIKE, rival + CLEAR))
-    worth = np.where(can_be, odds - UNLIKE, 0.0)
-    return [(t, p) for t, p in best_pairs(-worth) if can_be[t, p]]
+    return best_pairs(np.where(can_be, -odds, np.inf), -UNLIKE)
 
 
 def ground_distances(lost: Tracks, came: Arrivals) -> Array:

@@ -21,7 +21,7 @@ from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
 from panoptic_ros.tracking.records import as_images_show, tracked
 from panoptic_ros.tracking.returns import RETURN_S, Arrivals, return_odds, returned_at_once
-from panoptic_ros.tracking.tracks import Bodies, Tracks, head_distances, joint_distances
+from panoptic_ros.tracking.tracks import ALONE, Bodies, Tracks, head_distances, joint_distances
 
 Array = np.ndarray
 BLIND_S = (0.5, 15.0)  # between two sets: shorter is a slow camera, longer another scene
@@ -135,12 +135,12 @@ class TrackingStage(Stateful):
         owners, everybody = np.full(len(item.positions), -1), np.arange(len(tracks.ids))
         if config.method == "head":
             distance = head_distances(tracks.heads, item.positions, self._skeleton.head)
-            _take(owners, everybody, np.where(distance <= config.max_distance, distance, np.inf))
+            _take(owners, everybody, distance, config.max_distance)
             return owners
         motion = tracks.motion
         states = np.where((motion.ages <= config.joint_memory)[..., None], motion.states, np.nan)
         distance, cost = joint_distances(states, motion.variances, item.positions, item.covariances)
-        _take(owners, everybody, np.where(distance <= config.max_distance, cost, np.inf))
+        _take(owners, everybody, np.where(distance <= config.max_distance, cost, np.inf), ALONE)
         away = tracks.ids >= 0
         away[owners[owners >= 0]] = False
         lost = np.flatnonzero(away)
@@ -264,7 +264,7 @@ class TrackingStage(Stateful):
             )
 
 
-def _take(owners: Array, rows: Array, cost: Array) -> None:
+def _take(owners: Array, rows: Array, cost: Array, gate: float) -> None:
     """Fill `owners` (P,) with those of the rows (N,) that the best pairs of a cost (N, P) give."""
-    for i, k in best_pairs(cost):
+    for i, k in best_pairs(cost, gate):
         owners[k] = rows[i]

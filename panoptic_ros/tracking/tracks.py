@@ -18,12 +18,17 @@ Array = np.ndarray
 
 MEASURED = int(JointState.MEASURED)
 KNOWN_AFTER = 10  # measurements of a bone, from which on its length counts as known
-LENGTH_MEMORY = 60.0  # frames over which bone lengths are averaged
+# Measurements over which a bone length is averaged. It is no time: a bone does not change, and the mean is as
+# certain as the number of its measurements tells. The limit lets errors of the first ones fade.
+LENGTH_MEMORY = 60.0
 DRIFT_FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
 OUTLIER = 4.0  # standard deviations, at which a length's difference from the mean is cut
-BALANCE_MEMORY = 0.9  # per frame, decay of the balance of exchanged and straight views of a limb
+BALANCE_TIME = 0.316  # s, time constant of the balance of exchanged and straight views, 0.9 in 1/30 s
 FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
 WORST = 10.0  # sigmas, at which distances of joints are truncated
+# Cost of a track or skeleton without a partner. A new person is anywhere in a room of 40 m^3: with a density
+# that falls off as exp(-distance / sigma), that costs ln(40 / (8 pi FLOOR^3)).
+ALONE = 11.0
 
 
 class Bodies(NamedTuple):
@@ -122,12 +127,13 @@ class Tracks(NamedTuple):
             bones,
         )
         k = np.flatnonzero(owners >= 0)
+        memory = np.exp(-self.unseen[owners[k]] / BALANCE_TIME)[:, None]
         self.unseen[owners[k]] = self.missed[owners[k]] = 0.0
         self.hits[owners[k]] += 1
         seen = k[np.isfinite(poses.positions[k, head, 0])]
         self.heads[owners[seen]] = poses.positions[seen, head]
         if poses.side_votes is not None:
-            self.balance[owners[k]] = BALANCE_MEMORY * self.balance[owners[k]] + poses.side_votes[k]
+            self.balance[owners[k]] = memory * self.balance[owners[k]] + poses.side_votes[k]
 
     def exchange_sides(self, limbs: Limbs) -> None:
         """Exchange, in place, left and right of limbs that most views have seen exchanged for long."""
@@ -224,12 +230,21 @@ def joint_distances(states, variances, positions, covariances):
             for j in range(positions.shape[1]):
                 gap = _distance(states[t, j], positions[p, j])
                 if np.isfinite(gap):
-                    c = covariances[p, j]
-                    noise = (c[0, 0] + c[1, 1] + c[2, 2]) / 3.0
+                    c, extra = covariances[p, j], variances[t, j, 0] + FLOOR**2
+                    x = positions[p, j, 0] - states[t, j, 0]
+                    y = positions[p, j, 1] - states[t, j, 1]
+                    z = positions[p, j, 2] - states[t, j, 2]
+                    xx = np.sqrt(c[0, 0] + extra)  # the Cholesky factor of the covariance of the difference
+                    yx, zx = c[1, 0] / xx, c[2, 0] / xx
+                    yy = np.sqrt(c[1, 1] + extra - yx**2)
+                    zy = (c[2, 1] - zx * yx) / yy
+                    zz = np.sqrt(c[2, 2] + extra - zx**2 - zy**2)
+                    x /= xx
+                    y = (y - yx * x) / yy
+                    z = (z - zx * x - zy * y) / zz
                     count += 1
                     gaps += gap
-                    sigma = np.sqrt(variances[t, j, 0] + noise + FLOOR**2)
-                    scaled += min(gap / sigma, WORST) + 3.0 * np.log(sigma / FLOOR)
+                    scaled += min(np.sqrt(x * x + y * y + z * z), WORST) + np.log(xx * yy * zz / FLOOR**3)
             if count:
                 distance[t, p], cost[t, p] = gaps / count, scaled / count
     return distance, cost

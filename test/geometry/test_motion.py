@@ -7,14 +7,14 @@ from test.support.motion_filter import predict_motion, update_motion
 
 def test_equals_a_dense_kalman_filter():
     rng = np.random.default_rng(0)
-    dt, acceleration, noise, speed = 0.04, 7.0, 0.01**2, 1.5
+    dt, density, noise, speed = 0.04, 2.0, 0.01**2, 1.5
     transition = np.array([[1, dt], [0, 1]])
-    process = acceleration**2 * np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]])
+    process = density * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
     states, variances = np.full((1, 6), np.nan), np.zeros((1, 3))
     mean, spread = np.zeros((2, 3)), np.diag([noise, speed**2])
     for i in range(20):
         point = rng.normal(0, 1, (1, 3))
-        states, variances = predict_motion(states, variances, dt, acceleration)
+        states, variances = predict_motion(states, variances, dt, density)
         states, variances = update_motion(states, variances, point, np.array([noise]), speed)
         if i == 0:
             mean[0] = point[0]

@@ -45,6 +45,15 @@ def test_prediction_is_the_numpy_filters_and_forgets(seed):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize("rate", [15.0, 30.0, 60.0])
+def test_variances_grow_by_the_time_and_not_by_the_number_of_frames(rate):
+    steps, whole = motion_of(np.random.default_rng(0)), motion_of(np.random.default_rng(0))
+    for _ in range(round(0.2 * rate)):
+        predict(steps, 1.0 / rate)
+    predict(whole, 0.2)
+    np.testing.assert_allclose(steps.variances, whole.variances, rtol=1e-9)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_update_is_the_numpy_filters(seed):
     rng = np.random.default_rng(seed)

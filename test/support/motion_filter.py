@@ -11,21 +11,19 @@ import numpy as np
 Array = np.ndarray
 
 
-def predict_motion(states: Array, variances: Array, dt: float, acceleration: float) -> tuple[Array, Array]:
-    """States and variances dt s later, under white acceleration with that standard deviation, m/s^2.
+def predict_motion(states: Array, variances: Array, dt: float, density: float) -> tuple[Array, Array]:
+    """States and variances dt s later, under white acceleration of that spectral density, m^2/s^3.
 
-    The acceleration is constant over the step, so its effect does not depend on the frame rate
-    more than the model demands. NaN states stay NaN.
+    NaN states stay NaN.
     """
-    noise = acceleration**2
     moved = states.copy()
     moved[..., :3] += dt * states[..., 3:]
     pp, pv, vv = variances[..., 0], variances[..., 1], variances[..., 2]
     grown = np.stack(
         [
-            pp + 2.0 * dt * pv + dt * dt * vv + noise * dt**4 / 4.0,
-            pv + dt * vv + noise * dt**3 / 2.0,
-            vv + noise * dt**2,
+            pp + 2.0 * dt * pv + dt * dt * vv + density * dt**3 / 3.0,
+            pv + dt * vv + density * dt**2 / 2.0,
+            vv + density * dt,
         ],
         axis=-1,
     )

@@ -315,6 +315,15 @@ def test_somebody_who_has_just_gone_takes_nobody_who_is_there():
     assert all(output.ids.tolist() == [0] for output in run(sets)[30:])
 
 
+def test_one_who_stays_beats_two_who_would_have_jumped():
+    """One stays, the neighbour goes, and a child comes at the other side: two poor pairs are no better."""
+    there = [body(0.0), body(0.0, 0.4)]
+    sets = [poses(i, there) for i in range(30)]
+    sets += [poses(i, [body(0.0), body(0.0, -0.4, 0.8)]) for i in range(30, 60)]
+    last = run(sets)[-1]
+    assert dict(zip(last.ids.tolist(), last.positions[:, 0, 1].round(2))) == {0: 0.0, 2: -0.4}
+
+
 def test_who_comes_where_somebody_has_just_gone_may_be_another_who_was_away():
     """Two of much the same size: the first was away for 10 s, the second has just gone."""
     rng = np.random.default_rng(6)

@@ -5,7 +5,7 @@ import pytest
 
 from panoptic_ros.domain import PoseSet
 from panoptic_ros.solving.limbs import Limbs
-from panoptic_ros.tracking.tracks import FLOOR, WORST, Tracks, joint_distances
+from panoptic_ros.tracking.tracks import BALANCE_TIME, FLOOR, WORST, Tracks, joint_distances
 
 JOINTS = 5
 BONES = np.array([[0, 1], [1, 2], [2, 3], [3, 4]])
@@ -43,15 +43,18 @@ def test_distances_are_means_over_the_joints_that_both_have(seed):
     rng = np.random.default_rng(seed)
     states = np.concatenate([people(rng, 3), np.zeros((3, JOINTS, 3))], axis=-1)
     variances, positions = rng.uniform(0.0, 0.1, (3, JOINTS, 3)), people(rng, 4)
-    covariances = rng.uniform(1e-4, 1e-2, (4, JOINTS, 1, 1)) * np.eye(3)
+    roots = rng.uniform(-0.1, 0.1, (4, JOINTS, 3, 3))
+    covariances = roots @ roots.swapaxes(-1, -2)
     distance, cost = joint_distances(states, variances, positions, covariances)
-    gaps = np.linalg.norm(states[:, None, :, :3] - positions[None], axis=-1)
-    sigmas = np.sqrt(variances[:, None, :, 0] + covariances[None, :, :, 0, 0] + FLOOR**2)
+    differences = states[:, None, :, :3] - positions[None]
+    gaps = np.linalg.norm(differences, axis=-1)
+    spreads = covariances[None] + (variances[:, None, :, :1, None] + FLOOR**2) * np.eye(3)
+    scaled = np.sqrt(np.einsum("tpji,tpjik,tpjk->tpj", differences, np.linalg.inv(spreads), differences))
     for t in range(3):
         for p in range(4):
             known = np.isfinite(gaps[t, p])
             assert distance[t, p] == pytest.approx(gaps[t, p][known].mean() if known.any() else np.inf)
-            costs = np.minimum(gaps[t, p] / sigmas[t, p], WORST) + 3.0 * np.log(sigmas[t, p] / FLOOR)
+            costs = np.minimum(scaled[t, p], WORST) + 0.5 * np.log(np.linalg.det(spreads[t, p]) / FLOOR**6)
             assert cost[t, p] == pytest.approx(costs[known].mean() if known.any() else np.inf)
 
 
@@ -76,3 +79,18 @@ def test_sides_that_most_views_see_exchanged_for_long_are_exchanged():
     assert np.array_equal(tracks.motion.states[1, :, :3], positions[1])
     tracks.exchange_sides(LIMBS)  # not again: the balance was turned round
     assert np.array_equal(tracks.motion.states[0, :, :3], positions[0, MIRROR])
+
+
+@pytest.mark.parametrize("rate", [15.0, 30.0, 60.0])
+def test_sides_are_exchanged_after_the_same_time_at_any_frame_rate(rate):
+    tracks = Tracks.of_new(1, JOINTS, len(BONES), 1)
+    positions = np.random.default_rng(0).normal(size=(1, JOINTS, 3))
+    seconds = 0.0
+    for index in range(round(6.0 * rate)):
+        straight = index < 3.0 * rate
+        tracks.predict(1.0 / rate)
+        votes = np.array([[-1.0 if straight else 1.0]])
+        tracks.update(np.array([0]), poses(positions, index, votes), BONES, 0)
+        if tracks.balance[0, 0] <= 0.0:
+            seconds += 0.0 if straight else 1.0 / rate
+    assert seconds == pytest.approx(BALANCE_TIME * np.log(2.0), abs=1.0 / rate)
