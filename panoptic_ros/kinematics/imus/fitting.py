@@ -9,9 +9,8 @@ import numpy as np
 from panoptic_ros.domain.subjects import BodyState, Subject
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.alignment import Felt, align, taken_over
-from panoptic_ros.kinematics.imus.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
 from panoptic_ros.kinematics.imus.measured import Measured
-from panoptic_ros.kinematics.imus.t_pose import t_pose_mount
+from panoptic_ros.kinematics.imus.t_pose import bent_line, heading_from_poses, t_pose_decides, t_pose_mount
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.stage import Notice
 

@@ -1,4 +1,6 @@
-"""What the IMUs of somebody measured at an instant, as rows."""
+"""What the IMUs of somebody measured at an instant, as rows; and samples of a device at instants of a fixed
+rate.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,46 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import Device, ImuReading
+from panoptic_ros.domain.subjects import Device, ImuReading, ImuSeries
+from panoptic_ros.geometry.rotations import from_quaternions
 
 Array = np.ndarray
+
+LONGEST_GAP_S = 0.1  # between two samples of an IMU, over which it is interpolated
+
+
+def resample(series: ImuSeries, stamps: Array) -> list[ImuReading | None]:
+    """A device at instants (T,) ns; None where it has no samples around."""
+    if len(series.stamps) < 2:
+        return [None] * len(stamps)
+    after = np.clip(np.searchsorted(series.stamps, stamps), 1, len(series.stamps) - 1)
+    before = after - 1
+    gap = series.stamps[after] - series.stamps[before]
+    share = (stamps - series.stamps[before]) / np.maximum(gap, 1)
+    usable = (share > -0.5) & (share < 1.5) & (gap < LONGEST_GAP_S * 1e9)
+    share = np.clip(share, 0.0, 1.0)[:, None]
+    begin, end = series.quaternions[before], series.quaternions[after]
+    along = slerp(begin, end, share)
+    forces = series.forces[before] * (1 - share) + series.forces[after] * share
+    rates = series.rates[before] * (1 - share) + series.rates[after] * share
+    with np.errstate(invalid="ignore"):
+        turned = from_quaternions(along)
+    return [ImuReading(turned[k], forces[k], rates[k]) if usable[k] else None for k in range(len(stamps))]
+
+
+def slerp(begin: Array, end: Array, share: Array) -> Array:
+    """Quaternions (N, 4) between two (N, 4), along the shorter arc, at shares (N, 1)."""
+    cosine = (begin * end).sum(-1, keepdims=True)
+    end = np.where(cosine < 0.0, -end, end)
+    angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
+    flat = angle < 1e-4
+    sine = np.where(flat, 1.0, np.sin(angle))
+    found: Array = np.where(
+        flat,
+        (1 - share) * begin + share * end,
+        (np.sin((1 - share) * angle) * begin + np.sin(share * angle) * end) / sine,
+    )
+    return found
 
 
 class Measured(NamedTuple):

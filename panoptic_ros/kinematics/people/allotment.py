@@ -13,7 +13,7 @@ from panoptic_ros.domain.rig_arrays import camera_records
 from panoptic_ros.domain.subjects import Instant, ViewPeople
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.lens_kernels import undistort_points
-from panoptic_ros.kinematics.people.first_people import nearest_to_start
+from panoptic_ros.kinematics.people.nearest_people import nearest_to_start
 from panoptic_ros.kinematics.people.person import Person
 from panoptic_ros.kinematics.people.presence import Looked, middle_expected, people_of
 from panoptic_ros.kinematics.people.seen_people import SeenPoints

@@ -14,6 +14,7 @@ from panoptic_ros.domain.bodies import BodySource
 from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import BodyState, Instant, Subject
 from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.sight import People
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.alignment import cameras_alone
@@ -184,9 +185,7 @@ class Person:
         waited = self._unseen / self._config.rate_hz > AWAITED_S or not len(self.weighing.rotations)
         return waited and used > 0
 
-    def _seen_at(
-        self, stamp_ns: int, half_period_ns: int
-    ) -> tuple[dict[int, tuple[Array, Array]], tuple[Array, Array] | None]:
+    def _seen_at(self, stamp_ns: int, half_period_ns: int) -> tuple[People, tuple[Array, Array] | None]:
         """2D people by camera, and joints in space, which are left out of those."""
         joints = self.seen.joints_at(stamp_ns, half_period_ns)
         told = None if joints is None else np.isfinite(joints[0]).all(-1)

@@ -10,6 +10,7 @@ import numpy as np
 from panoptic_ros.domain import JointState, TrackedPoseSet
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.kernels import njit
+from panoptic_ros.kinematics.body.sight import People
 
 Array = np.ndarray
 KEPT_NS = 250_000_000  # before the newest sample of a camera
@@ -56,9 +57,7 @@ class SeenPerson:
         self.joints.append(joints)
         _forget_old(self.joints)
 
-    def views_at(
-        self, stamp_ns: int, half_period_ns: int, told: Array | None = None
-    ) -> dict[int, tuple[Array, Array]]:
+    def views_at(self, stamp_ns: int, half_period_ns: int, told: Array | None = None) -> People:
         """Points (K, 2) and scores (K,) of every camera at an instant.
 
         Linear between two samples; where there is one alone, or a joint is in one alone, that one if it is

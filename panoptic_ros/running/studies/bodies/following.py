@@ -11,8 +11,7 @@ from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.measured import measured_of
 from panoptic_ros.kinematics.imus.t_pose import t_pose_mounts
-from panoptic_ros.kinematics.people.first_people import nearest_to_start
-from panoptic_ros.kinematics.people.nearest_people import assign_people
+from panoptic_ros.kinematics.people.nearest_people import assign_people, nearest_to_start
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.recorded_instants import instants_of
 from panoptic_ros.running.studies.bodies.cases import recording_of

@@ -3,7 +3,7 @@
 import numpy as np
 
 from panoptic_ros.domain.subjects import ViewPeople, ViewSeries
-from panoptic_ros.kinematics.people.between_images import views_at
+from panoptic_ros.kinematics.recorded_instants import views_at
 
 FIRST, PERIOD, HALF = 1_700_000_000_000_000_000, 40_000_000, 8_333_333
 SHAPE = np.random.default_rng(4).uniform(-0.2, 0.2, (19, 2))

@@ -13,8 +13,8 @@ from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.fitting import ImuFitting
-from panoptic_ros.kinematics.imus.heading_from_poses import heading_from_poses, t_pose_decides
 from panoptic_ros.kinematics.imus.measured import measured_of
+from panoptic_ros.kinematics.imus.t_pose import heading_from_poses, t_pose_decides
 
 WORN = ("hips", "spine4", "lUpperArm", "lForearm", "rUpperArm", "rForearm", "lThigh", "lShin", "rThigh")
 
