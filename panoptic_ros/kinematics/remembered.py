@@ -49,14 +49,15 @@ CLASSES = (
     Fields.named(
         Person,
         "_config subject weighing seen fitting tracker behind of_track came worn _alone _mounted "
-        "_mounted_devices _without _unseen presence _returns",
+        "_mounted_devices _without _unseen presence _returns _awaited_s _lost_s",
     ),
     Fields.named(Presence, "last_ns _missed _usual _company _absence"),
     Fields.named(Absence, "_place _stamp_ns _alone _others _first_ns _newcomer"),
     Fields.named(SeenPerson, "views joints"),
     Fields.named(
         ImuFitting,
-        "heading offset_ns looking _clocks _states _stamps _turns _forces _held _poseless _seen_s _next_s",
+        "heading offset_ns looking _clocks _states _stamps _turns _forces _held _poseless _settled _seen_s "
+        "_next_s",
     ),
     Fields.named(
         ImuStreams,

@@ -335,11 +335,8 @@ def felt_of(series: ImuSeries, rate_hz: float) -> Felt:
     """A device at instants of a fixed rate."""
     count = int((series.stamps[-1] - series.stamps[0]) * 1e-9 * rate_hz) + 1
     stamps = series.stamps[0] + np.round(np.arange(count) * 1e9 / rate_hz).astype(np.int64)
-    turns, forces = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
-    for k, reading in enumerate(resample(series, stamps)):
-        if reading is not None:
-            turns[k], forces[k] = reading.orientation, reading.force
-    return Felt(stamps, turns, forces)
+    measured = resample(series, stamps)
+    return Felt(stamps, measured.orientations, measured.forces)
 
 
 def cameras_alone(config: KinematicsConfig) -> KinematicsConfig:

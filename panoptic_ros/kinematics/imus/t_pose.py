@@ -13,9 +13,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import Instant, Subject, TPose
+from panoptic_ros.domain.subjects import Subject, TPose
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import mean_rotation, turn_about_z, vectors_of
+from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 
 Array = np.ndarray
@@ -114,13 +115,20 @@ def _cost(angle: float, found: list[Array], typical: list[tuple[Array, Array]]) 
     return total
 
 
+def held_in(pose: TPose, stamps: Array, felt: Measured) -> Array:
+    """Orientations (M, 3, 3) of a device in a T-pose, of those at stamps (T,) ns."""
+    found: Array = felt.orientations[(pose.from_ns <= stamps) & (stamps <= pose.to_ns) & felt.oriented]
+    return found
+
+
 def t_pose_mounts(
-    subject: Subject, instants: Sequence[Instant], worn: set[str], heading: float
+    subject: Subject, stamps: Array, felt: Mapping[str, Measured], heading: float
 ) -> tuple[dict[str, Array], list[str]]:
     """Mounting (3, 3), segment from device, of every device worn, as stated or as the T-pose tells it; and a
     line for each that has no samples in it.
 
     Args:
+        stamps: (T,) ns. felt: what devices measured then, by name.
         heading: rad, world from the IMUs' inertial frame.
 
     Raises:
@@ -128,7 +136,7 @@ def t_pose_mounts(
     """
     mounts, lines = {}, []
     for device in subject.devices:
-        if device.name not in worn:
+        if device.name not in felt:
             continue
         if device.mount is not None:
             mounts[device.name] = device.mount
@@ -139,13 +147,8 @@ def t_pose_mounts(
                 f"subject {subject.id}: device {device.name} has no mount, and there is no t_pose to "
                 "tell it; state one of them"
             )
-        held = [
-            instant.readings[device.name].orientation
-            for instant in instants
-            if pose.from_ns <= instant.stamp_ns <= pose.to_ns and device.name in instant.readings
-        ]
-        held = [r for r in held if np.isfinite(r).all()]
-        if held:
+        held = held_in(pose, stamps, felt[device.name])
+        if len(held):
             mounts[device.name] = t_pose_mount(pose, heading, held)
         else:
             text = f"device {device.name} has no samples in the T-pose; it is left out"
@@ -153,7 +156,7 @@ def t_pose_mounts(
     return mounts, lines
 
 
-def t_pose_mount(pose: TPose, heading: float, held: Sequence[Array]) -> Array:
+def t_pose_mount(pose: TPose, heading: float, held: Sequence[Array] | Array) -> Array:
     """Mounting (3, 3), segment from device, of a device with these orientations (3, 3) in a T-pose.
 
     Args:

@@ -8,7 +8,6 @@ appears besides, where several views agree and within what one can walk, is the 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,6 @@ from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.sight import People, Sites
 from panoptic_ros.kinematics.body.start import middle_of
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
-from panoptic_ros.kinematics.people.nearest_people import assign_people
 
 Array = np.ndarray
 
@@ -236,45 +234,25 @@ class Presence:
             ]
         return self._absence.look(there, instant.stamp_ns, gate)
 
-    def saw(self, instant: Instant, is_seen: bool, expected: Array | None) -> int:
-        """An instant is over: for how long the subject has been out of sight, ns.
+    def saw(self, instant: Instant, is_seen: bool, expected: Array | None) -> None:
+        """An instant is over; whoever has been out of sight for a while is looked for from now on.
 
         Args:
             expected: as above, before the instant.
         """
         if is_seen:
             self.last_ns, self._missed, self._absence = instant.stamp_ns, 0, None
-        if is_seen or len(instant.views) < 2 or not self.last_ns:
-            return 0
-        self._missed += 1
-        unseen = instant.stamp_ns - self.last_ns if self._missed >= MISSED else 0
-        if unseen > ABSENT_S * 1e9 and self._absence is None and expected is not None:
-            self._absence = Absence(expected, self.last_ns, alone=self._company < COMPANY)
-        return unseen
+        elif len(instant.views) > 1 and self.last_ns:
+            self._missed += 1
+            missed = self._missed >= MISSED and instant.stamp_ns - self.last_ns > ABSENT_S * 1e9
+            if missed and self._absence is None and expected is not None:
+                self._absence = Absence(expected, self.last_ns, alone=self._company < COMPANY)
 
     def told(self, stamp_ns: int, views: int) -> None:
         """A track holds it in so many views."""
         self._usual += (views - self._usual) * USUAL_SHARE
         self.last_ns, self._missed, self._absence = stamp_ns, 0, None
         self._company = 1.0  # nothing tells here who else is there
-
-
-class Looked(NamedTuple):
-    """A subject that is looked for in the views of an instant."""
-
-    tracker: SubjectTracker | None  # None: it has not begun
-    presence: Presence
-
-
-def people_of(subjects: Sequence[Looked], instant: Instant, weighing: Weighing, gate: float) -> list[People]:
-    """2D people of the views for each subject: nearest first, of several views that agree; nobody twice."""
-    trackers = [tracker for tracker, _ in subjects]
-    people = assign_people(trackers, instant, weighing.rotations, weighing.translations, gate)
-    for k, (tracker, presence) in enumerate(subjects):
-        expected = None if tracker is None else tracker.expected_sites()
-        people[k] = presence.own(people[k], expected, weighing, instant)
-        people[k] = people[k] or presence.back(instant, weighing, people, gate, expected)
-    return people
 
 
 def middle_expected(tracker: SubjectTracker | None) -> Array | None:

@@ -153,20 +153,6 @@ def _share(begin_ns: int, end_ns: int, stamp_ns: int) -> float:
     return 1.0 if end_ns - stamp_ns <= NEAR_NS else (stamp_ns - begin_ns) / (end_ns - begin_ns)
 
 
-def joints_between(
-    begin: SeenPoints | None, end: SeenPoints | None, stamp_ns: int, half_period_ns: int
-) -> tuple[Array, Array] | None:
-    """Points (K, 2) and scores (K,) between two samples, see `SeenPerson.views_at`."""
-    pair = _pair(begin, end, stamp_ns, half_period_ns)
-    if pair is None:
-        return None
-    first, second, share, near = pair
-    points, scores = _stacked([first])
-    told = np.zeros(scores.shape[1], bool)
-    _mix(points, scores, *_stacked([second]), np.array([share]), np.array([near]), told)
-    return points[0], scores[0]
-
-
 def _pair(
     begin: SeenPoints | None, end: SeenPoints | None, stamp_ns: int, half_period_ns: int
 ) -> tuple[SeenPoints, SeenPoints, float, bool] | None:

@@ -5,7 +5,7 @@ Lengths go over to others smoothly, and arrive.
 
 import numpy as np
 import pytest
-from bodies import BODY, CHAIN, MODEL, D, S, cameras, some_pose
+from bodies import BODY, CHAIN, MODEL, D, S, cameras, no_prior, some_pose
 
 from panoptic_ros.geometry.chain import place_sites
 from panoptic_ros.geometry.segment_chain import Chain
@@ -20,7 +20,6 @@ from panoptic_ros.kinematics.pose.targets import (
     PointTargets,
     ViewTargets,
     no_anchor,
-    no_prior,
 )
 
 PERIOD = 1.0 / 60.0

@@ -32,7 +32,7 @@ def instant(views):
     for number, places in views.items():
         points = np.array([on_plane(RIG.cameras[number], place) for place in places])
         people[number] = ViewPeople(points, np.full(points.shape[:2], 0.9))
-    return Instant(0, people, {})
+    return Instant(0, people)
 
 
 def rows(found, at):

@@ -169,7 +169,7 @@ def half_seen(place, stamp_ns):
         local = joints @ pose.rotation.T + pose.translation
         points = np.where(joints[:, 2:] > 1.2, local[:, :2] / local[:, 2:], np.nan)
         people[number] = ViewPeople(points[None], np.full((1, len(points)), 0.9))
-    return Instant(stamp_ns, people, {})
+    return Instant(stamp_ns, people)
 
 
 def test_who_is_seen_in_part_is_neither_elsewhere_nor_somebody_else():
