@@ -65,15 +65,6 @@ class Subject:
         return [f"subject {self.id}: taken, as its file does not say: {'; '.join(self.assumed)}"]
 
 
-class ImuReading(NamedTuple):
-    """Of a device at an instant: orientation (3, 3), inertial frame from device; specific force (3,) m/s^2
-    and angular velocity (3,) rad/s in the device's frame. NaN = none."""
-
-    orientation: Array
-    force: Array
-    rate: Array
-
-
 class ViewPeople(NamedTuple):
     """2D people of a view on the plane at distance 1: points (P, K, 2), NaN = missing; scores (P, K)."""
 
@@ -83,11 +74,10 @@ class ViewPeople(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """All data of one instant: 2D people by the index of the camera, readings by the name of the device."""
+    """2D people of one instant by the index of the camera."""
 
     stamp_ns: int
     views: dict[int, ViewPeople]
-    readings: dict[str, ImuReading]
 
 
 @dataclass(frozen=True, eq=False)

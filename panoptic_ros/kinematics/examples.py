@@ -62,7 +62,7 @@ def step_examples(
             for c, view in views.items():
                 person.see(SeenPoints(stamp, view.points[0], view.scores[0]), c, of_track=True)
         states += person.step(stamp, measured, period, statistics)[0]
-    assign_people([person.tracker], Instant(stamp, views, {}), rotations, translations, GATE)
+    assign_people([person.tracker], Instant(stamp, views), rotations, translations, GATE)
     states += person.flush()
     _compare(person.subject, states[0], measured, rate_hz)
     return Solved(states[0], body, BodySource.TRACK, len(views), 1)

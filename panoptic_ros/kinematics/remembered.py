@@ -6,32 +6,23 @@ from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import BodyState, Device, Subject, TPose
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.segment_chain import Chain
-from panoptic_ros.kinematics.body.between import BetweenInstants
-from panoptic_ros.kinematics.body.contact import Contact
-from panoptic_ros.kinematics.body.evidence import Weighing
-from panoptic_ros.kinematics.body.lengthening import Lengthening
-from panoptic_ros.kinematics.body.lengths import LengthEstimate
+from panoptic_ros.kinematics.body.between import BetweenInstants, Contact
+from panoptic_ros.kinematics.body.evidence import NoiseLevel, Weighing
+from panoptic_ros.kinematics.body.lengths import Lengthening, LengthEstimate
 from panoptic_ros.kinematics.body.measured_body import MeasuredBody
-from panoptic_ros.kinematics.body.noise_level import NoiseLevel
-from panoptic_ros.kinematics.body.past import Past
-from panoptic_ros.kinematics.body.tracker import SubjectTracker
+from panoptic_ros.kinematics.body.tracker import Past, SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.held import HeldInstants
 from panoptic_ros.kinematics.imus.balance import Balance
-from panoptic_ros.kinematics.imus.devices import WornDevices
+from panoptic_ros.kinematics.imus.devices import Wearing, WornDevices
 from panoptic_ros.kinematics.imus.fitting import ImuFitting
 from panoptic_ros.kinematics.imus.mounting import Looks, MountingEstimate
 from panoptic_ros.kinematics.imus.streams import ImuStreams
-from panoptic_ros.kinematics.imus.wearing import Wearing
-from panoptic_ros.kinematics.pace import Pace
 from panoptic_ros.kinematics.people.person import Behind, Person
-from panoptic_ros.kinematics.people.presence import Presence
-from panoptic_ros.kinematics.people.returning import Absence
+from panoptic_ros.kinematics.people.presence import Absence, Presence
 from panoptic_ros.kinematics.people.seen_people import SeenJoints, SeenPerson, SeenPoints
-from panoptic_ros.kinematics.pose.afterwards import Afterwards, Linked
 from panoptic_ros.kinematics.pose.targets import Floor, Hinges, PosePrior
-from panoptic_ros.kinematics.pose.window import Motion, PoseWindow, _Eliminated
-from panoptic_ros.kinematics.timeline import Timeline, _Apart
+from panoptic_ros.kinematics.pose.window import Afterwards, Linked, Motion, PoseWindow, _Eliminated
+from panoptic_ros.kinematics.timeline import HeldInstants, Pace, Timeline, _Apart
 from panoptic_ros.state import Fields
 
 CLASSES = (
@@ -58,14 +49,15 @@ CLASSES = (
     Fields.named(
         Person,
         "_config subject weighing seen fitting tracker behind of_track came worn _alone _mounted "
-        "_mounted_devices _without _unseen presence _returns",
+        "_mounted_devices _without _unseen presence _returns _awaited_s _lost_s",
     ),
     Fields.named(Presence, "last_ns _missed _usual _company _absence"),
     Fields.named(Absence, "_place _stamp_ns _alone _others _first_ns _newcomer"),
     Fields.named(SeenPerson, "views joints"),
     Fields.named(
         ImuFitting,
-        "heading offset_ns looking _clocks _states _stamps _turns _forces _held _poseless _seen_s _next_s",
+        "heading offset_ns looking _clocks _states _stamps _turns _forces _held _poseless _settled _seen_s "
+        "_next_s",
     ),
     Fields.named(
         ImuStreams,

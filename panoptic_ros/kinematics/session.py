@@ -1,4 +1,5 @@
-"""A whole recording, solved for its subjects in the order of time."""
+"""A whole recording, solved for its subjects in the order of time; and whose its 2D people are, instant by
+instant."""
 
 from __future__ import annotations
 
@@ -9,22 +10,31 @@ import numpy as np
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.subjects import BodyState, ImuSeries, Instant, Subject, ViewSeries
-from panoptic_ros.kinematics.body.evidence import Weighing
-from panoptic_ros.kinematics.body.tracker import SubjectTracker
+from panoptic_ros.errors import DataError
+from panoptic_ros.kinematics.body.sight import People
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.alignment import align, cameras_alone, felt_of, taken_over
-from panoptic_ros.kinematics.imus.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
-from panoptic_ros.kinematics.imus.measured import measured_of
+from panoptic_ros.kinematics.imus.measured import Measured, measured_by, resample
 from panoptic_ros.kinematics.imus.recorded import looked_through
-from panoptic_ros.kinematics.imus.t_pose import t_pose_mounts
+from panoptic_ros.kinematics.imus.t_pose import (
+    bent_line,
+    heading_from_poses,
+    held_in,
+    t_pose_decides,
+    t_pose_mounts,
+)
+from panoptic_ros.kinematics.people.allotment import find_people, give_people
+from panoptic_ros.kinematics.people.nearest_people import nearest_to_start
+from panoptic_ros.kinematics.people.pairwise_sorting import PairwiseSorter
+from panoptic_ros.kinematics.people.person import Person
 from panoptic_ros.kinematics.people.presence import middle_expected
-from panoptic_ros.kinematics.people.recorded_people import RecordedPeople
+from panoptic_ros.kinematics.people.seen_people import LONGEST_GAP_NS, NEAR_NS
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
-from panoptic_ros.kinematics.recorded_instants import instants_of
 
 Array = np.ndarray
 ALIGNED_S = 15.0  # of the recording, from which heading and clock of the IMUs are found
-LOST_S = 0.5  # out of sight and without IMUs, after which a body is given up
+SAME_SET = 0.75  # of a period of the quickest camera: images that are so near are put together
+ALONE_S = 0.5  # for which a view waits for others that say the same of who stands where a subject starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,18 +49,20 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Bodies of all instants, the trackers as they are at the end, and what the user should know, a line
+    """Bodies of all instants, the people as they are at the end, and what the user should know, a line
     each."""
 
     states: list[BodyState]
-    trackers: list[SubjectTracker]
+    people: list[Person]
     notices: list[str]
 
 
 def solve_recording(
     recording: Recording, subjects: Sequence[Subject], config: KinematicsConfig, statistics: PoseStatistics
 ) -> Solved:
-    """Bodies of the subjects at the configured rate.
+    """Bodies of the subjects at the configured rate, by the people of the live stage.
+
+    What a recording tells as a whole is found first: headings, clocks and mountings of IMUs, and instants.
 
     Raises:
         DataError: if nothing tells how a subject's IMUs are mounted, or where one of several people starts.
@@ -65,44 +77,49 @@ def solve_recording(
     ]
     if wearers and recording.views:
         recording, headings = _aligned(recording, wearers, subjects, config, statistics, notices)
-    instants = instants_of(recording.views, recording.devices, config.rate_hz)
-    trackers = []
+    stamps = instants_of(recording.views, recording.devices, config.rate_hz)
+    felt = {name: resample(series, stamps) for name, series in recording.devices.items()}
     for subject in wearers if not recording.views else ():
         if not subject.heading_known and t_pose_decides(subject):
-            headings[subject.id] = _bent_heading(subject, instants, statistics, notices)
+            headings[subject.id] = _bent_heading(subject, stamps, felt, statistics, notices)
+    people: list[Person] = []
     for subject in subjects:
-        weighing = Weighing(config, subject, statistics, recording.rig, recording.joint_names)
-        worn = {d.name for d in subject.devices if d.name in recording.devices}
         heading = headings.get(subject.id, 0.0)
-        mounts, lines = t_pose_mounts(subject, instants, worn, heading)
+        mounts, lines = t_pose_mounts(subject, stamps, felt, heading)
         notices += lines
-        trackers.append(SubjectTracker(config, subject, weighing, mounts, heading))
-    states: list[BodyState] = []
-    finder = RecordedPeople(config, recording.rig, subjects, trackers[0].weighing, len(recording.views))
-    for instant in instants:
-        people, back = finder.find(instant, trackers)
-        for k, tracker in enumerate(trackers):
-            if back[k]:
-                states += tracker.flush()
-                tracker.move_to(people[k], None)
-            if not tracker.started and instant.views and not people[k]:
-                continue
-            expected = middle_expected(tracker)
-            measured = measured_of(tracker.subject.devices, instant.readings)
-            states += tracker.step(instant.stamp_ns, measured, people[k])
-            notices += [notice.text for notice in tracker.devices.take_notices()]
-            unseen = 1e-9 * finder.presences[k].saw(instant, bool(people[k]), expected)
-            if unseen > LOST_S and not instant.readings.keys() & set(tracker.devices.names):
-                states += tracker.flush()
-                trackers[k] = tracker.begun_anew()
-    for tracker, presence in zip(trackers, finder.presences):
-        states += tracker.flush()
-        if not tracker.started and not presence.last_ns:
+        person = Person(config, subject, statistics, recording.rig, recording.joint_names)
+        person.settle(heading, mounts, len(recording.views))
+        people.append(person)
+    measured = [measured_by(subject.devices, felt, len(stamps)) for subject in subjects]
+    seen, states = RecordedPeople(config, recording, people, stamps), list[BodyState]()
+    for k, stamp in enumerate(stamps.tolist()):
+        seen.take(k)
+        for person, rows in zip(people, measured):
+            done, told = person.step(stamp, rows[k], round(0.5e9 / config.rate_hz), statistics)
+            states += done
+            notices += [notice.text for notice in told]
+            person.behind.clear()
+    for person in people:
+        states += person.flush()
+        if not person.came:
             notices.append(
-                f"subject {tracker.subject.id} has not come: no camera sees anybody near where it starts, "
+                f"subject {person.subject.id} has not come: no camera sees anybody near where it starts, "
                 "and no IMU that is mounted tells of it; look at `start` and the devices of its file"
             )
-    return Solved(states, trackers, notices)
+    return Solved(states, people, notices)
+
+
+def instants_of(views: Mapping[int, ViewSeries], devices: Mapping[str, ImuSeries], rate_hz: float) -> Array:
+    """Instants (T,) ns of a fixed rate, from the first camera's first image on, or the first IMU sample."""
+    series = [v.stamps for v in views.values() if len(v.stamps)] or [
+        d.stamps for d in devices.values() if len(d.stamps)
+    ]
+    if not series:
+        return np.zeros(0, np.int64)
+    first, last = min(int(s[0]) for s in series), max(int(s[-1]) for s in series)
+    count = int(np.floor((last - first) * 1e-9 * rate_hz + 0.5)) + 1
+    found: Array = first + np.round(np.arange(count) * 1e9 / rate_hz).astype(np.int64)
+    return found
 
 
 def _without_odd_devices(recording: Recording, subjects: Sequence[Subject]) -> tuple[Recording, list[str]]:
@@ -152,19 +169,16 @@ def _aligned(
 
 
 def _bent_heading(
-    subject: Subject, instants: Sequence[Instant], statistics: PoseStatistics, notices: list[str]
+    subject: Subject,
+    stamps: Array,
+    felt: Mapping[str, Measured],
+    statistics: PoseStatistics,
+    notices: list[str],
 ) -> float:
     """The heading of the IMUs as joints bend, rad, where no camera tells it."""
-    gone, turns, held = np.full((3, 3), np.nan), {}, {}
     assert subject.t_pose is not None
-    begin, end = subject.t_pose.from_ns, subject.t_pose.to_ns
-    within = np.array([begin <= instant.stamp_ns <= end for instant in instants])
-    for name in (device.name for device in subject.devices):
-        own = [i.readings[name].orientation if name in i.readings else gone for i in instants]
-        turns[name] = np.array(own)
-        during = within & np.isfinite(turns[name]).all((1, 2))
-        if during.any():
-            held[name] = turns[name][during]
+    turns = {d.name: felt[d.name].orientations for d in subject.devices if d.name in felt}
+    held = {name: during for name in turns if len(during := held_in(subject.t_pose, stamps, felt[name]))}
     found = heading_from_poses(subject, statistics, turns, held)
     if found is None:
         text = "hardly moves and no camera sees it, so the heading of its IMUs is taken as 0"
@@ -172,3 +186,84 @@ def _bent_heading(
         return 0.0
     notices.append(f"subject {subject.id}: {bent_line(found)}")
     return found
+
+
+class RecordedPeople:
+    """Gives people what cameras see of them, before the instants to which it belongs.
+
+    Args:
+        stamps: (T,) ns, of the instants.
+    """
+
+    def __init__(
+        self, config: KinematicsConfig, recording: Recording, people: Sequence[Person], stamps: Array
+    ):
+        self._people, self._cameras, self._gate = people, len(recording.views), config.gate
+        self._sets, self._needed = _sets_of(recording.views, stamps)
+        self._next = 0  # of the sets
+        self._sorter: PairwiseSorter | None = None
+        if config.paper_sorting and recording.rig is not None and self._cameras > 1:
+            self._sorter = PairwiseSorter(recording.rig, [person.subject.start for person in people])
+
+    def take(self, number: int) -> None:
+        """Give all that the instant of this number needs: of each camera the images around it.
+
+        Raises:
+            DataError: if nothing tells who of several people a subject is.
+        """
+        while self._next <= self._needed[number]:
+            instant, stamps = self._sets[self._next]
+            self._next += 1
+            if self._sorter is None:
+                found = find_people(self._people, instant, self._gate, self._first)
+            else:
+                found = self._sorter.sort(instant, [middle_expected(p.tracker) for p in self._people])
+                for k, person in enumerate(self._people):
+                    if person.is_new and person.subject.start is None:
+                        found[k] = self._first(person, instant)
+            give_people(self._people, found, instant, stamps)
+
+    def _first(self, person: Person, instant: Instant) -> People:
+        """Who stands where a subject starts; the only ones, if nothing says where."""
+        subject = person.subject
+        if subject.start is None:
+            crowd = max((len(people.points) for people in instant.views.values()), default=0)
+            if crowd and (len(self._people) > 1 or crowd > 1):
+                raise DataError(
+                    f"subject {subject.id}: {crowd} people are seen and nothing says who it is; state "
+                    "`start`, where the pelvis is at the first instant"
+                )
+        alone = self._cameras < 2 or instant.stamp_ns > self._sets[0][0].stamp_ns + 1e9 * ALONE_S
+        return nearest_to_start(subject, instant, person.weighing, alone)
+
+
+def _sets_of(
+    views: Mapping[int, ViewSeries], stamps: Array
+) -> tuple[list[tuple[Instant, dict[int, int]]], Array]:
+    """Images of about the same time, with their stamps by camera; and the number of the last set (T,) that
+    each instant (ns) needs, -1 = none: that of the first images after it over which joints are interpolated.
+    """
+    series = {camera: view for camera, view in views.items() if len(view.stamps)}
+    periods = [float(np.median(np.diff(v.stamps))) for v in series.values() if len(v.stamps) > 1]
+    longest = SAME_SET * min(periods, default=0.0)
+    images = sorted((at, c, row) for c, v in series.items() for row, at in enumerate(v.stamps.tolist()))
+    rows, begin = list[dict[int, int]](), 0  # by camera, of each set
+    numbers: dict[int, list[int]] = {camera: [] for camera in series}  # of the sets of its images
+    for at, camera, row in images:
+        if not rows or camera in rows[-1] or at - begin > longest:
+            rows.append({})
+            begin = at
+        rows[-1][camera] = row
+        numbers[camera].append(len(rows) - 1)
+    sets = []
+    for own in rows:
+        there = {camera: int(series[camera].stamps[row]) for camera, row in own.items()}
+        people = {camera: series[camera].people[row] for camera, row in own.items()}
+        sets.append((Instant(max(there.values()), people), there))
+    needed = np.full(len(stamps), -1)
+    for camera, view in series.items():
+        after = np.searchsorted(view.stamps, stamps - NEAR_NS)
+        first = np.minimum(after, len(view.stamps) - 1)
+        near = (after < len(view.stamps)) & (view.stamps[first] - stamps <= LONGEST_GAP_NS)
+        needed = np.maximum(needed, np.where(near, np.array(numbers[camera])[first], -1))
+    return sets, np.maximum.accumulate(needed)

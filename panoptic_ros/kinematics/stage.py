@@ -13,24 +13,57 @@ from panoptic_ros.kinematics.body.measured_body import MeasuredBody
 from panoptic_ros.kinematics.body_records import Solved, body_set
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.examples import step_examples
-from panoptic_ros.kinematics.held import HeldInstants
 from panoptic_ros.kinematics.imus.measured import Measured
-from panoptic_ros.kinematics.imus.streams import ImuStreams
-from panoptic_ros.kinematics.imus.wearers import Wearers
-from panoptic_ros.kinematics.pace import Pace
+from panoptic_ros.kinematics.imus.streams import ImuStreams, Wearers
 from panoptic_ros.kinematics.people.allotment import Allotment, SeenSet, SeenView
 from panoptic_ros.kinematics.people.person import Behind, Person
 from panoptic_ros.kinematics.people.seen_people import SeenJoints, joints_as_seen
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.remembered import CLASSES
-from panoptic_ros.kinematics.stage_notices import ODD, jump, late, never_came, odd_stamp, unworn
-from panoptic_ros.kinematics.timeline import Timeline
+from panoptic_ros.kinematics.timeline import HeldInstants, Pace, Timeline
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
+ODD = "kinematics.odd_stamp"
 IN_SPACE = -1  # the source of skeletons that come without 2D people
 NEVER_S = 10.0  # after which it is told that somebody has not come
 Out = BodyStateSet
+
+
+def unworn(device: str) -> Notice:
+    """Samples of a device come that nobody wears."""
+    text = f"{device} is on no subject; it is left out"
+    return Notice("kinematics.imu_unknown", "warning", text, {"device": device})
+
+
+def odd_stamp(stamp_ns: int, name: str, warns: bool) -> Notice:
+    """A stamp is far from those of others."""
+    text = f"the stamp {stamp_ns} of {name} is more than 2 s off the others; it is left out"
+    return Notice(ODD, "warning" if warns else "info", text, {"device": name})
+
+
+def jump(stamp_ns: int, name: str) -> Notice:
+    """Time goes on elsewhere."""
+    text = f"stamps go on from {stamp_ns}, as {name} and others say; bodies begin anew"
+    return Notice("kinematics.jump", "warning", text)
+
+
+def late(left_out: int, waited_ns: int) -> Notice:
+    """Instants were left out, as data had waited for so long."""
+    text = (
+        f"{left_out} instants were left out, as data had waited for {1e-6 * waited_ns:.0f} ms: this machine "
+        "is too slow, or others use it; give fewer subjects or a lower `rate_hz`"
+    )
+    return Notice("kinematics.late", "warning", text, {"left_out": left_out})
+
+
+def never_came(number: int, seconds: float) -> Notice:
+    """Somebody was not seen so long."""
+    text = (
+        f"subject {number} has not come in {seconds:g} s: no camera has seen it and no IMU that is "
+        "mounted tells of it; look at `start`, `id` and the devices of its file"
+    )
+    return Notice("kinematics.never_came", "warning", text, {"device": f"subject {number}"})
 
 
 class KinematicsStage(Stateful):

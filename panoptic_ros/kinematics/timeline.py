@@ -1,14 +1,20 @@
-"""Instants of a fixed rate, and when all that belongs to one has come."""
+"""Instants of a fixed rate, and when all that belongs to one has come.
+
+`HeldInstants` are those that the lag holds back, with the bodies that were solved at them so far. `Pace`
+says which instants a late stage leaves out, so that it catches up. With data that have waited for n
+sixtieths of a second, one instant of n is solved, and the steps between are so much longer. That settles:
+the fewer instants a machine can solve, the longer its data wait, and the fewer are solved.
+"""
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
+from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.kinematics.people.seen_people import NEAR_NS
 
-Array = np.ndarray
 JUMP_NS = 2_000_000_000  # a stamp that is so far ahead is another's, unless others follow
 CATCHES_UP = 1.5  # times as fast as others: what comes is late
 BELIEVED = 5  # of them, of most of the cameras; where there is none, of most of the devices
@@ -17,6 +23,8 @@ STOPPED_NS = 500_000_000  # nobody waits for a source that has given nothing for
 USUAL_PERIOD_NS = 40_000_000  # of a camera of which no two stamps are known
 LONGEST_PERIOD_NS = 100_000_000
 LEAST_PATIENCE_NS = 33_000_000  # views of quicker cameras still go through association and tracking first
+PACE_NS = 1_000_000_000 // 60  # twice of it is more than a node waits that solves for four people in time
+LONGEST_S = 0.1  # from one instant that is solved to the next
 
 
 class _Apart(NamedTuple):
@@ -168,3 +176,59 @@ class Timeline:
         late = (name for name, last in self._last.items() if alive < last < begin)
         self._awaited = next(late, None)
         return self._awaited is not None
+
+
+class HeldInstants:
+    """The oldest first."""
+
+    def __init__(self) -> None:
+        self._instants: deque[tuple[int, int, dict[int, BodyState]]] = deque()
+
+    def __len__(self) -> int:
+        return len(self._instants)
+
+    def add(self, index: int, stamp_ns: int) -> None:
+        """One more."""
+        self._instants.append((index, stamp_ns, {}))
+
+    def keep(self, states: Sequence[BodyState]) -> None:
+        """Keep bodies until their instant is given."""
+        if states:
+            places = {stamp: found for _, stamp, found in self._instants}
+            for state in states:
+                if state.stamp_ns in places:
+                    places[state.stamp_ns][state.id] = state
+
+    def holds(self, number: int) -> bool:
+        """Whether a body of this id is among them."""
+        return any(number in kept for _, _, kept in self._instants)
+
+    def is_due(self, index: int) -> bool:
+        """Whether the oldest is one up to this one."""
+        return bool(self._instants) and self._instants[0][0] <= index
+
+    def take(self) -> tuple[int, int, dict[int, BodyState]]:
+        """Index, stamp and bodies of the oldest."""
+        return self._instants.popleft()
+
+
+class Pace:
+    """Decides, instant by instant.
+
+    Args:
+        rate_hz: of the instants.
+    """
+
+    def __init__(self, rate_hz: float):
+        self._most = max(1, int(LONGEST_S * rate_hz + 1e-9))
+        self.waited_ns = 0  # by what is at hand, before the stage came to it
+        self._left_out = 0  # instants since the last one that was solved
+
+    def step(self) -> int:
+        """Another instant is due: periods since the last one that was solved, or 0 if it is left out."""
+        wanted = min(max(1, self.waited_ns // PACE_NS), self._most)
+        if self._left_out + 1 < wanted:
+            self._left_out += 1
+            return 0
+        stride, self._left_out = self._left_out + 1, 0
+        return stride

@@ -16,8 +16,7 @@ from panoptic_ros.io.c3d_motion import read_c3d
 from panoptic_ros.io.motion_files import JointMotion, named_plainly, read_bvh, read_clip_arrays, read_sites
 from panoptic_ros.io.pose_prior import write_prior
 from panoptic_ros.io.recorded_motions import read_clips
-from panoptic_ros.kinematics.body.fitting import fit_motion
-from panoptic_ros.kinematics.body.trunk import with_trunk
+from panoptic_ros.kinematics.body.fitting import fit_motion, with_trunk
 from panoptic_ros.kinematics.pose.prior import other_sides, train_prior
 from panoptic_ros.stage import Progress
 

@@ -11,7 +11,7 @@ from panoptic_ros.geometry.rotations import rotations_of, vectors_of
 from panoptic_ros.io.c3d_motion import read_c3d
 from panoptic_ros.io.motion_files import read_sites
 from panoptic_ros.io.pose_prior import read_prior
-from panoptic_ros.kinematics.body.trunk import with_trunk
+from panoptic_ros.kinematics.body.fitting import with_trunk
 
 ezc3d = pytest.importorskip("ezc3d")
 SITES = read_sites(MODEL)

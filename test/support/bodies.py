@@ -5,6 +5,7 @@ import numpy as np
 from panoptic_ros.geometry.chain import Pose, place_segments, step_pose
 from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.kinematics.pose.targets import NO_HINGES, PosePrior
 
 MODEL = read_body_model()
 BODY = MODEL.body(1.75)
@@ -43,3 +44,11 @@ def cameras(count=4):
         rotations.append(rotation)
         translations.append(-rotation @ centre)
     return np.array(rotations), np.array(translations)
+
+
+def no_prior(segments):
+    """No cost."""
+    n = 3 * segments - 3
+    far = np.full(n, 10.0)
+    nothing = np.zeros((n, n))
+    return PosePrior(np.zeros(n), nothing, nothing, -far, far, 0.0, 0.0, 0.0, 0.0, 0.0, NO_HINGES)

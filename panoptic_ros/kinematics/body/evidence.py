@@ -1,4 +1,10 @@
-"""From data of an instant to targets, weighed as standard deviations or as in the paper."""
+"""From data of an instant to targets, weighed as standard deviations or as in the paper.
+
+`NoiseLevel` learns from one person's motion how much smaller or larger the errors of 2D joints are than
+was assumed. Detectors and images differ: one `joint_sd` does not fit them all. The residuals of the pose
+that is solved tell. Their median square is hardly touched by outliers. A pose takes on some of the errors,
+so they are a little small.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +17,9 @@ import numpy as np
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import Subject
-from panoptic_ros.kinematics.body.sight import known_joints, seen_joints
+from panoptic_ros.geometry.chain import Pose, place_all
+from panoptic_ros.geometry.segment_chain import Chain
+from panoptic_ros.kinematics.body.sight import People, known_joints, seen_joints
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.prior import PoseStatistics, PriorCosts, hinges_of
 from panoptic_ros.kinematics.pose.targets import (
@@ -26,6 +34,12 @@ from panoptic_ros.kinematics.pose.targets import (
 )
 
 Array = np.ndarray
+
+MEDIAN_SQUARE = 2.0 * math.log(2.0)  # of the squared length of two normal residuals of variance 1
+FEWEST_RESIDUALS = 20  # residuals that tell something
+LOOK_S, MEMORY_S, BELIEF = 0.1, 1.0, 1  # s; looks for which what is assumed counts at first
+LEAST_LEVEL, MOST_LEVEL = 0.25, 4.0  # shares of what is assumed
+NEAREST_RESIDUAL = 0.1  # m before a camera
 PAPER_WIDTH = 656  # px, of the images that the paper's weights are for
 PAPER = {"position": 1e-3, "orientation": 1.0, "projection": 0.7, "deviation": 0.06, "floor": 10.0}
 PAPER_RADIUS = 0.05  # m
@@ -33,6 +47,39 @@ FLOOR_SD = 0.02  # m
 NEAREST = 0.3  # m before a camera
 UNMEASURED_SD = 0.025  # m, by which all views see a joint off alike where it was not measured on the person
 OFFSET_SD = 0.01  # m, how far a detector's joint lies off where the body has it, per axis
+
+
+class NoiseLevel:
+    """The level of one person's residuals; 1 = as assumed."""
+
+    def __init__(self) -> None:
+        self._square = 1.0
+        self._looks = 0
+        self._since = LOOK_S
+
+    @property
+    def level(self) -> float:
+        """The standard deviation of 2D joints as a share of what was assumed."""
+        return min(max(math.sqrt(self._square), LEAST_LEVEL), MOST_LEVEL)
+
+    def learn(self, views: ViewTargets, chain: Chain, pose: Pose, seconds: float) -> None:
+        """Look at the residuals of a pose now and then, so many seconds after the pose before.
+
+        Args:
+            views: weighed by the level as it is now.
+        """
+        self._since += seconds
+        if len(views.segments) < FEWEST_RESIDUALS or self._since < LOOK_S:
+            return
+        places, frames = place_all(chain, pose.root[None], pose.turns[None])
+        sites = places[0, views.segments] + (frames[0, views.segments] @ views.offsets[..., None])[..., 0]
+        turned = (views.rotations[views.cameras] @ sites[..., None])[..., 0]
+        local = turned + views.translations[views.cameras]
+        apart = local[:, :2] / np.maximum(local[:, 2:], NEAREST_RESIDUAL) - views.points
+        square = float(np.median(views.weights * (apart**2).sum(axis=-1))) / MEDIAN_SQUARE * self.level**2
+        self._looks += 1
+        self._square += (square - self._square) * max(1.0 / (self._looks + BELIEF), LOOK_S / MEMORY_S)
+        self._since = 0.0
 
 
 class Weighing:
@@ -99,7 +146,7 @@ class Weighing:
         found._offsets = np.array([seen[name][1] for name in self._names]).reshape(-1, 3)
         return found
 
-    def views(self, people: dict[int, tuple[Array, Array]], root: Array, level: float = 1.0) -> ViewTargets:
+    def views(self, people: People, root: Array, level: float = 1.0) -> ViewTargets:
         """Targets of the views of one person.
 
         Args:

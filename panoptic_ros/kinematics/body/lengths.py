@@ -3,6 +3,8 @@
 At single instants the pose and the lengths are solved for together, the pose is eliminated, and what is left
 on the lengths is averaged over instants: a detector's joints are off their places by about the same at all of
 them, so lengths are known no better than a few looks allow. Left is as right.
+
+`Lengthening` brings in bit by bit what was learnt anew: limbs that changed at once would jump.
 """
 
 from __future__ import annotations
@@ -12,17 +14,44 @@ import math
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.segments import Body, SegmentModel
 from panoptic_ros.geometry.chain import Pose, place_segments, place_sites
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.pose.normal_equations import assemble
 from panoptic_ros.kinematics.pose.targets import Evidence, PointTargets, ViewTargets, no_anchor
 
 Array = np.ndarray
+
+LASTS_S = 0.5
 LENGTH_SD = 0.05  # share of a length, about what the stature tells
 LOOKS = 10.0  # independent ones, at most
 LEAST_SHARE = 0.02  # of the stature, of a part of an offset that is worth a length of its own
 NEAREST = 0.1  # m before a camera
+
+
+class Lengthening:
+    """From one set of offsets to those of a body, along half a cosine.
+
+    Args:
+        begin: (S, 3) m, offsets now.
+    """
+
+    def __init__(self, begin: Array, body: Body):
+        self._begin, self._body, self._passed_s = begin.copy(), body, 0.0
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the body has its lengths."""
+        return self._passed_s >= LASTS_S
+
+    def after(self, seconds: float) -> Body:
+        """The body so many seconds later than it was last asked for."""
+        self._passed_s += seconds
+        if self.is_over:
+            return self._body
+        share = 0.5 - 0.5 * math.cos(math.pi * self._passed_s / LASTS_S)
+        offsets = self._begin + share * (self._body.offsets - self._begin)
+        return self._body.with_offsets(dict(zip(self._body.model.names, offsets)))
 
 
 def lengths_of(model: SegmentModel) -> tuple[tuple[tuple[int, int], ...], ...]:

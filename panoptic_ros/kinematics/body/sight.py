@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from panoptic_ros.kernels import njit
 from panoptic_ros.kernels.order import median
 
 Array = np.ndarray
+People = dict[int, tuple[Array, Array]]  # points (K, 2), NaN = missing, and scores (K,) by camera
 NEAREST = 0.1  # m before a camera
 FEWEST = 3  # joints that tell where somebody is
 
@@ -28,7 +28,7 @@ class Sites(NamedTuple):
         found: Array = np.median(self.places, axis=0)
         return found
 
-    def middle_seen(self, people: Mapping[int, tuple[Array, Array]]) -> Array:
+    def middle_seen(self, people: People) -> Array:
         """The middle (3,) m of the joints that views show, which may be those of a part of the body.
 
         Args:

@@ -10,6 +10,7 @@ from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.rotations import rotations_of, turn_about_z
 from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.sight import People
 from panoptic_ros.kinematics.pose.solve import solve_pose
 from panoptic_ros.kinematics.pose.targets import no_anchor
 
@@ -23,7 +24,7 @@ PELVIS_SHARE = 0.53  # of the stature, height of the pelvis where nothing tells 
 def first_pose(
     weighing: Weighing,
     subject: Subject,
-    people: dict[int, tuple[Array, Array]],
+    people: People,
     oriented: tuple[Array, Array],
     joints: tuple[Array, Array] | None = None,
 ) -> Pose:
@@ -74,9 +75,7 @@ def _candidates(subject: Subject, root: Array, segments: Array, goals: Array) ->
     return found
 
 
-def middle_of(
-    weighing: Weighing, people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None
-) -> Array | None:
+def middle_of(weighing: Weighing, people: People, joints: tuple[Array, Array] | None) -> Array | None:
     """Where the middle of somebody's joints is, (3,) m: where the rays to it meet; None with fewer than two
     views."""
     if joints is not None:
@@ -93,7 +92,7 @@ def _median(joints: Array) -> Array | None:
     return np.median(known, axis=0) if len(known) else None
 
 
-def _rays(weighing: Weighing, people: dict[int, tuple[Array, Array]]) -> tuple[Array, Array]:
+def _rays(weighing: Weighing, people: People) -> tuple[Array, Array]:
     """Normal equations (3, 3), (3,) of the point nearest to the rays to the middles of 2D people."""
     matrix, vector = np.zeros((3, 3)), np.zeros(3)
     for camera, (points, _) in people.items():
@@ -111,7 +110,7 @@ def _rays(weighing: Weighing, people: dict[int, tuple[Array, Array]]) -> tuple[A
 def _root(
     weighing: Weighing,
     subject: Subject,
-    people: dict[int, tuple[Array, Array]],
+    people: People,
     joints: tuple[Array, Array] | None,
 ) -> Array:
     """Where the pelvis is about: the middle of what is seen, or as stated."""

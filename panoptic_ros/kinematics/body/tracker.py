@@ -1,4 +1,9 @@
-"""One designated person, instant by instant."""
+"""One designated person, instant by instant.
+
+`Past` holds the instants that were solved of late, and which of them are the lag ago: late ones are left
+out. `acceleration_goals` is the acceleration term of Malleson et al. 2020, eq. 13: where sites would be by
+what their IMUs measured.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +17,11 @@ from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import BodyState, Subject
 from panoptic_ros.geometry.chain import Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
+from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.body.between import BetweenInstants
-from panoptic_ros.kinematics.body.evidence import Weighing
-from panoptic_ros.kinematics.body.lengthening import Lengthening
-from panoptic_ros.kinematics.body.lengths import LengthEstimate
-from panoptic_ros.kinematics.body.noise_level import NoiseLevel
-from panoptic_ros.kinematics.body.paper_accelerations import acceleration_goals
-from panoptic_ros.kinematics.body.past import Past
-from panoptic_ros.kinematics.body.sight import Sites
+from panoptic_ros.kinematics.body.evidence import NoiseLevel, Weighing
+from panoptic_ros.kinematics.body.lengths import Lengthening, LengthEstimate
+from panoptic_ros.kinematics.body.sight import People, Sites
 from panoptic_ros.kinematics.body.start import first_pose, middle_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.devices import WornDevices
@@ -27,13 +29,70 @@ from panoptic_ros.kinematics.imus.measured import Measured
 from panoptic_ros.kinematics.imus.mounting import MountingEstimate
 from panoptic_ros.kinematics.pose.covariance import segment_covariances
 from panoptic_ros.kinematics.pose.solve import solve_pose
-from panoptic_ros.kinematics.pose.targets import NO_TURNS, Evidence, no_anchor
+from panoptic_ros.kinematics.pose.targets import NO_TURNS, Evidence, PointTargets, no_anchor
 from panoptic_ros.kinematics.pose.window import Motion, PoseWindow
 
 Array = np.ndarray
+
+KEPT_INSTANTS = 64
 LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10  # between looks at lengths; looks before the first change
 KEPT = 2  # instants, for which what comes after a pose is taken to look the same: a twentieth of a second
 SAME_LENGTHS = 0.002  # m, of a change that is not worth another
+
+
+class Past:
+    """Stamps of instants, and how many periods each came after the one before."""
+
+    def __init__(self) -> None:
+        self._stamps: deque[int] = deque(maxlen=KEPT_INSTANTS)
+        self._strides: deque[int] = deque(maxlen=KEPT_INSTANTS)
+        self._held = 0  # instants that were not given yet
+
+    def __len__(self) -> int:
+        return len(self._stamps)
+
+    def add(self, stamp_ns: int, stride: int) -> None:
+        """One more instant."""
+        self._stamps.append(stamp_ns)
+        self._strides.append(stride)
+        self._held += 1
+
+    def stamp(self, back: int) -> int:
+        """Of so many instants ago, ns."""
+        return self._stamps[-1 - back]
+
+    def around(self, back: int) -> int:
+        """Periods from the instant before the one of so many instants ago to the one after it, if any."""
+        return self._strides[-1 - back] + (self._strides[-back] if back else 0)
+
+    def due(self, lag: int) -> list[int]:
+        """Instants that are so many periods ago and were not given yet, the oldest first; they are now."""
+        found = []
+        ago = sum(list(self._strides)[1 - self._held :]) if self._held > 1 else 0  # periods, of the oldest
+        while self._held and ago >= lag:
+            self._held -= 1
+            found.append(self._held)
+            ago -= self._strides[-self._held] if self._held else 0
+        return found
+
+    def left(self, lag: int) -> list[int]:
+        """Instants less than the lag ago, the oldest first."""
+        return list(range(min(lag, self._held, len(self._stamps)) - 1, -1, -1))
+
+
+def acceleration_goals(
+    chain: Chain, poses: tuple[Pose, Pose], devices: WornDevices, weight: float, period: float
+) -> PointTargets:
+    """A site's place that gives the measured acceleration with the two poses before, the older one first."""
+    which = np.flatnonzero(devices.accelerated)
+    segments, offsets = devices.segments[which], devices.positions[which]
+    places, frames = place_all(
+        chain, np.stack([pose.root for pose in poses]), np.stack([pose.turns for pose in poses])
+    )
+    sites = places[:, segments] + (frames[:, segments] @ offsets[..., None])[..., 0]
+    information = weight / period**4 * np.tile(np.eye(3), (len(which), 1, 1))
+    goals = 2.0 * sites[1] - sites[0] + period**2 * devices.pushes[which]
+    return PointTargets(segments, offsets, goals, information, 1.0)
 
 
 class SubjectTracker:
@@ -110,7 +169,7 @@ class SubjectTracker:
         found._window, found._before, found._past = None, None, Past()
         return found
 
-    def move_to(self, people: dict[int, tuple[Array, Array]], joints: tuple[Array, Array] | None) -> None:
+    def move_to(self, people: People, joints: tuple[Array, Array] | None) -> None:
         """Carry the body to where cameras see it, of whom it was out of sight; one camera alone does not
         tell."""
         pose, sites = self.expected(), self.expected_sites()
@@ -157,7 +216,7 @@ class SubjectTracker:
         self,
         stamp_ns: int,
         measured: Measured,
-        people: dict[int, tuple[Array, Array]],
+        people: People,
         joints: tuple[Array, Array] | None = None,
         stride: int = 1,
     ) -> list[BodyState]:

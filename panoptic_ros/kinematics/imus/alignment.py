@@ -4,6 +4,9 @@ device sits on it, and so is, in the world, the acceleration of the place where 
 Cameras know some turns better than others, as the covariances of their poses say: those of limbs about
 themselves hardly at all. How large the errors of turns and of accelerations are is not known beforehand; each
 kind is weighed by what is left of it (the likelihood with its variance taken out).
+
+`compare_turned` compares vectors that were felt in a frame of another heading with those that were seen, at
+offsets in time.
 """
 
 from __future__ import annotations
@@ -18,11 +21,12 @@ from scipy.ndimage import gaussian_filter1d
 
 from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject
 from panoptic_ros.geometry.rotations import vectors_of
+from panoptic_ros.kernels import njit
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.imus.resampling import resample
-from panoptic_ros.kinematics.imus.turned_sums import compare_turned
+from panoptic_ros.kinematics.imus.measured import resample
 
 Array = np.ndarray
+
 TURN_S = 0.25  # over which turns are compared
 SMOOTHING_S = 0.06  # of accelerations, about 3 Hz
 COMPARED_S = 0.05  # between instants that are compared
@@ -38,6 +42,57 @@ CLOCK_SD = 0.004  # s, of what stays the same in a capture: poses that follow la
 OWN_HEADING = math.radians(2.0)  # of each device, about the common one
 ENOUGH_S, ENOUGH = 0.008, math.radians(2.5)  # standard deviations at which no more motion is needed
 GRAVITY = np.array([0.0, 0.0, 9.81])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def compare_turned(
+    felt: tuple[Array, Array], seen: tuple[Array, Array, Array], offsets: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Sums of weighed squares of what is left, by the heading: t^T matrix t - 2 vector^T t + constant, where
+    t is its cosine and sine.
+
+    Args:
+        felt: when (N,), rising, and vectors (N, 3), between which they are linear; NaN = not there.
+        seen: when (T,), vectors (T, 3) and their information (T, 3, 3).
+        offsets: (O,) of the clock of what was felt, in the unit of the others.
+
+    Returns:
+        matrices (O, 2, 2), vectors (O, 2), constants (O,), and how many were compared (O,).
+    """
+    when, vectors = felt
+    stamps, goals, information = seen
+    count = len(offsets)
+    matrices, pulls = np.zeros((count, 2, 2)), np.zeros((count, 2))
+    constants, numbers = np.zeros(count), np.zeros(count, np.int64)
+    there, rest, level, weighed = np.empty(3), np.empty(3), np.zeros((3, 2)), np.empty((3, 2))
+    for o in range(count):
+        k = 0
+        for t in range(len(stamps)):
+            moment = stamps[t] - offsets[o]
+            while k < len(when) - 2 and when[k + 1] <= moment:
+                k += 1
+            share = min(max((moment - when[k]) / (when[k + 1] - when[k]), 0.0), 1.0)
+            for i in range(3):
+                there[i] = vectors[k, i] + share * (vectors[k + 1, i] - vectors[k, i])
+            if not (math.isfinite(there[0]) and math.isfinite(there[1]) and math.isfinite(there[2])):
+                continue
+            numbers[o] += 1
+            level[0, 0], level[1, 0], level[0, 1], level[1, 1] = there[0], there[1], -there[1], there[0]
+            for i in range(3):
+                rest[i] = goals[t, i]
+            rest[2] -= there[2]
+            for i in range(3):
+                for j in range(2):
+                    weighed[i, j] = information[t, i, 0] * level[0, j] + information[t, i, 1] * level[1, j]
+            for j in range(2):
+                for m in range(2):
+                    matrices[o, j, m] += level[0, j] * weighed[0, m] + level[1, j] * weighed[1, m]
+                for i in range(3):
+                    pulls[o, j] += weighed[i, j] * rest[i]
+            for i in range(3):
+                for m in range(3):
+                    constants[o] += rest[i] * information[t, i, m] * rest[m]
+    return matrices, pulls, constants, numbers
 
 
 class Felt(NamedTuple):
@@ -280,11 +335,8 @@ def felt_of(series: ImuSeries, rate_hz: float) -> Felt:
     """A device at instants of a fixed rate."""
     count = int((series.stamps[-1] - series.stamps[0]) * 1e-9 * rate_hz) + 1
     stamps = series.stamps[0] + np.round(np.arange(count) * 1e9 / rate_hz).astype(np.int64)
-    turns, forces = np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan)
-    for k, reading in enumerate(resample(series, stamps)):
-        if reading is not None:
-            turns[k], forces[k] = reading.orientation, reading.force
-    return Felt(stamps, turns, forces)
+    measured = resample(series, stamps)
+    return Felt(stamps, measured.orientations, measured.forces)
 
 
 def cameras_alone(config: KinematicsConfig) -> KinematicsConfig:

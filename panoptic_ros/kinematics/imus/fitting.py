@@ -9,9 +9,8 @@ import numpy as np
 from panoptic_ros.domain.subjects import BodyState, Subject
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.alignment import Felt, align, taken_over
-from panoptic_ros.kinematics.imus.heading_from_poses import bent_line, heading_from_poses, t_pose_decides
 from panoptic_ros.kinematics.imus.measured import Measured
-from panoptic_ros.kinematics.imus.t_pose import t_pose_mount
+from panoptic_ros.kinematics.imus.t_pose import bent_line, heading_from_poses, t_pose_decides, t_pose_mount
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.stage import Notice
 
@@ -45,7 +44,12 @@ class ImuFitting:
         self._forces: list[Array] = []
         self._held: dict[str, list[Array]] = {}  # orientations in the T-pose
         self._poseless: list[str] = []  # devices that had no samples in it
+        self._settled: dict[str, Array] | None = None  # mountings that need not be found
         self._seen_s, self._next_s = 0.0, LOOK_S  # in which cameras saw the person; of the next look
+
+    def settle(self, heading: float, mounts: dict[str, Array]) -> None:
+        """Go by what is known already: heading, rad, and mountings (3, 3) by device; clocks are right."""
+        self.heading, self._settled, self.looking = heading, mounts, False
 
     def at_rest(self) -> ImuFitting:
         """The same without the motion so far, which says nothing about a clock that was stopped."""
@@ -56,6 +60,8 @@ class ImuFitting:
 
     def take(self, stamp_ns: int, subject: Subject, measured: Measured) -> list[Notice]:
         """What the person's devices measured at an instant."""
+        if self._settled is not None:
+            return []
         pose = subject.t_pose
         if pose is not None and pose.from_ns <= stamp_ns <= pose.to_ns:
             for d in np.flatnonzero(measured.oriented).tolist():
@@ -70,6 +76,8 @@ class ImuFitting:
     def mounts(self, stamp_ns: int, subject: Subject) -> dict[str, Array]:
         """Mounting (3, 3), segment from device, of all devices of which it is known by now; none before the
         heading is."""
+        if self._settled is not None:
+            return self._settled
         if self.heading is None:
             return {}
         found, pose = {}, subject.t_pose

@@ -1,4 +1,6 @@
-"""What the IMUs of somebody measured at an instant, as rows."""
+"""What the IMUs of somebody measured at an instant, as rows; and samples of a device at instants of a fixed
+rate.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import Device, ImuReading
+from panoptic_ros.domain.subjects import Device, ImuSeries
+from panoptic_ros.geometry.rotations import from_quaternions
 
 Array = np.ndarray
+
+LONGEST_GAP_S = 0.1  # between two samples of an IMU, over which it is interpolated
 
 
 class Measured(NamedTuple):
@@ -34,11 +39,46 @@ class Measured(NamedTuple):
 NOTHING_MEASURED = Measured(np.zeros(0, bool), np.zeros((0, 3, 3)), np.zeros((0, 3)))
 
 
-def measured_of(devices: Sequence[Device], readings: Mapping[str, ImuReading]) -> Measured:
-    """What these devices measured, of readings by name."""
-    there = np.array([device.name in readings for device in devices], bool)
-    orientations, forces = np.full((len(devices), 3, 3), np.nan), np.full((len(devices), 3), np.nan)
-    for k in np.flatnonzero(there).tolist():
-        reading = readings[devices[k].name]
-        orientations[k], forces[k] = reading.orientation, reading.force
-    return Measured(there, orientations, forces)
+def resample(series: ImuSeries, stamps: Array) -> Measured:
+    """A device at instants (T,) ns, which are the rows; it is not there where it has no samples around."""
+    if len(series.stamps) < 2:
+        return _nothing(len(stamps))
+    after = np.clip(np.searchsorted(series.stamps, stamps), 1, len(series.stamps) - 1)
+    before = after - 1
+    gap = series.stamps[after] - series.stamps[before]
+    share = (stamps - series.stamps[before]) / np.maximum(gap, 1)
+    usable = (share > -0.5) & (share < 1.5) & (gap < LONGEST_GAP_S * 1e9)
+    share = np.clip(share, 0.0, 1.0)[:, None]
+    forces = series.forces[before] * (1 - share) + series.forces[after] * share
+    with np.errstate(invalid="ignore"):
+        turns = from_quaternions(slerp(series.quaternions[before], series.quaternions[after], share))
+    turns[~usable], forces[~usable] = np.nan, np.nan
+    return Measured(usable, turns, forces)
+
+
+def measured_by(devices: Sequence[Device], felt: Mapping[str, Measured], count: int) -> list[Measured]:
+    """What these devices measured at each of so many instants, of devices by name, see `resample`."""
+    if not devices:
+        return [NOTHING_MEASURED] * count
+    own = [felt.get(device.name, _nothing(count)) for device in devices]
+    return [Measured(*row) for row in zip(*(np.stack(part, axis=1) for part in zip(*own)))]
+
+
+def _nothing(count: int) -> Measured:
+    """So many rows of which nothing is told."""
+    return Measured(np.zeros(count, bool), np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan))
+
+
+def slerp(begin: Array, end: Array, share: Array) -> Array:
+    """Quaternions (N, 4) between two (N, 4), along the shorter arc, at shares (N, 1)."""
+    cosine = (begin * end).sum(-1, keepdims=True)
+    end = np.where(cosine < 0.0, -end, end)
+    angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
+    flat = angle < 1e-4
+    sine = np.where(flat, 1.0, np.sin(angle))
+    found: Array = np.where(
+        flat,
+        (1 - share) * begin + share * end,
+        (np.sin((1 - share) * angle) * begin + np.sin(share * angle) * end) / sine,
+    )
+    return found

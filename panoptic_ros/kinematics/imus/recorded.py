@@ -9,9 +9,19 @@ import numpy as np
 
 from panoptic_ros.domain.subjects import ImuSeries
 from panoptic_ros.geometry.rotations import from_quaternions
-from panoptic_ros.kinematics.imus.resampling import LONGEST_GAP_S
-from panoptic_ros.kinematics.imus.streams import GRAVITY, NEAREST_NS, SILENT_NS, UPRIGHT, UPRIGHT_S
-from panoptic_ros.kinematics.imus.units import ALIKE, LEAST_RATE, rate_sums, turned_by, unit_fault
+from panoptic_ros.kinematics.imus.measured import LONGEST_GAP_S
+from panoptic_ros.kinematics.imus.streams import (
+    ALIKE,
+    GRAVITY,
+    LEAST_RATE,
+    NEAREST_NS,
+    SILENT_NS,
+    UPRIGHT,
+    UPRIGHT_S,
+    rate_sums,
+    turned_by,
+    unit_fault,
+)
 
 Array = np.ndarray
 FEWEST = 10  # samples, of a device that is any use

@@ -1,19 +1,32 @@
-"""The newest samples of all IMUs, read at any instant; and which of them are not to be trusted."""
+"""The newest samples of all IMUs, read at any instant; and which of them are not to be trusted.
+
+`unit_fault` tells the unit of a gyroscope's rates by how the orientation of the same device turns. Nothing
+is solved from rates, but who reads them besides should know, and a driver that errs there may err
+elsewhere.
+
+`Wearers` holds who wears which device, and what everybody's devices measured at an instant.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from panoptic_ros.domain.bodies import ImuSample
-from panoptic_ros.geometry.rotations import from_quaternions
-from panoptic_ros.kinematics.imus.measured import NOTHING_MEASURED, Measured
-from panoptic_ros.kinematics.imus.resampling import LONGEST_GAP_S, slerp
-from panoptic_ros.kinematics.imus.units import odd_units, rate_sums, turned_by, unit_fault
+from panoptic_ros.domain.subjects import Subject
+from panoptic_ros.geometry.rotations import from_quaternions, vectors_of
+from panoptic_ros.kinematics.imus.measured import LONGEST_GAP_S, NOTHING_MEASURED, Measured, slerp
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
+
+LEAST_RATE = 0.3  # rad/s, root mean square, of somebody who moves
+ALIKE = 0.5  # cosine between the same turns, told in two ways
+DEGREES = math.degrees(1.0)  # as rad/s, 57.3 times too much
+BETWEEN = math.sqrt(DEGREES)  # of being right and of being in degrees
+NO_ROWS = np.zeros(0, np.int64)
 KEPT = 64  # samples of a device
 NEAREST_NS = 2_000_000  # between two samples: more of them tell nothing new
 SILENT_NS = 500_000_000
@@ -27,6 +40,69 @@ GRAVITY = np.array([0.0, 0.0, 9.81])
 FEWEST_TURNS = 30  # between samples, that tell the unit of rates
 FEWEST_UNORIENTED = 30  # samples without an orientation, one after another: half a second at the usual rate
 NONE = -1  # in place of a stamp
+
+
+def turned_by(before: Array, after: Array, seconds: Array) -> Array:
+    """Angular velocities (N, 3) rad/s in the device's frame, by orientations (N, 4) w x y z before and after
+    so many seconds (N,)."""
+    begin, end = from_quaternions(before), from_quaternions(after)
+    apart = vectors_of(np.ascontiguousarray(begin.swapaxes(1, 2) @ end))
+    found: Array = apart / seconds[:, None]
+    return found
+
+
+def rate_sums(own: Array, told: Array) -> Array:
+    """Number of samples, squares of rates (N, 3) that orientations tell, of those that are told, and their
+    products, (N, 4) to be added up."""
+    return np.column_stack([np.ones(len(own)), (own**2).sum(-1), (told**2).sum(-1), (own * told).sum(-1)])
+
+
+def odd_units(sums: Array) -> Array:
+    """Which rates (N,), of which these (N, 4) are the sums, are of another unit, as far as motion tells."""
+    count, own, told, both = sums.T
+    moves = (count > 0.0) & (own >= count * LEAST_RATE**2) & (told > 0.0)
+    alike = both >= ALIKE * np.sqrt(own * told)
+    found: Array = moves & alike & ((told > BETWEEN**2 * own) | (told < own / BETWEEN**2))
+    return found
+
+
+def unit_fault(sums: Array) -> str:
+    """What is odd about the unit of rates, of which these (4,) are the sums; "" if nothing is, or nobody
+    moves."""
+    if not odd_units(sums[None])[0]:
+        return ""
+    _, own, told, _ = sums.tolist()
+    ratio = math.sqrt(told / own)
+    guess = "deg/s" if ratio > 1.0 else "rad/s turned from deg once too often"
+    return (
+        f"sends angular velocities {ratio:.3g} times as large as its orientation turns, so perhaps {guess}; "
+        "rad/s is asked for; bodies do not rest on them"
+    )
+
+
+class Wearers:
+    """Of the designated people."""
+
+    def __init__(self, subjects: Sequence[Subject]):
+        self.devices = tuple(dict.fromkeys(d.name for s in subjects for d in s.devices))
+        self._who = {d.name: s.id for s in reversed(subjects) for d in s.devices}
+        rows = {name: d for d, name in enumerate(self.devices)}
+        self._rows = {s.id: np.array([rows[d.name] for d in s.devices], np.int64) for s in subjects}
+
+    def of(self, device: str) -> int | None:
+        """The id of who wears a device."""
+        return self._who.get(device)
+
+    def measured(self, streams: ImuStreams, stamp_ns: int, offsets: Mapping[int, int]) -> dict[int, Measured]:
+        """What everybody's devices measured at an instant, in the order of the subject.
+
+        Args:
+            streams: of `devices`. offsets: of the clock of everybody's devices, ns, by id.
+        """
+        found = {offset: streams.at(stamp_ns - offset) for offset in set(offsets.values())}
+        return {
+            number: found[offset].rows(self._rows.get(number, NO_ROWS)) for number, offset in offsets.items()
+        }
 
 
 class ImuStreams:

@@ -1,25 +1,134 @@
-"""How IMUs are mounted, from a T-pose."""
+"""How IMUs are mounted, from a T-pose; and without cameras their heading, from how joints bend.
+
+A T-pose takes a wrong heading into the mountings, and segments then turn about axes that lie wrong: knees
+seem to bend sideways. Turns between neighbouring segments since the T-pose, turned by the heading, are to be
+turns that people's joints make: the heading is the one by which they are likeliest in the pose prior.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import Instant, Subject, TPose
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.subjects import Subject, TPose
 from panoptic_ros.errors import DataError
-from panoptic_ros.geometry.rotations import mean_rotation, turn_about_z
+from panoptic_ros.geometry.rotations import mean_rotation, turn_about_z, vectors_of
+from panoptic_ros.kinematics.imus.measured import Measured
+from panoptic_ros.kinematics.pose.prior import PoseStatistics
 
 Array = np.ndarray
 
+MOST_INSTANTS = 600
+FEWEST_INSTANTS = 60
+LEAST_TURN = math.radians(20.0)  # of some joint, in the root mean square
+SCALE2 = 9.0  # of Cauchy's loss of squared distances in deviations
+STEPS = 360  # headings that are tried
+ERROR = math.radians(5.0)  # per axis, of a segment in the T-pose
+
+
+def heading_from_poses(
+    subject: Subject,
+    statistics: PoseStatistics,
+    turns: Mapping[str, Array],
+    held: Mapping[str, Sequence[Array] | Array],
+) -> float | None:
+    """Heading, rad, world from the IMUs' inertial frame, where the subject faces in the T-pose as stated.
+
+    None where it hardly moves or too few devices tell.
+
+    Args:
+        turns: orientations (N, 3, 3) of each device at the same instants, NaN = not there.
+        held: orientations (M, 3, 3) of each device in the T-pose.
+    """
+    model = subject.body.model
+    moved: dict[int, Array] = {}
+    for device in subject.devices:
+        if device.name in turns and device.name in held:
+            every = max(len(turns[device.name]) // MOST_INSTANTS, 1)
+            moved[device.segment] = turns[device.name][::every] @ mean_rotation(np.array(held[device.name])).T
+    joints = _joints(moved, model)
+    found, typical = [], []
+    for segment, above in joints.items():
+        local = moved[above].swapaxes(1, 2) @ moved[segment]
+        local = local[np.isfinite(local).all((1, 2))]
+        if len(local) >= FEWEST_INSTANTS:
+            found.append(vectors_of(np.ascontiguousarray(local)))
+            typical.append(_statistics(statistics, model, segment, above))
+    far = [math.sqrt(float((vectors[:, :2] ** 2).sum(1).mean())) for vectors in found]
+    if max(far, default=0.0) < LEAST_TURN:
+        return None
+    angles = 2.0 * math.pi * np.arange(STEPS) / STEPS
+    costs = np.array([_cost(angle, found, typical) for angle in angles])
+    pose = subject.t_pose
+    facing = np.array([1.0, 0.0, 0.0]) if pose is None or pose.facing is None else pose.facing
+    heading = float(angles[int(costs.argmin())]) + math.atan2(facing[1], facing[0])
+    return math.remainder(heading, 2.0 * math.pi)
+
+
+def t_pose_decides(subject: Subject) -> bool:
+    """Whether a T-pose tells how a device of the subject is mounted, so that the heading matters."""
+    return subject.t_pose is not None and any(device.mount is None for device in subject.devices)
+
+
+def bent_line(heading: float) -> str:
+    """What the user is told."""
+    found = f"{math.degrees(heading):.0f} deg, as its joints bend"
+    return f"no camera tells the heading of its IMUs, which is taken as {found}"
+
+
+def _joints(moved: Mapping[int, Array], model: SegmentModel) -> dict[int, int]:
+    """Segments with a device, and the next one before each of them that has one too."""
+    found = {}
+    for segment in moved:
+        above = int(model.parents[segment])
+        while above >= 0 and above not in moved:
+            above = int(model.parents[above])
+        if above >= 0:
+            found[segment] = above
+    return found
+
+
+def _statistics(
+    statistics: PoseStatistics, model: SegmentModel, segment: int, above: int
+) -> tuple[Array, Array]:
+    """Mean (3,) rad and information (3, 3) of how a segment is turned against one before it."""
+    mean, covariance = np.zeros(3), 2.0 * ERROR**2 * np.eye(3)
+    k = segment
+    while k != above:
+        rows = slice(3 * k - 3, 3 * k)
+        part = statistics.components[rows] * statistics.deviations
+        mean += statistics.mean[rows]
+        covariance += part @ part.T + np.diag(statistics.spreads[rows] ** 2)
+        k = int(model.parents[k])
+    return mean, np.linalg.inv(covariance)
+
+
+def _cost(angle: float, found: list[Array], typical: list[tuple[Array, Array]]) -> float:
+    turn, total = turn_about_z(angle), 0.0
+    for vectors, (mean, information) in zip(found, typical):
+        apart = vectors @ turn.T - mean
+        square = ((apart @ information) * apart).sum(1)
+        total += float(np.log1p(square / SCALE2).mean())
+    return total
+
+
+def held_in(pose: TPose, stamps: Array, felt: Measured) -> Array:
+    """Orientations (M, 3, 3) of a device in a T-pose, of those at stamps (T,) ns."""
+    found: Array = felt.orientations[(pose.from_ns <= stamps) & (stamps <= pose.to_ns) & felt.oriented]
+    return found
+
 
 def t_pose_mounts(
-    subject: Subject, instants: Sequence[Instant], worn: set[str], heading: float
+    subject: Subject, stamps: Array, felt: Mapping[str, Measured], heading: float
 ) -> tuple[dict[str, Array], list[str]]:
     """Mounting (3, 3), segment from device, of every device worn, as stated or as the T-pose tells it; and a
     line for each that has no samples in it.
 
     Args:
+        stamps: (T,) ns. felt: what devices measured then, by name.
         heading: rad, world from the IMUs' inertial frame.
 
     Raises:
@@ -27,7 +136,7 @@ def t_pose_mounts(
     """
     mounts, lines = {}, []
     for device in subject.devices:
-        if device.name not in worn:
+        if device.name not in felt:
             continue
         if device.mount is not None:
             mounts[device.name] = device.mount
@@ -38,13 +147,8 @@ def t_pose_mounts(
                 f"subject {subject.id}: device {device.name} has no mount, and there is no t_pose to "
                 "tell it; state one of them"
             )
-        held = [
-            instant.readings[device.name].orientation
-            for instant in instants
-            if pose.from_ns <= instant.stamp_ns <= pose.to_ns and device.name in instant.readings
-        ]
-        held = [r for r in held if np.isfinite(r).all()]
-        if held:
+        held = held_in(pose, stamps, felt[device.name])
+        if len(held):
             mounts[device.name] = t_pose_mount(pose, heading, held)
         else:
             text = f"device {device.name} has no samples in the T-pose; it is left out"
@@ -52,7 +156,7 @@ def t_pose_mounts(
     return mounts, lines
 
 
-def t_pose_mount(pose: TPose, heading: float, held: Sequence[Array]) -> Array:
+def t_pose_mount(pose: TPose, heading: float, held: Sequence[Array] | Array) -> Array:
     """Mounting (3, 3), segment from device, of a device with these orientations (3, 3) in a T-pose.
 
     Args:

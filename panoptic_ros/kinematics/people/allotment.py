@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,9 +13,10 @@ from panoptic_ros.domain.rig_arrays import camera_records
 from panoptic_ros.domain.subjects import Instant, ViewPeople
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.lens_kernels import undistort_points
-from panoptic_ros.kinematics.people.first_people import nearest_to_start
+from panoptic_ros.kinematics.body.sight import People
+from panoptic_ros.kinematics.people.nearest_people import assign_people, nearest_to_start
 from panoptic_ros.kinematics.people.person import Person
-from panoptic_ros.kinematics.people.presence import Looked, middle_expected, people_of
+from panoptic_ros.kinematics.people.presence import middle_expected
 from panoptic_ros.kinematics.people.seen_people import SeenPoints
 
 Array = np.ndarray
@@ -115,30 +116,22 @@ class Allotment:
             taken: 2D people that tracks hold. tracked: ids of who is tracked.
             tracks_begin: whether only tracks tell where somebody is at first.
         """
-        lost = [person for number, person in people.items() if number not in tracked]
-        known = [person for person in lost if person.is_expected or person.presence.is_away]
-        new = [
+        lost = [
             person
-            for person in lost
-            if not person.is_expected and not person.presence.is_away and not tracks_begin
+            for number, person in people.items()
+            if number not in tracked and not (tracks_begin and person.is_new)
         ]
-        if not views or not (known or new):
+        if not views or not lost:
             return
         rows = {v.camera: [k for k in range(len(v.points)) if (v.camera, k) not in taken] for v in views}
-        planes = {v.camera: self._planes(v, rows[v.camera]) for v in views}
         stamps = {v.camera: v.stamp_ns for v in views}
-        instant = Instant(max(stamps.values()), planes, {})
-        weighing = (known or new)[0].weighing
-        looked = [Looked(person.tracker, person.presence) for person in known]
-        found = people_of(looked, instant, weighing, self._gate)
-        for person in new:
-            known.append(person)
+        instant = Instant(max(stamps.values()), {v.camera: self._planes(v, rows[v.camera]) for v in views})
+
+        def first(person: Person, instant: Instant) -> People:
             alone = person.subject.start is not None or len(people) == 1
-            found.append(nearest_to_start(person.subject, instant, weighing) if alone else {})
-        for person, own in zip(known, found):
-            person.look(instant, bool(own), middle_expected(person.tracker))
-            for camera, (points, scores) in own.items():
-                person.see(SeenPoints(stamps[camera], points, scores), camera, of_track=False)
+            return nearest_to_start(person.subject, instant, person.weighing) if alone else {}
+
+        give_people(lost, find_people(lost, instant, self._gate, first), instant, stamps)
 
     def _planes(self, view: SeenView, rows: list[int]) -> ViewPeople:
         """Some 2D people of a view on the plane at distance 1."""
@@ -150,3 +143,38 @@ class Allotment:
         plane, _, good = undistort_points(np.ascontiguousarray(points), usable, cameras, self._lenses)
         plane[~good] = np.nan
         return ViewPeople(plane, np.where(good, scores, 0.0))
+
+
+def find_people(
+    people: Sequence[Person],
+    instant: Instant,
+    gate: float,
+    first: Callable[[Person, Instant], People],
+) -> list[People]:
+    """2D people of each person: nearest to where it is expected, of several views that agree, or those with
+    which it comes back; nobody twice.
+
+    Args:
+        gate: m. first: tells those of somebody of whom nothing tells where he is.
+    """
+    weighing, trackers = people[0].weighing, [person.tracker for person in people]
+    found = assign_people(trackers, instant, weighing.rotations, weighing.translations, gate)
+    for k, person in enumerate(people):
+        expected = None if person.tracker is None else person.tracker.expected_sites()
+        found[k] = person.presence.own(found[k], expected, weighing, instant)
+        found[k] = found[k] or person.presence.back(instant, weighing, found, gate, expected)
+    return [first(person, instant) if person.is_new else own for person, own in zip(people, found)]
+
+
+def give_people(
+    people: Sequence[Person], found: Sequence[People], instant: Instant, stamps: Mapping[int, int]
+) -> None:
+    """Give each person the 2D people that were found.
+
+    Args:
+        stamps: ns, of the images of the instant by camera.
+    """
+    for person, own in zip(people, found):
+        person.look(instant, bool(own), middle_expected(person.tracker))
+        for camera, (points, scores) in own.items():
+            person.see(SeenPoints(stamps[camera], points, scores), camera, of_track=False)

@@ -1,4 +1,5 @@
-"""2D people of the views that are nearest to where bodies are expected."""
+"""2D people of the views that are nearest to where bodies are expected, and who stands where a subject
+starts."""
 
 from __future__ import annotations
 
@@ -6,11 +7,59 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import Instant
-from panoptic_ros.kinematics.body.sight import distances
+from panoptic_ros.domain.subjects import Instant, Subject
+from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.sight import FEWEST, NEAREST, People, distances
+from panoptic_ros.kinematics.body.start import middle_of
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 
 Array = np.ndarray
+
+NEAR, FIRST_GATE = 0.35, 0.8  # m, across: of views that agree; from where a subject is said to start, at most
+LEAST = 1e-3  # share of a ray that lies level
+
+
+def nearest_to_start(subject: Subject, instant: Instant, weighing: Weighing, alone: bool = True) -> People:
+    """Points (K, 2) and scores (K,) by camera of who stands where the subject starts; where nothing says so,
+    of who is alone in a view.
+
+    In a view that misses the subject somebody behind or before the place may seem to stand there. So views
+    that agree in space tell it first.
+
+    Args:
+        alone: whether views tell it that agree with no other, if none do.
+    """
+    if subject.start is None:
+        return {
+            camera: (people.points[0], people.scores[0])
+            for camera, people in instant.views.items()
+            if len(people.points) == 1
+        }
+    nearest, apart = People(), dict[int, float]()
+    for camera, people in instant.views.items():
+        far = [_across(weighing, camera, points, subject.start) for points in people.points]
+        if far:
+            best = int(np.argmin(far))
+            nearest[camera], apart[camera] = (people.points[best], people.scores[best]), far[best]
+    near = {camera: own for camera, own in nearest.items() if apart[camera] < NEAR}
+    middle = middle_of(weighing, near, None)
+    if middle is not None and np.linalg.norm((middle - subject.start)[:2]) < NEAR:
+        return near
+    return {camera: own for camera, own in nearest.items() if alone and apart[camera] < FIRST_GATE}
+
+
+def _across(weighing: Weighing, camera: int, points: Array, place: Array) -> float:
+    """How far, m, the ray to the middle of a 2D person (K, 2) passes from the vertical line through a place;
+    infinite where hardly any joint is seen or the place is behind the camera."""
+    seen = points[np.isfinite(points).all(-1)]
+    if len(seen) < FEWEST:
+        return np.inf
+    rotation, translation = weighing.rotations[camera], weighing.translations[camera]
+    way = rotation.T @ np.append(np.median(seen, axis=0), 1.0)
+    to = place + rotation.T @ translation
+    if (rotation @ place + translation)[2] < NEAREST:
+        return np.inf
+    return abs(float(way[0] * to[1] - way[1] * to[0])) / max(float(np.hypot(*way[:2])), LEAST)
 
 
 def assign_people(
@@ -19,10 +68,10 @@ def assign_people(
     rotations: Array,
     translations: Array,
     gate: float,
-) -> list[dict[int, tuple[Array, Array]]]:
+) -> list[People]:
     """2D people of the views for each tracker that has started: nearest first, nobody twice, none beyond the
     gate, m."""
-    found: list[dict[int, tuple[Array, Array]]] = [{} for _ in trackers]
+    found: list[People] = [{} for _ in trackers]
     expected = [None if tracker is None else tracker.expected_sites() for tracker in trackers]
     for camera, people in sorted(instant.views.items()):
         claims = []

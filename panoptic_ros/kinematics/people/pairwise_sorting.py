@@ -14,7 +14,7 @@ import numpy as np
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.subjects import Instant
-from panoptic_ros.kinematics.people.returning import People
+from panoptic_ros.kinematics.body.sight import People
 
 Array = np.ndarray
 TRIANGULATION_ERROR = 0.015  # of the image width, mean over the joints of both views: ThreshTriError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from panoptic_ros.domain.bodies import BodySource
 from panoptic_ros.domain.segments import Body
 from panoptic_ros.domain.subjects import BodyState, Instant, Subject
 from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.sight import People
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.alignment import cameras_alone
@@ -51,7 +53,7 @@ class Person:
         config: KinematicsConfig,
         subject: Subject,
         statistics: PoseStatistics,
-        rig: Rig,
+        rig: Rig | None,
         joint_names: Sequence[str],
     ):
         self._config, self.subject = config, subject
@@ -70,6 +72,17 @@ class Person:
         self._returns = False  # is seen again, maybe elsewhere
         self._without = 0  # instants without any data
         self._unseen = 0  # instants without cameras
+        self._awaited_s, self._lost_s = AWAITED_S, LOST_S
+
+    def settle(self, heading: float, mounts: dict[str, Array], cameras: int) -> None:
+        """Go by what a recording has told as a whole: how the IMUs sit and lie in space, see `ImuFitting`.
+
+        Where there are cameras they are waited for to the end; of somebody who was out of sight one camera
+        alone does not tell whether he is back, so there a body goes on.
+        """
+        self.fitting.settle(heading, mounts)
+        self._awaited_s = math.inf if cameras else 0.0
+        self._lost_s = math.inf if cameras == 1 else LOST_S
 
     def step(
         self,
@@ -117,7 +130,7 @@ class Person:
     @property
     def missed(self) -> bool:
         """Whether there have been no data of the person for so long that the body was given up."""
-        return self._without > LOST_S * self._config.rate_hz
+        return self._without > self._lost_s * self._config.rate_hz
 
     def see(self, seen: SeenPoints, camera: int, of_track: bool) -> None:
         """A camera has seen the person; of_track: in a view that its track holds."""
@@ -128,6 +141,11 @@ class Person:
     def is_expected(self) -> bool:
         """Whether there is a body that tells where the person is expected."""
         return self.tracker is not None and self.tracker.started
+
+    @property
+    def is_new(self) -> bool:
+        """Whether nothing tells where the person is: it has not been seen, or not since time began anew."""
+        return not (self.is_expected or self.presence.is_away)
 
     def look(self, instant: Instant, is_seen: bool, expected: Array | None) -> None:
         """Views without a track of the person have been looked through, see `Presence.saw`."""
@@ -181,12 +199,10 @@ class Person:
         if seen:
             return True
         self._unseen += 1
-        waited = self._unseen / self._config.rate_hz > AWAITED_S or not len(self.weighing.rotations)
+        waited = self._unseen / self._config.rate_hz > self._awaited_s or not len(self.weighing.rotations)
         return waited and used > 0
 
-    def _seen_at(
-        self, stamp_ns: int, half_period_ns: int
-    ) -> tuple[dict[int, tuple[Array, Array]], tuple[Array, Array] | None]:
+    def _seen_at(self, stamp_ns: int, half_period_ns: int) -> tuple[People, tuple[Array, Array] | None]:
         """2D people by camera, and joints in space, which are left out of those."""
         joints = self.seen.joints_at(stamp_ns, half_period_ns)
         told = None if joints is None else np.isfinite(joints[0]).all(-1)

@@ -10,6 +10,7 @@ import numpy as np
 from panoptic_ros.domain import JointState, TrackedPoseSet
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.kernels import njit
+from panoptic_ros.kinematics.body.sight import People
 
 Array = np.ndarray
 KEPT_NS = 250_000_000  # before the newest sample of a camera
@@ -56,9 +57,7 @@ class SeenPerson:
         self.joints.append(joints)
         _forget_old(self.joints)
 
-    def views_at(
-        self, stamp_ns: int, half_period_ns: int, told: Array | None = None
-    ) -> dict[int, tuple[Array, Array]]:
+    def views_at(self, stamp_ns: int, half_period_ns: int, told: Array | None = None) -> People:
         """Points (K, 2) and scores (K,) of every camera at an instant.
 
         Linear between two samples; where there is one alone, or a joint is in one alone, that one if it is
@@ -152,20 +151,6 @@ def _share(begin_ns: int, end_ns: int, stamp_ns: int) -> float:
     if stamp_ns - begin_ns <= NEAR_NS:
         return 0.0
     return 1.0 if end_ns - stamp_ns <= NEAR_NS else (stamp_ns - begin_ns) / (end_ns - begin_ns)
-
-
-def joints_between(
-    begin: SeenPoints | None, end: SeenPoints | None, stamp_ns: int, half_period_ns: int
-) -> tuple[Array, Array] | None:
-    """Points (K, 2) and scores (K,) between two samples, see `SeenPerson.views_at`."""
-    pair = _pair(begin, end, stamp_ns, half_period_ns)
-    if pair is None:
-        return None
-    first, second, share, near = pair
-    points, scores = _stacked([first])
-    told = np.zeros(scores.shape[1], bool)
-    _mix(points, scores, *_stacked([second]), np.array([share]), np.array([near]), told)
-    return points[0], scores[0]
 
 
 def _pair(

@@ -142,14 +142,6 @@ def no_anchor(segments: int) -> Anchor:
     )
 
 
-def no_prior(segments: int) -> PosePrior:
-    """No cost."""
-    n = 3 * segments - 3
-    far = np.full(n, 10.0)
-    nothing = np.zeros((n, n))
-    return PosePrior(np.zeros(n), nothing, nothing, -far, far, 0.0, 0.0, 0.0, 0.0, 0.0, NO_HINGES)
-
-
 class Accelerations(NamedTuple):
     """Accelerations of sites at the instant before the last, world, gravity taken off (eq. 12).
 

@@ -119,7 +119,7 @@ def lengths_row(case: BodyCase, config: KinematicsConfig) -> dict[str, Any] | No
         for camera, v in short.recording.views.items()
     }
     seen = replace(short, recording=replace(short.recording, views=views))
-    offsets = [tracker.offsets for tracker in seen.solve(config).trackers]
+    offsets = [person.body.offsets for person in seen.solve(config).people]
     learnt = [
         replace(subject, body=replace(subject.body, offsets=found), measured=True)
         for subject, found in zip(short.subjects, offsets)

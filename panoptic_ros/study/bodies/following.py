@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
-from panoptic_ros.domain.subjects import Instant
+import numpy as np
+
+from panoptic_ros.domain.subjects import Instant, ViewPeople
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.imus.measured import measured_of
+from panoptic_ros.kinematics.imus.measured import Measured, measured_by, resample
 from panoptic_ros.kinematics.imus.t_pose import t_pose_mounts
-from panoptic_ros.kinematics.people.first_people import nearest_to_start
-from panoptic_ros.kinematics.people.nearest_people import assign_people
+from panoptic_ros.kinematics.people.nearest_people import assign_people, nearest_to_start
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
-from panoptic_ros.kinematics.recorded_instants import instants_of
+from panoptic_ros.kinematics.session import instants_of
 from panoptic_ros.simulation.bodies.capture import BodyCapture
 from panoptic_ros.study.bodies.cases import recording_of
+
+
+class Given(NamedTuple):
+    """All data of an instant: 2D people by camera, and what the subject's devices measured."""
+
+    stamp_ns: int
+    views: dict[int, ViewPeople]
+    measured: Measured
 
 
 def tracker_of(
@@ -24,23 +33,34 @@ def tracker_of(
     config: KinematicsConfig,
     statistics: PoseStatistics,
     kind: type[SubjectTracker] = SubjectTracker,
-) -> tuple[Any, list[Instant]]:
-    """A tracker of this kind that has seen nothing yet, and all instants; heading and clock as stated."""
-    recording = recording_of(capture)
-    weighing = Weighing(config, capture.subject, statistics, recording.rig, recording.joint_names)
-    instants = instants_of(recording.views, recording.devices, config.rate_hz)
-    mounts, _ = t_pose_mounts(capture.subject, instants, set(recording.devices), 0.0)
-    return kind(config, capture.subject, weighing, mounts, 0.0), instants
+) -> tuple[Any, list[Given]]:
+    """A tracker of this kind that has seen nothing yet, and all instants, each with the nearest image of
+    every camera; heading and clock as stated."""
+    recording, subject = recording_of(capture), capture.subject
+    weighing = Weighing(config, subject, statistics, recording.rig, recording.joint_names)
+    stamps = instants_of(recording.views, recording.devices, config.rate_hz)
+    felt = {name: resample(series, stamps) for name, series in recording.devices.items()}
+    measured = measured_by(subject.devices, felt, len(stamps))
+    images = {
+        camera: np.abs(view.stamps[None] - stamps[:, None]).argmin(1)
+        for camera, view in recording.views.items()
+    }
+    given = [
+        Given(stamp, {c: recording.views[c].people[rows[k]] for c, rows in images.items()}, measured[k])
+        for k, stamp in enumerate(stamps.tolist())
+    ]
+    mounts, _ = t_pose_mounts(subject, stamps, felt, 0.0)
+    return kind(config, subject, weighing, mounts, 0.0), given
 
 
-def follow(tracker: SubjectTracker, instants: list[Instant], gate: float) -> Iterator[Instant]:
+def follow(tracker: SubjectTracker, instants: Sequence[Given], gate: float) -> Iterator[Given]:
     """Each instant after the tracker has taken it in."""
     weighing = tracker.weighing
-    for instant in instants:
+    for given in instants:
+        instant = Instant(given.stamp_ns, given.views)
         if tracker.started:
             people = assign_people([tracker], instant, weighing.rotations, weighing.translations, gate)[0]
         else:
             people = nearest_to_start(tracker.subject, instant, weighing)
-        measured = measured_of(tracker.subject.devices, instant.readings)
-        tracker.step(instant.stamp_ns, measured, people)
-        yield instant
+        tracker.step(given.stamp_ns, given.measured, people)
+        yield given

@@ -61,7 +61,7 @@ def told(take, subject=None, devices=None):
     """What is told of a capture, and the tracker at its end."""
     take = replace(take, devices={**take.devices, **(devices or {})})
     solved = solve_recording(recording_of(take), [subject or take.subject], OURS, PRIOR)
-    return solved.notices, solved.trackers[0]
+    return solved.notices, solved.people[0].tracker
 
 
 @pytest.mark.parametrize("turn", [0.0, 30.0])

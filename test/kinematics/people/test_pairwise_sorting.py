@@ -26,7 +26,7 @@ def seen(places, seed=0, unseen=()):
         plane = np.array([camera.intrinsics.undistort(joints) for joints in pixels])
         views[c] = ViewPeople(plane, np.ones(plane.shape[:2]))
         rows |= {(c, k): order.index(k) for k in there}
-    return Instant(0, views, {}), rows
+    return Instant(0, views), rows
 
 
 def sorter(*starts):

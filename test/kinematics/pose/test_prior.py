@@ -2,22 +2,14 @@
 
 import numpy as np
 import pytest
-from bodies import CHAIN, MODEL, D, S
+from bodies import CHAIN, MODEL, D, S, no_prior
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.kinematics.pose.normal_equations import assemble
 from panoptic_ros.kinematics.pose.prior import PoseStatistics, hinges_of
-from panoptic_ros.kinematics.pose.targets import (
-    NO_FLOOR,
-    NO_POINTS,
-    NO_TURNS,
-    NO_VIEWS,
-    Evidence,
-    no_anchor,
-    no_prior,
-)
+from panoptic_ros.kinematics.pose.targets import NO_FLOOR, NO_POINTS, NO_TURNS, NO_VIEWS, Evidence, no_anchor
 
 RNG = np.random.default_rng(0)
 COMPONENTS = np.linalg.qr(RNG.normal(size=(9, 4)))[0]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import CHAIN, MODEL, D, S, cameras, moved, placed, some_pose
+from bodies import CHAIN, MODEL, D, S, cameras, moved, no_prior, placed, some_pose
 
 from panoptic_ros.geometry.chain import (
     place_sites,
@@ -32,7 +32,6 @@ from panoptic_ros.kinematics.pose.targets import (
     TurnTargets,
     ViewTargets,
     no_anchor,
-    no_prior,
 )
 
 

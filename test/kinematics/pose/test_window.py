@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import CHAIN, MODEL, D, S, placed
+from bodies import CHAIN, MODEL, D, S, no_prior, placed
 
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.rotations import rotations_of
@@ -16,7 +16,6 @@ from panoptic_ros.kinematics.pose.targets import (
     Evidence,
     PointTargets,
     no_anchor,
-    no_prior,
 )
 from panoptic_ros.kinematics.pose.window import Motion, PoseWindow
 

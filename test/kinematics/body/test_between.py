@@ -7,7 +7,7 @@ from bodies import CHAIN, MODEL, S, placed
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.io.recorded_motions import read_clips
-from panoptic_ros.kinematics.body.contact import Contact
+from panoptic_ros.kinematics.body.between import Contact
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.targets import NOTHING_STANDS
 from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body

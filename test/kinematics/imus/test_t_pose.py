@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from bodies import BODY, MODEL
 
-from panoptic_ros.domain.subjects import BodyState, Device, ImuReading, Subject, TPose
+from panoptic_ros.domain.subjects import BodyState, Device, Subject, TPose
 from panoptic_ros.geometry.chain import place_all
 from panoptic_ros.geometry.rotations import rotations_of, turn_about_z
 from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.fitting import KEPT_S, ImuFitting
-from panoptic_ros.kinematics.imus.heading_from_poses import heading_from_poses, t_pose_decides
-from panoptic_ros.kinematics.imus.measured import measured_of
+from panoptic_ros.kinematics.imus.measured import Measured
+from panoptic_ros.kinematics.imus.t_pose import heading_from_poses, t_pose_decides
 
 WORN = ("hips", "spine4", "lUpperArm", "lForearm", "rUpperArm", "rForearm", "lThigh", "lShin", "rThigh")
 
@@ -54,15 +54,19 @@ def test_nobody_moves_or_one_device_tells_nothing():
     assert heading_from_poses(*_with_prior(measured(0.3, (1.0, 0.0, 0.0), vectors, ("hips",)))) is None
 
 
+def felt(turns):
+    """All devices, of these orientations."""
+    return Measured(np.ones(len(turns), bool), np.array(turns), np.full((len(turns), 3), np.nan))
+
+
 def test_live_it_is_told_some_seconds_after_the_t_pose():
     subject, moved, held = measured(0.7, (1.0, 0.0, 0.0), read_clips()["02_05"].vectors)
     fitting, told, statistics = ImuFitting(KinematicsConfig(), subject), [], read_prior("")
-    nothing, rate = np.full(3, np.nan), 60.0
+    rate = 60.0
     for k in range(300):
         turns = {name: held[name][0] if k == 0 else own[k] for name, own in moved.items()}
-        readings = {name: ImuReading(turn, nothing, nothing) for name, turn in turns.items()}
         stamp = round(k * 1e9 / rate)
-        told += fitting.take(stamp, subject, measured_of(subject.devices, readings))
+        told += fitting.take(stamp, subject, felt([turns[device.name] for device in subject.devices]))
         told += fitting.learn(subject, [], rate, statistics)
         assert bool(fitting.mounts(stamp, subject)) == (fitting.heading is not None)
         if told:
@@ -94,12 +98,11 @@ def _with_prior(given):
 def test_a_late_node_looks_no_longer_than_a_punctual_one(solved_hz):
     subject, moved, _ = measured(0.0, (1.0, 0.0, 0.0), np.zeros((1, len(MODEL.names), 3)))
     fitting, statistics, rate, told = ImuFitting(KinematicsConfig(), subject), read_prior(""), 60.0, []
-    nothing = np.full(3, np.nan)
-    readings = {name: ImuReading(own[0], nothing, nothing) for name, own in moved.items()}
+    turns = [moved[device.name][0] for device in subject.devices]
     places, frames = place_all(BODY.chain, np.zeros((1, 3)), np.tile(np.eye(3), (1, len(MODEL.names), 1, 1)))
     for k in range(round(16.0 * rate)):
         stamp = round(k * 1e9 / rate)
-        fitting.take(stamp, subject, measured_of(subject.devices, readings))
+        fitting.take(stamp, subject, felt(turns))
         if fitting.looking and k % round(rate / solved_hz) == 0:
             told += fitting.learn(subject, [BodyState(stamp, 0, places[0], frames[0])], rate, statistics)
         assert fitting.looking == (stamp < 14.9e9) or 14.9e9 <= stamp <= 15.1e9
