@@ -13,7 +13,7 @@ from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.schedule import Place
 from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.io.messages import to_message
-from panoptic_ros.io.messages.origins import Origins
+from panoptic_ros.io.messages.records import Origins
 from panoptic_ros.nodes.flow.progress import ProgressTold
 from panoptic_ros.nodes.flow.streams import StreamEnds
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages

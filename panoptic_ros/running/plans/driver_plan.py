@@ -9,7 +9,7 @@ from pathlib import Path
 from panoptic_ros.errors import CalibrationError, DataError, UsageError
 from panoptic_ros.io.driver_topics import DriverFile, DriverTopics, read_driver_topics
 from panoptic_ros.io.messages.encodings import encoding_of, is_mosaic
-from panoptic_ros.io.messages.videos import is_video, video_told
+from panoptic_ros.io.messages.images import is_video, video_told
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.nodes.sources.drivers import Drivers, find_drivers
 from panoptic_ros.running.plans.driver_rig import rig_by_calibration, rig_by_transforms, with_info
