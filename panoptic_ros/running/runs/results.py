@@ -14,14 +14,14 @@ from panoptic_ros.evaluation.body_tally import BodyTally
 from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.io.bag_recorder import BagRecorder
 from panoptic_ros.io.bags import BagWriter
-from panoptic_ros.io.body_stream import BodyStream
+from panoptic_ros.io.body_files import BodyStream
 from panoptic_ros.io.clock_offsets import write_models
 from panoptic_ros.io.definitions import described
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.messages.markers import marker_array
+from panoptic_ros.io.plain_formats import SkeletonStream
 from panoptic_ros.io.previews import Previews
-from panoptic_ros.io.skeleton_stream import SkeletonStream
 from panoptic_ros.params import config_of, named_numbers, of_name
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.sync.config import SyncConfig
@@ -173,13 +173,13 @@ class Results:
             self.frames_in[record.camera] += 1
         elif key == "skeletons":
             self._write_markers(record)
-            self._skeletons.add(record)
+            self._skeletons.take(record)
             self.poses.append(record)
         elif key == "bodies":
             self.bodies.add(record)
             self.drawn.extend(drawn_bodies(record))
             if self._bodies is not None:
-                self._bodies.add(record)
+                self._bodies.take(record)
         self._on_record(key, record)
 
     def _keep(self, key: str, record: Any) -> None:
