@@ -1,4 +1,7 @@
-"""Rosbags (rosbag2, MCAP) without ROS: writing records or raw messages, reading them back."""
+"""Rosbags (rosbag2, MCAP) without ROS: writing records or raw messages, reading them back.
+
+A bag of an earlier version is written anew with the messages of now.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Solved bodies in files, `kinematics.json.gz`; docs/formats.md has every key."""
+"""Solved bodies in files, `kinematics.json.gz`, at once or frame by frame; docs/formats.md has every key."""
 
 from __future__ import annotations
 

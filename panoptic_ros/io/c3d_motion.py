@@ -1,4 +1,7 @@
-"""Joints in C3D files (c3d.org), as motion capture and gait laboratories write them."""
+"""Joints in C3D files (c3d.org), as motion capture and gait laboratories write them.
+
+They are read in a process of its own (`apart`), which may break down without taking this one along.
+"""
 
 from __future__ import annotations
 

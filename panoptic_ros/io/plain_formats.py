@@ -1,7 +1,8 @@
 """The plain formats for 2D people and skeletons: `detections.json.gz` and `skeletons.json.gz`.
 
 Both are JSON, gzipped if the name ends in .gz, in metres, pixels and integer nanoseconds; a
-missing joint is null. docs/formats.md defines every key.
+missing joint is null. docs/formats.md defines every key. `SkeletonStream` writes frame by frame: a run of
+hours needs no more memory than one of minutes.
 """
 
 from __future__ import annotations

@@ -1,7 +1,15 @@
 """A take of Total Capture (Trumble et al. 2017) as truth, samples of IMUs and the subject who wears them.
 
 Their 21 joints and ours have the same spine of four; they have clavicles and no toes, we toes and no
-clavicles. What either lacks is left out: toes of the truth are NaN. Their world has y up.
+clavicles. What either lacks is left out: toes of the truth are NaN. Their world has y up. `bone_axes` finds
+which axes the bones of their skeleton have, from how its joints lie on them.
+
+Text files: samples of IMUs, their calibration, and the skeleton.
+`*_Xsens.sensors`: the numbers of sensors and frames; for every frame its number, counted from 1, and a line
+of each sensor: name, quaternion w x y z, specific force in m/s^2, and in `*_Xsens_AuxFields.sensors` rate of
+turn in rad/s and magnetic field, too. `*_calib_imu_bone.txt`, `*_calib_imu_ref.txt`: the number of sensors,
+and a line of each: name, quaternion x y z w. `gt_skel_gbl_pos.txt`, `gt_skel_gbl_ori.txt`: names of the
+joints, and a line of each frame: places in inches, quaternions x y z w.
 """
 
 from __future__ import annotations

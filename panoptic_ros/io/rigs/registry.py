@@ -1,4 +1,4 @@
-"""Which formats there are; reading by content, writing by name."""
+"""Which formats of rigs there are; reading by content, writing by name; the rig of a capture folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Bringing a cut bag back: all messages that are whole, in a new bag that opens everywhere."""
+"""Bringing a cut bag back: all messages that are whole, in a new bag that opens everywhere.
+
+MCAP files that end too early or are damaged: the whole records from the front. The reader is our own, as
+those of libraries want the index at the end of the file, and that of MCAP's own library which does not takes
+a record that was cut for a whole one (foxglove/mcap#1474). SQLite3 files of bags that end too early or are
+damaged: the messages that can still be read.
+"""
 
 from __future__ import annotations
 
