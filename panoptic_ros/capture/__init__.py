@@ -18,7 +18,7 @@ of images per camera.
 from panoptic_ros.capture.demo import demo_capture
 from panoptic_ros.capture.depth_folder import DepthSource, depth_files
 from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors
-from panoptic_ros.capture.described import open_source
+from panoptic_ros.capture.described import Note, open_live, open_recording, open_source
 from panoptic_ros.capture.device import DeviceOptions, DeviceSource
 from panoptic_ros.capture.folder import (
     CaptureFolder,
@@ -30,8 +30,6 @@ from panoptic_ros.capture.folder import (
 )
 from panoptic_ros.capture.image_folder import ImageFolderSource
 from panoptic_ros.capture.layout import VIDEO_SUFFIXES, find_media, has_media, places_in, videos_in
-from panoptic_ros.capture.live import open_live
-from panoptic_ros.capture.recorded import Note, open_recording
 from panoptic_ros.capture.source import FrameSource
 from panoptic_ros.capture.video import VideoSource
 

@@ -8,10 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from panoptic_ros.capture.corrected import CorrectedSource
 from panoptic_ros.capture.image_folder import ImageFolderSource, natural_key
 from panoptic_ros.capture.opencv import quiet_opencv
-from panoptic_ros.capture.timed import TimedSource
+from panoptic_ros.capture.timed import CorrectedSource, TimedSource
 from panoptic_ros.capture.video import VideoSource
 from panoptic_ros.domain import DepthFrame, ViewFrame
 from panoptic_ros.errors import DataError

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.capture.at_once import opened_at_once
-from panoptic_ros.capture.corrected import CorrectedSource
 from panoptic_ros.capture.depth_folder import DepthSource, depth_files
 from panoptic_ros.capture.depth_sensor import DepthSensorSource, open_depth_sensors
 from panoptic_ros.capture.image_folder import ImageFolderSource
@@ -19,7 +18,7 @@ from panoptic_ros.capture.sound import SOUND_NAMES, folder_sounds, sound_files, 
 from panoptic_ros.capture.source import FrameSource, exact_rate, grid_stamp
 from panoptic_ros.capture.starts import find_starts
 from panoptic_ros.capture.synctables import table_files, table_times, tabled_notices
-from panoptic_ros.capture.timed import TimedSource
+from panoptic_ros.capture.timed import CorrectedSource, TimedSource
 from panoptic_ros.capture.video import VideoSource
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.rig import lines_of

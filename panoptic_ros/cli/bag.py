@@ -56,7 +56,7 @@ def _repair(source: Path, target: Path) -> int:
 
 
 def _upgrade(source: Path, target: Path) -> int:
-    from panoptic_ros.io.bag_upgrade import upgrade
+    from panoptic_ros.io.bags import upgrade
 
     made = upgrade(source, target)
     if made is None:

@@ -6,33 +6,38 @@ views; association: the arrays as they are, made read-only). Missing joints are 
 """
 
 from panoptic_ros.domain.appearance import ViewAppearance
-from panoptic_ros.domain.association import AssociationSet, Evidence, Groups, Prediction, TrackSet
+from panoptic_ros.domain.association import (
+    AssociationSet,
+    Evidence,
+    Groups,
+    Prediction,
+    ProposalSet,
+    TrackSet,
+)
 from panoptic_ros.domain.bias_table import BiasTable
 from panoptic_ros.domain.bodies import BodySource, BodyStateSet, ImuSample
 from panoptic_ros.domain.camera import Camera
-from panoptic_ros.domain.depth import DepthFrame
 from panoptic_ros.domain.depth_sensor import DepthSensor
 from panoptic_ros.domain.designation import SubjectSet
 from panoptic_ros.domain.detections import (
+    DepthFrame,
     DetectionSet,
     EndOfStream,
+    Preview,
     ScoreMaps,
     ViewDetections,
     ViewFrame,
 )
-from panoptic_ros.domain.joint_map import JointMap
 from panoptic_ros.domain.occluders import Occluders
 from panoptic_ros.domain.patches import PartMotions, PatchTracks, PatchTrajectories
 from panoptic_ros.domain.poses import JointState, PoseSet, RefinedPoseSet, TrackedPoseSet
-from panoptic_ros.domain.preview import Preview
-from panoptic_ros.domain.proposals import ProposalSet
 from panoptic_ros.domain.rig import NO_CAMERAS, Rig
-from panoptic_ros.domain.skeleton import SkeletonModel
-from panoptic_ros.domain.stamp_line import StampLine
+from panoptic_ros.domain.skeleton import JointMap, SkeletonModel
 from panoptic_ros.domain.time import (
     AudioBlock,
     ClockModel,
     FrameRate,
+    StampLine,
     Timecode,
     TimecodeReading,
 )

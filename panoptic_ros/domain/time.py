@@ -1,14 +1,19 @@
-"""Clocks, timecode and audio. Stamps are int nanoseconds of the clock that the record names."""
+"""Clocks, timecode and audio; a line that corrects the stamps of a camera.
+
+Stamps are int nanoseconds of the clock that the record names.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
 from panoptic_ros.domain.checks import Shapes, check_stamp
-from panoptic_ros.errors import ClockError, DataError
+from panoptic_ros.errors import ClockError, DataError, shown
 
 Array = np.ndarray
 LOWEST_RATE, HIGHEST_RATE = 1000, 400_000  # Hz, of sound
@@ -229,3 +234,36 @@ class ClockModel:
         line = np.array([1.0, since]) @ self.covariance @ np.array([1.0, since])
         beyond = 1e-9 * max(0, stamp_ns - self.until_ns, self.from_ns - stamp_ns)
         return float(np.sqrt(max(0.0, float(line)) + (self.wander * beyond) ** 2))
+
+
+@dataclass(frozen=True, slots=True)
+class StampLine:
+    """What is added to stamps: offset_ns + drift (stamp - reference_ns).
+
+    Args:
+        drift: dimensionless, 1e-6 = 1 ppm.
+    """
+
+    reference_ns: int
+    offset_ns: int
+    drift: float = 0.0
+
+    @classmethod
+    def from_words(cls, words: Mapping[str, Any]) -> StampLine:
+        """The line of plain words, as `words` gives them.
+
+        Raises:
+            DataError: if these are no such numbers.
+        """
+        try:
+            return cls(int(words["reference_ns"]), int(words["offset_ns"]), float(words["drift"]))
+        except (KeyError, TypeError, ValueError):
+            raise DataError(f"{shown(words)} is no correction of stamps") from None
+
+    def words(self) -> dict[str, Any]:
+        """Plain words that a file can hold."""
+        return asdict(self)
+
+    def corrected(self, stamp_ns: int) -> int:
+        """The corrected stamp, ns; it may lie before 0."""
+        return stamp_ns + self.offset_ns + round(self.drift * (stamp_ns - self.reference_ns))

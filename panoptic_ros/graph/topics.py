@@ -11,6 +11,7 @@ from panoptic_ros.errors import CalibrationError
 
 # one topic per camera, depth sensor, device with sound, device on a body, or one
 Scope = Literal["camera", "sensor", "device", "imu", "graph"]
+Shown = Literal["", "always", "asked"]
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,10 @@ class Topic:
         by_stamp: one record for every one of a source, so stamps tell its place among other topics. The
             place of other records is that of the record from which they follow (see `graph.schedule`).
         variant_of: the topic that carries the same records as another message.
+        kept: when `panoptic run` keeps it in its bag: "always", or where the parameter of this name
+            ("stage.name") is true; "" = never.
+        recorded: whether `panoptic record` keeps it beside what comes from outside.
+        shown: by the viewer: "always", "asked" = while a page asks for it; "" = it is not.
     """
 
     key: str
@@ -36,142 +41,154 @@ class Topic:
     latched: bool = False
     by_stamp: bool = False
     variant_of: str = ""
+    kept: str = ""
+    recorded: bool = False
+    shown: Shown = ""
 
     def of(self, owner: str = "") -> str:
         """The topic of a camera, sensor or device, or the one of the graph."""
         return self.name.format(owner=ros_name(owner))
 
 
+def _row(key: str, record: str, message: str, name: str = "", scope: Scope = "graph", **more: Any) -> Topic:
+    """A topic that is named as its key, if nothing else is said.
+
+    Args:
+        message: "package/Name", or a name of this project's package.
+    """
+    package, _, kind = message.rpartition("/")
+    return Topic(key, name or key, record, f"{package or 'panoptic_msgs'}/msg/{kind}", scope, **more)
+
+
 TOPICS: dict[str, Topic] = {
     topic.key: topic
     for topic in (
-        Topic("image", "{owner}/image_raw", "ViewFrame", "sensor_msgs/msg/Image", "camera", by_stamp=True),
-        Topic(
+        _row("image", "ViewFrame", "sensor_msgs/Image", "{owner}/image_raw", "camera", by_stamp=True),
+        _row(
             "compressed_image",
-            "{owner}/image_raw/compressed",
             "ViewFrame",
-            "sensor_msgs/msg/CompressedImage",
+            "sensor_msgs/CompressedImage",
+            "{owner}/image_raw/compressed",
             "camera",
             by_stamp=True,
             variant_of="image",
         ),
-        Topic(
+        _row(
             "preview",
-            "{owner}/preview/compressed",
             "Preview",
-            "sensor_msgs/msg/CompressedImage",
+            "sensor_msgs/CompressedImage",
+            "{owner}/preview/compressed",
             "camera",
             by_stamp=True,
+            kept="always",
+            shown="always",
         ),
-        Topic(
+        _row(
             "depth",
-            "{owner}/depth_registered/image_raw",
             "DepthFrame",
-            "sensor_msgs/msg/Image",
+            "sensor_msgs/Image",
+            "{owner}/depth_registered/image_raw",
             "camera",
             by_stamp=True,
         ),
-        Topic(
+        _row(
             "compressed_depth",
-            "{owner}/depth_registered/image_raw/compressedDepth",
             "DepthFrame",
-            "sensor_msgs/msg/CompressedImage",
+            "sensor_msgs/CompressedImage",
+            "{owner}/depth_registered/image_raw/compressedDepth",
             "camera",
             by_stamp=True,
             variant_of="depth",
         ),
-        Topic("camera_info", "{owner}/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "camera"),
-        Topic(
+        _row("camera_info", "Camera", "sensor_msgs/CameraInfo", "{owner}/camera_info", "camera"),
+        _row(
             "sensor_depth",
-            "{owner}/depth/image_raw",
             "DepthFrame",
-            "sensor_msgs/msg/Image",
+            "sensor_msgs/Image",
+            "{owner}/depth/image_raw",
             "sensor",
             by_stamp=True,
         ),
-        Topic(
+        _row(
             "compressed_sensor_depth",
-            "{owner}/depth/image_raw/compressedDepth",
             "DepthFrame",
-            "sensor_msgs/msg/CompressedImage",
+            "sensor_msgs/CompressedImage",
+            "{owner}/depth/image_raw/compressedDepth",
             "sensor",
             by_stamp=True,
             variant_of="sensor_depth",
         ),
-        Topic("sensor_info", "{owner}/depth/camera_info", "Camera", "sensor_msgs/msg/CameraInfo", "sensor"),
+        _row("sensor_info", "Camera", "sensor_msgs/CameraInfo", "{owner}/depth/camera_info", "sensor"),
         # before detections of the same image, so that an instant has all of its tracks and colours (see
         # `graph.host`)
-        Topic(
+        _row(
             "patch_tracks",
-            "{owner}/patch_tracks",
             "PatchTracks",
-            "panoptic_msgs/msg/PatchTracks",
+            "PatchTracks",
+            "{owner}/patch_tracks",
             "camera",
             by_stamp=True,
+            kept="patches.active",
         ),
-        Topic(
+        _row(
             "appearance",
-            "{owner}/appearance",
             "ViewAppearance",
-            "sensor_msgs/msg/PointCloud2",
+            "sensor_msgs/PointCloud2",
+            "{owner}/appearance",
             "camera",
             by_stamp=True,
         ),
-        Topic(
+        _row(
             "detections",
-            "{owner}/detections",
             "ViewDetections",
-            "panoptic_msgs/msg/ViewDetections",
+            "ViewDetections",
+            "{owner}/detections",
             "camera",
             by_stamp=True,
+            recorded=True,
+            kept="always",
+            shown="always",
         ),
-        Topic(
-            "audio", "{owner}/audio", "AudioBlock", "panoptic_msgs/msg/AudioBlock", "device", by_stamp=True
-        ),
-        Topic(
-            "audio_common",
-            "{owner}/audio_stamped",
+        _row(
+            "audio",
             "AudioBlock",
-            "audio_common_msgs/msg/AudioDataStamped",
+            "AudioBlock",
+            "{owner}/audio",
+            "device",
+            by_stamp=True,
+            recorded=True,
+            kept="always",
+        ),
+        _row(
+            "audio_common",
+            "AudioBlock",
+            "audio_common_msgs/AudioDataStamped",
+            "{owner}/audio_stamped",
             "device",
             by_stamp=True,
             variant_of="audio",
         ),
-        Topic(
-            "timecode", "{owner}/timecode", "TimecodeReading", "panoptic_msgs/msg/TimecodeReading", "device"
-        ),
-        Topic("clock_models", "clock_models", "ClockModel", "panoptic_msgs/msg/ClockModel", latched=True),
-        Topic(
-            "time_reference",
-            "{owner}/time_reference",
-            "ClockModel",
-            "sensor_msgs/msg/TimeReference",
-            "device",
-        ),
-        Topic("rig", "rig", "Rig", "panoptic_msgs/msg/Rig", latched=True),
-        Topic(
-            "skeleton_model",
-            "skeleton_model",
-            "SkeletonModel",
-            "panoptic_msgs/msg/SkeletonModel",
-            latched=True,
-        ),
-        Topic("subjects", "subjects", "SubjectSet", "panoptic_msgs/msg/SubjectSet", latched=True),
-        Topic("detection_sets", "detection_sets", "DetectionSet", "panoptic_msgs/msg/DetectionSet"),
-        Topic("associations", "associations", "AssociationSet", "panoptic_msgs/msg/AssociationSet"),
-        Topic("proposals", "proposals", "ProposalSet", "panoptic_msgs/msg/ProposalSet"),
-        Topic("poses", "poses", "PoseSet", "panoptic_msgs/msg/Skeletons"),
-        Topic("skeletons_raw", "skeletons_raw", "TrackedPoseSet", "panoptic_msgs/msg/Skeletons"),
-        Topic("tracks", "tracks", "TrackSet", "panoptic_msgs/msg/TrackSet"),
-        Topic("imu", "{owner}/imu", "ImuSample", "sensor_msgs/msg/Imu", "imu", by_stamp=True),
-        Topic("bodies", "bodies", "BodyStateSet", "panoptic_msgs/msg/Bodies"),
-        Topic("patches", "patches", "PatchTrajectories", "panoptic_msgs/msg/PatchTrajectories"),
-        Topic("skeletons", "skeletons", "RefinedPoseSet", "panoptic_msgs/msg/Skeletons"),
-        Topic("markers", "skeletons/markers", "RefinedPoseSet", "visualization_msgs/msg/MarkerArray"),
+        _row("timecode", "TimecodeReading", "TimecodeReading", "{owner}/timecode", "device", recorded=True),
+        _row("clock_models", "ClockModel", "ClockModel", latched=True, recorded=True),
+        _row("time_reference", "ClockModel", "sensor_msgs/TimeReference", "{owner}/time_reference", "device"),
+        _row("rig", "Rig", "Rig", latched=True, recorded=True),
+        _row("skeleton_model", "SkeletonModel", "SkeletonModel", latched=True, recorded=True),
+        _row("subjects", "SubjectSet", "SubjectSet", latched=True),
+        _row("detection_sets", "DetectionSet", "DetectionSet"),
+        _row("associations", "AssociationSet", "AssociationSet", shown="asked"),
+        _row("proposals", "ProposalSet", "ProposalSet", shown="asked"),
+        _row("poses", "PoseSet", "Skeletons"),
+        _row("skeletons_raw", "TrackedPoseSet", "Skeletons", kept="patches.active", shown="asked"),
+        _row("tracks", "TrackSet", "TrackSet"),
+        _row("imu", "ImuSample", "sensor_msgs/Imu", "{owner}/imu", "imu", by_stamp=True, kept="always"),
+        _row("bodies", "BodyStateSet", "Bodies", kept="always", shown="asked"),
+        _row("patches", "PatchTrajectories", "PatchTrajectories", kept="patches.active", shown="asked"),
+        _row("skeletons", "RefinedPoseSet", "Skeletons", recorded=True, kept="always", shown="always"),
+        _row("markers", "RefinedPoseSet", "visualization_msgs/MarkerArray", "skeletons/markers"),
     )
 }
-
-
+ALWAYS_SHOWN = tuple(key for key, topic in TOPICS.items() if topic.shown == "always")
+ASKED_FOR = tuple(key for key, topic in TOPICS.items() if topic.shown == "asked")
 _NUMBERS = {key: number for number, key in enumerate(TOPICS)}
 
 

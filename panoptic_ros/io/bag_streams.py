@@ -16,9 +16,9 @@ from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.cdr_heads import stamp_in, with_stamp
 from panoptic_ros.io.foreign_people import ForeignPeople
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message, stamp_of
-from panoptic_ros.io.messages.bodies import read_imu
 from panoptic_ros.io.messages.encodings import Shown, shown_by
 from panoptic_ros.io.messages.family import decode_cdr
+from panoptic_ros.io.messages.sensors import read_imu
 
 SECOND = 1_000_000_000
 JUMP_NS = 5 * SECOND  # header stamps that step so much further than the recording's have jumped

@@ -1,4 +1,4 @@
-"""Solved bodies in files, `kinematics.json.gz`; docs/formats.md has every key."""
+"""Solved bodies in files, `kinematics.json.gz`, at once or frame by frame; docs/formats.md has every key."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from panoptic_ros.domain import BodyStateSet
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
 from panoptic_ros.io.files import known, write_json
-from panoptic_ros.io.frame_stream import read_frames
+from panoptic_ros.io.frame_stream import FrameStream, read_frames
 from panoptic_ros.io.known_keys import keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 
@@ -107,3 +108,45 @@ def _body_state(stamp_ns: int, row: Mapping[str, Any]) -> BodyState:
         spins,
         covariances,
     )
+
+
+class BodyStream(FrameStream):
+    """Bodies as `io.body_files.write_bodies` has them; instants without a body are left out.
+
+    Args:
+        model: of all bodies.
+
+    Raises:
+        EnvironmentProblem: if the file cannot be written.
+    """
+
+    def __init__(self, path: Path, model: SegmentModel):
+        self._model = model
+        names = {"segment_names": list(model.names), "joint_names": list(model.joint_names)}
+        super().__init__(path, {"format": KINEMATICS, **names})
+
+    def take(self, item: BodyStateSet) -> None:
+        """One more instant."""
+        rows = [body_row(self._model, state) for state in states_of(item)]
+        if rows:
+            index = self.count
+            self.add({"index": index, "stamp_ns": item.stamp_ns, "subjects": rows})
+
+
+def states_of(item: BodyStateSet) -> list[BodyState]:
+    """The bodies of a set, one by one."""
+    found = []
+    for k, number in enumerate(item.ids.tolist()):
+        known = bool(np.isfinite(item.covariances[k]).all())
+        found.append(
+            BodyState(
+                item.stamp_ns,
+                number,
+                item.positions[k],
+                from_quaternions(item.orientations[k]),
+                item.velocities[k, :, :3],
+                item.velocities[k, :, 3:],
+                item.covariances[k] if known else None,
+            )
+        )
+    return found

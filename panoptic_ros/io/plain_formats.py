@@ -1,7 +1,8 @@
 """The plain formats for 2D people and skeletons: `detections.json.gz` and `skeletons.json.gz`.
 
 Both are JSON, gzipped if the name ends in .gz, in metres, pixels and integer nanoseconds; a
-missing joint is null. docs/formats.md defines every key.
+missing joint is null. docs/formats.md defines every key. `SkeletonStream` writes frame by frame: a run of
+hours needs no more memory than one of minutes.
 """
 
 from __future__ import annotations
@@ -13,18 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain import (
-    DetectionSet,
-    JointMap,
-    JointState,
-    Rig,
-    TrackedPoseSet,
-    ViewDetections,
-)
+from panoptic_ros.domain import DetectionSet, JointMap, JointState, Rig, TrackedPoseSet, ViewDetections
 from panoptic_ros.errors import CalibrationError, DataError, UserError, shown
 from panoptic_ros.io.documents import read_json
 from panoptic_ros.io.files import write_json
-from panoptic_ros.io.frame_stream import read_frames
+from panoptic_ros.io.frame_stream import FrameStream, read_frames
 from panoptic_ros.io.known_keys import EACH, keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 
@@ -333,3 +327,18 @@ def _joint_rows(
     points = np.where((scores > 0.0)[..., None], rows[..., :2], np.nan)
     scores = np.where(np.isfinite(points).all(-1), scores, 0.0)
     return points, scores
+
+
+class SkeletonStream(FrameStream):
+    """The bytes are those of `io.plain_formats.write_skeletons`, gzipped whatever the name.
+
+    Raises:
+        EnvironmentProblem: if the file cannot be written.
+    """
+
+    def __init__(self, path: Path, joint_names: Iterable[str]):
+        super().__init__(path, {"format": SKELETONS, "joint_names": list(joint_names)})
+
+    def take(self, item: TrackedPoseSet) -> None:
+        """One more frame."""
+        self.add(skeletons_frame(item))

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from panoptic_ros.capture.corrected import CorrectedSource
 from panoptic_ros.capture.image_folder import ImageFolderSource
+from panoptic_ros.capture.timed import CorrectedSource
 from panoptic_ros.errors import DataError
 
 LINE = {"reference_ns": 100_000_000, "offset_ns": -50_000_000, "drift": 0.5}

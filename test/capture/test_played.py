@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from panoptic_ros.capture.played import PlayedSource
+from panoptic_ros.capture.described import PlayedSource
 from panoptic_ros.domain import ViewFrame
 
 PERIOD = 40_000_000

@@ -8,8 +8,7 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.bag_upgrade import upgrade
-from panoptic_ros.io.bags import BagReader
+from panoptic_ros.io.bags import BagReader, upgrade
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.messages.family import bag_typestore
 

@@ -73,7 +73,7 @@ TELLING = {
     "io.compared_skeletons",
     "io.joint_offsets",
     "io.kinematic_files",
-    "io.occluders.document",
+    "io.occluders",
     "io.plain_formats",
     "io.rigs.camera_info",
     "io.skeletons",

@@ -6,8 +6,7 @@ from stage_cases import cases
 from panoptic_ros.domain import RefinedPoseSet
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import records_of
-from panoptic_ros.io.plain_formats import read_skeletons, write_skeletons
-from panoptic_ros.io.skeleton_stream import SkeletonStream
+from panoptic_ros.io.plain_formats import SkeletonStream, read_skeletons, write_skeletons
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +24,7 @@ def test_the_bytes_are_the_same(poses, count, tmp_path):
     write_skeletons(tmp_path / "at_once.json.gz", skeleton.joint_names, found)
     stream = SkeletonStream(tmp_path / "stream.json.gz", skeleton.joint_names)
     for item in found:
-        stream.add(item)
+        stream.take(item)
     stream.close()
     at_once, streamed = ((tmp_path / f"{name}.json.gz").read_bytes() for name in ("at_once", "stream"))
     assert streamed == at_once and stream.count == len(found)

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
-from panoptic_ros.io.messages.rvl import decode_rvl
+from panoptic_ros.io.messages.encodings import byte_array, pixel_rows
 from panoptic_ros.io.pictures import decode_picture
 
 Array = np.ndarray
@@ -18,6 +17,7 @@ _NAMES = {"16UC1": "16UC1", "MONO16": "16UC1", "32FC1": "32FC1"}  # as drivers w
 _KNOWN = "16UC1 (mm), 32FC1 (m)"
 _SIZE = struct.Struct("<II")  # of RVL
 MOST_PIXELS = 2**26
+_MOST_NIBBLES = 10  # of a number of 32 bits in RVL, three bits each
 _HEADER = struct.Struct("<iff")  # how it was compressed, and the numbers a, b of inverse depths
 
 
@@ -88,3 +88,48 @@ def _levels_of_rvl(data: Array, what: str) -> Array:
 
 def _metres(depth: Array, encoding: str) -> Array:
     return depth.astype(np.float32) * np.float32(1e-3 if encoding == "16UC1" else 1.0)
+
+
+def decode_rvl(data: bytes, count: int, what: str) -> Array:
+    """The pixels (count,) uint16 of an RVL stream, the run-length code of depth maps (Wilson 2017).
+
+    It is a row of numbers of 3 bits a nibble, by turns: how many pixels are 0, how many follow that are not,
+    and of each of these the difference to the one before it (zigzag).
+
+    Args:
+        what: the image, for the message.
+
+    Raises:
+        DataError: if the stream ends early, or holds more than the pixels.
+    """
+    numbers = _numbers(data)
+    places, deltas = [], []  # of runs that are not 0
+    pixel = at = 0
+    while pixel < count:
+        if at + 1 >= len(numbers):
+            raise DataError(f"{what}: its RVL data end at pixel {pixel} of {count}")
+        pixel, run = pixel + int(numbers[at]), int(numbers[at + 1])
+        places.append(np.arange(pixel, min(pixel + run, count)))
+        deltas.append(numbers[at + 2 : at + 2 + run])
+        pixel, at = pixel + run, at + 2 + run
+    if pixel > count or at > len(numbers):
+        raise DataError(f"{what}: its RVL data are damaged: they tell of {pixel} pixels, it has {count}")
+    pixels = np.zeros(count, np.int64)
+    zigzag = np.concatenate([np.zeros(0, np.int64), *deltas])
+    pixels[np.concatenate([np.zeros(0, np.int64), *places])] = np.cumsum((zigzag >> 1) ^ -(zigzag & 1))
+    return pixels.astype(np.uint16)
+
+
+def _numbers(data: bytes) -> Array:
+    """The numbers of a stream: words from their highest nibble on, of three bits and a mark for more."""
+    words = np.frombuffer(data[: len(data) // 4 * 4], "<u4")
+    nibbles = ((words[:, None] >> np.arange(28, -1, -4, dtype=np.uint32)) & 15).reshape(-1).astype(np.int64)
+    ends = np.flatnonzero(nibbles < 8)
+    if not len(ends):
+        return np.zeros(0, np.int64)
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    used = nibbles[: ends[-1] + 1]
+    place = np.arange(len(used)) - np.repeat(starts, ends - starts + 1)
+    values = (used & 7) << (3 * np.minimum(place, _MOST_NIBBLES))
+    numbers: Array = np.add.reduceat(values, starts) & 0xFFFFFFFF
+    return numbers

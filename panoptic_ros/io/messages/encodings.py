@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.messages.arrays import byte_array, pixel_rows
 
 Array = np.ndarray
 _CONVERSIONS = {
@@ -94,6 +93,34 @@ class _Steps(NamedTuple):
 
     near: float
     far: float
+
+
+def byte_array(message: Any) -> Array:
+    """The data of a message, uint8, without a copy where possible."""
+    if isinstance(message.data, bytes):
+        return np.frombuffer(message.data, np.uint8)
+    return np.asarray(message.data, np.uint8)
+
+
+def pixel_rows(message: Any, pixel_bytes: int, what: str) -> Array:
+    """The bytes (height, width * pixel_bytes) of an Image without the padding at the ends of its rows.
+
+    Padding may be missing behind the last row, and `step` may be 0 where there is none.
+
+    Raises:
+        DataError: if its data have another length.
+    """
+    data = byte_array(message)
+    width, height = int(message.width), int(message.height)
+    step = int(message.step) or width * pixel_bytes
+    padding = step - width * pixel_bytes
+    if padding and data.size == step * height - padding:
+        data = np.pad(data, (0, padding))
+    if not width or not height or padding < 0 or data.size != step * height:
+        raise DataError(
+            f"{what}: {width} x {height} {message.encoding} with step {step} cannot have {data.size} bytes"
+        )
+    return data.reshape(height, step)[:, : width * pixel_bytes]
 
 
 def encoding_of(name: str, what: str) -> Encoding:

@@ -41,11 +41,14 @@ class Messages:
         """A message; short names are those of this project's package."""
         return self.type_of(name if "/" in name else f"{PACKAGE}/msg/{name}")(**fields)
 
+    def time(self, stamp_ns: int) -> Any:
+        """builtin_interfaces/Time."""
+        seconds, nanoseconds = divmod(int(stamp_ns), SECOND)
+        return self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+
     def header(self, stamp_ns: int, frame_id: str) -> Any:
         """std_msgs/Header."""
-        seconds, nanoseconds = divmod(int(stamp_ns), SECOND)
-        stamp = self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
-        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
+        return self.make("std_msgs/msg/Header", stamp=self.time(stamp_ns), frame_id=frame_id)
 
 
 def stamp_of(header: Any) -> int:

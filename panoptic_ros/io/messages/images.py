@@ -1,4 +1,4 @@
-"""Images as sensor_msgs, and back."""
+"""Images as sensor_msgs, and back; score maps as one picture; what to do about packets of a video."""
 
 from __future__ import annotations
 
@@ -6,18 +6,32 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain import DepthFrame, Preview, ViewFrame
+from panoptic_ros.domain import DepthFrame, Preview, ViewDetections, ViewFrame
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.messages.arrays import byte_array
 from panoptic_ros.io.messages.depths import depth_from_message
-from panoptic_ros.io.messages.encodings import bgr_of, encoding_of, is_mosaic, picture_of, stretched
+from panoptic_ros.io.messages.encodings import (
+    bgr_of,
+    byte_array,
+    encoding_of,
+    is_mosaic,
+    picture_of,
+    stretched,
+)
 from panoptic_ros.io.messages.family import Messages, stamp_of
-from panoptic_ros.io.messages.videos import REMEDY
 from panoptic_ros.io.pictures import decode_picture
 
 Array = np.ndarray
 OPTICAL = "_optical_frame"
 VIDEO_FORMATS = ("h264", "h265", "hevc", "av1", "vp8", "vp9", "mpeg4")  # packets of videos in CompressedImage
+WIDEST = 640  # px, of a picture of score maps
+# image_transport's plugin by the type of its messages
+PLUGINS = {
+    "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": "ffmpeg",
+    "foxglove_msgs/msg/CompressedVideo": "foxglove",
+    "theora_image_transport/msg/Packet": "theora",
+}
+_WHEN = "of a bag while `ros2 bag play` plays it, and record these"
+REMEDY = f"make images of it with `ros2 run image_transport republish`, {_WHEN}"
 
 
 def optical_frame(camera: str) -> str:
@@ -25,19 +39,35 @@ def optical_frame(camera: str) -> str:
     return f"{camera}{OPTICAL}"
 
 
-def image_message(frame: ViewFrame, family: Messages) -> Any:
-    """sensor_msgs/Image, bgr8."""
-    height, width = frame.image.shape[:2]
+def _raw(picture: Array, encoding: str, camera: str, stamp_ns: int, family: Messages) -> Any:
+    """sensor_msgs/Image of values (height, width, ...) in rows without padding."""
+    height, width = picture.shape[:2]
+    data = np.ascontiguousarray(picture).view(np.uint8).reshape(-1)
     return family.make(
         "sensor_msgs/msg/Image",
-        header=family.header(frame.stamp_ns, optical_frame(frame.camera)),
+        header=family.header(stamp_ns, optical_frame(camera)),
         height=height,
         width=width,
-        encoding="bgr8",
+        encoding=encoding,
         is_bigendian=0,
-        step=3 * width,
-        data=family.sequence(np.ascontiguousarray(frame.image).reshape(-1)),
+        step=len(data) // height,
+        data=family.sequence(data),
     )
+
+
+def _compressed(data: Array, form: str, camera: str, stamp_ns: int, family: Messages) -> Any:
+    """sensor_msgs/CompressedImage."""
+    return family.make(
+        "sensor_msgs/msg/CompressedImage",
+        header=family.header(stamp_ns, optical_frame(camera)),
+        format=form,
+        data=family.sequence(data),
+    )
+
+
+def image_message(frame: ViewFrame, family: Messages) -> Any:
+    """sensor_msgs/Image, bgr8."""
+    return _raw(frame.image, "bgr8", frame.camera, frame.stamp_ns, family)
 
 
 def compressed_image_message(frame: ViewFrame, family: Messages, quality: int) -> Any:
@@ -45,22 +75,14 @@ def compressed_image_message(frame: ViewFrame, family: Messages, quality: int) -
     import cv2  # 17 MB, which processes without images do without
 
     _, data = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, quality])
-    return family.make(
-        "sensor_msgs/msg/CompressedImage",
-        header=family.header(frame.stamp_ns, optical_frame(frame.camera)),
-        format="bgr8; jpeg compressed bgr8",
-        data=family.sequence(data.reshape(-1)),
-    )
+    form = "bgr8; jpeg compressed bgr8"
+    return _compressed(data.reshape(-1), form, frame.camera, frame.stamp_ns, family)
 
 
 def write_preview(preview: Preview, family: Messages, frame_id: str) -> Any:
     """sensor_msgs/CompressedImage."""
-    return family.make(
-        "sensor_msgs/msg/CompressedImage",
-        header=family.header(preview.stamp_ns, optical_frame(preview.camera)),
-        format="jpeg",
-        data=family.sequence(np.frombuffer(preview.jpeg, np.uint8)),
-    )
+    data = np.frombuffer(preview.jpeg, np.uint8)
+    return _compressed(data, "jpeg", preview.camera, preview.stamp_ns, family)
 
 
 def read_preview(message: Any) -> Preview:
@@ -72,16 +94,7 @@ def read_preview(message: Any) -> Preview:
 def depth_message(frame: DepthFrame, family: Messages) -> Any:
     """sensor_msgs/Image of a depth map, 32FC1 in metres (REP 118)."""
     depth = np.ascontiguousarray(frame.depth, "<f4")
-    return family.make(
-        "sensor_msgs/msg/Image",
-        header=family.header(frame.stamp_ns, optical_frame(frame.camera)),
-        height=depth.shape[0],
-        width=depth.shape[1],
-        encoding="32FC1",
-        is_bigendian=0,
-        step=4 * depth.shape[1],
-        data=family.sequence(depth.view(np.uint8).reshape(-1)),
-    )
+    return _raw(depth, "32FC1", frame.camera, frame.stamp_ns, family)
 
 
 def frame_from_message(message: Any, camera: str, frame_number: int, encoding: str = "") -> ViewFrame:
@@ -128,3 +141,53 @@ def _decode(message: Any, camera: str, encoding: str) -> Array:
         form = encoding_of(mosaic, what)
         return bgr_of(image[..., None], form._replace(size=image.dtype.itemsize, bits=0), what)
     return image if image.dtype == np.uint8 else stretched(image)
+
+
+def heat_map(view: ViewDetections, joint: int = -1) -> Array:
+    """The largest score of all joints, or that of one joint, (h, w) uint8, 255 = 1, over the view's image.
+
+    The picture has the proportions of the image and is at most `WIDEST` wide. 0 where the view has no maps.
+    """
+    import cv2  # 17 MB, which processes without images do without
+
+    width, height = view.image_size
+    columns = min(width, WIDEST)
+    rows = max(1, round(height * columns / width))
+    if view.maps is None:
+        return np.zeros((rows, columns), np.uint8)
+    grid = np.zeros(view.maps.grid_size[::-1], np.uint8)
+    begin = 0
+    for owner, (left, top), (wide, high) in zip(view.maps.joints, view.maps.corners, view.maps.sizes):
+        patch = view.maps.data[begin : begin + wide * high].reshape(high, wide)
+        begin += wide * high
+        if joint in (-1, owner):
+            place = grid[top : top + high, left : left + wide]
+            np.maximum(place, patch, out=place)
+    step = width / columns  # pixels of the image, whose first pixel's centre is (0, 0) as the picture's
+    image_from_picture = np.array([[step, 0, (step - 1) / 2], [0, step, (step - 1) / 2], [0, 0, 1]])
+    grid_from_picture = view.maps.grid_from_image @ image_from_picture
+    how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    return np.asarray(cv2.warpAffine(grid, grid_from_picture, (columns, rows), flags=how))
+
+
+def heat_map_message(view: ViewDetections, family: Messages, joint: int = -1) -> Any:
+    """sensor_msgs/Image, mono8, of `heat_map`."""
+    return _raw(heat_map(view, joint), "mono8", view.camera, view.stamp_ns, family)
+
+
+def is_video(kind: str) -> bool:
+    """Return whether messages of a type hold packets of a video."""
+    return kind in PLUGINS
+
+
+def video_told(topic: str, kind: str) -> str:
+    """Return the line about such a topic, with the remedy."""
+    plugin, base = PLUGINS[kind], topic.rsplit("/", 1)[0]
+    words = (
+        f"-p in_transport:={plugin} -p out_transport:=compressed -r in/{plugin}:={topic} "
+        f"-r out/compressed:={base}/compressed"
+    )
+    return (
+        f"{topic} is compressed video ({kind.split('/')[-1]}), which is not read; make images of it with "
+        f"`ros2 run image_transport republish --ros-args {words}`, {_WHEN}"
+    )

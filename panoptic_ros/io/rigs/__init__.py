@@ -14,7 +14,6 @@ TOML files do not state their unit of length, see `read_rig`. `Rig.up` is None w
 which way is up.
 """
 
-from panoptic_ros.io.rigs.registry import WRITABLE, read_rig, write_rig
-from panoptic_ros.io.rigs.search import find_rig
+from panoptic_ros.io.rigs.registry import WRITABLE, find_rig, read_rig, write_rig
 
 __all__ = ["WRITABLE", "find_rig", "read_rig", "write_rig"]

@@ -26,8 +26,7 @@ from panoptic_ros.errors import CalibrationError, DataError, UsageError, shown
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.io.distortion_models import ros_name
 from panoptic_ros.io.documents import read_yaml
-from panoptic_ros.io.known_keys import tell_unknown
-from panoptic_ros.io.rigs import rig_keys
+from panoptic_ros.io.known_keys import EACH, keys, tell_unknown
 from panoptic_ros.io.rigs.fields import (
     LeftOut,
     camera,
@@ -39,6 +38,16 @@ from panoptic_ros.io.rigs.fields import (
     whole_number,
 )
 from panoptic_ros.io.rigs.options import ReadOptions, Taken
+
+POSES_KEYS = keys("frame_id", poses={EACH: keys("translation rotation")})
+_MATRIX = keys("rows cols data")
+INFO_KEYS = keys(
+    "image_width image_height camera_name distortion_model binning_x binning_y roi",
+    camera_matrix=_MATRIX,
+    distortion_coefficients=_MATRIX,
+    rectification_matrix=_MATRIX,
+    projection_matrix=_MATRIX,
+)
 
 POSES = "poses.yaml"
 
@@ -56,7 +65,7 @@ def parse(folder: Path, options: ReadOptions) -> Rig:
         CalibrationError: naming the file and the key.
     """
     document = read_yaml(folder / POSES)
-    tell_unknown(document, rig_keys.POSES, folder / POSES)
+    tell_unknown(document, POSES_KEYS, folder / POSES)
     frame_id = name_of(document, "frame_id", POSES)
     poses = entry(document, "poses", POSES)
     if not isinstance(poses, dict) or not poses:
@@ -93,7 +102,7 @@ def _camera(folder: Path, name: str, pose: Any, taken: Taken) -> Camera:
     translation = pose_numbers(pose, "translation", pose_at, (3,))
     quaternion = pose_numbers(pose, "rotation", pose_at, (4,))
     document = read_yaml(folder / where)
-    tell_unknown(document, rig_keys.CAMERA_INFO, folder / where)
+    tell_unknown(document, INFO_KEYS, folder / where)
     size = (
         whole_number(entry(document, "image_width", where), f"{where}: image_width"),
         whole_number(entry(document, "image_height", where), f"{where}: image_height"),

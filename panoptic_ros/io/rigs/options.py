@@ -11,7 +11,7 @@ import numpy as np
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.rig import lines_of
 from panoptic_ros.errors import CalibrationError, UsageError, shown
-from panoptic_ros.io.rigs.fields import METRES, LeftOut
+from panoptic_ros.io.rigs.fields import METRES, LeftOut, listing
 
 FAR_APART = 200.0  # m between cameras of one rig; beyond, the unit is surely another
 
@@ -95,14 +95,17 @@ class Taken:
                 raise CalibrationError(f"the rig has no camera {name!r}; it has {there}")
 
 
-def check_selection(items: list[Any], kept: list[Any], options: ReadOptions) -> None:
-    """A selection that leaves nothing is a mistake.
+def chosen_cameras(document: Any, options: ReadOptions) -> list[tuple[int, Any]]:
+    """Return the cameras of a JSON document that are of a wanted type and panel, with their numbers.
 
     Raises:
-        UsageError: naming the types that there are.
+        CalibrationError: if it has no list of cameras.
+        UsageError: if the selection, which is a mistake then, leaves none; naming the types that there are.
     """
-    if kept:
-        return
+    items = listing(document, "cameras", "the file")
+    chosen = [(k, item) for k, item in enumerate(items) if options.wants(item)]
+    if chosen:
+        return chosen
     types = sorted({str(item.get("type")) for item in items if isinstance(item, Mapping)})
     raise UsageError(f"no camera is of types {options.types} and panels {options.panels}; there are {types}")
 

@@ -1,4 +1,4 @@
-"""Which formats there are; reading by content, writing by name."""
+"""Which formats of rigs there are; reading by content, writing by name; the rig of a capture folder."""
 
 from __future__ import annotations
 
@@ -11,17 +11,15 @@ from typing import Any
 
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.upright import Z_UP
-from panoptic_ros.errors import CalibrationError, UsageError
+from panoptic_ros.errors import CalibrationError, DataError, UsageError, UserError
 from panoptic_ros.io.files import check_output_folder, file_errors, write_bytes
-from panoptic_ros.io.known_keys import Keys, tell_unknown
+from panoptic_ros.io.known_keys import EACH, OTHERS, Keys, keys, tell_unknown
 from panoptic_ros.io.loading import parsing
 from panoptic_ros.io.rigs import (
     camera_info,
-    pack_json,
-    panoptic_json,
+    camera_lists,
     qualisys,
     rig_json,
-    rig_keys,
     toml_rigs,
     total_capture,
 )
@@ -61,6 +59,25 @@ def _has_many(camera: Camera) -> bool:
     return camera.intrinsics.lens == "brown" and len(camera.intrinsics.distortion) > 5
 
 
+# The keys that formats in JSON and TOML know; a file with others is told, see `known_keys`.
+_CAMERA = "name image_size K distortion R t type panel clock lens line_delay_us covariance"
+RIG_JSON = keys(
+    "format units frame_id up",
+    cameras=[keys(_CAMERA)],
+    depth_sensors=[keys(f"{_CAMERA} colour_camera unit_m")],
+)
+PANOPTIC = keys("calibDataSource", cameras=[keys("name type panel node resolution lens K distCoef R t")])
+_PACKED = "name id K R t distortion distCoef distortion_model resolution image_size width height type panel"
+PACK = keys(f"format unit units to_z_up {OTHERS}", cameras=[keys(f"{_PACKED} {OTHERS}")])  # of many origins
+
+_LENS = "size matrix distortions distortion_model rotation translation fisheye"
+ANIPOSELIB = {
+    "metadata": keys(f"adjusted error unit up {OTHERS}"),  # any notes of the person who calibrated
+    EACH: keys(f"name {_LENS} extra_dist"),
+}
+_CALISCOPE = "cam_id port name rotation_count error exposure grid_count ignore verified_resolutions"
+CALISCOPE = keys(OTHERS, cameras={EACH: keys(f"{_CALISCOPE} {_LENS}")})
+
 # What not every format holds, and whether a rig has it.
 _EXTRAS: dict[str, Callable[[Rig], bool]] = {
     "fisheyes": lambda rig: any(camera.intrinsics.lens == "fisheye" for camera in rig.cameras),
@@ -85,28 +102,28 @@ _FORMATS = (
         rig_json.dump,
         _SELECTION,
         frozenset(_EXTRAS),
-        rig_keys.RIG_JSON,
+        RIG_JSON,
     ),
     _Format(
         "panoptic",
         "CMU Panoptic JSON",
         "json",
-        panoptic_json.recognises,
-        panoptic_json.parse,
-        panoptic_json.dump,
+        camera_lists.is_panoptic,
+        camera_lists.parse_panoptic,
+        camera_lists.dump,
         _SELECTION,
         frozenset({"type", "panel"}),
-        rig_keys.PANOPTIC,
+        PANOPTIC,
     ),
     _Format(
         "pack",
         "calibration.json with a stated unit",
         "json",
-        pack_json.recognises,
-        pack_json.parse,
+        camera_lists.is_pack,
+        camera_lists.parse_pack,
         None,
         _SELECTION,
-        keys=rig_keys.PACK,
+        keys=PACK,
     ),
     _Format(
         "qca",
@@ -125,7 +142,7 @@ _FORMATS = (
         toml_rigs.dump_caliscope,
         frozenset({"unit"}),
         _LENSES | {"up"},
-        rig_keys.CALISCOPE,
+        CALISCOPE,
     ),
     _Format(
         "aniposelib",
@@ -136,7 +153,7 @@ _FORMATS = (
         toml_rigs.dump_aniposelib,
         frozenset({"unit"}),
         _LENSES | {"up"},
-        rig_keys.ANIPOSELIB,
+        ANIPOSELIB,
     ),
     _Format(
         "total-capture",
@@ -267,3 +284,61 @@ def _write_folder(path: Path, files: dict[str, str]) -> None:
             os.replace(temporary, path)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
+
+
+SUFFIXES = (".json", ".json.gz", ".toml", ".qca.txt", ".xml", ".cal")
+FOREIGN = (".yml", ".yaml", ".txt", ".xcp")  # of calibrations that are not read
+FOLDERS = ("calib",)  # beginnings of their names, without case
+
+
+def find_rig(folder: Path) -> Path:
+    """rig.json if there is one, else the only file (or camera_info folder) that is a rig.
+
+    Looks in the folder itself and in folders like `calibration/`.
+
+    Raises:
+        DataError: if there is none.
+        UsageError: if there are several and none is called rig.json.
+    """
+    if not folder.is_dir():
+        raise DataError(f"{folder} is no folder")
+    if (folder / "rig.json").is_file():
+        return folder / "rig.json"
+    inside = sorted(path for path in folder.iterdir() if path.is_dir())
+    places = [folder, *(path for path in inside if path.name.casefold().startswith(FOLDERS))]
+    found = [path for place in places for path in [place, *_files(place)] if _is_rig(path)]
+    if not found:
+        raise DataError(
+            f"{folder} has no rig; put rig.json or another calibration file there, or name it with --rig"
+            + "".join(_faults(places))
+        )
+    if len(found) > 1:
+        names = ", ".join(str(path.relative_to(folder)) for path in found)
+        raise UsageError(f"{folder} has several rigs: {names}; name the one to use, e.g. with --rig")
+    return found[0]
+
+
+def _files(place: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
+    return sorted(path for path in place.iterdir() if path.name.endswith(suffixes) and path.is_file())
+
+
+def _faults(places: list[Path]) -> list[str]:
+    """Describe the first file that is a broken rig, or one of another program; [] if there is none."""
+    for path in (path for place in places for path in _files(place, (*SUFFIXES, *FOREIGN))):
+        try:
+            with parsing(path, CalibrationError):
+                title = foreign_format(load_document(path))
+        except UserError as error:
+            return [f". {path.name}: {error}"]
+        if title is not None:
+            return [f". {path.name} is {title}, which is not read; {REMEDY}"]
+    return []
+
+
+def _is_rig(path: Path) -> bool:
+    """Return whether a file is a rig; one that is broken is none here."""
+    try:
+        with parsing(path, CalibrationError):
+            return is_rig(load_document(path))
+    except UserError:
+        return False

@@ -26,7 +26,7 @@ from panoptic_ros.io.rigs.fields import (
     text_of,
     up_of,
 )
-from panoptic_ros.io.rigs.options import ReadOptions, Taken, check_selection
+from panoptic_ros.io.rigs.options import ReadOptions, Taken, chosen_cameras
 
 FORMAT = "panoptic-rig-1"
 UNIT_M = 0.001  # of depth sensors that do not state theirs
@@ -43,10 +43,8 @@ def parse(document: Any, options: ReadOptions) -> Rig:
     if units != "m":
         raise CalibrationError(f"units are {shown(units)}; a {FORMAT} file is in metres, 'm'")
     items = listing(document, "cameras", "the file")
-    chosen = [(k, item) for k, item in enumerate(items) if options.wants(item)]
-    check_selection(items, chosen, options)
     taken = Taken(options)
-    for k, item in chosen:
+    for k, item in chosen_cameras(document, options):
         name = name_of(item, "name", f"camera number {k}")
         taken.take(name, partial(_camera, name, item, "camera", taken))
     sensors = _depth_sensors(document, taken)

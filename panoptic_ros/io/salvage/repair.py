@@ -1,28 +1,46 @@
-"""Bringing a cut bag back: all messages that are whole, in a new bag that opens everywhere."""
+"""Bringing a cut bag back: all messages that are whole, in a new bag that opens everywhere.
+
+MCAP files that end too early or are damaged: the whole records from the front. The reader is our own, as
+those of libraries want the index at the end of the file, and that of MCAP's own library which does not takes
+a record that was cut for a whole one (foxglove/mcap#1474). SQLite3 files of bags that end too early or are
+damaged: the messages that can still be read.
+"""
 
 from __future__ import annotations
 
+import io
 import re
+import shutil
+import sqlite3
+import struct
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO, NamedTuple
 
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, one_line
+from panoptic_ros.io.bag_connections import Connection
 from panoptic_ros.io.bag_metadata import NAME, count_difference, files_in, read_metadata
 from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.files import file_errors
-from panoptic_ros.io.salvage.found import Losses, Message
-from panoptic_ros.io.salvage.mcap import mcap_messages
-from panoptic_ros.io.salvage.sqlite import sqlite_messages
 from panoptic_ros.io.storages import is_storage, packed_name, unpack
 from panoptic_ros.io.storages.opening import ROS_1_SUFFIX, of_ros_1, unpacked_message
-
-READERS: dict[str, Callable[[Path, Losses, Path], Iterator[Message]]] = {
-    ".mcap": mcap_messages,
-    ".db3": sqlite_messages,
-}
+from panoptic_ros.io.storages.records import (
+    CHUNK,
+    DATA_END,
+    FOOTER,
+    FRAME,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_HEAD,
+    Topics,
+    chunk_of,
+    records_in,
+)
+from panoptic_ros.io.storages.sqlite import JOURNALS, topics_of
+from panoptic_ros.io.storages.storage import Foreign
 
 
 @dataclass(frozen=True)
@@ -128,3 +146,251 @@ def _by_numbers(path: Path) -> list[tuple[int, str]]:
     """bag_2 goes before bag_10."""
     words = re.split(r"(\d+)", path.name)
     return [(int(word), "") if word.isdigit() else (0, word) for word in words]
+
+
+class Message(NamedTuple):
+    """A whole message: when it was recorded (ns), and its bytes."""
+
+    connection: Connection
+    stamp_ns: int
+    data: bytes
+
+
+class Losses:
+    """Losses of a bag, one line each; a whole bag has none."""
+
+    def __init__(self) -> None:
+        self._lines: list[str] = []
+        self._counts: Counter[tuple[str, str]] = Counter()  # by file and what is lost of it
+
+    @property
+    def lines(self) -> list[str]:
+        """Return all lines, those with counts at the end."""
+        return self._lines + [f"{name}: {count} {what}" for (name, what), count in self._counts.items()]
+
+    def add(self, line: str) -> None:
+        """Add a line."""
+        self._lines.append(line)
+
+    def count(self, name: str, what: str) -> None:
+        """Count one more loss of a file."""
+        self._counts[name, what] += 1
+
+
+LONGEST_STEP = 2**40  # row numbers that are passed over behind a damaged one, at most
+
+
+def sqlite_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Message]:
+    """The messages of a file, in the order in which they were written.
+
+    The work is done on a copy with its journal, as SQLite mends what it opens.
+
+    Args:
+        scratch: folder for the copy.
+        losses: is told what cannot be read.
+    """
+    with tempfile.TemporaryDirectory(prefix="panoptic-repair-", dir=scratch) as folder:
+        copy = Path(folder, path.name)
+        for suffix in ("", *JOURNALS):
+            if (part := path.with_name(path.name + suffix)).exists():
+                shutil.copyfile(part, copy.with_name(copy.name + suffix))
+        _cut_to_pages(copy)
+        base = sqlite3.connect(copy)
+        try:
+            # else SQLite refuses all of a file that is shorter than its first page says
+            base.execute("PRAGMA writable_schema=ON")
+            yield from _rows_of(base, path.name, losses)
+        except sqlite3.DatabaseError as error:
+            losses.add(f"{path.name}: all of it ({error})")
+        finally:
+            base.close()
+
+
+def _cut_to_pages(path: Path) -> None:
+    """Leave out a page that is not whole: SQLite would take what is missing of it for zeros."""
+    with path.open("r+b") as file:
+        size = int.from_bytes(file.read(18)[16:18], "big")
+        page = 65536 if size == 1 else max(512, size)
+        file.truncate(path.stat().st_size // page * page)
+
+
+def _rows_of(base: sqlite3.Connection, name: str, losses: Losses) -> Iterator[Message]:
+    topics = topics_of(base)
+    for topic, _ in topics.odd:
+        losses.add(odd_quality(name, topic))
+    last, step, damaged = 0, 1, 0
+    while step <= LONGEST_STEP:
+        try:
+            rows = base.execute(
+                "SELECT id, topic_id, timestamp, data FROM messages WHERE id >= ? ORDER BY id", (last + step,)
+            )
+            for number, topic, stamp, data in rows:
+                if number <= last:  # pages that lead back to others
+                    raise sqlite3.DatabaseError("rows are not in order")
+                if (other := topics.foreign.get(topic)) is not None:
+                    losses.count(name, left_out(other))
+                    last, step = number, 1
+                    continue
+                message = Message(topics.known[topic], int(stamp), bytes(data))
+                last, step = number, 1
+                yield message
+            break
+        except (sqlite3.DatabaseError, KeyError, TypeError, ValueError):
+            damaged += step == 1
+            step *= 2
+    if damaged:
+        losses.add(f"{name}: messages that are not whole, at {damaged} place{'s' if damaged > 1 else ''}")
+    elif _is_damaged(base):
+        losses.add(f"{name}: no message, but its index")
+
+
+def _is_damaged(base: sqlite3.Connection) -> bool:
+    try:
+        return bool(base.execute("PRAGMA quick_check(1)").fetchone()[0] != "ok")
+    except sqlite3.DatabaseError:
+        return True
+
+
+class _Record(NamedTuple):
+    kind: int
+    content: bytes
+    length: int  # as the record says; more than there is where it was cut
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all of it is there, and it is one at all: there is none of kind 0."""
+        return self.kind > 0 and len(self.content) == self.length
+
+
+def mcap_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Message]:
+    """Yield the whole messages of a file, in the order in which they were written.
+
+    Args:
+        losses: takes what cannot be read. scratch: not needed.
+    """
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            losses.add(f"{path.name}: all of it, as it does not begin as MCAP does")
+            return
+        yield from _Contents(path.name, path.stat().st_size, losses).messages(file)
+
+
+class _Contents:
+    """Topics of the records so far, and what they lost."""
+
+    def __init__(self, name: str, size: int, losses: Losses):
+        self._name, self._size, self._losses = name, size, losses
+        self._topics = Topics(self._tell_quality)
+        self._odd: set[tuple[str, str]] = set()  # topics, and words of QoS that cannot be read
+
+    def messages(self, file: BinaryIO) -> Iterator[Message]:
+        while True:
+            begin = file.tell()
+            record = _next(file)
+            if record is None or not record.is_whole:
+                whole = begin
+                if record is not None and record.kind == CHUNK:
+                    whole += yield from self._of_cut_chunk(record)
+                self._losses.add(f"{self._name}: the last {self._size - whole} of {self._size} bytes")
+                return
+            if record.kind in (DATA_END, FOOTER):
+                self._check_end(file)
+                return
+            try:
+                if record.kind == CHUNK:
+                    yield from self._inside(chunk_of(record.content).content)
+                elif (message := self._of(record.kind, record.content)) is not None:
+                    yield message
+            except Exception as error:  # libraries trust what they unpack: damage shows as anything
+                damaged = f"{record.length} bytes at {begin}, which are damaged ({one_line(error)})"
+                self._losses.add(f"{self._name}: {damaged}")
+
+    def _check_end(self, file: BinaryIO) -> None:
+        """Messages end before the index, which is made anew; without it nothing else opens the file."""
+        file.seek(0, io.SEEK_END)
+        file.seek(max(0, file.tell() - len(MAGIC)))
+        if file.read() != MAGIC:
+            self._losses.add(f"{self._name}: no message, but its index at the end")
+
+    def _of_cut_chunk(self, record: _Record) -> Generator[Message, None, int]:
+        """Whole messages at the front of a chunk that is not compressed; the bytes up to their end."""
+        end = 0
+        try:
+            chunk = chunk_of(record.content)
+            content = b"" if chunk.compression else chunk.packed
+            before = FRAME.size + len(record.content) - len(chunk.packed)
+            for kind, begin, record_end in records_in(content):
+                message = self._of(kind, content[begin:record_end])
+                if message is not None:
+                    end = before + record_end
+                    yield message
+        except (ValueError, KeyError, struct.error):
+            pass  # cut within its own header, or within a record: the caller tells what is lost
+        return end
+
+    def _inside(self, content: bytes) -> Iterator[Message]:
+        """Yield the messages of a chunk. A damaged record costs only itself.
+
+        Raises:
+            ValueError: where it ends within a record.
+        """
+        for kind, begin, end in records_in(content):
+            try:
+                message = self._of(kind, content[begin:end])
+            except (ValueError, KeyError, struct.error):
+                self._losses.count(self._name, "records of topics, which are damaged")
+                continue
+            if message is not None:
+                yield message
+
+    def _of(self, kind: int, content: bytes) -> Message | None:
+        """Return the message of a record, if it is one that can be written."""
+        if kind != MESSAGE:
+            self._topics.take(kind, content)
+            return None
+        channel, _, stamp, _ = MESSAGE_HEAD.unpack_from(content)
+        if (other := self._topics.foreign.get(channel)) is not None:
+            self._losses.count(self._name, left_out(other))
+        elif (connection := self._topics.known.get(channel)) is not None:
+            return Message(connection, stamp, content[MESSAGE_HEAD.size :])
+        else:
+            self._losses.count(self._name, "messages on topics of which nothing is known")
+        return None
+
+    def _tell_quality(self, topic: str, text: str) -> None:
+        if (topic, text) not in self._odd:  # every chunk can repeat a channel
+            self._odd.add((topic, text))
+            self._losses.add(odd_quality(self._name, topic))
+
+
+def left_out(other: Foreign) -> str:
+    """Return the line about messages that are not of ROS 2."""
+    return f"messages on {other.topic}, which are {other.what}"
+
+
+def odd_quality(name: str, topic: str) -> str:
+    """Return the line about words of QoS that cannot be read."""
+    return f"{name}: no message, but the QoS of {topic}; it is played with ROS's defaults now"
+
+
+def _next(file: BinaryIO) -> _Record | None:
+    """The next record; None at the end. Where there is less than the frame of one, it is not whole."""
+    frame = file.read(FRAME.size)
+    if len(frame) < FRAME.size:
+        return _Record(0, frame, FRAME.size) if frame else None
+    kind, length = FRAME.unpack(frame)
+    return _Record(kind, _read_at_most(file, length), length)
+
+
+def _read_at_most(file: BinaryIO, length: int) -> bytes:
+    """As much as there is: a damaged length must not ask for more memory than the file has bytes."""
+    here = file.tell()
+    rest = file.seek(0, io.SEEK_END) - here
+    file.seek(here)
+    return file.read(min(length, rest))
+
+
+READERS: dict[str, Callable[[Path, Losses, Path], Iterator[Message]]] = {
+    ".mcap": mcap_messages,
+    ".db3": sqlite_messages,
+}

@@ -19,8 +19,7 @@ from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.body_models import read_body_model, read_body_shape
 from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.messages import from_message
-from panoptic_ros.io.messages.body_outputs import joint_state_message, segment_transforms
-from panoptic_ros.io.messages.people import body_name
+from panoptic_ros.io.messages.people import body_name, joint_state_message, segment_transforms
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 from panoptic_ros.nodes.middleware.packets import unpacked
 from panoptic_ros.nodes.middleware.quality import LATCHED, collecting_quality

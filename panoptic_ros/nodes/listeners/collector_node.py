@@ -11,7 +11,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import from_message
-from panoptic_ros.io.messages.bodies import read_imu
+from panoptic_ros.io.messages.sensors import read_imu
 from panoptic_ros.nodes.health.diagnostics import own_statuses, values_of
 from panoptic_ros.nodes.middleware.family import message_class
 from panoptic_ros.nodes.middleware.negotiation import Negotiated

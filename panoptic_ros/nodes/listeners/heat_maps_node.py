@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.topics import TOPICS, ros_name
 from panoptic_ros.io.messages import from_message
-from panoptic_ros.io.messages.heat_maps import heat_map_message
+from panoptic_ros.io.messages.images import heat_map_message
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 from panoptic_ros.nodes.middleware.quality import LATCHED
 

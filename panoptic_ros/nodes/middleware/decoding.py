@@ -16,8 +16,8 @@ from panoptic_ros.domain import AudioBlock, ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message, stamp_of
-from panoptic_ros.io.messages.bodies import imu_of_numbers, read_imu
 from panoptic_ros.io.messages.encodings import shown_by
+from panoptic_ros.io.messages.sensors import imu_of_numbers, read_imu
 from panoptic_ros.nodes.middleware.packets import numbers_of, stamp_in
 
 TOPIC = "{device}/audio_stamped"

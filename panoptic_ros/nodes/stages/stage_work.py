@@ -29,7 +29,7 @@ from panoptic_ros.graph.queues import Companions, Item, queue_for
 from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.graph.under_way import UnderWay
 from panoptic_ros.io.messages import to_message
-from panoptic_ros.io.messages.origins import Origins
+from panoptic_ros.io.messages.records import Origins
 from panoptic_ros.nodes.health.diagnostics import Diagnostics
 from panoptic_ros.nodes.health.reports import Report
 from panoptic_ros.nodes.health.tally import Tally

@@ -12,8 +12,8 @@ from panoptic_ros.io.bag_streams import DEPTH_KEYS, IMU_KEY, SENSOR_KEYS, TRACKS
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.foreign_people import ForeignPeople
 from panoptic_ros.io.messages.encodings import BAYER, encoding_of, is_mosaic
+from panoptic_ros.io.messages.images import is_video, video_told
 from panoptic_ros.io.messages.rpt import KIND as POSES
-from panoptic_ros.io.messages.videos import is_video, video_told
 
 KEYS = ("detections", "image", "compressed_image")  # what a run can begin with, the best first
 

@@ -24,7 +24,7 @@ from panoptic_ros.io.messages.camera_infos import (
     whole_camera,
 )
 from panoptic_ros.io.messages.encodings import encoding_of, is_mosaic
-from panoptic_ros.io.messages.videos import is_video, video_told
+from panoptic_ros.io.messages.images import is_video, video_told
 from panoptic_ros.io.rigs import read_rig
 from panoptic_ros.nodes.sources.drivers import Drivers, find_drivers
 from panoptic_ros.nodes.sources.transforms import find_transforms

@@ -17,7 +17,6 @@ from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_split import GB, Split
 
-RESULTS = ("skeletons", "detections", "clock_models", "timecode", "audio", "rig", "skeleton_model")
 FROM_OUTSIDE = (
     "sensor_msgs/msg/Image",
     "sensor_msgs/msg/CompressedImage",
@@ -49,7 +48,7 @@ class Selection:
             return any(fnmatch.fnmatchcase(topic, pattern) for pattern in self.patterns)
         if kind in IMAGES and not self.images:
             return False
-        rows = [TOPICS[key] for key in RESULTS]
+        rows = [row for row in TOPICS.values() if row.recorded]
         named = any(row.message == kind and topic.endswith("/" + row.name.split("}/")[-1]) for row in rows)
         return kind in FROM_OUTSIDE or named
 

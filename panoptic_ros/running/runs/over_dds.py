@@ -22,7 +22,7 @@ from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead, Processes, prepare_environment
 from panoptic_ros.running.runs.launch import flow_of, write_launch_file
 from panoptic_ros.running.runs.listening import require_no_other_graph
-from panoptic_ros.running.runs.results import Results, check_record, patch_topics
+from panoptic_ros.running.runs.results import Results, check_record, kept_besides
 
 LOOK_S = 0.2  # whether all processes run
 LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
@@ -76,7 +76,7 @@ def _run(
                     results.take,
                     plan.devices,
                     bodies,
-                    patch_topics(plan),
+                    kept_besides(plan),
                     partial(check_record, plan),
                 )
                 nodes += [collector]

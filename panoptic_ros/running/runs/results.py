@@ -3,33 +3,30 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Protocol
 
-from panoptic_ros.domain import ClockModel, RefinedPoseSet, ViewDetections
+from panoptic_ros.domain import ClockModel, PoseSet, RefinedPoseSet, ViewDetections
 from panoptic_ros.errors import ContractError, DataError, PanopticError
 from panoptic_ros.evaluation.body_tally import BodyTally
-from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.io.bag_recorder import BagRecorder
-from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY
 from panoptic_ros.io.bags import BagWriter
-from panoptic_ros.io.body_stream import BodyStream
+from panoptic_ros.io.body_files import BodyStream
 from panoptic_ros.io.clock_offsets import write_models
 from panoptic_ros.io.definitions import described
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.messages.markers import marker_array
+from panoptic_ros.io.plain_formats import SkeletonStream
 from panoptic_ros.io.previews import Previews
-from panoptic_ros.io.skeleton_stream import SkeletonStream
 from panoptic_ros.params import config_of, named_numbers, of_name
-from panoptic_ros.patches.config import PatchesConfig
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.view.body_drawing import DrawnBody, drawn_bodies
 
-PATCHES = ("patch_tracks", "skeletons_raw", "patches")  # what refinement takes, where patches are on
 KEPT_LIVE = 3600  # instants that the report of a live run, which has no end, is about: two minutes
 KEPT_FREE = 2_000_000  # bytes that a live take leaves on the disk: its index of an hour has 2 MB
 BAG, SKELETONS, BODIES, CLOCKS = "bag", "skeletons.json.gz", "kinematics.json.gz", "offsets.json"
@@ -82,12 +79,21 @@ class TakeBag:
         self._recorder.close()
 
 
-def patch_topics(plan: Plan) -> list[tuple[str, str]]:
-    """Keys and owners of what a run keeps of patches; nothing where they are off."""
-    if not config_of(plan.configs, PatchesConfig).active:
-        return []
-    tracks = plan.rig.names if plan.stage == "detection" else ()
-    return [*((PATCHES[0], name) for name in tracks), *((key, "") for key in PATCHES[1:])]
+def is_kept(configs: Mapping[str, Any], key: str) -> bool:
+    """Whether the bag of a run has the topic of that key; see `graph.topics.Topic`."""
+    topic = TOPICS.get(key)
+    stage, _, parameter = ("" if topic is None else topic.kept).partition(".")
+    return stage == "always" or (parameter != "" and bool(getattr(configs[stage], parameter)))
+
+
+def kept_besides(plan: Plan) -> list[tuple[str, str]]:
+    """Keys and owners of what a run keeps beside detections, sound, IMUs, skeletons and bodies."""
+    found: list[tuple[str, str]] = []
+    for key, topic in TOPICS.items():
+        if topic.kept != "always" and is_kept(plan.configs, key):
+            owners = plan.rig.names if plan.stage == "detection" else ()
+            found += [(key, name) for name in (owners if topic.scope == "camera" else ("",))]
+    return found
 
 
 def check_record(plan: Plan, key: str, owner: str, record: Any) -> None:
@@ -99,16 +105,14 @@ def check_record(plan: Plan, key: str, owner: str, record: Any) -> None:
     Raises:
         DataError: naming what is another camera, device, skeleton or set of segments.
     """
-    found = getattr(record, "camera", getattr(record, "device", ""))
-    if owner and key in ("detections", "preview", "patch_tracks", SOUND_KEY) and found != owner:
-        raise DataError(f"it is of {found!r}, and the topic is of {owner!r}")
+    if owner and owner_of(key, record) != owner:
+        raise DataError(f"it is of {owner_of(key, record)!r}, and the topic is of {owner!r}")
     skeleton = getattr(record, "skeleton_hash", plan.skeleton.hash)
-    if key in ("detections", "skeletons", *PATCHES) and skeleton != plan.skeleton.hash:
+    if skeleton != plan.skeleton.hash:
         raise DataError(f"its skeleton has hash {skeleton}, and that of this run {plan.skeleton.hash}")
     joints = len(plan.skeleton.joint_names)
-    positions = getattr(record, "positions", None)
-    if key in ("skeletons", "skeletons_raw") and positions is not None and positions.shape[1] != joints:
-        raise DataError(f"its people have {positions.shape[1]} joints, and those of this run {joints}")
+    if isinstance(record, PoseSet) and record.positions.shape[1] != joints:
+        raise DataError(f"its people have {record.positions.shape[1]} joints, and those of this run {joints}")
     model = plan.extras.get("segments")
     if key == "bodies" and model is not None and tuple(record.segment_names) != tuple(model.names):
         raise DataError(f"its {len(record.segment_names)} segments are not those of this run")
@@ -146,7 +150,6 @@ class Results:
         self.drawn: deque[DrawnBody] = deque(maxlen=kept if pictures else 0)
         self.clocks: dict[str, ClockModel] = {}  # the newest of every clock that was found
         self._plan = plan
-        self._with_patches = config_of(plan.configs, PatchesConfig).active
         self._on_record = on_record
         self._take_bag = TakeBag(folder / BAG, self._sync) if plan.live else None
         self._bag: Bag = self._take_bag or BagWriter(folder / BAG)
@@ -157,48 +160,35 @@ class Results:
     def take(self, key: str, record: Any) -> None:
         """A record of the topic of that key; detections, sound, skeletons, clocks and previews of
         images are kept."""
-        if key == "detections":
-            when = self._plan.at(record.camera, record.stamp_ns)
-            self._start(when)
-            self._write(key, record, when, record.camera)
-            self.views[record.camera].append(_without_maps(record))
-            self.frames_in[record.camera] += 1
-        elif key == SOUND_KEY:
-            when = self._plan.at(TOPICS[key].of(record.device), record.stamp_ns)
-            self._start(when)
-            self._write(key, record, when, record.device)
-        elif key == "preview":
-            when = self._plan.at(record.camera, record.stamp_ns)
-            self._start(when)
-            self._write(key, record, when, record.camera)
-        elif key == "image":
+        if key == "image":
             preview = self._previews.take(record)
             if preview is not None:
                 self.take("preview", preview)
+        elif key == "clock_models":
+            self.clocks[record.device] = record
+        elif is_kept(self._plan.configs, key):
+            self._keep(key, record)
+        if key == "detections":
+            self.views[record.camera].append(_without_maps(record))
+            self.frames_in[record.camera] += 1
         elif key == "skeletons":
-            self._start(record.stamp_ns)
-            self._write(key, record, record.stamp_ns)
             self._write_markers(record)
-            self._skeletons.add(record)
+            self._skeletons.take(record)
             self.poses.append(record)
-        elif key in PATCHES:
-            if self._with_patches:
-                self._start(record.stamp_ns)
-                owner = record.camera if key == "patch_tracks" else ""
-                self._write(key, record, self._plan.at(owner, record.stamp_ns), owner)
-        elif key == IMU_KEY:
-            self._start(record.stamp_ns)
-            self._write(key, record, record.stamp_ns, record.device)
         elif key == "bodies":
-            self._start(record.stamp_ns)
-            self._write(key, record, record.stamp_ns)
             self.bodies.add(record)
             self.drawn.extend(drawn_bodies(record))
             if self._bodies is not None:
-                self._bodies.add(record)
-        elif key == "clock_models":
-            self.clocks[record.device] = record
+                self._bodies.take(record)
         self._on_record(key, record)
+
+    def _keep(self, key: str, record: Any) -> None:
+        """Write a record to the bag, at its stamp on the master clock."""
+        owner, topic = owner_of(key, record), TOPICS[key]
+        clock = topic.of(owner) if topic.scope == "device" else owner
+        when = record.stamp_ns if topic.scope == "imu" else self._plan.at(clock, record.stamp_ns)
+        self._start(when)
+        self._write(key, record, when, owner)
 
     @property
     def instants(self) -> int:

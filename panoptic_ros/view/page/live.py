@@ -8,7 +8,7 @@ from typing import Any
 
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import DataError
-from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.graph.topics import ALWAYS_SHOWN, ASKED_FOR, TOPICS
 from panoptic_ros.view.page.facts import PageTopic, SceneFacts
 from panoptic_ros.view.page.health import Health
 from panoptic_ros.view.page.mailbox import Instant, Mailbox
@@ -16,16 +16,13 @@ from panoptic_ros.view.page.packets import Message
 from panoptic_ros.view.page.pairing import Pairing
 from panoptic_ros.view.page.peek import stamp_of_bytes
 
-ALWAYS = ("skeletons", "detections", "preview")
-MORE = ("proposals", "skeletons_raw", "associations", "bodies", "patches")  # for layers, while one is shown
-
 
 class Client:
     """One page: its mailbox, what it shows, and what wakes the one who sends."""
 
     def __init__(self, wake: Callable[[], None]):
         self.mailbox = Mailbox()
-        self.keys: frozenset[str] = frozenset(ALWAYS)
+        self.keys: frozenset[str] = frozenset(ALWAYS_SHOWN)
         self.wake = wake
 
 
@@ -55,7 +52,7 @@ class LiveScene:
         """The cameras and the skeleton are known, or are others now."""
         topics = [
             PageTopic(key, owner, TOPICS[key].message)
-            for key in (*ALWAYS, *MORE)
+            for key in (*ALWAYS_SHOWN, *ASKED_FOR)
             for owner in (rig.names if TOPICS[key].scope == "camera" else ("",))
         ]
         with self._lock:
@@ -125,7 +122,7 @@ class LiveScene:
     def choose(self, client: Client, keys: Sequence[str]) -> None:
         """Which topics a page shows besides those that it always has."""
         with self._lock:
-            client.keys = frozenset((*ALWAYS, *(key for key in keys if key in MORE)))
+            client.keys = frozenset((*ALWAYS_SHOWN, *(key for key in keys if key in ASKED_FOR)))
 
     def collect(self, client: Client) -> list[Message] | None:
         """What to send to a client now, if anything."""

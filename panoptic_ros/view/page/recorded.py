@@ -11,7 +11,7 @@ from typing import Any
 
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import DataError
-from panoptic_ros.graph.topics import TOPICS
+from panoptic_ros.graph.topics import ALWAYS_SHOWN, ASKED_FOR, TOPICS
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import bag_messages, frame_from_message, from_message, to_message
 from panoptic_ros.io.messages.family import bag_typestore, decode_cdr
@@ -24,16 +24,6 @@ from panoptic_ros.view.page.presence import Presence, ids_of
 from panoptic_ros.view.page.truth import KEY, MESSAGE, Truth
 
 BLOCK_NS = 1_000_000_000
-SHOWN = (
-    "skeletons",
-    "detections",
-    "preview",
-    "proposals",
-    "skeletons_raw",
-    "associations",
-    "bodies",
-    "patches",
-)
 GIVE_WAY_S, QUIET_S = 0.002, 0.5  # between looks of the scan whether it may go on; after a block, to draw it
 IMAGES = ("compressed_image", "image")  # previews are made of these where there are none
 
@@ -123,7 +113,7 @@ class RecordedScene:
     def messages(self, number: int, keys: Collection[str] = ()) -> Iterator[Message]:
         """As `block`, one by one."""
         begin = self._bag.begin_ns + number * BLOCK_NS
-        wanted = {"skeletons", "detections", "preview", *keys}
+        wanted = {*ALWAYS_SHOWN, *keys}
         if self._truth is not None and KEY in keys:
             for data in self._truth.between(begin, begin + BLOCK_NS):
                 yield Message(len(self._sources), data)
@@ -185,7 +175,7 @@ class RecordedScene:
 
     def _choose_topics(self) -> None:
         self._made: set[str] = set()
-        for key in SHOWN:
+        for key in (*ALWAYS_SHOWN, *ASKED_FOR):
             owners = self.rig.names if TOPICS[key].scope == "camera" else ("",)
             for owner in owners:
                 name = self._named(key, owner)

@@ -8,7 +8,7 @@ from bodies import MODEL, placed, some_pose
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import rotations_of
-from panoptic_ros.io.datasets.bone_axes import bone_axes
+from panoptic_ros.io.datasets.total_capture import bone_axes
 
 WAYS = [
     way

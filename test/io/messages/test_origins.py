@@ -6,7 +6,7 @@ import pytest
 from panoptic_ros.domain import DetectionSet, ViewDetections
 from panoptic_ros.io.messages import bag_messages, from_message, to_message
 from panoptic_ros.io.messages.family import bag_typestore
-from panoptic_ros.io.messages.origins import MOST, Origins
+from panoptic_ros.io.messages.records import MOST_KEPT, Origins
 
 FAMILY = bag_messages()
 KIND = "panoptic_msgs/msg/DetectionSet"
@@ -43,9 +43,9 @@ def test_what_was_changed_on_the_way_is_written_anew():
     assert to_message(item, replace(FAMILY, origin=origins.of)).views[0].header.stamp.nanosec == 8
 
 
-@pytest.mark.parametrize(("given", "kept"), [(["DetectionSet"], MOST), (["RefinedPoseSet"], 0), ([], 0)])
+@pytest.mark.parametrize(("given", "kept"), [(["DetectionSet"], MOST_KEPT), (["RefinedPoseSet"], 0), ([], 0)])
 def test_few_are_kept_and_only_where_they_are_wanted(given, kept):
     origins = Origins(given)
-    records = [came(view(k), origins)[0] for k in range(MOST + 5)]
+    records = [came(view(k), origins)[0] for k in range(MOST_KEPT + 5)]
     found = [origins.of(record) is not None for record in records]
     assert found == [False] * (len(records) - kept) + [True] * kept

@@ -20,8 +20,7 @@ from panoptic_ros.io.bags import BagReader, BagWriter
 from panoptic_ros.io.definitions import described
 from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.salvage import repair
-from panoptic_ros.io.salvage.found import Losses
-from panoptic_ros.io.salvage.mcap import mcap_messages
+from panoptic_ros.io.salvage.repair import Losses, mcap_messages
 
 KIND = "std_msgs/msg/String"
 COUNT = 60

@@ -16,7 +16,7 @@ from panoptic_ros.domain.body_names import link_names  # noqa: E402
 from panoptic_ros.domain.subjects import BodyState  # noqa: E402
 from panoptic_ros.errors import ConfigError  # noqa: E402
 from panoptic_ros.io.messages import bag_messages, to_message  # noqa: E402
-from panoptic_ros.io.messages.body_outputs import segment_transforms  # noqa: E402
+from panoptic_ros.io.messages.people import segment_transforms  # noqa: E402
 from panoptic_ros.io.messages.transforms import read_transform  # noqa: E402
 from panoptic_ros.kinematics.body_records import Solved, body_set  # noqa: E402
 from panoptic_ros.nodes.listeners.people_node import KINDS, OF_BODIES, PeopleNode  # noqa: E402

@@ -4,7 +4,8 @@ import numpy as np
 from recorded_scene import SKELETON, as_bytes, make_patches, make_poses, make_preview, make_rig, make_view
 
 from panoptic_ros.domain import RefinedPoseSet
-from panoptic_ros.view.page.live import ALWAYS, LiveScene
+from panoptic_ros.graph.topics import ALWAYS_SHOWN
+from panoptic_ros.view.page.live import LiveScene
 from panoptic_ros.view.page.pairing import PATIENCE_S
 from panoptic_ros.view.page.peek import stamp_of_bytes
 
@@ -80,9 +81,9 @@ def test_images_are_shown_where_nobody_makes_skeletons():
 
 def test_without_a_page_nothing_is_wanted():
     fed = Fed()
-    assert fed.scene.wanted() == frozenset(ALWAYS)
+    assert fed.scene.wanted() == frozenset(ALWAYS_SHOWN)
     fed.scene.choose(fed.client, ["proposals", "audio", "no such thing"])
-    assert fed.scene.wanted() == frozenset((*ALWAYS, "proposals"))
+    assert fed.scene.wanted() == frozenset((*ALWAYS_SHOWN, "proposals"))
     fed.scene.detach(fed.client)
     assert fed.scene.wanted() == frozenset()
 

@@ -1,4 +1,4 @@
-"""Bodies and samples of IMUs as messages, and back."""
+"""Records as messages of sensor_msgs, and back: samples of IMUs as Imu, colours of clothes as PointCloud2."""
 
 from __future__ import annotations
 
@@ -8,85 +8,75 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain.bodies import BodyStateSet, ImuSample, is_sound
+from panoptic_ros.domain import ViewAppearance
+from panoptic_ros.domain.appearance import CHANNELS, REGIONS
+from panoptic_ros.domain.bodies import ImuSample, is_sound
 from panoptic_ros.domain.checks import known_good
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.messages.arrays import flat, joint_count, shaped
-from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
+from panoptic_ros.io.messages.encodings import byte_array
+from panoptic_ros.io.messages.family import Messages, stamp_of
 
 Array = np.ndarray
-_FIELDS = {  # of one body: shape, where a name stands for a size
-    "offsets": ("S", 3),
-    "freedoms": ("D",),
-    "positions": ("S", 3),
-    "orientations": ("S", 4),
-    "velocities": ("S", 6),
-    "covariances": ("S", 6, 6),
-    "keypoints": ("J", 3),
-    "keypoint_covariances": ("J", 3, 3),
-}
 UNKNOWN = -1.0  # first element of a covariance in sensor_msgs/Imu: not measured (REP 145)
+FLOAT32, FLOAT64 = 7, 8  # of sensor_msgs/PointField
+NUMBER = "frame_number"
+COLOURS = tuple(f"{region}_{channel}" for region in REGIONS for channel in ("green", "red", "blue"))
+NAMES = (NUMBER, *COLOURS)
+OFFSETS = (0, *range(8, 8 + 4 * len(COLOURS), 4))
+POINT = np.dtype([(NUMBER, "<f8"), *((name, "<f4") for name in COLOURS)])
 
 
-def write_bodies(item: BodyStateSet, family: Messages, frame_id: str) -> Any:
-    """panoptic_msgs/Bodies."""
+def write_appearance(item: ViewAppearance, family: Messages, frame_id: str) -> Any:
+    """The message of a view's colours."""
+    points = np.empty(len(item.colours), POINT)
+    points[NUMBER] = item.frame_number
+    for name, values in zip(COLOURS, item.colours.reshape(-1, len(COLOURS)).T):
+        points[name] = values
+    fields = [
+        family.make(
+            "sensor_msgs/msg/PointField",
+            name=name,
+            offset=offset,
+            datatype=FLOAT64 if name == NUMBER else FLOAT32,
+            count=1,
+        )
+        for name, offset in zip(NAMES, OFFSETS)
+    ]
     return family.make(
-        "Bodies",
-        header=family.header(item.stamp_ns, frame_id),
-        newest_stamp=family.header(item.newest_ns, frame_id).stamp,
-        index=item.index,
-        skeleton_hash=item.skeleton_hash,
-        joint_count=item.keypoints.shape[1],
-        segment_names=list(item.segment_names),
-        parents=flat(family, item.parents, np.int32),
-        bodies=[
-            family.make(
-                "Body",
-                id=int(item.ids[k]),
-                source=int(item.sources[k]),
-                views=int(item.views[k]),
-                devices=int(item.devices[k]),
-                **{name: flat(family, getattr(item, name)[k], np.float64) for name in _FIELDS},
-            )
-            for k in range(len(item.ids))
-        ],
+        "sensor_msgs/msg/PointCloud2",
+        header=family.header(item.stamp_ns, item.camera),
+        height=1,
+        width=len(points),
+        fields=fields,
+        is_bigendian=False,
+        point_step=POINT.itemsize,
+        row_step=POINT.itemsize * len(points),
+        data=family.sequence(points.view(np.uint8).reshape(-1)),
+        is_dense=False,
     )
 
 
-def read_bodies(message: Any) -> BodyStateSet:
-    """The record of a panoptic_msgs/Bodies.
+def read_appearance(message: Any) -> ViewAppearance:
+    """The record of a view's colours.
 
     Raises:
-        DataError: if its content is bad.
+        DataError: if the message holds other points than these.
     """
-    bodies, names = message.bodies, tuple(str(name) for name in message.segment_names)
-    sizes = {"S": len(names), "D": 3 + 3 * len(names), "J": joint_count(message)}
-    arrays = {}
-    for name, letters in _FIELDS.items():
-        shape = tuple(size if isinstance(size, int) else sizes[size] for size in letters)
-        rows = [shaped(getattr(body, name), f"Body.{name}", *shape) for body in bodies]
-        arrays[name] = np.array(rows, np.float64).reshape(len(bodies), *shape)
-    return BodyStateSet(
-        int(message.index),
+    names = tuple(str(field.name) for field in message.fields)
+    data, count = byte_array(message), int(message.width)
+    if names != NAMES or message.is_bigendian or data.size != count * POINT.itemsize or not count:
+        raise DataError(f"{count} points with {', '.join(names)} are no colours of clothes")
+    points = np.frombuffer(data.tobytes(), POINT)
+    colours = np.stack([points[name] for name in COLOURS], axis=1)
+    number = points[NUMBER][0]
+    if not 0.0 <= number < 2**53:
+        raise DataError(f"colours of clothes of image {number}; images count from 0")
+    return ViewAppearance(
+        str(message.header.frame_id),
         stamp_of(message.header),
-        time_ns(message.newest_stamp),
-        str(message.skeleton_hash),
-        names,
-        shaped(message.parents, "Bodies.parents", len(names)),
-        np.array([body.id for body in bodies], np.int64),
-        np.array([body.source for body in bodies], np.uint8),
-        _counts("views", bodies),
-        _counts("devices", bodies),
-        **arrays,
+        int(number),
+        colours.reshape(count, len(REGIONS), CHANNELS),
     )
-
-
-def _counts(name: str, bodies: Sequence[Any]) -> Array:
-    """Whole numbers (B,) of a field of all bodies."""
-    values = np.array([getattr(body, name) for body in bodies], np.int64)
-    if (values > np.iinfo(np.int32).max).any():
-        raise DataError(f"Body.{name} is {values.max()}, which is no number of {name}")
-    return values.astype(np.int32)
 
 
 def write_imu(item: ImuSample, family: Messages, frame_id: str) -> Any:

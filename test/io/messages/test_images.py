@@ -5,7 +5,7 @@ import numpy as np
 
 from panoptic_ros.domain import ScoreMaps, ViewDetections
 from panoptic_ros.io.messages import bag_messages
-from panoptic_ros.io.messages.heat_maps import heat_map, heat_map_message
+from panoptic_ros.io.messages.images import heat_map, heat_map_message
 
 
 def view(maps):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.messages import depth_from_message
-from panoptic_ros.io.messages.rvl import decode_rvl
+from panoptic_ros.io.messages.depths import decode_rvl
 
 
 def encode(pixels):
