@@ -8,8 +8,8 @@ from pathlib import Path
 from panoptic_ros.cli.offsets import add_apart_option
 from panoptic_ros.cli.options import output_file
 from panoptic_ros.io.clock_offsets import write_clocks
+from panoptic_ros.view.clock_lines import pair_lines, sound_lines
 from panoptic_ros.view.progress import PassBar
-from panoptic_ros.view.sound_lines import pair_lines, sound_lines
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
