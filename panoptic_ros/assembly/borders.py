@@ -100,7 +100,6 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
     marks = np.zeros(seen.precision.shape, np.bool_)
     if not odds.any():
         return marks
-    softness = 1.0 / (cauchy * cauchy)
     lower, spread = np.zeros((3, 3)), np.zeros((3, 3))
     rows, x, step = np.empty((2, 3)), np.empty(3), np.empty(3)
     for p in range(people):
@@ -120,7 +119,7 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
                 if z <= MIN_DEPTH:
                     continue
                 information = seen.precision[d, s] ** 2
-                weight = information / noise_growth(residuals[p, j, v] ** 2, softness) if used else 0.0
+                weight = information / noise_growth(residuals[p, j, v] ** 2, cauchy) if used else 0.0
                 _jacobian(seen.cams.rotations[v], u, w, z, rows)
                 du, dw = seen.plane[d, s, 0] - u, seen.plane[d, s, 1] - w
                 for i in range(3):

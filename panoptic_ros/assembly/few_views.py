@@ -21,7 +21,6 @@ from panoptic_ros.domain import Prediction
 from panoptic_ros.domain.of_all import joined, selected
 from panoptic_ros.geometry.symmetric import invert_symmetric, largest_eigenvalue, solve_symmetric
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.order import median
 from panoptic_ros.solving.bodies import Body, Known, Rays, begin, estimate
 from panoptic_ros.solving.joint_records import Candidates
 from panoptic_ros.solving.scene import SEEN, Observations, Scene, look_at
@@ -158,7 +157,7 @@ def hold_joints(rows, kept, shown, followed, joints, body, worst):
         _take_solved(known, joints, row)
         places, covariances, residuals = estimate(known, rays, body)
         fits = residuals.ravel()[np.isfinite(residuals.ravel())]
-        if not len(fits) or median(fits) > WORST_FIT:
+        if not len(fits) or np.median(fits) > WORST_FIT:
             continue
         for j in range(len(number)):
             sure = GROWTH * largest_eigenvalue(covariances[j]) <= worst**2  # False for NaN
@@ -184,7 +183,7 @@ def _is_there(person, others):
             if np.isfinite(gap):
                 gaps[count] = gap
                 count += 1
-        if count and median(gaps[:count]) < SAME_PLACE:
+        if count and np.median(gaps[:count]) < SAME_PLACE:
             return True
     return False
 
@@ -273,7 +272,7 @@ def _expected(followed, who, shown, body):
         if np.isfinite(places[j, 0]):
             for i in range(3):
                 information[j, i, i] = 1.0 / variance
-    straying = STRAYING + SWINGING * median(pace[:count])
+    straying = STRAYING + SWINGING * np.median(pace[:count])
     vectors, slack = np.zeros((len(bones), 3)), np.full(len(bones), np.inf)
     for b in range(len(bones)):
         start, end = bones[b]

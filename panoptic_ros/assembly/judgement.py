@@ -26,7 +26,6 @@ from panoptic_ros.domain.checks import known_good
 from panoptic_ros.domain.of_all import selected
 from panoptic_ros.geometry.symmetric import invert_symmetric, largest_eigenvalue
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.order import median
 
 Array = np.ndarray
 
@@ -224,7 +223,7 @@ def kept_people(joints, good, observed, member, standards):
                 heights[known] = joints.positions[p, j, 2]
                 known += 1
         if known and number >= standards.fewest and agreed >= standards.share * shown:
-            if median(heights[:known]) > standards.lowest:
+            if np.median(heights[:known]) > standards.lowest:
                 kept[count] = p
                 count += 1
     kept = kept[:count]

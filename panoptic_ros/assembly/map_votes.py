@@ -15,12 +15,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.assembly.judgement import Joints
 from panoptic_ros.domain import ProposalSet, SkeletonModel
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.assignment import columns_of_rows
 
 Array = np.ndarray
 
@@ -133,40 +133,39 @@ def chosen_nodes(
             float(gate),
         )
         bones, mirror = np.array(skeleton.bones, np.int64).reshape(-1, 2), np.array(skeleton.mirror, np.int64)
-        choose(choice, _mapped_joints(item, len(skeleton)), bones, mirror, chosen)
+        for joint in np.flatnonzero(_mapped_joints(item, len(skeleton))):
+            own, cost = joint_costs(choice, joint, bones, mirror)
+            people, columns = linear_sum_assignment(cost)
+            moved = (columns < len(own)) & (cost[people, columns] < _NEVER)
+            chosen[people[moved], joint] = own[columns[moved]]
     return chosen
 
 
 @njit(cache=True, error_model="numpy")
-def choose(choice, mapped, bones, mirror, chosen):
-    """The loops of `chosen_nodes`, in place, for the joints that maps show: mapped (J,); bones (B, 2)."""
+def joint_costs(choice, joint, bones, mirror):
+    """The nodes (K,) of a joint, and what each person's joint costs (P, K + P) there and where it stays.
+
+    Args:
+        bones: (B, 2). mirror: (J,) other sides.
+    """
     positions, expected, nodes, node_joints, votes, views, gate = choice
-    own, people = np.empty(len(nodes), np.int64), len(positions)
-    for joint in np.flatnonzero(mapped):
-        count = 0
-        for n in range(len(nodes)):
-            if node_joints[n] == joint and votes[n] > 0.0:
-                own[count] = n
-                count += 1
-        cost = np.full((people, count + people), _NEVER)  # of nodes, and of staying
-        for p in range(people if count else 0):
-            here, there = positions[p, joint], expected[p, joint]
-            for k in range(count):
-                place = nodes[own[k]]
-                moved, away = _distances(place, here, there)
-                if _is_allowed(moved, away, views[own[k]], gate):
-                    strange = difference(place, positions[p], joint, bones, mirror)
-                    cost[p, k] = _cost(away, votes[own[k]]) + strange
-                    if np.isfinite(moved):
-                        cost[p, k] += min(0.5 * (moved / CHOICE_SIGMA) ** 2, WORST_MOVE)
-            _, stay = _distances(here, here, there)
-            cost[p, count + p] = _cost(stay if np.isfinite(stay) else 0.0, OWN_VOTE)
-            cost[p, count + p] += difference(here, positions[p], joint, bones, mirror)
-        if count:
-            columns = columns_of_rows(cost)
-            for p in range(people):
-                if columns[p] < count and cost[p, columns[p]] < _NEVER:
-                    chosen[p, joint] = own[columns[p]]
+    own, people = np.flatnonzero((node_joints == joint) & (votes > 0.0)), len(positions)
+    count = len(own)
+    cost = np.full((people, count + people), _NEVER)
+    for p in range(people if count else 0):
+        here, there = positions[p, joint], expected[p, joint]
+        for k in range(count):
+            place = nodes[own[k]]
+            moved, away = _distances(place, here, there)
+            if _is_allowed(moved, away, views[own[k]], gate):
+                strange = difference(place, positions[p], joint, bones, mirror)
+                cost[p, k] = _cost(away, votes[own[k]]) + strange
+                if np.isfinite(moved):
+                    cost[p, k] += min(0.5 * (moved / CHOICE_SIGMA) ** 2, WORST_MOVE)
+        _, stay = _distances(here, here, there)
+        cost[p, count + p] = _cost(stay if np.isfinite(stay) else 0.0, OWN_VOTE)
+        cost[p, count + p] += difference(here, positions[p], joint, bones, mirror)
+    return own, cost
 
 
 @njit(cache=True, error_model="numpy")

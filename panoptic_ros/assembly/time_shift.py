@@ -129,7 +129,6 @@ def stamp_sums(solved, shifts, seen, cauchy):
     first, second = np.zeros((people, joints, 3, 3)), np.zeros((people, joints, 3, 3))
     slopes = np.zeros((people, joints, 3))
     row, column = np.empty(3), np.empty(3)
-    softness = 1.0 / (cauchy * cauchy)
     for p in range(people):
         for j in range(joints):
             if not np.isfinite(positions[p, j, 0]):
@@ -143,7 +142,7 @@ def stamp_sums(solved, shifts, seen, cauchy):
                 for k in range(3):
                     row[k] = (rotations[v, 0, k] - u * rotations[v, 2, k]) / z
                     column[k] = (rotations[v, 1, k] - w * rotations[v, 2, k]) / z
-                weight = precision[d, s] ** 2 / noise_growth(residuals[p, j, v] ** 2, softness)
+                weight = precision[d, s] ** 2 / noise_growth(residuals[p, j, v] ** 2, cauchy)
                 du, dw = plane[d, s, 0] - u, plane[d, s, 1] - w
                 for i in range(3):
                     slopes[p, j, i] += weight * t * (row[i] * du + column[i] * dw)

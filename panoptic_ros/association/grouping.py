@@ -13,7 +13,6 @@ import numpy as np
 from panoptic_ros.association.config import AssociationConfig
 from panoptic_ros.domain import Groups
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.order import descending
 from panoptic_ros.solving.agreement import agreement_of_pairs, agreement_with_people
 from panoptic_ros.solving.scene import HIDDEN, SEEN, Observations, Scene, Sight, look_at
 from panoptic_ros.solving.triangulation import spread_views, triangulate_linear
@@ -81,7 +80,7 @@ def assign_greedily(positions, shifts, seen, mirror, free, scale, least):
             if value[p, d] >= least:
                 rated[count], place[count] = value[p, d], p * rows + d
                 count += 1
-    for i in descending(rated[:count]):
+    for i in np.argsort(-rated[:count], kind="mergesort"):
         p, d = place[i] // rows, place[i] % rows
         if left[d] and member[p, view[d]] < 0:
             member[p, view[d]], exchanged[p, view[d]] = d, flipped[p, d]

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from panoptic_ros.io.models import DEFAULT_MODEL, card_names, fetch, is_cached, load_detector, read_card
 from panoptic_ros.io.models.check import check_model
+from panoptic_ros.view.progress import PassBar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,8 +48,8 @@ def _list() -> None:
 
 
 def _fetch(name: str) -> None:
-    with _ProgressLine() as line:
-        written = fetch(name, line.show)
+    with PassBar(name, total=None) as bar:
+        written = fetch(name, lambda doing, megabytes: bar.show(megabytes, f"{doing} ... {megabytes:.0f} MB"))
     for path in written:
         print(f"{path.stem}: converted, checked against the original, written to {path}")
     if not written:
@@ -65,28 +65,3 @@ def _check(name: str) -> None:
         print("the values on the test picture are the expected ones")
     if model.person_detector is not None:
         print(f"people are found by {model.person_detector.card.name}")
-
-
-class _ProgressLine:
-    """One line on a terminal that is overwritten; nothing where nobody watches."""
-
-    def __init__(self) -> None:
-        self.width = 0
-
-    def __enter__(self) -> _ProgressLine:
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._write("")
-        if self.width:
-            sys.stderr.write("\r")
-            sys.stderr.flush()
-
-    def show(self, doing: str, megabytes: float) -> None:
-        self._write(f"{doing} ... {megabytes:.0f} MB" if megabytes else f"{doing} ...")
-
-    def _write(self, text: str) -> None:
-        if sys.stderr.isatty():
-            sys.stderr.write("\r" + text.ljust(self.width))
-            sys.stderr.flush()
-            self.width = max(self.width, len(text))

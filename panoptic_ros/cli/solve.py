@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from panoptic_ros.cli.offsets import add_offset_options
 from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names, output_file
 from panoptic_ros.stage import untold
-from panoptic_ros.view.progress import PassBar
 
 if TYPE_CHECKING:
     from panoptic_ros.running.solve import Solution, SolveTask
@@ -76,7 +75,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _corrected(task: SolveTask, args: argparse.Namespace) -> SolveTask:
     """The task with corrected stamps, if that is asked for; prints what was done."""
+    asked = (args.offsets, args.offsets_from_motion, args.offsets_from_sound)
+    if not any((*asked, args.offsets_out, args.trusted_camera)):
+        return task
     from panoptic_ros.running.sound.correction import Correction, corrected
+    from panoptic_ros.view.progress import PassBar
 
     correction = Correction(
         args.offsets,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 
 
@@ -17,6 +16,7 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.errors import UsageError
     from panoptic_ros.running.compiling.modules import compile_modules
     from panoptic_ros.running.compiling.warm_up import is_warm, warm_up  # numba is slow to load
+    from panoptic_ros.view.progress import PassBar
 
     if args.processes is not None and args.processes < 1:
         raise UsageError(f"--processes {args.processes}: at least 1")
@@ -25,18 +25,8 @@ def run(args: argparse.Namespace) -> int:
         return 0
     began = time.monotonic()
     compile_modules()
-    done = warm_up(_Progress().show, args.processes)
+    with PassBar("compiling") as bar:
+        done = warm_up(bar.show, args.processes)
     seconds = time.monotonic() - began
     print(f"{done.kernels} kernels compiled in {seconds:.0f} s ({done.cpu_s:.0f} s of processor time)")
-    if done.note:
-        print(done.note)
     return 0
-
-
-class _Progress:
-    """A line that is written over on a terminal; nothing elsewhere."""
-
-    def show(self, share: float, name: str) -> None:
-        if sys.stderr.isatty():
-            end = "\n" if share == 1.0 else ""
-            print(f"\rcompiling: {share:4.0%}, {name:12}", end=end, file=sys.stderr, flush=True)

@@ -1,8 +1,7 @@
 """2D people carried from image to image by optical flow, where the network does not look.
 
-Lucas and Kanade 1981, in pyramids (Bouguet 2001), forward and backward (Kalal et al. 2010): a joint that does
-not come back to where it began is lost. Over 100 ms a carried joint is off by 0.8 % of the person's height;
-the network itself by 1.8 %.
+A joint that does not come back to where it began is lost, see `geometry.optical_flow`. Over 100 ms a carried
+joint is off by 0.8 % of the person's height; the network itself by 1.8 %.
 """
 
 from __future__ import annotations
@@ -13,11 +12,11 @@ import cv2
 import numpy as np
 
 from panoptic_ros.detection.people import People, no_people
+from panoptic_ros.geometry.optical_flow import there_and_back
 
 Array = np.ndarray
 WIDTH, COARSE = 320, 40  # px, of the grey images: where people are carried, and where cuts are told alone
-WINDOW, LEVELS = (11, 11), 3  # px of them; a larger window takes the background along with a joint
-STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 12, 0.03)
+ITERATIONS = 12  # of flow per level
 RETURN = 1.0  # px of the grey image, by which a joint may miss its beginning
 FEWEST = 3  # joints that a carried person has
 KEPT = 0.4  # of the joints that must come along; of fewer, the image is another
@@ -83,22 +82,10 @@ def carried(before: Memory, now: Memory) -> People | None:
 
 def _followed(before: Array, now: Array, points: Array) -> tuple[Array, Array]:
     """Where points (N, 2) px of an image are in the next one, and which of them come back (N,)."""
-    start = points.astype(np.float32).reshape(-1, 1, 2)
-    moved, found = _flow(before, now, start)
-    back, again = _flow(now, before, moved)
-    missed = np.linalg.norm((back - start).reshape(-1, 2), axis=1)
+    moved, missed, found = there_and_back(before, now, points, points, ITERATIONS, back_from_begins=False)
     height, width = now.shape
-    inside = (moved.reshape(-1, 2) >= 0.0).all(axis=1) & (moved.reshape(-1, 2) < (width, height)).all(axis=1)
-    kept = found & again & (missed <= RETURN) & inside
-    return moved.reshape(-1, 2).astype(np.float64), kept
-
-
-def _flow(before: Array, now: Array, start: Array) -> tuple[Array, Array]:
-    """Where points (N, 1, 2) float32 of an image are in another one, and which were found (N,)."""
-    moved, found, _ = cv2.calcOpticalFlowPyrLK(
-        before, now, start, np.empty_like(start), winSize=WINDOW, maxLevel=LEVELS, criteria=STOP
-    )
-    return np.asarray(moved), np.asarray(found).ravel() == 1
+    inside = (moved >= 0.0).all(axis=1) & (moved < (width, height)).all(axis=1)
+    return moved.astype(np.float64), found & (missed <= RETURN) & inside
 
 
 def _small(points: Array, scale: float) -> Array:

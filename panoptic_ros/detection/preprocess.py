@@ -13,7 +13,6 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from panoptic_ros.detection.area import shrunk
 from panoptic_ros.detection.card import CoordsCard, InputCard
 
 Array = np.ndarray
@@ -38,10 +37,9 @@ def letterbox(
     scale = min(size[0] / height, size[1] / width)
     rows = min(max(round(height * scale), 1), size[0])
     columns = min(max(round(width * scale), 1), size[1])
-    if scale < (LEAST_LINEAR if quick else 1.0):
-        fitted = shrunk(image, (rows, columns))
-    else:
-        fitted = cv2.resize(image, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    areas = scale < (LEAST_LINEAR if quick else 1.0)
+    sampling = cv2.INTER_AREA if areas else cv2.INTER_LINEAR
+    fitted = cv2.resize(image, (columns, rows), interpolation=sampling)
     sx, sy = columns / width, rows / height
     if (rows, columns) == size:
         return fitted, np.array([[sx, 0.0, 0.5 * sx - 0.5], [0.0, sy, 0.5 * sy - 0.5]])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.order import nth_smallest
 
 Array = np.ndarray
 COMMON = 3  # joints that must be known of both
@@ -39,7 +38,8 @@ def median_distances(points, seen, others, known):
                     gaps[count] = np.sqrt(across * across + down * down)
                     count += 1
             if count >= COMMON:
-                middle = nth_smallest(gaps[:count], (count - 1) // 2)
+                half = (count - 1) // 2
+                middle = np.partition(gaps[:count], half)[half]
                 shares[i, k] = middle / max(own[i], theirs[k], 1e-9)
     return shares
 

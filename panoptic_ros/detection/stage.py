@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from panoptic_ros.detection import region_maps, resemblance, score_maps
 from panoptic_ros.detection.allowance import Allowance
 from panoptic_ros.detection.budget import FEW, Budget, Pace, Processor
 from panoptic_ros.detection.card import CROP_FAMILIES
 from panoptic_ros.detection.config import DetectionConfig, with_card_thresholds
 from panoptic_ros.detection.crops import CropNetwork
+from panoptic_ros.detection.decoders import center_heads
 from panoptic_ros.detection.flow import Memory
 from panoptic_ros.detection.full_image import Finding, FullImageNetwork
 from panoptic_ros.detection.input_size import SURE, Answer, SideChooser
@@ -20,7 +22,6 @@ from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.detection.people import People, boxes_of_points
 from panoptic_ros.detection.preprocess import Turn, composed, turn_by
 from panoptic_ros.detection.upright import rolls_of
-from panoptic_ros.detection.warm_up import warm_up
 from panoptic_ros.detection.watching import Watch
 from panoptic_ros.domain import (
     NO_CAMERAS,
@@ -329,3 +330,12 @@ def _back(finding: Finding, turn: Turn) -> Finding:
         grid = composed(patches.grid_from_image, turn.upright_from_image)
         patches = replace(patches, grid_from_image=grid)
     return replace(finding, people=people, patches=patches)
+
+
+def warm_up() -> None:
+    """Compile what looks at images need, whatever the detector and the setting.
+
+    All kernels: of the decoder, of maps, and of how far 2D people are apart.
+    """
+    for part in (center_heads, score_maps, region_maps, resemblance):
+        part.warm_up()

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.domain import DetectionSet, JointState, Rig, SkeletonModel, TrackedPoseSet
-from panoptic_ros.kernels.assignment import best_assignment
 
 Array = np.ndarray
 LIMB_JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")  # ends of joint names, both sides
@@ -205,7 +205,7 @@ def _matched(
     mean = np.where(common, distances, 0.0).sum(-1) / np.maximum(count, 1)
     cost = np.where((count >= LEAST_JOINTS) & (mean <= farthest), mean, farthest)
     columns = []
-    for person, other in zip(*best_assignment(cost)):
+    for person, other in zip(*linear_sum_assignment(cost)):
         if cost[person, other] < farthest:
             joints = np.flatnonzero(common[person, other])
             columns.append(

@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.evaluation.joint_scores import ratio
 from panoptic_ros.evaluation.pairing import FramePair
-from panoptic_ros.kernels.assignment import best_assignment
 
 GAP = 1.0  # s
 
@@ -103,4 +103,4 @@ def _best_overlap(together: Counter[tuple[int, int]]) -> int:
     counts = np.zeros((len(whos), len(names)), np.int64)
     for (who, name), count in together.items():
         counts[whos.index(who), names.index(name)] = count
-    return int(counts[best_assignment(-counts)].sum())
+    return int(counts[linear_sum_assignment(-counts)].sum())

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.evaluation.sequences import SkeletonFrame, SkeletonSequence
-from panoptic_ros.kernels.assignment import best_assignment
 
 Array = np.ndarray
 
@@ -154,7 +154,7 @@ def match_people(truth: Array, result: Array) -> tuple[Array, Array]:
         return np.empty((0, 2), np.int64), np.empty((0, joints))
     distances, means, common = distance_table(truth, result)
     allowed = (common >= MIN_COMMON) & (means <= GATE)
-    rows, columns = best_assignment(np.where(allowed, means, _FORBIDDEN))
+    rows, columns = linear_sum_assignment(np.where(allowed, means, _FORBIDDEN))
     kept = allowed[rows, columns]
     rows, columns = rows[kept], columns[kept]
     return np.stack([rows, columns], axis=-1), distances[rows, columns]

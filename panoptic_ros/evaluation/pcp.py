@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.errors import DataError
 from panoptic_ros.evaluation.pairing import distance_table, nearest_frames
@@ -33,7 +34,6 @@ from panoptic_ros.evaluation.pcp_joints import (
     plain_name,
 )
 from panoptic_ros.evaluation.sequences import SkeletonSequence
-from panoptic_ros.kernels.assignment import best_assignment
 
 Array = np.ndarray
 
@@ -171,7 +171,7 @@ def _assign(rule: PcpRule, actors: Array, estimates: Array) -> list[tuple[int, A
     used = slice(None) if rule.exclusive else slice(len(ANNOTATION_JOINTS))
     means = distance_table(actors[:, used], estimates[:, used])[1]
     if rule.exclusive:
-        rows, columns = best_assignment(np.minimum(means, FAR))
+        rows, columns = linear_sum_assignment(np.minimum(means, FAR))
         return [(int(row), estimates[column]) for row, column in zip(rows, columns)]
     return [(row, estimates[int(means[row].argmin())]) for row in range(len(actors))]
 

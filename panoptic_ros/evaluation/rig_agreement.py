@@ -17,10 +17,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.domain import Camera, Rig, ViewDetections
 from panoptic_ros.geometry import Intrinsics
-from panoptic_ros.kernels.assignment import best_assignment
 
 Array = np.ndarray
 BEHIND = 1e4  # px
@@ -194,7 +194,7 @@ def _matches(residual: Array, enough: Array) -> tuple[Array, Array, Array]:
     """Indices (instant, person of a, person of b) of the best matching of each instant."""
     found = []
     for instant, (costs, allowed) in enumerate(zip(residual, enough)):
-        rows, columns = best_assignment(np.where(allowed, np.minimum(costs, BEHIND), 2 * BEHIND))
+        rows, columns = linear_sum_assignment(np.where(allowed, np.minimum(costs, BEHIND), 2 * BEHIND))
         found += [(instant, a, b) for a, b in zip(rows, columns) if allowed[a, b]]
     table = np.array(found, dtype=int).reshape(-1, 3)
     return table[:, 0], table[:, 1], table[:, 2]

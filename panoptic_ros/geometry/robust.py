@@ -12,23 +12,23 @@ from panoptic_ros.kernels import inlined
 TIE_BREAK = 1e-6  # share of the limit
 
 
-def growth(squared: Any, softness: float) -> Any:
-    """By what a residual multiplies the variance of its measurement: the inverse of its weight.
+def growth(squared: Any, scale: float) -> Any:
+    """By what a residual multiplies the variance of its measurement: the inverse of its Cauchy weight.
 
     Args:
         squared: residual, in variances; a number or an array.
-        softness: 1 / scale^2, the scale in standard deviations.
+        scale: of the weight, in standard deviations.
     """
-    return 1.0 + squared * softness
+    return 1.0 + squared * (1.0 / (scale * scale))  # compilers take what does not change out of loops
 
 
 noise_growth = inlined(growth)  # for kernels
 
 
 @inlined
-def relative_growth(squared, softness):
+def relative_growth(squared, scale):
     """The same divided by that of a residual of one standard deviation, so that covariances stay honest."""
-    return noise_growth(squared, softness) / noise_growth(1.0, softness)
+    return noise_growth(squared, scale) / noise_growth(1.0, scale)
 
 
 @cache
@@ -43,7 +43,7 @@ def covariance_correction(scale: float) -> float:
     """
     squares = np.linspace(0.0, 60.0, 6001)[1:] - 0.005
     density = 0.5 * np.exp(-0.5 * squares) * 0.01
-    weight = 1.0 / growth(squares, 1.0 / scale**2)
+    weight = 1.0 / growth(squares, scale)
     slope = weight + squares * np.gradient(weight, squares)  # mean over the axes of d psi / d r
     variance = (0.5 * squares * weight**2 * density).sum() / (slope * density).sum() ** 2
     return float(variance * (weight * density).sum())

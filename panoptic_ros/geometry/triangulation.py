@@ -103,6 +103,8 @@ def triangulate_robust(
     Returns:
         see `Triangulated`. The covariance is that of the views left, without any inflation.
     """
+    from panoptic_ros.geometry.robust import growth  # only now: numba is slow to load
+
     given = np.isfinite(plane).all(-1)
     precision = np.where(given, stack.focals / np.where(given, sigmas, 1.0), 0.0)  # 1 / plane unit
     points = triangulate_linear(stack, plane, precision)
@@ -115,7 +117,7 @@ def triangulate_robust(
         error, jacobian, front = _linearised(stack, x, safe)
         residual = np.where(front, np.linalg.norm(error, axis=-1) * precision, np.inf)
         residual = np.where(given, residual, 0.0)
-        weights = given / (1.0 + (residual / cauchy) ** 2)
+        weights = given / growth(residual**2, cauchy)
         if step >= iterations - 2:
             weights = np.where(residual < gate, weights, 0.0)
         w = weights * precision**2

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-
-from panoptic_ros.kernels.assignment import best_assignment
+from scipy.optimize import linear_sum_assignment
 
 Array = np.ndarray
 
@@ -21,5 +20,5 @@ def best_pairs(cost: Array, gate: float) -> list[tuple[int, int]]:
     if not cost.size:
         return []
     worth = np.where(cost < gate, cost - gate, 0.0)  # 0 = both stay alone
-    rows, columns = best_assignment(worth)
+    rows, columns = linear_sum_assignment(worth)
     return [(int(i), int(k)) for i, k in zip(rows, columns) if worth[i, k] < 0.0]

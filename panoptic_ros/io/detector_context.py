@@ -8,7 +8,6 @@ from typing import Any
 
 from panoptic_ros.domain import JointMap, SkeletonModel
 from panoptic_ros.io.biases import read_bias_table
-from panoptic_ros.io.models import load_detector
 from panoptic_ros.io.skeletons import map_joints
 
 
@@ -19,6 +18,8 @@ def detector_extras(model: str, skeleton: str) -> tuple[SkeletonModel, Mapping[s
         model: name of a card, or path of a card or an ONNX file.
         skeleton: name or path of the skeleton model.
     """
+    from panoptic_ros.io.models import load_detector  # only now: without images nobody needs onnxruntime
+
     detector = load_detector(model)
     working, joint_map = map_joints(skeleton, detector.card.joints)
     working = replace(working, bias_floors=_floors(detector.card.joint_bias, joint_map))

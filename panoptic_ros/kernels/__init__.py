@@ -6,11 +6,8 @@ sources that such a module can reach, so it does not matter where the package is
 environment, which the other rooms of its rank may not: that is its task, and no result depends on it.
 """
 
-from panoptic_ros.kernels.cache import cache_folder
-from panoptic_ros.kernels.compiling import on_compilation
-from panoptic_ros.kernels.jit import inlined, njit
-from panoptic_ros.kernels.kept import damaged_files, remove_damaged
-from panoptic_ros.kernels.parts import slow_compilation
+from panoptic_ros.kernels.cache import cache_folder, damaged_files, remove_damaged
+from panoptic_ros.kernels.jit import inlined, njit, on_compilation
 from panoptic_ros.kernels.sources import all_sources_hash
 
 __all__ = [
@@ -21,5 +18,4 @@ __all__ = [
     "njit",
     "on_compilation",
     "remove_damaged",
-    "slow_compilation",
 ]

@@ -1,12 +1,19 @@
-"""Where compiled kernels are kept: one folder per module, named by all that its code depends on."""
+"""Where compiled kernels are kept: one folder per module, named by all that its code depends on.
+
+Files have checksums: one that was cut or damaged is as none, and is compiled again. numba itself trusts its
+files. One that was cut, e.g. by a full disk or a power cut, raises an error in every run that follows, and
+changed machine code would be run.
+"""
 
 from __future__ import annotations
 
 import os
+import pickle
 import shutil
 import sys
 import tempfile
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
@@ -17,15 +24,14 @@ from typing import Any
 import numba
 import numpy as np
 from numba.core import types
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.runtime.nrt import rtsys
 
-from panoptic_ros.kernels.kept import KeptFile
 from panoptic_ros.kernels.sources import closure_hash, edited_meanwhile
 
-KNOWN = ("0.68",)  # versions of numba whose own parts are known to be as expected here and in `parts`
-IS_KNOWN = numba.__version__.rpartition(".")[0] in KNOWN
 KEPT = 4  # folders of every module, of the last used: other checkouts, and the way back
+MARK = b"panoptic-kernel-1\n"  # at the beginning, then four bytes of checksum, big-endian
+SUFFIXES = (".nbi", ".nbc")  # numba's names for indices and for code
 DAY_S = 86_400.0  # for which a folder is kept in any case, as somebody may be at work with it
 SETTINGS: Any = numba.config
 VERSIONS = (
@@ -130,6 +136,35 @@ class _Locator:
         return str(self._line)
 
 
+class KeptFile(IndexDataCacheFile):
+    """The index of one function and its files of code, see `numba.core.caching`."""
+
+    def _load_index(self) -> Any:
+        content = _content(Path(self._index_path))
+        if content is None:
+            return {}
+        version, stamp, overloads = pickle.loads(content)
+        return overloads if (version, stamp) == (self._version, self._source_stamp) else {}
+
+    def _save_index(self, overloads: Any) -> None:
+        self._write(self._index_path, (self._version, self._source_stamp, overloads))
+
+    def _load_data(self, name: str) -> Any:
+        content = _content(Path(self._data_path(name)))
+        if content is None:
+            raise FileNotFoundError(f"{name} is not there or damaged")  # numba compiles then
+        return pickle.loads(content)
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._write(self._data_path(name), data)
+
+    def _write(self, path: str, value: Any) -> None:
+        content = self._dump(value)
+        with self._open_for_write(path) as file:
+            file.write(MARK + _checksum(content))
+            file.write(content)
+
+
 class _Kernels(CompileResultCacheImpl):
     _locator_classes = [_Locator]
 
@@ -141,11 +176,10 @@ class KernelCache(FunctionCache):
 
     def __init__(self, function: Callable[..., Any]):
         super().__init__(function)
-        if IS_KNOWN:
-            locator = self._impl.locator
-            self._cache_file = KeptFile(
-                locator.get_cache_path(), self._impl.filename_base, locator.get_source_stamp()
-            )
+        locator = self._impl.locator
+        self._cache_file = KeptFile(
+            locator.get_cache_path(), self._impl.filename_base, locator.get_source_stamp()
+        )
         if edited_meanwhile(function.__module__):
             self.disable()
 
@@ -156,8 +190,6 @@ class KernelCache(FunctionCache):
         What is compiled already needs the counts of references alone.
         """
         try:
-            if not IS_KNOWN:
-                return super().load_overload(sig, target_context)
             rtsys.initialize(target_context)
             with self._guard_against_spurious_io_errors():
                 return self._load_overload(sig, target_context)
@@ -177,3 +209,42 @@ def _field_names(kinds: Any) -> Iterator[tuple[str, ...]]:
         yield tuple(getattr(kind, "fields", ()))
         if isinstance(kind, types.BaseTuple):
             yield from _field_names(kind)
+
+
+def remove_damaged(folder: Path) -> int:
+    """Remove files of compiled kernels below a folder that are cut or damaged; return how many there were."""
+    count = 0
+    for path in damaged_files(folder):
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+            count += 1
+    return count
+
+
+def damaged_files(folder: Path) -> list[Path]:
+    """Return files of compiled kernels below a folder that are cut or damaged.
+
+    Folders in which no file has a checksum are of earlier versions, which had none.
+    """
+    found: list[Path] = []
+    for place in folder.glob("*/"):
+        whole = {path: _content(path) is not None for path in place.iterdir() if path.suffix in SUFFIXES}
+        if any(whole.values()):
+            found += [path for path, good in whole.items() if not good]
+    return found
+
+
+def _content(path: Path) -> bytes | None:
+    """Return the bytes behind the checksum of a file; None if it is not there, or not as it was written."""
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return None
+    begin = len(MARK) + 4
+    content = data[begin:]
+    whole = data.startswith(MARK) and data[len(MARK) : begin] == _checksum(content)
+    return content if whole else None
+
+
+def _checksum(content: bytes) -> bytes:
+    return zlib.crc32(content).to_bytes(4, "big")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from panoptic_ros.geometry.robust import growth
 from panoptic_ros.offsets.association import Observations
 from panoptic_ros.offsets.noise import Noise
 from panoptic_ros.offsets.series import KNOTS, Series, make_series
@@ -65,7 +66,7 @@ class _Problem:
         series, seen = self.series, self.series.seen
         times = seen.stamp + state[seen.camera] + state[self.cameras + seen.camera] * seen.stamp
         scale = 1.0 / (self._noise.sigmas() * seen.depth)
-        weights = 1.0 / (1.0 + (self._ratio / CAUCHY) ** 2)
+        weights = 1.0 / growth(self._ratio**2, CAUCHY)
         curves = Curves(series.starts, series.origins, series.counts, KNOTS, self._stiffness)
         rows, rights = seen.rows * scale[:, None, None], seen.rights * scale[:, None]
         fit = fit_series(curves, Rays(times, seen.camera, seen.stamp, rows, rights, weights), self.cameras)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.domain.parts import Part
+from panoptic_ros.geometry.robust import growth
 from panoptic_ros.geometry.rotations import rotation_of
 
 Array = np.ndarray
@@ -58,7 +59,7 @@ class Carried:
         expected = np.where(carried[:, None], self.positions + np.nan_to_num(moved), self.positions)
         self.ages = np.where(there, 0.0, self.ages + dt)
         off = np.linalg.norm(measured - expected, axis=1)
-        soft = gain if gain == 1.0 else np.maximum(LEAST_GAIN, gain / (1.0 + (off / FAR) ** 2))[:, None]
+        soft = gain if gain == 1.0 else np.maximum(LEAST_GAIN, gain / growth(off**2, FAR))[:, None]
         blended = expected + soft * (measured - expected)
         expected = np.where(there[:, None], np.where(carried[:, None], blended, measured), expected)
         self.positions = np.where((self.ages <= longest)[:, None], expected, np.nan)

@@ -18,7 +18,7 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 ROUNDS = 8
-SOFTNESS = 1.0 / 2.0**2  # of the Cauchy weight: scale of two standard deviations
+CAUCHY = 2.0  # standard deviations, scale of the Cauchy weight
 SETTLED = 1e-5  # m and rad, steps below which a motion is found
 FREEDOM = 6  # numbers of a motion
 AGREES = 9.0  # squared standard deviations of a track that agrees with the motion
@@ -143,9 +143,9 @@ def _accumulate(tracks, bodies, part, motion, views, sums, result):
             rows[i, 2] = arm[0] * rows[i, 4] - arm[1] * rows[i, 3]
         a, b, c = tracks.information[n, 0], tracks.information[n, 1], tracks.information[n, 2]
         whitened = a * residual[0] ** 2 + 2.0 * b * residual[0] * residual[1] + c * residual[1] ** 2
-        growth = noise_growth(whitened, SOFTNESS)
+        growth = noise_growth(whitened, CAUCHY)
         cost += np.log(growth)
-        other = noise_growth(tracks.others[n], SOFTNESS)
+        other = noise_growth(tracks.others[n], CAUCHY)
         growth *= max(1.0, 0.5 * (1.0 + (growth / other) ** 2))  # it is rather on something else
         if whitened < AGREES:
             agreeing += 1

@@ -21,8 +21,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.patches.carried import Carried
 from panoptic_ros.patches.config import PatchesConfig
 from panoptic_ros.patches.depth_buffer import ready
-from panoptic_ros.patches.depth_maps import DepthMaps
-from panoptic_ros.patches.free_space import free_joints
+from panoptic_ros.patches.depth_maps import DepthMaps, free_joints
 from panoptic_ros.patches.lifting import Capsules, axes, joined
 from panoptic_ros.patches.motions import Lifted, PartTracker, expectation, no_motions
 from panoptic_ros.patches.surface import Surface, moved, no_surface, seeded

@@ -69,7 +69,6 @@ def update(sized, motion, rows, measured, cauchy, innovations):
     size, moving = len(sized), len(delays) > 0
     row, ahead, gain = np.zeros(6 if moving else 3), np.empty((3, size)), np.empty(size)
     total, lower, innovation = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    softness = 1.0 / (cauchy * cauchy)
     for r, j in np.ndindex(points.shape[:2]):
         state, cov = motion.states[rows[r], j], motion.covariances[rows[r], j]
         noise, whitened = noises[rows[r], j], innovations[rows[r], j]
@@ -86,7 +85,7 @@ def update(sized, motion, rows, measured, cauchy, innovations):
         squared = 0.0
         for i in range(3):
             squared += whitened[i] ** 2 / 3.0
-        growth = relative_growth(squared, softness)
+        growth = relative_growth(squared, cauchy)
         for i in range(3):
             for k in range(3):
                 total[i, k] = noise[i, k] * growth
@@ -148,14 +147,14 @@ def update_row(sized, state, covariance, row, innovation, cauchy, gain):
 
     row: (S,), or fewer if all others are 0.
     """
-    size, spread, softness = len(sized), 0.0, 1.0 / (cauchy * cauchy)
+    size, spread = len(sized), 0.0
     for i in range(size):
         gain[i] = 0.0
         for k in range(len(row)):
             gain[i] += covariance[i, k] * row[k]
     for k in range(len(row)):
         spread += row[k] * gain[k]
-    spread += relative_growth(innovation**2 / (spread + 1.0), softness)
+    spread += relative_growth(innovation**2 / (spread + 1.0), cauchy)
     scaled = innovation / spread
     for i in range(size):
         state[i] += gain[i] * scaled

@@ -108,7 +108,7 @@ def predict_linked(sized, motion, transition, noise, links, cauchy, ahead, gains
     total, lower, spread, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     row, gain, change, white = np.empty(size), np.empty(size), np.empty(3), np.empty(3)
     step, factor = np.empty((size, size)), np.empty((size, size))
-    softness, orders = 1.0 / (cauchy * cauchy), size // 3
+    orders = size // 3
     for p, j in np.ndindex(noise.shape):
         state, cov, q = motion.states[p, j], motion.covariances[p, j], noise[p, j]
         moved, own = links.displacements[p, j], links.spreads[p, j]
@@ -129,7 +129,7 @@ def predict_linked(sized, motion, transition, noise, links, cauchy, ahead, gains
         squared = 0.0
         for k in range(3):
             squared += innovations[p, j, k] ** 2 / 3.0
-        growth = relative_growth(squared, softness)
+        growth = relative_growth(squared, cauchy)
         for i in range(3):
             for k in range(3):
                 spread[i, k] = own[i, k] * growth

@@ -17,6 +17,7 @@ import numpy as np
 
 from panoptic_ros.domain import PartMotions, SkeletonModel
 from panoptic_ros.domain.parts import rigid_parts
+from panoptic_ros.geometry.robust import growth
 from panoptic_ros.geometry.rotations import rotation_of
 from panoptic_ros.refinement.links import Links
 from panoptic_ros.refinement.records import People
@@ -73,7 +74,7 @@ def learn_shortfall(sums: Array, people: People, kinds: Sequence[Sequence[int]],
     sums *= np.exp(-dt / MEMORY)
     for k, joints in enumerate(kinds):
         surface, views = people.followed[:, joints], people.seen[:, joints]
-        weights = dt / (1.0 + np.square(views - surface).sum(axis=-1) / SOFT**2)
+        weights = dt / growth(np.square(views - surface).sum(axis=-1), SOFT)
         sums[k, 0] += (weights * (surface * views).sum(axis=-1)).sum()
         sums[k, 1] += (weights * np.square(surface).sum(axis=-1)).sum()
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.geometry.robust import growth
 from panoptic_ros.refinement.records import Motion
 
 Array = np.ndarray
@@ -55,7 +56,7 @@ def likely_velocities(
     spread = factors + priors * weights  # (S, F, J, 3), of velocities in stated standard deviations
     far = weights * seen**2 / spread / cauchy**2
     chances = _chances(np.where(weights > 0.0, np.log(spread) + cauchy**2 * np.log1p(far), 0.0))
-    noises = factors * (1.0 + far) / (1.0 + 1.0 / cauchy**2)
+    noises = factors * (1.0 + far) / growth(1.0, cauchy)
     total = noises + priors * weights
     means, variances = priors * weights * seen / total, priors * noises / total
     mean = np.einsum("sfj,sfji->ji", chances, means)

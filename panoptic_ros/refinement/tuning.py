@@ -15,7 +15,6 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.order import median
 from panoptic_ros.refinement.records import People
 
 Array = np.ndarray
@@ -177,7 +176,7 @@ def process_noise(speeds, factors, states, least, growth, noise):
                 if np.isfinite(states[p, j, 3]):
                     known[count] = states[p, j, 3 + i]
                     count += 1
-            body[i] = median(known[:count]) if count else np.nan
+            body[i] = np.median(known[:count]) if count else np.nan
         for j in range(joints):
             if np.isfinite(states[p, j, 3]):
                 against = 0.0

@@ -261,7 +261,7 @@ def _add_trunk(known, body, x, normal, right):
 @njit(cache=True, error_model="numpy")
 def _add_rays(rays, x, normal, right, residuals):
     """Add the rays at x (J, 3) m, with Cauchy weights, and write their residuals (V, J), in place."""
-    slopes, softness = np.empty((2, 3)), 1.0 / TRUSTED**2
+    slopes = np.empty((2, 3))
     for v, j in np.ndindex(rays.source.shape):
         d, s = rays.member[v], rays.source[v, j]
         if d < 0 or not rays.seen.precision[d, s] > 0.0 or np.isnan(x[j, 0]):
@@ -272,7 +272,7 @@ def _add_rays(rays, x, normal, right, residuals):
         residuals[v, j] = np.sqrt(squared)
         if depth <= MIN_DEPTH:
             continue
-        weight = information / noise_growth(squared, softness)
+        weight = information / noise_growth(squared, TRUSTED)
         r = rays.seen.cams.rotations[v]
         for i in range(3):
             slopes[0, i] = (r[0, i] - u * r[2, i]) / depth

@@ -194,7 +194,6 @@ def refine_point(x, shift, picks, seen, rules, limit, result):
     normal, residuals, table = result
     steps, gated = limit
     used = _tabulate(shift, picks, seen, residuals, table)
-    softness = 1.0 / (rules.cauchy * rules.cauchy)
     gate = (rules.gate * (1.0 if used > FEW else FEW_FACTOR)) ** 2
     x0, x1, x2 = x[0], x[1], x[2]
     count, step = 0, -1
@@ -219,7 +218,7 @@ def refine_point(x, shift, picks, seen, rules, limit, result):
                 continue
             residuals[view] = squared
             count += 1
-            weight = row[INFORMATION] / noise_growth(squared, softness) * inverse
+            weight = row[INFORMATION] / noise_growth(squared, rules.cauchy) * inverse
             g0, g1, g2 = row[0] - u * row[6], row[1] - u * row[7], row[2] - u * row[8]
             h0, h1, h2 = row[3] - w * row[6], row[4] - w * row[7], row[5] - w * row[8]
             b0 += weight * (g0 * du + h0 * dw)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.domain import ViewDetections
-from panoptic_ros.kernels.assignment import best_assignment
 
 Array = np.ndarray
 NEAR = 0.05  # of a person's size: the scale on which joints of one person agree
@@ -26,7 +26,7 @@ def link_people(first: ViewDetections, second: ViewDetections) -> list[tuple[int
     near = np.where(both, np.exp(-0.5 * squared / np.square(NEAR * size)[..., None]), 0.0).sum(-1)
     fewer = np.minimum(seen_first.sum(1)[:, None], seen_second.sum(1)[None])
     agreement = near / np.maximum(fewer, 1)
-    rows, columns = best_assignment(-agreement)
+    rows, columns = linear_sum_assignment(-agreement)
     return [(int(i), int(j)) for i, j in zip(rows, columns) if agreement[i, j] >= LEAST_AGREEMENT]
 
 

@@ -11,7 +11,6 @@ from panoptic_ros.identity.appearance import Colours
 from panoptic_ros.identity.likeness import Bones, learnt_bones
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.order import median
 from panoptic_ros.solving.limbs import Limbs
 
 Array = np.ndarray
@@ -178,8 +177,8 @@ def update_tracks(motion, bodies, owners, positions, covariances, views, states,
                     places[count], speeds[count] = positions[k, j, axis], motion.states[t, j, 3 + axis]
                     count += 1
             if count:
-                bodies.middles[t, axis] = median(places[:count])
-                bodies.drifts[t, axis] = median(speeds[:count])
+                bodies.middles[t, axis] = np.median(places[:count])
+                bodies.drifts[t, axis] = np.median(speeds[:count])
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,8 +1,13 @@
-"""Clocks that were found from motion, in words."""
+"""Clocks that were found from motion or from sound, in words."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from panoptic_ros.offsets import CameraClocks
+from panoptic_ros.offsets.sound import HeardClocks
+
+AIR = 3.0  # standard deviations of their difference beyond which motion and sound contradict each other
 
 
 def clock_lines(clocks: CameraClocks) -> list[str]:
@@ -30,3 +35,67 @@ def clock_lines(clocks: CameraClocks) -> list[str]:
     if not clocks.converged:
         lines.append(f"  the estimate still moved after {clocks.iterations} iterations; trust it less")
     return lines
+
+
+def sound_lines(found: HeardClocks) -> list[str]:
+    """What was found, in words."""
+    clocks = found.clocks
+    width = max(len(name) for name in clocks.cameras)
+    lines = ["clocks from sound (to be added to the stamps):"]
+    offsets, deviations = clocks.stated_at(found.middles_ns)
+    for c, name in enumerate(clocks.cameras):
+        offset, deviation = offsets[c], 1e3 * deviations[c]
+        shown = f"{1e3 * offset:+11.2f} ms" if abs(offset) < 1.0 else f"{offset:+11.4f} s "
+        if not clocks.known[c]:
+            text = f"not known: {found.unknown.get(name, '')}; stamps kept"
+        elif offset == 0.0 and deviation == 0.0:
+            text = "its stamps are kept, the others count from them"
+        elif clocks.applied[c]:
+            drift, wobble = 1e6 * clocks.drifts[c], 1e6 * clocks.drift_deviations[c]
+            text = f"{shown} +- {deviation:.1f} ms   drift {drift:+4.0f} ppm +- {wobble:.0f}"
+        else:
+            text = f"{shown} +- {deviation:.1f} ms   no more than chance; stamps kept"
+        lines.append(f"  {name:<{width}}  {text}")
+    if clocks.known.any():
+        place = "where the rig has the cameras" if found.placed else "up to --apart from each other"
+        lines.append(
+            f"  sound takes {1e3 * found.apart_s:.0f} ms between microphones {place}; the deviations allow "
+            "for it"
+        )
+    return lines
+
+
+def pair_lines(found: HeardClocks) -> list[str]:
+    """One line about each pair."""
+    lines = []
+    for pair in found.pairs:
+        what = f"agree in {pair.clear} of {pair.windows} windows of 2 s"
+        if not pair.linked:
+            what = f"not compared: {pair.why}" if pair.why else "not compared"
+        elif pair.why and not pair.clear:
+            what = f"linked by others only: {pair.why}"
+        lines.append(f"  {pair.first} and {pair.second}: {what}")
+    return lines
+
+
+def contradictions(sound: HeardClocks, motion: CameraClocks) -> list[str]:
+    """Lines about cameras of which motion says something else than sound.
+
+    Args:
+        motion: clocks that were found of stamps corrected by those from sound.
+    """
+    known = sound.clocks.known & motion.known
+    if known.sum() < 2:
+        return []
+    count, gauge = len(known), np.eye(int(known.sum())) - 1.0 / known.sum()
+    pick = np.ix_(np.flatnonzero(known), np.flatnonzero(known))
+    joint = sound.clocks.covariance[:count, :count][pick] + motion.covariance[:count, :count][pick]
+    both = np.zeros(count)
+    both[known] = np.sqrt(np.maximum(np.diag(gauge @ joint @ gauge), 0.0))
+    beside = motion.offsets - np.median(motion.offsets[known])
+    return [
+        f"  motion puts {name} {1e3 * beside[c]:+.0f} ms beside what its sound says, which is known within "
+        f"{1e3 * both[c]:.0f} ms: do its images come later than its sound?"
+        for c, name in enumerate(sound.clocks.cameras)
+        if known[c] and abs(beside[c]) > AIR * both[c]
+    ]

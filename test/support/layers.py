@@ -48,7 +48,7 @@ PURE = 4  # up to this rank, and graph: no printing, files, clocks, environment,
 THIRD_PARTY: dict[str, set[str]] = {
     **{room: set() for room in ("errors", "params", "stage")},
     "kernels": {"numpy", "numba"},
-    "geometry": {"numpy", "scipy"},
+    "geometry": {"numpy", "scipy", "cv2"},  # the last in optical_flow
     "state": {"numpy"},
     "domain": {"numpy"},
     **{name: {"numpy", "scipy", "cv2"} for name in STAGES},
@@ -58,7 +58,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "tomli", "backports", "compression"},
     "capture": {"numpy", "cv2", "av"},
     "export": {"numpy", "websockets"},  # the last for the live stream of bodies
-    "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits", "websockets"},  # the last in page/
+    "view": {"numpy", "cv2", "av", "matplotlib", "mpl_toolkits", "rich", "websockets"},  # the last in page/
     "nodes": {"numpy", "scipy", "rclpy", "rcl_interfaces"},
     "study": {"numpy", "scipy", "cv2", "av", "rclpy", "websockets"},
     "running": {"numpy", "cv2", "av", "rclpy", "websockets"},  # those of the doctor among them

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.order import median
 
 Array = np.ndarray
 People = dict[int, tuple[Array, Array]]  # points (K, 2), NaN = missing, and scores (K,) by camera
@@ -65,7 +64,7 @@ def distances(points: Array, columns: Array, places: Array, rotation: Array, tra
         for j in range(2):
             across = rotation[j, 0] * x + rotation[j, 1] * y + rotation[j, 2] * z + translation[j]
             plane[n, j] = across / depth
-    middle = median(depths)
+    middle = np.median(depths)
     apart = np.empty(count)
     for p in range(len(points)):
         seen = 0
@@ -75,7 +74,7 @@ def distances(points: Array, columns: Array, places: Array, rotation: Array, tra
                 apart[seen] = math.sqrt(u * u + v * v)
                 seen += 1
         if seen >= FEWEST:
-            found[p] = middle * median(apart[:seen])
+            found[p] = middle * np.median(apart[:seen])
     return found
 
 

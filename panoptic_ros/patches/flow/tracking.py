@@ -1,4 +1,4 @@
-"""Points from one image to the next: Lucas and Kanade 1981 in pyramids, forward and back.
+"""Points from one image to the next, forward and back, see `geometry.optical_flow`.
 
 Every point comes with the inverse covariance of where it went: the structure tensor of its window over the
 noise of grey values (Foerstner and Guelch 1987), with a floor, less where it does not come back to where it
@@ -10,14 +10,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from panoptic_ros.geometry.optical_flow import HALF, there_and_back
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
-HALF, LEVELS = (
-    5,
-    3,
-)  # px of the window to each side (a forearm is 8 px wide); levels of the pyramid above the image
-STOP = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.03)
+ITERATIONS = 10  # of flow per level
 RETURN = 0.5  # px, by which a point that is followed well misses its beginning
 FARTHEST_RETURN = 2.0  # px, beyond which it is lost
 GREY_VARIANCE = 64.0  # of grey values between the images, with what correlates them in a window
@@ -57,9 +54,7 @@ def followed(before: Array, now: Array, begins: Array, starts: Array) -> tuple[A
     one, other = (np.ascontiguousarray(image[low[1] : high[1], low[0] : high[0]]) for image in (before, now))
     one, other = alike(one, other)
     first = np.ascontiguousarray(begins - low, np.float32)
-    ends = _flow(one, other, first, np.ascontiguousarray(starts - low, np.float32), LEVELS)
-    back = _flow(other, one, ends, first, 0)
-    missed = np.linalg.norm(back - first, axis=1)
+    ends, missed, _ = there_and_back(one, other, first, starts - low, ITERATIONS, back_from_begins=True)
     size = np.array(one.shape[::-1])
     good = (missed < FARTHEST_RETURN) & ((ends >= HALF) & (ends < size - HALF)).all(axis=1)
     information = np.empty((len(kept), 3))
@@ -80,22 +75,6 @@ def alike(one: Array, other: Array) -> tuple[Array, Array]:
     if gain > 1.0:
         return one, np.asarray(cv2.convertScaleAbs(other, alpha=1.0 / gain))
     return np.asarray(cv2.convertScaleAbs(one, alpha=gain)), other
-
-
-def _flow(before: Array, now: Array, begins: Array, starts: Array, levels: int) -> Array:
-    """Ends (N, 2) float32 of points (N, 2) float32 that are looked for from `starts` on."""
-    window = (2 * HALF + 1, 2 * HALF + 1)
-    ends, _, _ = cv2.calcOpticalFlowPyrLK(
-        before,
-        now,
-        begins[:, None],
-        starts[:, None].copy(),
-        winSize=window,
-        maxLevel=levels,
-        criteria=STOP,
-        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-    )
-    return np.asarray(ends)[:, 0]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

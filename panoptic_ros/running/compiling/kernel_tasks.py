@@ -18,13 +18,13 @@ from functools import lru_cache, partial
 import numpy as np
 
 from panoptic_ros.association.known_occluders import occluded_depths
-from panoptic_ros.detection.warm_up import warm_up as detection
+from panoptic_ros.detection.stage import warm_up as detection
 from panoptic_ros.domain import Occluders
+from panoptic_ros.geometry.symmetric import largest_eigenvalue
 from panoptic_ros.graph.build import configure, make_stage, resolve
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.kernels import on_compilation
-from panoptic_ros.kernels.order import median
 from panoptic_ros.simulation import SKELETON, Ring, Scene, Simulation, simulate
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.stage import StageContext
@@ -88,7 +88,7 @@ def main() -> int:
     names = sys.argv[2:] or list(TASKS)
     for node in NODES.values():
         resolve(node.stage)
-    median(np.zeros(1))  # what numba sets up for its first kernel is there before the processes part
+    largest_eigenvalue(np.eye(3))  # numba sets up what its first kernel needs before the processes part
     waiting = _queue(len(names))
     processes = [_fork(names, waiting) for _ in range(int(sys.argv[1]))]
     return int(any(os.waitpid(pid, 0)[1] for pid in processes))

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from panoptic_ros.errors import ContractError
-from panoptic_ros.kernels import all_sources_hash, cache_folder, remove_damaged, slow_compilation
+from panoptic_ros.kernels import all_sources_hash, cache_folder, remove_damaged
 from panoptic_ros.kernels.cache import VERSIONS, hash_of
 
 MOST_PROCESSES = 4  # more would mostly compile the same twice
@@ -21,12 +21,10 @@ class Warmed(NamedTuple):
 
     Args:
         kernels: compiled now. cpu_s: processor time of it, of all processes together.
-        note: why it took longer than it needs; empty if it did not.
     """
 
     kernels: int
     cpu_s: float
-    note: str = ""
 
 
 def is_warm() -> bool:
@@ -54,7 +52,7 @@ def warm_up(
         told(len(done) / int(total), name)
     mark = _mark()
     mark.touch()
-    return Warmed(sum(part.kernels for part in done), sum(part.cpu_s for part in done), slow_compilation())
+    return Warmed(sum(part.kernels for part in done), sum(part.cpu_s for part in done))
 
 
 def _results(count: int, tasks: tuple[str, ...]) -> Iterator[list[str]]:

@@ -45,10 +45,6 @@ def check_packages() -> Finding:
             missing.append(name)
     if missing:
         return fail(f"missing: {', '.join(missing)}", f"./run setup, or pip install {' '.join(missing)}")
-    from panoptic_ros.kernels import slow_compilation
-
-    if note := slow_compilation():
-        return warn(note, "./run setup, or pip install 'numba<0.69'")
     return ok(", ".join(versions))
 
 

@@ -21,7 +21,7 @@ from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.sound.bags import recorder_of, sound_streams
 from panoptic_ros.running.sound.use import Recorder
 from panoptic_ros.stage import Progress, untold
-from panoptic_ros.view.sound_lines import sound_lines
+from panoptic_ros.view.clock_lines import sound_lines
 
 Array = np.ndarray
 SECOND = 1_000_000_000

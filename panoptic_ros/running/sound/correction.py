@@ -17,8 +17,7 @@ from panoptic_ros.running.plans.saved_offsets import saved_lines, saved_offsets
 from panoptic_ros.running.solve import SolveTask
 from panoptic_ros.running.sound.clocks import clocks_from_sound, recorded_sound
 from panoptic_ros.stage import Progress, part_of, untold
-from panoptic_ros.view.clock_lines import clock_lines
-from panoptic_ros.view.sound_lines import contradictions, sound_lines
+from panoptic_ros.view.clock_lines import clock_lines, contradictions, sound_lines
 
 
 @dataclass(frozen=True)

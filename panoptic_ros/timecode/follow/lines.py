@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.order import median
 from panoptic_ros.timecode.word.layout import WORD_CELLS
 
 Array = np.ndarray
@@ -168,7 +167,7 @@ def curve_excess(words: Array, scale: float) -> float:
     powers = _powers(x, 3)
     weights = np.linalg.solve(_products(powers), (powers * y).sum(axis=1))
     squares = (y - weights[0] * powers[0] - weights[1] * powers[1] - weights[2] * powers[2]) ** 2
-    most, total = FAR * median(squares.copy()), 0.0
+    most, total = FAR * np.median(squares), 0.0
     for square in squares:
         total += min(square, most)
     excess: float = total / (count - 3) - scale * words[2].mean()

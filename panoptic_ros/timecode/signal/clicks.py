@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.kernels.order import median, nth_smallest
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
@@ -45,7 +44,8 @@ def piece_levels(signal: Array, piece: int, share: float, every: int) -> Array:
         values = np.empty(count)
         for i in range(count):
             values[i] = abs(signal[k * piece + i * every])
-        levels[k] = nth_smallest(values, int(share * (count - 1)))
+        place = int(share * (count - 1))
+        levels[k] = np.partition(values, place)[place]
     wide = levels.copy()
     for k in range(pieces):
         wide[k] = max(levels[k], levels[max(0, k - 1)], levels[min(pieces - 1, k + 1)])
@@ -96,7 +96,7 @@ def clicked(error: Array, slope: Array, level: float, most: float, gross: float,
     some = np.empty((len(error) + 3) // 4)
     for i in range(len(some)):
         some[i] = abs(error[4 * i])
-    foot = max(most * 1.4826 * median(some), FOOT * level)
+    foot = max(most * 1.4826 * np.median(some), FOOT * level)
     least = max(foot, gross * level)
     clicks, done = np.zeros(len(error), np.bool_), 0
     for i in range(len(error)):

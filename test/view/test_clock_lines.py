@@ -6,7 +6,7 @@ import numpy as np
 
 from panoptic_ros.offsets import CameraClocks
 from panoptic_ros.offsets.sound import HeardClocks, PairHeard
-from panoptic_ros.view.sound_lines import contradictions, pair_lines, sound_lines
+from panoptic_ros.view.clock_lines import contradictions, pair_lines, sound_lines
 
 NAMES = ("a", "b", "c", "d")
 
