@@ -79,9 +79,7 @@ def test_samples_are_bounded_while_a_t_pose_lies_ahead():
     subject, moved, _ = measured(0.0, (1.0, 0.0, 0.0), np.zeros((1, len(MODEL.names), 3)))
     subject = replace(subject, t_pose=replace(subject.t_pose, from_ns=10**15, to_ns=10**15 + 1))
     fitting, statistics, rate = ImuFitting(KinematicsConfig(), subject), read_prior(""), 2.0
-    nothing = np.full(3, np.nan)
-    readings = {name: ImuReading(own[0], nothing, nothing) for name, own in moved.items()}
-    rows = measured_of(subject.devices, readings)
+    rows = felt([moved[device.name][0] for device in subject.devices])
     for k in range(round(2.0 * KEPT_S * rate)):
         fitting.take(round(k * 1e9 / rate), subject, rows)
         assert fitting.learn(subject, [], rate, statistics) == []
