@@ -15,7 +15,7 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-ACCELERATION = 10.0**2 / 30.0  # m^2/s^3, spectral density of a joint's acceleration: 10 m/s^2 over 1/30 s
+ACCELERATION = 10.0**2 / 25.0  # m^2/s^3, spectral density of a joint's acceleration: 10 m/s^2 over 1/25 s
 START_SPEED = 1.5  # m/s, standard deviation of the velocity of a new joint
 FADE_TIME = 0.15  # s, over which the predicted velocity of an unseen joint fades
 LOST_SIGMA = 0.35  # m, joints whose prediction is less certain are forgotten

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.domain import PoseSet, SubjectSet, TrackedPoseSet, TrackSet, ViewAppearance
+from panoptic_ros.domain.checks import known_good
 from panoptic_ros.domain.of_all import joined, selected
 from panoptic_ros.errors import DataError
 from panoptic_ros.identity.appearance import Colours, looks_at
@@ -19,13 +20,14 @@ from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
-from panoptic_ros.tracking.records import as_images_show, tracked
 from panoptic_ros.tracking.returns import RETURN_S, Arrivals, return_odds, returned_at_once
 from panoptic_ros.tracking.tracks import ALONE, Bodies, Tracks, head_distances, joint_distances
 
 Array = np.ndarray
 BLIND_S = (0.5, 15.0)  # between two sets: shorter is a slow camera, longer another scene
 KEPT = 16  # newest colours of a camera that wait for their instant
+OF_INSTANT = ("index", "stamp_ns", "skeleton_hash", "newest_ns")
+OF_PEOPLE = ("positions", "covariances", "scores", "views", "states", "person_scores")
 
 
 class TrackingStage(Stateful):
@@ -268,3 +270,25 @@ def _take(owners: Array, rows: Array, cost: Array, gate: float) -> None:
     """Fill `owners` (P,) with those of the rows (N,) that the best pairs of a cost (N, P) give."""
     for i, k in best_pairs(cost, gate):
         owners[k] = rows[i]
+
+
+def as_images_show(item: PoseSet) -> PoseSet:
+    """The skeletons with known biases of the detector: predictions are compared with images."""
+    if item.corrections is None:
+        return item
+    return replace(item, positions=item.positions - item.corrections)
+
+
+def tracked(item: PoseSet, rows: Array, ids: Array) -> TrackedPoseSet:
+    """The chosen skeletons (K,), each once, with their ids; without votes about sides and corrections."""
+    everybody = np.array_equal(rows, np.arange(len(item.positions)))  # no need to copy then
+    values = {name: getattr(item, name) for name in OF_INSTANT}
+    for name in OF_PEOPLE:
+        array = getattr(item, name)
+        values[name] = array if everybody else array[rows]
+    shift, sources = item.time_shift, item.sources
+    if not everybody:
+        shift = None if shift is None or not len(rows) else shift.rows(rows)
+        sources = None if sources is None else sources.rows(rows)
+    values |= {"time_shift": shift, "sources": sources, "side_votes": None, "corrections": None}
+    return known_good(TrackedPoseSet, values | {"ids": np.array(ids, np.int64)})
