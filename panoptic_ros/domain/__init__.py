@@ -23,7 +23,7 @@ from panoptic_ros.domain.detections import (
 from panoptic_ros.domain.joint_map import JointMap
 from panoptic_ros.domain.occluders import Occluders
 from panoptic_ros.domain.patches import PartMotions, PatchTracks, PatchTrajectories
-from panoptic_ros.domain.poses import JointState, PoseSet, RefinedPoseSet, TrackedPoseSet
+from panoptic_ros.domain.poses import JointState, Person, PoseSet, RefinedPoseSet, TrackedPoseSet
 from panoptic_ros.domain.preview import Preview
 from panoptic_ros.domain.proposals import ProposalSet
 from panoptic_ros.domain.rig import NO_CAMERAS, Rig
@@ -63,6 +63,7 @@ __all__ = [
     "PartMotions",
     "PatchTracks",
     "PatchTrajectories",
+    "Person",
     "PoseSet",
     "Prediction",
     "Preview",

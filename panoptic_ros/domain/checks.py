@@ -64,7 +64,7 @@ class Shapes:
 
 
 def own_copy(value: Any, dtype: Any = None) -> Array:
-    """Return a read-only array of this type (None = its own): a copy, unless nobody can write to the value."""
+    """Return a read-only array of a type (None = its own): a copy, unless nobody can write to the value."""
     if (
         type(value) is np.ndarray
         and dtype in (None, value.dtype)
