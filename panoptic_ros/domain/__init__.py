@@ -30,7 +30,7 @@ from panoptic_ros.domain.detections import (
 )
 from panoptic_ros.domain.occluders import Occluders
 from panoptic_ros.domain.patches import PartMotions, PatchTracks, PatchTrajectories
-from panoptic_ros.domain.poses import JointState, PoseSet, RefinedPoseSet, TrackedPoseSet
+from panoptic_ros.domain.poses import JointState, Person, PoseSet, RefinedPoseSet, TrackedPoseSet
 from panoptic_ros.domain.rig import NO_CAMERAS, Rig
 from panoptic_ros.domain.skeleton import JointMap, SkeletonModel
 from panoptic_ros.domain.time import (
@@ -68,6 +68,7 @@ __all__ = [
     "PartMotions",
     "PatchTracks",
     "PatchTrajectories",
+    "Person",
     "PoseSet",
     "Prediction",
     "Preview",

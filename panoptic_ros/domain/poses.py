@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import partial
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -120,6 +121,24 @@ class PoseSet:
             object.__setattr__(self, "sources", None)
 
 
+class Person(NamedTuple):
+    """A person of one instant; arrays as in `PoseSet`, of J joints.
+
+    Args:
+        id: the same number is the same person over time.
+        positions: (J, 3) m. covariances: (J, 3, 3) m^2. scores: (J,). views: (J,). states: (J,).
+        score: in 0..1.
+    """
+
+    id: int
+    positions: Array
+    covariances: Array
+    scores: Array
+    views: Array
+    states: Array
+    score: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackedPoseSet(PoseSet):
     """Skeletons with identity.
@@ -139,6 +158,12 @@ class TrackedPoseSet(PoseSet):
             raise DataError(f"an id stands twice among {ids.tolist()}")
         ids.flags.writeable = False
         object.__setattr__(self, "ids", ids)
+
+    @property
+    def people(self) -> tuple[Person, ...]:
+        """Return the people one by one."""
+        joints = self.positions, self.covariances, self.scores, self.views, self.states
+        return tuple(map(Person, self.ids.tolist(), *joints, self.person_scores.tolist()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.domain import DetectionSet, TrackedPoseSet
+from panoptic_ros.domain import DetectionSet, Rig, TrackedPoseSet
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation.nobody import why_nobody
 from panoptic_ros.evaluation.rig_check import check_rig
@@ -84,13 +84,25 @@ def read_task(
     Raises:
         UserError: on whatever the user can mend.
     """
-    used = with_occluders(read_rig_at(rig, cameras=cameras), occluders)
-    if len(used) < 2:
-        raise UsageError(f"{len(used)} camera is not enough for 3D; give two or more")
-    people = read_people(detections, used, skeleton)
+    return task_of(
+        with_occluders(read_rig_at(rig, cameras=cameras), occluders), detections, parameters, skeleton
+    )
+
+
+def task_of(
+    rig: Rig, detections: Path, parameters: Mapping[str, Mapping[str, Any]], skeleton: str = AUTO
+) -> SolveTask:
+    """Return what is to be solved with the cameras of a rig; see `read_task`.
+
+    Raises:
+        UserError: on whatever the user can mend.
+    """
+    if len(rig) < 2:
+        raise UsageError(f"{len(rig)} camera is not enough for 3D; give two or more")
+    people = read_people(detections, rig, skeleton)
     configs = configure(parameters)
     table = config_of(configs, AssemblyConfig).bias_table
-    context = StageContext(used, people.skeleton, bias_extras(table, people.skeleton))
+    context = StageContext(rig, people.skeleton, bias_extras(table, people.skeleton))
     return SolveTask(context, configs, people.sets, people.joint_names, tuple(people.told()))
 
 

@@ -73,6 +73,11 @@ class Plan:
     notices: tuple[str, ...] = ()
 
     @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the result's joints, in their order."""
+        return self.skeleton.joint_names
+
+    @property
     def stages(self) -> tuple[str, ...]:
         """All stages from the first on; parameters may switch some of them off. Without cameras there are
         bodies alone.
