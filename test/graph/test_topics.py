@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from panoptic_ros.errors import CalibrationError
-from panoptic_ros.graph.topics import TOPICS, check_names, ros_name
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.topics import ALWAYS_SHOWN, ASKED_FOR, TOPICS, check_names, ros_name
 
 
 @pytest.mark.parametrize(
@@ -45,3 +46,16 @@ def test_cameras_that_would_share_topics_are_refused():
 def test_name_too_long_for_a_topic():
     with pytest.raises(CalibrationError, match="300 characters"):
         check_names(["b", "a" * 300])
+
+
+def test_what_a_run_keeps_depends_on_nothing_or_on_a_switch_of_a_stage():
+    configs = configure({})
+    for row in TOPICS.values():
+        if row.kept not in ("", "always"):
+            stage, parameter = row.kept.split(".")
+            assert isinstance(getattr(configs[stage], parameter), bool), row.key
+
+
+def test_the_viewer_shows_only_topics_of_cameras_and_of_the_graph():
+    assert {TOPICS[key].scope for key in (*ALWAYS_SHOWN, *ASKED_FOR)} == {"camera", "graph"}
+    assert not set(ALWAYS_SHOWN) & set(ASKED_FOR)
