@@ -1,4 +1,8 @@
-"""Clocks of cameras from the motion that they see: the offsets that make the rays meet."""
+"""Clocks of cameras from the motion that they see: the offsets that make the rays meet.
+
+`ClockFilter` is an information filter of the clocks over blocks of motion, with slow forgetting. `Noise` says
+how noisy 2D joints are, from the residuals of the fit. `Series` are the observations by trajectory.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +13,7 @@ import numpy as np
 
 from panoptic_ros.geometry.robust import growth
 from panoptic_ros.offsets.association import Observations
-from panoptic_ros.offsets.noise import Noise
-from panoptic_ros.offsets.series import KNOTS, Series, make_series
-from panoptic_ros.offsets.trajectories import Curves, Rays, fit_series
+from panoptic_ros.offsets.trajectories import SPAN, Curves, Rays, fit_series
 
 Array = np.ndarray
 CAUCHY = 3.0  # standard deviations
@@ -23,6 +25,17 @@ ENOUGH = 2e-5  # s: largest step when converged
 LEARNING = 12  # iterations for which noise and stiffness are learnt
 MEMORY = 3  # states of Anderson acceleration
 LARGEST_JUMP = 3.0  # steps; a longer accelerated one is not taken
+SCORE_BINS = 5
+LEAST_COUNT = 60  # residuals that a group needs for a noise of its own
+RAYLEIGH_MEDIAN = 1.17741  # of a 2D residual with standard deviation 1 per axis
+LEAST_NOISE = 2e-5  # of the normalised plane: 0.03 px at a focal length of 1500 px
+KNOTS = 0.08  # s
+LONGEST_GAP = 0.5  # s without any ray; after a longer gap a trajectory begins anew
+LEAST_RAYS = 12  # of a trajectory
+MARGIN = 0.1  # s of spline beyond the outermost rays, as clocks may still move
+JUMP = 6.0  # standard deviations of an innovation, beyond which a clock has jumped
+LEAST_JUMP = 3e-3  # s; less is no jump
+VAGUE = 1e-3  # of the prior's information, added so that the information of a block can be inverted
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,3 +168,153 @@ def _accelerated(history: list[tuple[Array, Array]], cameras: int) -> Array:
     mixed = centred(plain - (states + steps) @ mix, cameras)
     jump, longest = (float(np.abs(v[:cameras]).max()) for v in (mixed - state, step))
     return mixed if jump <= LARGEST_JUMP * longest else plain
+
+
+class Noise:
+    """Standard deviations on the normalised plane: by score, times factors of cameras and of joints.
+
+    All come from medians of residuals, so outliers do not matter.
+    """
+
+    def __init__(self, cameras: Array, joints: Array, scores: Array, start: float):
+        self._groups = (np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1), cameras, joints)
+        self._start = start
+        self._factors = [np.ones(int(group.max(initial=0)) + 1) for group in self._groups]
+
+    def sigmas(self) -> Array:
+        """(N,) standard deviations of the observations."""
+        value = np.full(len(self._groups[0]), self._start)
+        for group, factors in zip(self._groups, self._factors):
+            value *= factors[group]
+        sigmas: Array = np.maximum(value, LEAST_NOISE)
+        return sigmas
+
+    def learn(self, ratios: Array) -> None:
+        """Learn from residuals (N,) in units of `sigmas`, corrected for leverage."""
+        left = ratios.copy()
+        for group, factors in zip(self._groups, self._factors):
+            for k in range(len(factors)):
+                own = left[group == k]
+                if len(own) >= LEAST_COUNT:
+                    change = max(float(np.median(own)) / RAYLEIGH_MEDIAN, 1e-3)
+                    factors[k] *= change
+                    left[group == k] /= change
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Series:
+    """S trajectories: first ray (S + 1,), first instant (S,) s and number of control points (S,)."""
+
+    starts: Array
+    origins: Array
+    counts: Array
+    seen: Observations
+
+
+def make_series(seen: Observations) -> Series:
+    """Sort rays into trajectories; those with too few rays, or rays of one camera only, are left out."""
+    order = np.lexsort((seen.stamp, seen.joint, seen.track))
+    track, joint, stamp = seen.track[order], seen.joint[order], seen.stamp[order]
+    begins = np.ones(len(order), bool)
+    begins[1:] = (track[1:] != track[:-1]) | (joint[1:] != joint[:-1])
+    begins[1:] |= stamp[1:] - stamp[:-1] > LONGEST_GAP
+    kept = [
+        order[first:last]
+        for first, last in _runs(begins)
+        if last - first >= LEAST_RAYS and len(np.unique(seen.camera[order[first:last]])) >= 2
+    ]
+    starts = np.concatenate([[0], np.cumsum([len(rays) for rays in kept])]).astype(np.int64)
+    first = np.array([seen.stamp[rays[0]] - MARGIN for rays in kept])
+    last = np.array([seen.stamp[rays[-1]] + MARGIN for rays in kept])
+    counts = np.ceil((last - first) / KNOTS).astype(np.int64) + SPAN - 1
+    rays = np.concatenate([np.empty(0, np.int64), *kept])
+    fields = {name: getattr(seen, name)[rays] for name in Observations.__slots__}
+    return Series(starts, first, counts, Observations(**fields))
+
+
+def _runs(begins: Array) -> list[tuple[int, int]]:
+    first = np.flatnonzero(begins)
+    return list(zip(first.tolist(), [*first[1:].tolist(), len(begins)]))
+
+
+class ClockFilter:
+    """An information filter of (offsets in s at the newest reference, drifts), 2C states.
+
+    Args:
+        prior: (2C,) standard deviations about 0, which are not forgotten. memory_s: see `OffsetsConfig`.
+    """
+
+    def __init__(self, cameras: int, prior: Array, memory_s: float):
+        self._cameras, self._prior, self._memory = cameras, prior, memory_s
+        self._information = np.zeros((2 * cameras, 2 * cameras))
+        self._vector = np.zeros(2 * cameras)
+
+    def move(self, seconds: float) -> None:
+        """Predict: the reference moves ahead, and information fades."""
+        back = np.eye(2 * self._cameras)
+        back[: self._cameras, self._cameras :] = -seconds * np.eye(self._cameras)
+        fade = np.exp(-seconds / self._memory)
+        self._information = fade * back.T @ self._information @ back
+        self._vector = fade * back.T @ self._vector
+
+    def add(self, state: Array, information: Array) -> Array:
+        """Update with the estimate (2C,) of a block and its information (2C, 2C).
+
+        What was known of a camera whose clock has jumped is forgotten first. As the jump may lie anywhere in
+        the block, the block then tells the offset of that camera to half of the jump only.
+
+        Returns:
+            How far (C,) s clocks have jumped against the others, 0 where they have not.
+        """
+        jumps = np.zeros(self._cameras)
+        for _ in range(self._cameras // 2):  # more could not be told from jumps of the others
+            camera, jump = self._jump(state, information)
+            if jump == 0.0:
+                break
+            jumps[camera] += jump
+            self._forget(camera)
+            information = _less_sure(information, camera, 0.5 * jump)
+        self._information = self._information + information
+        self._vector = self._vector + information @ state
+        return jumps
+
+    def state(self) -> tuple[Array, Array]:
+        """Estimate (2C,) with mean 0, and covariance (2C, 2C) about the mean."""
+        covariance = np.linalg.inv(self._information + np.diag(self._prior**-2.0))
+        gauge = np.kron(np.eye(2), np.eye(self._cameras) - 1.0 / self._cameras)
+        return centred(covariance @ self._vector, self._cameras), gauge @ covariance @ gauge.T
+
+    def _jump(self, state: Array, information: Array) -> tuple[int, float]:
+        """The camera whose jump explains most of the innovation of a block, and the jump.
+
+        The test is that of a shift of one offset in an innovation of known covariance, without what all
+        cameras share.
+        """
+        count = self._cameras
+        before, spread = self.state()
+        block = np.linalg.inv(information + np.diag(VAGUE * self._prior**-2.0))[:count, :count]
+        gauge = np.eye(count) - 1.0 / count
+        weight = np.linalg.pinv(gauge @ block @ gauge.T + spread[:count, :count], rcond=1e-9, hermitian=True)
+        pull = weight @ (centred(state, count) - before)[:count]
+        sure = np.maximum(np.diag(weight), 1e-12)
+        camera = int((pull**2 / sure).argmax())
+        jump = float(pull[camera] / sure[camera])
+        if pull[camera] ** 2 < JUMP**2 * sure[camera] or abs(jump) < LEAST_JUMP:
+            return camera, 0.0
+        return camera, jump
+
+    def _forget(self, camera: int) -> None:
+        """Marginalise a camera out: what is known of the others without it stays."""
+        for k in (camera, self._cameras + camera):
+            if self._information[k, k] > 0.0:
+                share = self._information[k] / self._information[k, k]
+                self._vector = self._vector - share * self._vector[k]
+                self._information = self._information - np.outer(share, self._information[k])
+            self._information[k, :] = self._information[:, k] = self._vector[k] = 0.0
+
+
+def _less_sure(information: Array, k: int, deviation: float) -> Array:
+    """Information after an independent error with this standard deviation is added to state `k`."""
+    column = information[:, k]
+    reduced: Array = information - np.outer(column, column) / (deviation**-2.0 + column[k])
+    return reduced

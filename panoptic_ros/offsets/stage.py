@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,8 @@ import numpy as np
 from panoptic_ros.domain import (
     ClockModel,
     DetectionSet,
+    Rig,
+    SkeletonModel,
     TimeShift,
     TrackedPoseSet,
     ViewDetections,
@@ -20,22 +23,69 @@ from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.offsets.association import associate
 from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.config import OffsetsConfig
-from panoptic_ros.offsets.estimate import fit_clocks
-from panoptic_ros.offsets.filter import ClockFilter
+from panoptic_ros.offsets.estimate import ClockFilter, fit_clocks
 from panoptic_ros.offsets.frames import CameraFrame, camera_frames
-from panoptic_ros.offsets.notices import ClockNotices
 from panoptic_ros.offsets.passes import PRIOR_DRIFT, PRIOR_OFFSET, SCALES
 from panoptic_ros.offsets.tracks import Tracks
 from panoptic_ros.offsets.uncertainty import honest_information
-from panoptic_ros.offsets.warm_up import compile_kernels
 from panoptic_ros.params import named_numbers, of_name
-from panoptic_ros.stage import StageContext, StepResult
+from panoptic_ros.solving.example import cloud_of_joints, easy_instants
+from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
 SECOND = 1_000_000_000
 FRAME_LIMIT = 4096  # frames that wait at most, e.g. while nobody is tracked
 ALL_FRAMES = 10  # cameras of which every frame is used; more cameras take turns, with as many frames in all
+PATIENCE_S = 10.0  # after which clocks that are still not known are reported
+STEP_NS = 33_000_000
+FRAMES = 15  # enough rays for a trajectory
+
+
+class ClockNotices:
+    """Says which cameras are corrected and by how much, which clocks have jumped, and which stay unknown."""
+
+    def __init__(self, cameras: Sequence[str]):
+        self._cameras = tuple(cameras)
+        self._told: set[str] = set()  # cameras whose correction was reported
+        self._passed = 0.0  # s
+        self._missed = False  # whether the unknown ones were reported
+
+    def of(self, clocks: CameraClocks, jumps: Array, seconds: float) -> tuple[Notice, ...]:
+        """The notices of one block.
+
+        Args:
+            jumps: (C,) s, how far clocks jumped in it. seconds: how long it was.
+        """
+        self._passed += seconds
+        jumped = [_jump(name, float(jump)) for name, jump in zip(self._cameras, jumps) if jump]
+        self._told -= {str(notice.values["camera"]) for notice in jumped}
+        settled = clocks.applied & clocks.known & (jumps == 0.0)
+        return (*jumped, *self._corrected(clocks, settled), *self._unknown(clocks))
+
+    def _corrected(self, clocks: CameraClocks, settled: Array) -> tuple[Notice, ...]:
+        new = [c for c in np.flatnonzero(settled) if self._cameras[c] not in self._told]
+        if not new:
+            return ()
+        self._told |= {self._cameras[c] for c in new}
+        text = ", ".join(
+            f"{self._cameras[c]} {1e3 * clocks.offsets[c]:+.1f} ms +- {1e3 * clocks.deviations[c]:.1f}"
+            for c in new
+        )
+        return (Notice("offsets.corrected", "info", f"stamps are corrected from motion: {text}"),)
+
+    def _unknown(self, clocks: CameraClocks) -> tuple[Notice, ...]:
+        if self._missed or self._passed < PATIENCE_S:
+            return ()
+        self._missed = True
+        if clocks.known.all():
+            return ()
+        names = ", ".join(name for name, known in zip(self._cameras, clocks.known) if not known)
+        text = (
+            f"after {self._passed:.0f} s the clocks of {names} are not known: too little moves in their "
+            "views. Their stamps are kept; let somebody walk about there"
+        )
+        return (Notice("offsets.unknown", "warning", text, {"cameras": names}),)
 
 
 class OffsetsStage(Stateful):
@@ -177,3 +227,46 @@ class OffsetsStage(Stateful):
         since = frame.stamp_ns - clocks.reference_ns
         master_ns: int = frame.stamp_ns + round(1e9 * clocks.offsets[c] + clocks.drifts[c] * since)
         return master_ns
+
+
+def _jump(name: str, jump: float) -> Notice:
+    text = (
+        f"the clock of camera {name} has jumped by about {-1e3 * jump:+.0f} ms against the others; it is "
+        "found anew from motion"
+    )
+    return Notice("offsets.jump", "warning", text, {"camera": name, "jump_s": -jump})
+
+
+def compile_kernels(rig: Rig, skeleton: SkeletonModel, arrays: RigArrays, prior: np.ndarray) -> None:
+    """Fit the clocks to somebody who does not move, which takes all kernels; or take them from the cache.
+
+    Args:
+        prior: standard deviations (2C,) of the clocks, see `fit_clocks`.
+    """
+    first = next(iter(easy_instants(rig, skeleton)))
+    sets = [
+        replace(first, views=tuple(replace(view, stamp_ns=k * STEP_NS) for view in first.views))
+        for k in range(FRAMES)
+    ]
+    frames = camera_frames(sets, arrays, skeleton)
+    stamps = np.array([1e-9 * frame.stamp_ns for frame in frames])
+    tracked = [_tracked(k, cloud_of_joints(rig, skeleton), skeleton) for k in range(FRAMES)]
+    seen = associate(frames, stamps, stamps, Tracks(tracked, 0), arrays, skeleton, 0.1)
+    fit_clocks(seen, len(rig), np.zeros(len(rig)), np.zeros(len(rig)), prior)
+
+
+def _tracked(index: int, joints: np.ndarray, skeleton: SkeletonModel) -> TrackedPoseSet:
+    ones = np.ones((1, len(joints)))
+    spread = np.tile(1e-4 * np.eye(3), (1, len(joints), 1, 1))
+    return TrackedPoseSet(
+        index,
+        index * STEP_NS,
+        skeleton.hash,
+        joints[None],
+        spread,
+        ones,
+        2 * ones,
+        ones,
+        np.ones(1),
+        ids=np.array([0]),
+    )

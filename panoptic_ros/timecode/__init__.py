@@ -5,23 +5,21 @@ sample at which it starts and a standard deviation.
 
 `decoder` is the method on one page. It uses four rooms, each of which knows only those before it:
 
-* `signal`: clicks are bridged, a linear-phase high pass takes DC and hum away (`conditioning`). The shape
-  of an edge and the droop of a coupling capacitor are learnt from the words (`edge_shape`).
+* `signal`: clicks are bridged, a linear-phase high pass takes DC and hum away (`conditioning`).
 * `word`: cell length and phase are those with the largest energy of half-cell integrals, with no decisions
   on the way (`acquisition`); where the speed changes, half cells are followed edge by edge (`tracking`).
-  Bits come from a two-state Viterbi search over half cells, which is soft and free of polarity (`viterbi`)
-  but for what the sync word before each says of it (`levels`). A word's start is a least-squares fit of its
-  known edges to the samples (`fit`). Its deviation is what the scatter of edges says, and what all edges of
-  a word leave alike. Where the speed changes, every edge is measured by itself (`edge_kernels`), and the
-  curve through them is as stiff as the innovations of the last words say (`smoothing`).
+  Bits come from a two-state Viterbi search over half cells, which is soft and free of polarity but for what
+  the sync word before each says of it (`viterbi`). A word's start is a least-squares fit of a line, or of a
+  polynomial where the speed changes, to its known edges. The scatter of the edges gives its deviation
+  (`edges`).
 * `label`: the words of a stretch are judged together against labels that count on (`stretch`). Echoes of a
-  room turn the same bits in all words, so labels must also be explained by a linear channel (`echoes`).
+  room turn the same bits in all words, so labels must also be explained by a linear channel.
   Later words are judged against the label that must come next, with the user bits of the words before and
   against the labels of the frames beside (`evidence`): timecode that stands still must not count on. A word
   that clicks or noise contradict is reported only between others that do not. User bits are the last that
-  were certain, 0 before (`user_bits`).
+  were certain, 0 before.
 * `follow`: words are read one by one (`reading`), each where the speed of the last words predicts it
-  (`pace`), or where it is tracked while the speed changes (`wander`).
+  (`following`), or where it is tracked while the speed changes (`wander`).
 
 Loops are compiled (`kernels`).
 

@@ -6,7 +6,7 @@
    direction, and the place of the sync word (`word.acquisition`). It locks to the signal if the labels of its
    words count on (`follow.lock`, `label.stretch`). Where the speed changes it is tracked (`word.tracking`).
 3. Each word of the signal is judged against the label that must come next, where the last words say that it
-   begins. Then it is timed by a fit of its edges (`follow.reading`).
+   begins (`follow.reading`). Then it is timed by a fit of its edges (`word.edges`).
 4. Words are handed out as soon as one of them rules out the labels beside theirs.
 5. After `lost_words` unreadable words all is forgotten, so that noise cannot poison anything, and 2 follows.
 """
@@ -19,10 +19,8 @@ from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.follow.following import Follow
 from panoptic_ros.timecode.follow.lock import lock
 from panoptic_ros.timecode.follow.reading import Word, read_word, word_complete
-from panoptic_ros.timecode.signal.buffer import Hops
-from panoptic_ros.timecode.signal.stream import Stream
+from panoptic_ros.timecode.signal.stream import Hops, Stream
 from panoptic_ros.timecode.word.acquisition import CHANGING, LONG, SHORT, acquire
-from panoptic_ros.timecode.word.layout import WORD_CELLS
 
 Array = np.ndarray
 HOP_SECONDS = 0.1
@@ -68,6 +66,7 @@ class LtcDecoder:
             for found in acquire(stream.sums, stream.sums_rate, config.speed_range, search):
                 follow = lock(stream, found, search, config, self._read_until)
                 if follow is not None:
+                    follow.signal = self._searches
                     return follow
         return None
 
@@ -86,5 +85,5 @@ class LtcDecoder:
         if not word.upheld:
             return []
         words, self._held = self._held, []
-        self._read_until = word.grid.middle + 0.5 * WORD_CELLS * word.grid.cell
+        self._read_until = word.end
         return words

@@ -11,25 +11,17 @@ from panoptic_ros.state import Fields, StateLayout
 from panoptic_ros.timecode.decoder import LtcDecoder
 from panoptic_ros.timecode.follow.breaks import Heard
 from panoptic_ros.timecode.follow.following import Follow
-from panoptic_ros.timecode.follow.lines import CellLine
-from panoptic_ros.timecode.follow.pace import Pace
 from panoptic_ros.timecode.follow.reading import Word
 from panoptic_ros.timecode.follow.wander import Wander
 from panoptic_ros.timecode.label.counting import Counting
-from panoptic_ros.timecode.label.evidence import Evidence, Verdict
+from panoptic_ros.timecode.label.evidence import Evidence, UserBits, Verdict
 from panoptic_ros.timecode.label.expected import ExpectedLabels
 from panoptic_ros.timecode.label.stretch import Solution
-from panoptic_ros.timecode.label.user_bits import UserBits
-from panoptic_ros.timecode.signal.buffer import Buffer, Hops
 from panoptic_ros.timecode.signal.clicks import ClickLimits
 from panoptic_ros.timecode.signal.conditioning import Conditioner
-from panoptic_ros.timecode.signal.edge_shape import EdgeShape
-from panoptic_ros.timecode.signal.grid import Grid
-from panoptic_ros.timecode.signal.stream import Stream
-from panoptic_ros.timecode.signal.wave import Samples
-from panoptic_ros.timecode.word.fit import FreeEdges, WordFit
-from panoptic_ros.timecode.word.levels import WordLevels
-from panoptic_ros.timecode.word.smoothing import Motion
+from panoptic_ros.timecode.signal.half_cells import Grid
+from panoptic_ros.timecode.signal.stream import Buffer, Hops, Stream
+from panoptic_ros.timecode.word.viterbi import WordLevels
 
 
 @dataclass
@@ -72,7 +64,6 @@ LAYOUT = StateLayout(
     "timecode",
     ("_devices",),
     (
-        CellLine,
         Channel,
         ClickLimits,
         Counting,
@@ -83,31 +74,25 @@ LAYOUT = StateLayout(
         Solution,
         Timecode,
         Verdict,
-        FreeEdges,
-        Motion,
-        Samples,
         Word,
-        WordFit,
         WordLevels,
         Fields.named(Fraction, "_numerator _denominator", is_value=True),
         Fields.named(LtcDecoder, "_config _hop _hops _stream _follow _held _read_until _searches"),
         Fields.named(Hops, "_length _pending _count"),
-        Fields.named(Stream, "sample_rate first _conditioner _up _raw _sums"),
+        Fields.named(Stream, "sample_rate first up _conditioner _recorded _sums"),
         Fields.named(Buffer, "values", make=Buffer.of),
         Fields.named(
             Conditioner, "up _step _low_pass _between _half _beside reach _piece _clicks _raw _history"
         ),
-        Fields.named(Follow, "grid number labels shape misses read pace _first"),
+        Fields.named(
+            Follow,
+            "grid number labels reverse wander misses read signal first _line _wavers _scatter",
+        ),
         Fields.named(
             ExpectedLabels,
             "user _solution _countings _rates _ahead _evidence _labels _verdicts _last_ahead",
         ),
-        Fields.named(
-            Pace,
-            "reverse wander _before _words _on_line _early_line _line _astray _loose _wavers _edges _scale",
-        ),
-        Fields.named(Wander, "reverse level _place _cell _tracked _nats _scales _known"),
-        Fields.named(EdgeShape, " ".join(("sample_rate", *EdgeShape.LEARNT)), make=EdgeShape.of),
+        Fields.named(Wander, "reverse level _place _cell _tracked"),
         Fields.named(UserBits, "_nats certain _other _bits _value"),
         Fields.named(Evidence, "_levels _free _user contradiction same_user"),
     ),

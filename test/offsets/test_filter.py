@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.offsets.filter import JUMP, ClockFilter
+from panoptic_ros.offsets.estimate import JUMP, ClockFilter
 
 CAMERAS = 5
 PRIOR = np.repeat([0.1, 5e-5], CAMERAS)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.offsets import CameraClocks
-from panoptic_ros.offsets.notices import ClockNotices
+from panoptic_ros.offsets.stage import ClockNotices
 
 NAMES = ("a", "b", "c")
 

@@ -44,7 +44,7 @@ from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.simulation.ltc_signal import AudioFaults, degrade_audio, encode_ltc, timecode_rate
 from panoptic_ros.stage import StageContext
-from panoptic_ros.timecode.signal.buffer import Buffer
+from panoptic_ros.timecode.signal.stream import Buffer
 
 SECOND = 10**9
 OTHERS = SubjectSet(SECOND, [3, 7], [[np.nan] * 3, [0.0, 0.0, 1.0]], [-1, SECOND], [-1, 1])

@@ -134,7 +134,7 @@ def test_what_is_decoded_from_a_bad_line_is_the_truth(
 def test_single_faults(faults: AudioFaults) -> None:
     signal = make("25", 50, 48000, lead=500, tail=100)
     bad = degrade_audio(signal.samples, 48000, faults)
-    check(signal, decode(blocks(bad, 48000)), missing=3)
+    check(signal, decode(blocks(bad, 48000)), missing=3, within_us=10.0)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_words_that_nobody_could_read_alone(sample_rate: int, snr_db: float) -> 
     signal = make("30", 90, sample_rate, lead=sample_rate / 3, tail=100, user_bits=0x26110721)
     bad = degrade_audio(signal.samples, sample_rate, AudioFaults(snr_db=snr_db))
     readings = decode(blocks(bad, sample_rate))
-    check(signal, readings, missing=1, within_us=30.0)
+    check(signal, readings, missing=1, within_us=40.0)
     assert {reading.user_bits for reading in readings} == {0x26110721}
 
 

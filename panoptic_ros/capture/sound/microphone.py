@@ -5,13 +5,14 @@ from __future__ import annotations
 import importlib
 import queue
 import time
+from bisect import bisect_left, insort
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from panoptic_ros.capture.sound.source import BLOCK_S
-from panoptic_ros.capture.sound.steady import SteadyStamps
 from panoptic_ros.domain import AudioBlock
 from panoptic_ros.errors import BackendError, EnvironmentProblem
 
@@ -21,6 +22,9 @@ WAITING_BLOCKS = 100  # that nobody has taken; beyond them the oldest are lost
 SETTLE_S = 1.0
 SILENT_S = 5.0  # without any block: the device is gone
 SECOND = 1_000_000_000
+KEPT_S = 5.0  # in which some blocks come promptly; a clock that drifts by 1e-4 moves by half a ms
+PROMPT = 0.05  # share of the blocks that tell of an earlier time: these are the wrong ones
+LOST_NS = SECOND  # later than the count says: sound was lost, or the machine slept
 
 
 class MicrophoneSource:
@@ -161,3 +165,41 @@ def _portaudio() -> Any:
 
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
+
+
+class SteadyStamps:
+    """Stamps that go on as the samples do, from the blocks that came promptly.
+
+    A block is told of late, by up to 0.1 s on a busy machine. So those that are earliest beside their count
+    of samples are right (the minimum filter of clocks over networks, Mills 1991), but for a few: sound
+    servers guess how long sound took through them, at times too long. Hence the earliest but for a twentieth.
+
+    Args:
+        sample_rate: Hz.
+    """
+
+    def __init__(self, sample_rate: int):
+        self._rate = sample_rate
+        self._starts: deque[tuple[int, int]] = deque()  # (sample, ns of sample 0)
+        self._sorted: list[int] = []  # the ns of these
+        self._last = 0
+
+    def stamp(self, first: int, told_ns: int) -> int:
+        """Of a block that begins with a sample, which the device told of as of a time; never goes back."""
+        start = told_ns - first * SECOND // self._rate
+        if self._starts and start - self._prompt() >= LOST_NS:
+            self.restart()
+        self._starts.append((first, start))
+        insort(self._sorted, start)
+        while self._starts[0][0] < first - KEPT_S * self._rate:
+            del self._sorted[bisect_left(self._sorted, self._starts.popleft()[1])]
+        self._last = max(self._prompt() + first * SECOND // self._rate, self._last + 1, 0)
+        return self._last
+
+    def restart(self) -> None:
+        """After sound was lost: the count tells nothing of before."""
+        self._starts.clear()
+        self._sorted.clear()
+
+    def _prompt(self) -> int:
+        return self._sorted[int(PROMPT * len(self._sorted))]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from panoptic_ros.domain import Timecode
 from panoptic_ros.stage import Notice
 from panoptic_ros.timecode.follow.reading import Word
-from panoptic_ros.timecode.label.rates import with_rate
+from panoptic_ros.timecode.label.counting import with_rate
 from panoptic_ros.timecode.word.layout import WORD_CELLS
 
 LONGEST_GAP = 250  # words; over more, the speed is not known well enough to count on

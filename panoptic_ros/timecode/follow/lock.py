@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.follow.following import Follow
-from panoptic_ros.timecode.follow.pace import Pace
 from panoptic_ros.timecode.follow.reading import read_word, word_complete
 from panoptic_ros.timecode.follow.wander import Wander
 from panoptic_ros.timecode.label.evidence import judge
 from panoptic_ros.timecode.label.expected import ExpectedLabels
 from panoptic_ros.timecode.label.stretch import solve_labels
-from panoptic_ros.timecode.signal.edge_shape import EdgeShape
-from panoptic_ros.timecode.signal.grid import Grid, moved_grid
+from panoptic_ros.timecode.signal.half_cells import Grid, moved_grid
 from panoptic_ros.timecode.signal.stream import Stream
 from panoptic_ros.timecode.word.acquisition import EARLY, Found, Search, steady, tracked
 from panoptic_ros.timecode.word.layout import SYNC_ONLY, WORD_CELLS
-from panoptic_ros.timecode.word.levels import ticks_levels, word_levels
 from panoptic_ros.timecode.word.tracking import BEFORE, TICKS, word_ticks
+from panoptic_ros.timecode.word.viterbi import ticks_levels, word_levels
 
 Array = np.ndarray
 FARTHEST = 3  # unreadable words in a row between readable ones, where the speed changes
-CLEARLY = 0.8  # times the variance of words at constant speed, that a changing one must leave at most
+CLEARLY = 0.8  # times the scatter of edges at constant speed, that a changing one must leave at most
 ABOUT = 8  # cells over which the length of one is measured
-PASSES = 2  # over the words heard so far: the first teaches the shape of edges, the other by it the speed
 
 
 def lock(
@@ -41,8 +39,8 @@ def lock(
     """
     signals, stretch = _even(stream, found, search)
     tried = [_follow(stream, signal, stretch, config, read_until) for signal in signals]
-    read = [(follow, pace) for follow, pace in tried if follow is not None]
-    on_line = [(pace.variance, follow) for follow, pace in read if pace.wander is None]
+    read = [each for each in tried if each is not None]
+    on_line = [(trial.scatter, follow) for trial, follow in read if trial.wander is None]
     even = min(on_line, key=lambda item: item[0], default=(math.inf, None))
     if found.ticks is None:
         if even[1] is not None or not read:
@@ -50,11 +48,11 @@ def lock(
         begin = len(stream.sums) - 1 - search.seconds * stream.sums_rate
         found = tracked(stream.sums, begin, found) or found
     if found.ticks is None:
-        return read[0][0]
-    follow, pace = _follow(stream, found, search, config, read_until)
-    if follow is None or pace.variance > CLEARLY * even[0]:
-        return even[1] or (read[0][0] if read else None)
-    return follow
+        return read[0][1]
+    swinging = _follow(stream, found, search, config, read_until)
+    if swinging is None or swinging[0].scatter > CLEARLY * even[0]:
+        return even[1] or (read[0][1] if read else None)
+    return swinging[1]
 
 
 def _even(stream: Stream, found: Found, search: Search) -> tuple[list[Found], Search]:
@@ -72,9 +70,12 @@ def _even(stream: Stream, found: Found, search: Search) -> tuple[list[Found], Se
 
 def _follow(
     stream: Stream, found: Found, search: Search, config: TimecodeConfig, read_until: float
-) -> tuple[Follow | None, Pace]:
-    """A signal from its first word on, and its pace up to the newest word; see `lock`."""
-    wander, number, pace = None, 0, Pace(found.reverse)
+) -> tuple[Follow, Follow] | None:
+    """A signal as it is followed up to its newest word, and again from its first word on; see `lock`.
+
+    None if it has no labels.
+    """
+    wander, number = None, 0
     if found.ticks is not None:
         chain = _chain(stream.sums, found.ticks, found)
         words = [ticks_levels(stream.sums, ticks, found.reverse) for ticks in chain]
@@ -83,26 +84,24 @@ def _follow(
         words = [word_levels(stream.sums, grid, found.reverse) for grid in grids]
     solution = solve_labels(words, found.reverse, config.agreeing_words)
     if solution is None:
-        return None, pace
+        return None
     if found.ticks is not None:
         wander, number = _first_tracked(stream, chain, found.reverse, read_until)
         grid = wander.grid
     else:
         grid, number = _first_word(stream, stream.in_recorded(grids[0]), read_until)
-    shape = EdgeShape(stream.sample_rate)
-    for _ in range(PASSES):
-        labels = ExpectedLabels(solution)
-        pace = Pace(found.reverse, None, None if wander is None else wander.again_at(wander))
-        follow = Follow(grid, number, labels, pace, shape)
-        while follow.misses < config.lost_words and word_complete(follow, stream):
-            read_word(follow, stream)
-    if follow.read < config.agreeing_words:
-        return None, pace
-    grid, onward = pace.restarted(grid, number, wander)
-    if wander is not None and onward.wander is None:  # the speed is constant after all
-        grid, before = _first_word(stream, grid, read_until)
-        number += before
-    return Follow(grid, number, ExpectedLabels(solution, labels.user), onward, shape), pace
+    trial = Follow(grid, number, ExpectedLabels(solution), found.reverse, copy(wander))
+    while trial.misses < config.lost_words and word_complete(trial, stream):
+        read_word(trial, stream)
+    if trial.read < config.agreeing_words:
+        return None
+    if trial.wander is None and trial.cell and trial.first is not None:  # the speed is constant after all
+        first, middle = trial.first
+        grid = moved_grid(Grid(middle, trial.cell), float(WORD_CELLS * (number - first)))
+        if wander is not None:
+            wander, (grid, before) = None, _first_word(stream, grid, read_until)
+            number += before
+    return trial, Follow(grid, number, ExpectedLabels(solution, trial.labels.user), found.reverse, wander)
 
 
 def _first_tracked(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,19 +11,18 @@ import numpy as np
 from panoptic_ros.domain import Timecode
 from panoptic_ros.timecode.follow.following import Follow
 from panoptic_ros.timecode.follow.wander import Wander
+from panoptic_ros.timecode.label.counting import with_rate
 from panoptic_ros.timecode.label.evidence import Verdict
-from panoptic_ros.timecode.label.rates import with_rate
-from panoptic_ros.timecode.signal.edge_shape import EdgeShape
-from panoptic_ros.timecode.signal.grid import Grid, moved_grid
+from panoptic_ros.timecode.signal.half_cells import Grid, moved_grid
 from panoptic_ros.timecode.signal.stream import Stream
-from panoptic_ros.timecode.word.bit_clock import drawn_grid, nearby_grid
-from panoptic_ros.timecode.word.fit import WordFit, fit_free_edges, fit_word
+from panoptic_ros.timecode.word.edges import EVEN, SWINGING, EdgeFit, fit_edges
 from panoptic_ros.timecode.word.layout import SYNC, WORD_CELLS
-from panoptic_ros.timecode.word.levels import ticks_levels, word_levels
+from panoptic_ros.timecode.word.search import nearby_grid
+from panoptic_ros.timecode.word.tracking import BETWEEN
+from panoptic_ros.timecode.word.viterbi import ticks_levels, word_levels
 
 Array = np.ndarray
 SLACK = 2.0  # cells, that a word may end later than its beginning says if the speed changes
-NEAR = 0.02  # cells, of where a word is expected that needs no look at its edges before it is fitted
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +37,8 @@ class Word:
         known: whether no other label is about as likely.
         sure: whether nothing contradicts the word.
         upheld: whether it and those before have their labels; if not, a word that is so must follow.
-        number: of the word in its signal.
-        bits, grid: (80,) in the order of the stream; as fitted.
-        ticks: (193,) of the half cells if the speed changes within words, see `Wander.listen`.
-        shape: of a step, as learnt from the signal so far.
+        end: where it ends in the stream, samples.
+        signal: number of the signal in its stream.
     """
 
     timecode: Timecode
@@ -52,11 +50,8 @@ class Word:
     known: bool
     sure: bool
     upheld: bool
-    number: int
-    bits: Array
-    grid: Grid
-    ticks: Array | None
-    shape: EdgeShape
+    end: float
+    signal: int
 
 
 def word_complete(follow: Follow, stream: Stream) -> bool:
@@ -72,7 +67,7 @@ def read_word(follow: Follow, stream: Stream) -> Word | None:
     heard = _listen(follow, stream)
     word = _timed(follow, stream, heard) if heard.verdict.possible else None
     if word is None:
-        follow.miss(heard.ticks)
+        follow.miss(heard.tracked)
     return word
 
 
@@ -80,15 +75,13 @@ class _Heard(NamedTuple):
     """A word that was judged.
 
     Args:
-        grid: on the running sum.
-        expected: whether it is good where it was expected.
-        ticks: (193,) recorded samples, if it was tracked.
+        ticks: (161,) on the running sum, where its half cells begin and end.
+        tracked: (193,) recorded samples, see `Wander.listen`, if it was tracked.
     """
 
-    grid: Grid
     verdict: Verdict
-    expected: bool
-    ticks: Array | None = None
+    ticks: Array
+    tracked: Array | None = None
 
 
 def _listen(follow: Follow, stream: Stream) -> _Heard:
@@ -99,15 +92,19 @@ def _listen(follow: Follow, stream: Stream) -> _Heard:
     grid = stream.in_sums(follow.grid)
     levels = word_levels(sums, grid, reverse)
     verdict = follow.judge(levels)
-    expected = verdict.good and follow.straight
     if verdict.good and not follow.misses:
-        return _Heard(grid, verdict, expected)
+        return _Heard(verdict, _ticks(grid))
     # After a miss good words are looked for as well: a grid that slips may fit labels that were not sent.
     moved = nearby_grid(sums, grid)
     second = follow.judge(word_levels(sums, moved, reverse))
     if verdict.good and second.level < verdict.level:  # noise has moved it away
-        return _Heard(grid, follow.judge(levels), expected)
-    return _Heard(moved, second, expected)
+        return _Heard(follow.judge(levels), _ticks(grid))
+    return _Heard(second, _ticks(moved))
+
+
+def _ticks(grid: Grid) -> Array:
+    """Where the half cells of a word at constant speed begin and end, (161,)."""
+    return grid.middle + grid.cell * BETWEEN
 
 
 def _track(follow: Follow, wander: Wander, stream: Stream) -> _Heard:
@@ -116,7 +113,7 @@ def _track(follow: Follow, wander: Wander, stream: Stream) -> _Heard:
     verdict = follow.judge(ticks_levels(stream.sums, ticks, follow.reverse))
     if verdict.good:
         wander.level = verdict.level
-    return _Heard(stream.in_sums(follow.grid), verdict, False, stream.ticks_in_recorded(ticks))
+    return _Heard(verdict, wander.own(ticks), stream.ticks_in_recorded(ticks))
 
 
 def _timed(follow: Follow, stream: Stream, heard: _Heard) -> Word | None:
@@ -125,57 +122,37 @@ def _timed(follow: Follow, stream: Stream, heard: _Heard) -> Word | None:
     label, known = follow.label(good)
     verdict = follow.labels.bits(label, good)
     upheld = known and follow.upheld(good)
-    learns, number = good and follow.learns(verdict.share), follow.number
-    bits, fit = _fitted(follow, stream, heard, verdict)
-    timed = None if fit is None else follow.hit(fit, good, heard.ticks)
-    if timed is None and fit is not None:  # the speed has begun to change
-        wander = Wander.about(follow.reverse, fit.grid, stream, verdict.level)
-        follow.wanders(wander)
-        heard = _track(follow, wander, stream)
-        bits, fit = _fitted(follow, stream, heard, verdict) if heard.verdict.good else (bits, None)
-        timed = None if fit is None else follow.hit(fit, good, heard.ticks)
-        if timed is None:
-            follow.wanders(None)
-    if fit is None or timed is None:
+    fit = _fitted(follow, stream, heard, verdict)
+    if fit.settled and good and follow.wander is None and follow.swings(fit):
+        wander = Wander.about(follow.reverse, stream.in_recorded(fit.grid), stream, verdict.level)
+        tracked = _track(follow, wander, stream)
+        again = _fitted(follow, stream, tracked, verdict)
+        if tracked.verdict.good and again.settled:  # the speed has begun to change
+            follow.wander, heard, fit = wander, tracked, again
+    if not fit.settled:
         return None
-    if learns:
-        fit.teach(follow.shape, stream.sample_rate)
-    start, std = timed
+    ticks = stream.ticks_in_recorded(fit.ticks)
+    if good and follow.wander is not None and heard.tracked is not None:
+        follow.wander.own(heard.tracked)[:] = ticks
+    follow.hit(fit, stream.in_recorded(fit.grid), good, heard.tracked)
+    bit_0 = -1 if follow.reverse else 0
     return Word(
         timecode=with_rate(label, follow.rate(stream.sample_rate)),
-        start=start,
-        std=std,
+        start=float(ticks[bit_0]),
+        std=math.sqrt(fit.variance[bit_0]) / stream.up,
         cell=follow.grid.cell,
         reverse=follow.reverse,
         user_bits=follow.labels.user.value,
         known=known,
         sure=good,
         upheld=upheld,
-        number=number,
-        bits=bits,
-        grid=fit.grid,
-        ticks=heard.ticks,
-        shape=follow.shape,
+        end=float(ticks[-1]),
+        signal=follow.signal,
     )
 
 
-def _fitted(follow: Follow, stream: Stream, heard: _Heard, verdict: Verdict) -> tuple[Array, WordFit | None]:
-    """The bits in the order of the stream and their fit: about the expected place, or about the edges."""
-    forward = slice(None, None, -1 if follow.reverse else 1)
-    bits = verdict.bits[forward]
-    if heard.ticks is not None and follow.wander is not None:
-        wander, rate = follow.wander, stream.sample_rate
-        before = wander.before(follow.number, heard.ticks)
-        own = wander.own(heard.ticks)
-        return bits, fit_free_edges(stream.recorded, bits, own, rate, follow.shape, before)
-    fit = _fit(follow, stream, bits, follow.grid) if heard.expected else None
-    if fit is None or abs(fit.middle - follow.grid.middle) > NEAR * fit.cell:
-        signs = np.ascontiguousarray(verdict.signs[forward])
-        grid = drawn_grid(stream.sums, heard.grid, signs, verdict.level)
-        fit = _fit(follow, stream, bits, stream.in_recorded(grid))
-    return bits, fit
-
-
-def _fit(follow: Follow, stream: Stream, bits: Array, grid: Grid) -> WordFit | None:
-    """The word with these bits near a grid of recorded samples."""
-    return fit_word(stream.recorded, bits, grid, stream.sample_rate, follow.shape)
+def _fitted(follow: Follow, stream: Stream, heard: _Heard, verdict: Verdict) -> EdgeFit:
+    """The edges of a word with the bits of a verdict, about where it was heard."""
+    signs = np.ascontiguousarray(verdict.signs[:: -1 if follow.reverse else 1])
+    terms = EVEN if heard.tracked is None else SWINGING
+    return fit_edges(stream.sums, heard.ticks, signs, verdict.level, terms)

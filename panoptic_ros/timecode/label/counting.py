@@ -1,21 +1,30 @@
-"""Labels that count on, and those that the soft bits of a stretch of words propose."""
+"""Labels that count on, those that the soft bits of a stretch of words propose, and their rates."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
 from panoptic_ros.domain import FrameRate, Timecode
 from panoptic_ros.errors import ClockError
-from panoptic_ros.timecode.word.layout import COUNTINGS, TABLES
+from panoptic_ros.timecode.word.layout import COUNTINGS, DROP_RATE, TABLES
 
 Array = np.ndarray
 FAR_NATS = 60.0  # behind the best values of a label's fields: nobody asks for labels so unlikely
 NEAR_FRAMES = 3  # of the middle word that are proposed for each rate
 CLOCK = ("seconds", "minutes", "hours")
 MOST_NEAR = 8  # of these together that are proposed for each of those frames
+RATES = (
+    FrameRate(24, Fraction(24000, 1001)),
+    FrameRate(24, Fraction(24)),
+    FrameRate(25, Fraction(25)),
+    FrameRate(30, Fraction(30000, 1001)),
+    FrameRate(30, Fraction(30)),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,3 +112,27 @@ def _countings(
         except ClockError:
             continue
         yield Counting(one, label.frame_count - step * number, step)
+
+
+def possible_rates(countings: Collection[FrameRate]) -> list[tuple[FrameRate, float]]:
+    """The rates that count in one of some ways, and their words per second."""
+    nominals = {rate.nominal for rate in countings if not rate.drop_frame}
+    rates = [rate for rate in RATES if rate.nominal in nominals]
+    if any(rate.drop_frame for rate in countings):
+        rates.append(DROP_RATE)
+    return [(rate, float(rate.exact)) for rate in rates]
+
+
+def closest_rate(rates: Sequence[tuple[FrameRate, float]], measured: float) -> FrameRate:
+    """The rate of some that is closest to words per second."""
+    if len(rates) == 1:
+        return rates[0][0]
+    return min(rates, key=lambda item: abs(math.log(measured / item[1])))[0]
+
+
+def with_rate(label: Timecode, rate: FrameRate) -> Timecode:
+    """The same label at another rate that has it, else as it is."""
+    try:
+        return Timecode(label.hours, label.minutes, label.seconds, label.frames, rate)
+    except ClockError:
+        return label

@@ -13,10 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from panoptic_ros.domain import Timecode
-from panoptic_ros.timecode.label.user_bits import UserBits
-from panoptic_ros.timecode.word.layout import USER_BITS, WORD_CELLS, known_bits
-from panoptic_ros.timecode.word.levels import WordLevels
-from panoptic_ros.timecode.word.viterbi import FREE, LEAST_NOISE, best_path, match, soft_bits
+from panoptic_ros.timecode.word.layout import FREE, USER_BITS, USER_WEIGHTS, WORD_CELLS, known_bits
+from panoptic_ros.timecode.word.viterbi import LEAST_NOISE, WordLevels, best_path, match, soft_bits
 
 Array = np.ndarray
 GOOD_NATS = 15.0  # by which a word may contradict its label
@@ -30,6 +28,9 @@ USER_NATS = 8.0  # by which a word may contradict the user bits of others and st
 BESIDE = (-1, 1, -2, 2, -3, 3, -4, 4)  # frames: timecode that stands still is lost after so many
 BEHIND_NATS = 24.0  # of the labels beside: a word that clicks spoil may be so far behind
 NO_BITS = np.full(WORD_CELLS, FREE, np.int8)
+CERTAIN = 12.0  # nats for every bit
+OTHER_NATS = 15.0  # by which a clear word must contradict what was certain
+MANY_NATS = 90.0  # by which any word must: several bits; a click turns one or two
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +91,58 @@ def soft_nats(levels: WordLevels, wanted: Array) -> Array:
     level = (best_path(halves, wanted, levels.before).score - abs(levels.before)) / len(halves)
     noise = max(float(halves @ halves) / len(halves) - level * level, (LEAST_NOISE * level) ** 2, 1e-30)
     return level * soft_bits(halves, wanted, levels.before) / noise
+
+
+class UserBits:
+    """User bits by all words of a signal. What was certain stays until words clearly say something else.
+
+    Args:
+        soft: (32,) nats for ones from words that were judged together.
+    """
+
+    def __init__(self, soft: Array):
+        self._nats = soft.astype(np.float64)
+        self.certain = bool(np.abs(soft).min() > CERTAIN)
+        self._believe((soft > 0.0).astype(np.int8))
+        self._other = -1  # what the last clear word said instead
+
+    @property
+    def likely(self) -> Array:
+        """(32,) the most likely bits."""
+        return self._bits
+
+    @property
+    def value(self) -> int:
+        """The last bits that were certain; 0 before."""
+        return self._value if self.certain else 0
+
+    def hear(self, soft: Array, contradiction: float, clear: bool) -> None:
+        """Learn from a good word.
+
+        Args:
+            soft: (32,) nats for ones.
+            contradiction: nats by which it fits better without the likely bits.
+            clear: whether no click or noise spoils it.
+        """
+        heard = (soft > 0.0).astype(np.int8)
+        if not self.certain:
+            self._nats += soft
+            self._believe((self._nats > 0.0).astype(np.int8))
+            self.certain = bool(np.abs(self._nats).min() > CERTAIN)
+        elif contradiction > (OTHER_NATS if clear else MANY_NATS):
+            other = _number(heard)
+            if contradiction > MANY_NATS or other == self._other:
+                self._believe(heard)
+            self._other = other
+        else:
+            self._other = -1
+
+    def _believe(self, bits: Array) -> None:
+        self._bits, self._value = bits, _number(bits)
+
+
+def _number(bits: Array) -> int:
+    return int(USER_WEIGHTS @ bits)
 
 
 class Evidence:

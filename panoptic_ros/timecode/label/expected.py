@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.domain import FrameRate, Timecode
-from panoptic_ros.timecode.label.counting import Counting
-from panoptic_ros.timecode.label.evidence import Evidence, Verdict
-from panoptic_ros.timecode.label.rates import closest_rate, possible_rates
+from panoptic_ros.timecode.label.counting import Counting, closest_rate, possible_rates
+from panoptic_ros.timecode.label.evidence import Evidence, UserBits, Verdict
 from panoptic_ros.timecode.label.stretch import WORST_NATS, Solution
-from panoptic_ros.timecode.label.user_bits import UserBits
-from panoptic_ros.timecode.word.levels import WordLevels
+from panoptic_ros.timecode.word.viterbi import WordLevels
 
 SURE_NATS = 10.0  # by which other labels must be worse
 RULED_OUT_NATS = 30.0  # by which a counting is so much worse that it is forgotten

@@ -5,6 +5,12 @@ are proposed from soft bits, field by field. Each proposal is judged by how much
 words fit if its bits are given, in nats (natural logarithms of probability ratios). The best one is
 believed if it is far ahead of the next, if no other explains the words better through echoes, and if enough
 words confirm it alone.
+
+Echoes of a room make the same error in every word; a linear channel tells right labels from wrong ones.
+Echoes of one word fall on the same bits of the next, as most bits of words do not change. They turn bits in
+pairs (where the edge between two bits is lost another appears, so the parity of the word does not show it),
+and they do so in every word, so more words do not help. But echoes are linear: a filter as long as a word
+explains the levels if the labels are right, and leaves large residuals if they are wrong.
 """
 
 from __future__ import annotations
@@ -15,11 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.timecode.label.counting import Counting, proposals
-from panoptic_ros.timecode.label.echoes import echo_nats
-from panoptic_ros.timecode.label.evidence import Evidence, Verdict, free_score, judge, soft_nats
-from panoptic_ros.timecode.label.user_bits import UserBits
+from panoptic_ros.timecode.label.evidence import Evidence, UserBits, Verdict, free_score, judge, soft_nats
 from panoptic_ros.timecode.word.layout import SYNC_ONLY, USER_BITS, known_bits
-from panoptic_ros.timecode.word.levels import WordLevels
+from panoptic_ros.timecode.word.viterbi import WordLevels
 
 Array = np.ndarray
 WORST_NATS = 40.0  # that one word can count against labels
@@ -27,6 +31,9 @@ AHEAD_NATS = 16.0  # of the next best labels
 DOUBT_NATS, DOUBTFUL = 60.0, 4  # labels up to so far behind, and so many, are compared for echoes
 ECHO_WORDS = 5  # that are needed to estimate the channel where labels are in doubt
 CONTRADICTION_NATS = 6.0  # by which echoes must speak against the best labels
+LATE = 160  # half cells by which echoes come late, at most: a word
+EARLY = 2  # half cells by which a filter of zero phase or an inexact grid spreads edges forward
+PRIOR = 0.01  # variance of noise over that of a coefficient of the filter
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,3 +121,27 @@ def _through_echoes(words: Sequence[WordLevels], ranked: list[_Judged], reverse:
     if clear and nats[first] > nats[0] - CONTRADICTION_NATS:
         return near[0]
     return near[first] if nats[first] < nats[second] - AHEAD_NATS else None
+
+
+def echo_nats(levels: Sequence[Array], signs: Sequence[Array]) -> float:
+    """How badly signs explain levels through the linear channel that fits best; only differences matter.
+
+    Args:
+        levels: (160,) of the half cells of consecutive words in the order of the stream.
+        signs: (160,) of each word.
+
+    Returns: nats, if noise is Gaussian and of unknown level.
+    """
+    heard, sent = np.concatenate(levels).astype(np.float64), np.concatenate(signs).astype(np.float64)
+    late = min(LATE, len(heard) // 4)
+    shifted = np.lib.stride_tricks.sliding_window_view(sent, late + EARLY)
+    answers = heard[late - 1 : late - 1 + len(shifted)]
+    power = float(answers @ answers)
+    if power <= 0.0:
+        return 0.0
+    ridge = PRIOR * len(answers)
+    normal = shifted.T @ shifted + ridge * np.eye(late + EARLY)
+    filtered = np.linalg.solve(normal, shifted.T @ answers)
+    rest = answers - shifted @ filtered
+    unexplained = float(rest @ rest) + ridge * float(filtered @ filtered)
+    return 0.5 * len(answers) * float(np.log(max(unexplained / power, 1e-12)))

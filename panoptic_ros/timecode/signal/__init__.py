@@ -1,1 +1,1 @@
-"""Samples to a signal without DC, hum and clicks; what its wave looks like, edge by edge."""
+"""Samples to a signal without DC, hum and clicks, and its integrals over half cells."""

@@ -1,4 +1,4 @@
-"""Short bursts far above the signal: found and bridged before, and left out of a word's fit."""
+"""Short bursts far above the signal: found and bridged."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from panoptic_ros.kernels import njit
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 EVERY = 7  # every 7th sample tells the level; no multiple of the length of a half cell
-FOOT = 0.04  # times the level, at least: samples beside a click that are farther off belong to it
 TOGETHER = 64  # samples that are tested in one go
 
 
@@ -79,39 +78,6 @@ def bridge_clicks(raw: Array, limits: ClickLimits) -> Array:
                 clean[k] = left + (right - left) * (k - i + 2.0) / (end - i + 3.0)
         i = end
     return clean
-
-
-@_jit
-def clicked(error: Array, slope: Array, level: float, most: float, gross: float, shaken: float) -> Array:
-    """Which samples (N,) of a word are gross outliers of its wave, or outliers beside such a one.
-
-    Args:
-        error: (N,) residuals of a fit of the wave.
-        slope: (N,) of the wave; where it is steep, edges may be misplaced.
-        level: of the wave.
-        most: standard deviations, robust; less is no outlier.
-        gross: times the level; less is no gross outlier.
-        shaken: samples by which edges may be misplaced.
-    """
-    some = np.empty((len(error) + 3) // 4)
-    for i in range(len(some)):
-        some[i] = abs(error[4 * i])
-    foot = max(most * 1.4826 * np.median(some), FOOT * level)
-    least = max(foot, gross * level)
-    clicks, done = np.zeros(len(error), np.bool_), 0
-    for i in range(len(error)):
-        size = abs(error[i])
-        if i < done or size <= least or size <= least + level * shaken * abs(slope[i]):
-            continue
-        begin, end = i, i + 1
-        while begin > done and abs(error[begin - 1]) > foot:
-            begin -= 1
-        while end < len(error) and abs(error[end]) > foot:
-            end += 1
-        for k in range(begin, end):
-            clicks[k] = True
-        done = end
-    return clicks
 
 
 @_jit

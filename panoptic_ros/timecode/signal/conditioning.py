@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.timecode.signal.baseline import hat_sums
-from panoptic_ros.timecode.signal.clicks import ClickLimits, bridge_clicks
-from panoptic_ros.timecode.signal.filters import between, high_pass, limit
+from panoptic_ros.kernels import njit
+from panoptic_ros.timecode.signal.clicks import EVERY, ClickLimits, bridge_clicks, piece_levels
 
 Array = np.ndarray
+_jit = njit(cache=True, error_model="numpy", nogil=True)
+_sum = njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
 FILTER_SECONDS = 0.014
 KNOT_HZ = 6000.0  # least rate at which the low pass is computed, with lines between
 FINE_RATE = 32_000  # Hz, at least: edges lie between samples
@@ -79,3 +80,78 @@ def _between(up: int) -> Array:
     rows = np.sinc(away) * np.i0(WINDOW[1] * np.sqrt(1.0 - (away / BESIDE) ** 2))
     shares: Array = rows / rows.sum(axis=1, keepdims=True)
     return shares
+
+
+@_sum
+def hat_sums(rows: Array, step: int) -> Array:
+    """Products (I, K) of rows (I, N) with triangular hats on every `step`-th sample, 0 at the next ones."""
+    count = rows.shape[1]
+    sums = np.zeros((len(rows), (count - 1) // step + 2))
+    for i in range(len(rows)):
+        row, out = rows[i], sums[i]
+        for j in range(step):
+            after = j / step
+            for k in range((count - 1 - j) // step + 1):
+                value = row[k * step + j]
+                out[k] += (1.0 - after) * value
+                out[k + 1] += after * value
+    return sums
+
+
+@_jit
+def high_pass(samples: Array, hats: Array, low_pass: Array, step: int) -> Array:
+    """Samples minus their symmetric low pass, for those in the middle of a stretch (N,).
+
+    Args:
+        hats: (K,) the samples' `hat_sums`.
+        low_pass: (2 M + 1,) for every `step`-th sample; M + 2 times that are lost at both ends.
+    """
+    side = len(low_pass) // 2
+    low = np.zeros(len(hats) - 2 * side)
+    for j in range(len(low_pass)):
+        for k in range(len(low)):
+            low[k] += low_pass[j] * hats[j + k]
+    lost = (side + 2) * step
+    high = samples[lost : len(samples) - lost].copy()
+    for j in range(step):
+        after = j / step
+        for k in range((len(high) - 1 - j) // step + 1):
+            high[k * step + j] -= (1.0 - after) * low[k + 2] + after * low[k + 3]
+    return high
+
+
+@_jit
+def between(samples: Array, weights: Array) -> Array:
+    """Samples with interpolated ones between them; M are lost at both ends.
+
+    Args:
+        weights: (U, 2 M) of the samples beside each place.
+    """
+    places, beside = len(weights) + 1, weights.shape[1] // 2
+    count = len(samples) - 2 * beside
+    fine = np.empty((count, places))
+    for i in range(count):
+        fine[i, 0] = samples[beside + i]
+    values = np.empty(count)
+    for p in range(places - 1):
+        for i in range(count):
+            values[i] = 0.0
+        for j in range(2 * beside):
+            for i in range(count):
+                values[i] += weights[p, j] * samples[i + j + 1]
+        for i in range(count):
+            fine[i, p + 1] = values[i]
+    return fine.reshape(count * places)
+
+
+@_jit
+def limit(signal: Array, piece: int, share: float, clip: float, blank: float) -> None:
+    """Clip what is far above the level of its neighbourhood, in place; set to 0 what is still farther."""
+    levels = piece_levels(signal, piece, share, EVERY)
+    for k in range(len(levels)):
+        end = len(signal) if k == len(levels) - 1 else (k + 1) * piece
+        most, least = clip * levels[k], blank * levels[k]
+        for i in range(k * piece, end):
+            value = signal[i]
+            kept = min(max(value, -most), most)
+            signal[i] = kept if abs(value) <= least else 0.0

@@ -1,4 +1,4 @@
-"""Integrals of the signal over half cells, from its running sum.
+"""The grid of a word's cells, and integrals of the signal over half cells, from its running sum.
 
 With biphase mark the level changes at half cells only. So the integrals over half cells are the output of a
 matched filter, and their energy is largest where the grid's edges are those of the signal.
@@ -6,13 +6,38 @@ matched filter, and their energy is largest where the grid's edges are those of 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.timecode.signal.grid import Grid, place_of
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
+
+
+class Grid(NamedTuple):
+    """Cell u from the middle of a word begins at middle + cell * u, in samples.
+
+    Args:
+        middle: of the word, samples.
+        cell: its length, samples.
+    """
+
+    middle: float
+    cell: float
+
+
+@_jit
+def place_of(grid: Grid, u: float) -> float:
+    """Where cell u begins, samples."""
+    return grid.middle + grid.cell * u
+
+
+@_jit
+def moved_grid(grid: Grid, cells: float) -> Grid:
+    """The same grid about another middle."""
+    return Grid(place_of(grid, cells), grid.cell)
 
 
 @_jit

@@ -4,14 +4,74 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.timecode.signal.buffer import Buffer
 from panoptic_ros.timecode.signal.conditioning import Conditioner
-from panoptic_ros.timecode.signal.grid import Grid
-from panoptic_ros.timecode.signal.wave import Samples
+from panoptic_ros.timecode.signal.half_cells import Grid
 
 Array = np.ndarray
 KEPT_SECONDS = 1.0  # of samples: a signal that is found late is read from there on
 BUFFER_SECONDS = 4.0
+
+
+class Buffer:
+    """The newest values of a stream, in one piece."""
+
+    def __init__(self, capacity: int):
+        self._store = np.empty(capacity)
+        self._begin = self._end = 0
+
+    @classmethod
+    def of(cls, values: Array) -> Buffer:
+        """A buffer that holds values (N,)."""
+        buffer = cls(len(values))
+        buffer.append(values)
+        return buffer
+
+    @property
+    def values(self) -> Array:
+        """(N,) the values that are kept."""
+        return self._store[self._begin : self._end]
+
+    def append(self, values: Array) -> None:
+        """Add at the end."""
+        count = self._end - self._begin
+        if self._end + len(values) > len(self._store):
+            kept = self.values.copy()
+            if count + len(values) > len(self._store):
+                self._store = np.empty(2 * (count + len(values)))
+            self._store[:count] = kept
+            self._begin, self._end = 0, count
+        self._store[self._end : self._end + len(values)] = values
+        self._end += len(values)
+
+    def drop(self, count: int) -> None:
+        """Forget the oldest."""
+        self._begin += count
+
+
+class Hops:
+    """Cuts a stream into hops of fixed length, so that nothing depends on how it was cut into blocks."""
+
+    def __init__(self, length: int):
+        self._length = length
+        self._pending: list[Array] = []
+        self._count = 0
+
+    def push(self, samples: Array) -> list[Array]:
+        """The hops (length,) that became complete."""
+        self._pending.append(samples)
+        self._count += len(samples)
+        if self._count < self._length:
+            return []
+        joined = np.concatenate(self._pending).astype(np.float64)
+        whole = len(joined) - len(joined) % self._length
+        self._pending, self._count = [joined[whole:]], len(joined) - whole
+        return [joined[first : first + self._length] for first in range(0, whole, self._length)]
+
+    def finish(self, silence: int) -> Array:
+        """What is left, and samples of silence after it."""
+        rest = np.concatenate([*self._pending, np.zeros(silence)])
+        self._pending, self._count = [], 0
+        return rest
 
 
 class Stream:
@@ -23,21 +83,17 @@ class Stream:
     Attributes:
         sample_rate: Hz, of the recorded samples.
         first: index of the first recorded sample that is kept.
+        up: conditioned samples per recorded one.
     """
 
     def __init__(self, sample_rate: int, high_pass_hz: float):
         self.sample_rate = sample_rate
         self.first = 0
         self._conditioner = Conditioner(sample_rate, high_pass_hz)
-        self._up = self._conditioner.up  # conditioned samples per recorded one
-        self._raw = Buffer(int(BUFFER_SECONDS * sample_rate))
-        self._sums = Buffer(int(BUFFER_SECONDS * sample_rate) * self._up)
+        self.up = self._conditioner.up
+        self._recorded = 0  # samples since the first that is kept
+        self._sums = Buffer(int(BUFFER_SECONDS * sample_rate) * self.up)
         self._sums.append(np.zeros(1))
-
-    @property
-    def recorded(self) -> Samples:
-        """The samples as recorded, from `first` on."""
-        return Samples(self.first, self._raw.values)
 
     @property
     def sums(self) -> Array:
@@ -47,7 +103,7 @@ class Stream:
     @property
     def sums_rate(self) -> int:
         """Conditioned samples per second."""
-        return self.sample_rate * self._up
+        return self.sample_rate * self.up
 
     @property
     def delay(self) -> int:
@@ -56,34 +112,34 @@ class Stream:
 
     def append(self, samples: Array) -> None:
         """Take the next samples (N,)."""
-        self._raw.append(samples)
+        self._recorded += len(samples)
         signal = self._conditioner.push(samples)
         self._sums.append(np.cumsum(signal) + self._sums.values[-1])
 
     def forget(self) -> None:
         """Drop all samples but those of the last second."""
-        surplus = len(self._raw.values) - int(KEPT_SECONDS * self.sample_rate)
+        surplus = self._recorded - int(KEPT_SECONDS * self.sample_rate)
         if surplus > 0:
-            self._raw.drop(surplus)
-            self._sums.drop(surplus * self._up)
+            self._recorded -= surplus
+            self._sums.drop(surplus * self.up)
             self.first += surplus
 
     def holds(self, sample: float) -> bool:
         """Whether the signal is conditioned up to a sample."""
-        return bool(sample <= self.first + (len(self._sums.values) - 1) // self._up)
+        return bool(sample <= self.first + (len(self._sums.values) - 1) // self.up)
 
     def in_recorded(self, grid: Grid) -> Grid:
         """A grid on the running sum as one in recorded samples."""
-        return Grid(self.first + grid.middle / self._up, grid.cell / self._up)
+        return Grid(self.first + grid.middle / self.up, grid.cell / self.up)
 
     def in_sums(self, grid: Grid) -> Grid:
         """A grid in recorded samples as one on the running sum."""
-        return Grid((grid.middle - self.first) * self._up, grid.cell * self._up)
+        return Grid((grid.middle - self.first) * self.up, grid.cell * self.up)
 
     def ticks_in_recorded(self, ticks: Array) -> Array:
         """Places on the running sum as recorded samples."""
-        return self.first + ticks / self._up
+        return self.first + ticks / self.up
 
     def ticks_in_sums(self, ticks: Array) -> Array:
         """Recorded samples as places on the running sum."""
-        return (ticks - self.first) * self._up
+        return (ticks - self.first) * self.up

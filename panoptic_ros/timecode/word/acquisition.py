@@ -12,13 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from panoptic_ros.timecode.signal.grid import Grid, moved_grid
-from panoptic_ros.timecode.signal.half_cells import half_levels, tick_levels
-from panoptic_ros.timecode.word.bit_clock import best_grid
-from panoptic_ros.timecode.word.layout import SYNC, SYNC_BACK, WORD_CELLS
-from panoptic_ros.timecode.word.search_kernels import scan_lengths, sync_means
+from panoptic_ros.timecode.signal.half_cells import Grid, half_levels, moved_grid, tick_levels
+from panoptic_ros.timecode.word.layout import FREE, SYNC, SYNC_BACK, WORD_CELLS
+from panoptic_ros.timecode.word.search import best_grid, scan_lengths, sync_means
 from panoptic_ros.timecode.word.tracking import TICKS, track
-from panoptic_ros.timecode.word.viterbi import FREE, best_path
+from panoptic_ros.timecode.word.viterbi import best_path
 
 Array = np.ndarray
 PHASES = 8

@@ -7,10 +7,10 @@ from fractions import Fraction
 import numpy as np
 
 from panoptic_ros.domain import FrameRate, Timecode
-from panoptic_ros.timecode.word.viterbi import FREE
 
 Array = np.ndarray
 WORD_CELLS = 80
+FREE = -1  # a bit that is not known
 SYNC = np.array([0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 1], np.int8)  # bits 64 to 79
 SYNC_BACK = np.ascontiguousarray(SYNC[::-1])
 FIELDS = (  # units and tens: first bit and number of bits of each, number of values

@@ -21,6 +21,7 @@ OPPOSED = 1.3  # times what the two sides of an edge have in common, by which th
 FARTHEST = 0.15  # cells, that an edge counts as away from its tick at most
 BEFORE = 2 * len(SYNC)  # ticks of the sync word that was sent before a word
 TICKS = 2 * WORD_CELLS
+BETWEEN = np.arange(-WORD_CELLS, WORD_CELLS + 1) * 0.5  # ticks of a word, in cells from its middle
 
 
 @_jit

@@ -29,7 +29,7 @@ def test_one_row_and_its_table() -> None:
     assert names == ["48 kHz, noise +20 dB", "16 kHz, noise +20 dB"]
     for row in result["rows"]:
         assert row["recall"] == 1.0 and row["wrong"] == 0 and row["twice"] == 0
-        assert row["std_us"] < 1.3 * row["bound_us"]
+        assert row["std_us"] < 3.0 * row["bound_us"]
         assert row["start_s"] < 0.5 and row["latency_s"] < 0.2
     assert head.split()[:5] == ["condition", "words", "recall", "%", "wrong"]
     assert "100.00" in rows[0]

@@ -10,10 +10,9 @@ import pytest
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_signal import square_wave, timecode_rate, word_bits
 from panoptic_ros.timecode import TimecodeConfig, decode_recording
-from panoptic_ros.timecode.label.evidence import Evidence, judge
-from panoptic_ros.timecode.label.user_bits import UserBits
+from panoptic_ros.timecode.label.evidence import Evidence, UserBits, judge
 from panoptic_ros.timecode.word.layout import USER_BITS, known_bits
-from panoptic_ros.timecode.word.levels import WordLevels
+from panoptic_ros.timecode.word.viterbi import WordLevels
 
 USER = 0x26110721
 RATE = 16000
@@ -98,3 +97,32 @@ def test_timecode_that_stands_still_is_never_read_on(name: str) -> None:
         word = round((reading.start_sample - lead) / (80 * cell))
         assert str(reading.timecode) == str(labels[word])
     assert len(readings) >= least
+
+
+# ---- user bits
+
+
+def soft(value: int, nats: float) -> np.ndarray:
+    return np.where((value >> np.arange(32)) & 1, nats, -nats).astype(float)
+
+
+def test_unknown_until_certain() -> None:
+    bits = UserBits(soft(0x12345678, 5.0))
+    assert bits.value == 0 and not bits.certain
+    bits.hear(soft(0x12345678, 5.0), 0.0, True)
+    bits.hear(soft(0x12345678, 5.0), 0.0, True)
+    assert bits.value == 0x12345678
+
+
+def test_a_bit_that_a_click_turns_is_not_believed_but_a_change_is() -> None:
+    bits = UserBits(soft(7, 20.0))
+    bits.hear(soft(6, 20.0), 30.0, True)
+    assert bits.value == 7
+    bits.hear(soft(7, 20.0), 0.0, True)
+    bits.hear(soft(6, 20.0), 30.0, False)
+    assert bits.value == 7
+    bits.hear(soft(0xFFFF0000, 20.0), 400.0, True)
+    assert bits.value == 0xFFFF0000
+    for _ in range(2):
+        bits.hear(soft(0xFFFF0001, 20.0), 30.0, True)
+    assert bits.value == 0xFFFF0001

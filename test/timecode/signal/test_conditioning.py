@@ -12,7 +12,7 @@ from panoptic_ros.simulation.ltc_signal import (
     encode_ltc,
     timecode_rate,
 )
-from panoptic_ros.timecode.signal.conditioning import Conditioner
+from panoptic_ros.timecode.signal.conditioning import Conditioner, hat_sums
 
 Array = np.ndarray
 
@@ -46,3 +46,11 @@ def test_conditioning_removes_hum_and_keeps_edges_in_place() -> None:
     inner = slice(2000, -2000)
     assert np.corrcoef(clean[inner], signal[inner])[0, 1] > 0.95
     assert np.abs(clean).max() < 0.7
+
+
+@pytest.mark.parametrize(("count", "step"), [(1640, 8), (547, 2), (273, 1)])
+def test_sums_of_hats_are_those_of_a_dense_matrix(count: int, step: int) -> None:
+    rows = np.random.default_rng(1).normal(size=(4, count))
+    knots = step * np.arange((count - 1) // step + 2)
+    hats = np.array([np.interp(np.arange(count), knots, row) for row in np.eye(len(knots))])
+    np.testing.assert_allclose(hat_sums(rows, step), rows @ hats.T, atol=1e-9)

@@ -10,11 +10,10 @@ from panoptic_ros.simulation.ltc_signal import (
     timecode_rate,
     word_bits,
 )
-from panoptic_ros.timecode.signal.grid import Grid
-from panoptic_ros.timecode.signal.half_cells import half_levels
+from panoptic_ros.timecode.signal.half_cells import Grid, half_levels
 from panoptic_ros.timecode.word.acquisition import _even_parity
 from panoptic_ros.timecode.word.layout import SYNC, SYNC_BACK
-from panoptic_ros.timecode.word.search_kernels import sync_means
+from panoptic_ros.timecode.word.search import sync_means
 
 
 def test_sync_is_found_in_both_directions_and_nowhere_else() -> None:

@@ -11,8 +11,7 @@ from panoptic_ros.simulation.ltc_signal import (
     timecode_rate,
     word_bits,
 )
-from panoptic_ros.timecode.word.layout import USER_BITS, USER_WEIGHTS, known_bits
-from panoptic_ros.timecode.word.viterbi import FREE
+from panoptic_ros.timecode.word.layout import FREE, USER_BITS, USER_WEIGHTS, known_bits
 
 
 @settings(max_examples=100, deadline=None)

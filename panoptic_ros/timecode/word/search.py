@@ -1,14 +1,36 @@
-"""The loops of the search for a signal."""
+"""The grids of cells on which a signal has most energy, and where its sync words are."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.timecode.signal.half_cells import energy
+from panoptic_ros.timecode.signal.half_cells import Grid, energy, grid_energy
+from panoptic_ros.timecode.word.layout import WORD_CELLS
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
+SHIFTS = np.linspace(-0.3, 0.3, 13)  # cells, about the expected middle of a word
+STRETCHES = np.linspace(-0.012, 0.012, 7)  # relative, of the length of a cell
+
+
+def nearby_grid(sums: Array, grid: Grid) -> Grid:
+    """The grid near the expected one of a word on which the signal has most energy."""
+    return best_grid(sums, grid, -0.5 * WORD_CELLS, WORD_CELLS, SHIFTS, STRETCHES)
+
+
+@_jit
+def best_grid(sums: Array, grid: Grid, first: float, count: int, shifts: Array, stretches: Array) -> Grid:
+    """The grid of most energy near another: middle shifted in cells, length stretched."""
+    best, found = -1.0, grid
+    for stretch in stretches:
+        cell = grid.cell * (1.0 + stretch)
+        for shift in shifts:
+            tried = Grid(grid.middle + shift * grid.cell, cell)
+            energy = grid_energy(sums, tried, first, count)
+            if energy > best:
+                best, found = energy, tried
+    return found
 
 
 @_jit
