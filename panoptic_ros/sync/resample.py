@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.domain import Camera, ViewDetections
-from scipy.optimize import linear_sum_assignment
 from panoptic_ros.sync.queue import CameraQueue, Choice, Waiting
 
 Array = np.ndarray
