@@ -61,7 +61,7 @@ def test_the_package_and_its_version_need_no_numpy():
 
 def test_people_are_rows_of_a_frame(tmp_path):
     write_take("clean-4p5v", tmp_path, seed=1, frames=4)
-    rig = panoptic_ros.load_rig(str(tmp_path), cameras=["cam0", "cam1", "cam2"])
+    rig = panoptic_ros.load_rig(str(tmp_path), cameras=["cam00", "cam01", "cam02"])
     recording = panoptic_ros.open_detections(
         tmp_path / "detections.json.gz", rig, {"refinement": {"lag": 0.0}}
     )
