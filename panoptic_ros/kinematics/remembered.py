@@ -49,7 +49,7 @@ CLASSES = (
     Fields.named(
         Person,
         "_config subject weighing seen fitting tracker behind of_track came worn _alone _mounted "
-        "_mounted_devices _without _unseen presence _returns _awaited_s _lost_s",
+        "_mounted_devices _without _unseen presence _returns _awaited_s _lost_s _several_s",
     ),
     Fields.named(Presence, "last_ns _missed _usual _company _absence"),
     Fields.named(Absence, "_place _stamp_ns _alone _others _first_ns _newcomer"),

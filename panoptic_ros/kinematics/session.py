@@ -26,7 +26,7 @@ from panoptic_ros.kinematics.imus.t_pose import (
 from panoptic_ros.kinematics.people.allotment import find_people, give_people
 from panoptic_ros.kinematics.people.nearest_people import nearest_to_start
 from panoptic_ros.kinematics.people.pairwise_sorting import PairwiseSorter
-from panoptic_ros.kinematics.people.person import Person
+from panoptic_ros.kinematics.people.person import SEVERAL_S, Person
 from panoptic_ros.kinematics.people.presence import middle_expected
 from panoptic_ros.kinematics.people.seen_people import LONGEST_GAP_NS, NEAR_NS
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
@@ -34,7 +34,6 @@ from panoptic_ros.kinematics.pose.prior import PoseStatistics
 Array = np.ndarray
 ALIGNED_S = 15.0  # of the recording, from which heading and clock of the IMUs are found
 SAME_SET = 0.75  # of a period of the quickest camera: images that are so near are put together
-ALONE_S = 0.5  # for which a view waits for others that say the same of who stands where a subject starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +232,7 @@ class RecordedPeople:
                     f"subject {subject.id}: {crowd} people are seen and nothing says who it is; state "
                     "`start`, where the pelvis is at the first instant"
                 )
-        alone = self._cameras < 2 or instant.stamp_ns > self._sets[0][0].stamp_ns + 1e9 * ALONE_S
+        alone = self._cameras < 2 or instant.stamp_ns > self._sets[0][0].stamp_ns + 1e9 * SEVERAL_S
         return nearest_to_start(subject, instant, person.weighing, alone)
 
 

@@ -29,6 +29,7 @@ from panoptic_ros.stage import Notice
 Array = np.ndarray
 LOST_S = 0.5  # without any data, after which a body is given up
 AWAITED_S = 2.0  # for which somebody whom no camera has seen yet is waited for
+SEVERAL_S = 0.5  # for which a recording of several cameras waits for a second view
 COMPLETE_NS = 100_000_000  # ago: by then all views have come
 AGAIN_S = 1.0  # without cameras, after which the place is taken from what they see
 
@@ -73,16 +74,19 @@ class Person:
         self._without = 0  # instants without any data
         self._unseen = 0  # instants without cameras
         self._awaited_s, self._lost_s = AWAITED_S, LOST_S
+        self._several_s = 0.0  # for which one view waits for another
 
     def settle(self, heading: float, mounts: dict[str, Array], cameras: int) -> None:
         """Go by what a recording has told as a whole: how the IMUs sit and lie in space, see `ImuFitting`.
 
-        Where there are cameras they are waited for to the end; of somebody who was out of sight one camera
-        alone does not tell whether he is back, so there a body goes on.
+        Where there are cameras they are waited for to the end, and a body begins with two views, or with one
+        after a while. One camera alone does not tell whether somebody is back who was out of sight, so there
+        a body goes on.
         """
         self.fitting.settle(heading, mounts)
         self._awaited_s = math.inf if cameras else 0.0
         self._lost_s = math.inf if cameras == 1 else LOST_S
+        self._several_s = SEVERAL_S if cameras > 1 else 0.0
 
     def step(
         self,
@@ -109,7 +113,7 @@ class Person:
         self._without = 0 if seen or used else self._without + stride
         if self.missed:
             return done + self._give_up(), notices
-        if not self.is_expected and not self._begins(stamp_ns, seen, used):
+        if not self.is_expected and not self._begins(len(people), seen, used):
             return done, notices
         tracker = self.tracker = self.tracker or self._new_tracker(stamp_ns)
         self.came = True
@@ -194,9 +198,9 @@ class Person:
             return BodySource.JOINTS
         return BodySource.IMUS if used else BodySource.PREDICTED
 
-    def _begins(self, stamp_ns: int, seen: bool, used: int) -> bool:
+    def _begins(self, views: int, seen: bool, used: int) -> bool:
         """Whether there is something to begin with; without a camera, once nobody waits for one any more."""
-        if seen:
+        if seen and (views != 1 or self._unseen >= self._several_s * self._config.rate_hz):
             return True
         self._unseen += 1
         waited = self._unseen / self._config.rate_hz > self._awaited_s or not len(self.weighing.rotations)
