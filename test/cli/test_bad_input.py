@@ -71,14 +71,12 @@ def bag_of(path, *topics):
 
 @needs_model
 class TestCaptureFolder:
-    def test_a_node_per_stage_is_refused_for_recordings(capture, out, capsys):
-    line = fails(capsys, out, "run", capture, "--node-per-stage")
-    assert line.endswith(
-        "--node-per-stage has no meaning with a capture folder, only with --device, --topics, --imus"
-    )
+    def test_a_node_per_stage_is_refused_for_recordings(self, capsys, out, capture):
+        line = fails(capsys, out, "run", capture, "--node-per-stage")
+        told = "--node-per-stage has no meaning with a capture folder, only with --device, --topics, --imus"
+        assert line.endswith(told)
 
-
-def test_no_folder(self, capsys, out, tmp_path):
+    def test_no_folder(self, capsys, out, tmp_path):
         assert "is not there" in fails(capsys, out, "run", tmp_path / "nothing")
 
     def test_missing_video(self, capsys, out, capture):

@@ -200,7 +200,7 @@ def test_solved_without_wrong_2d_joints_equals_solved_anew(scenes, seed, count):
 
 
 def crowd(scenes, seed):
-    """Four people side by side, of whom views confuse 2D people and miss joints: candidates and observations."""
+    """Return candidates and observations of four people whom views confuse and whose joints views miss."""
     rng = np.random.default_rng(seed)
     views, people = 5, 4
     rig = scenes.ring(views)
@@ -214,7 +214,8 @@ def crowd(scenes, seed):
             member[:, v] = rng.permutation(member[:, v])
     member[rng.random(member.shape) < 0.2] = -1
     joints, stack = plane.shape[1], rig.stack()
-    cams, starts = Cameras(stack.rotations, stack.translations, np.zeros(views)), people * np.arange(views + 1)
+    cams = Cameras(stack.rotations, stack.translations, np.zeros(views))
+    starts = people * np.arange(views + 1)
     guides = Guides.of_nobody_known(people, joints, 0.1)
     guides.positions[...] = np.stack(truths) + 0.03 * rng.standard_normal((people, joints, 3))
     source = np.tile(np.arange(joints), (people, views, 1))

@@ -46,7 +46,6 @@ from panoptic_ros.nodes.stages.inputs import Input
 from panoptic_ros.params import Config
 from panoptic_ros.stage import Stage, StageContext
 
-
 WAIT_S = 0.1  # for room; then the node looks whether there is something else to do
 
 
