@@ -73,9 +73,8 @@ def bag_of(path, *topics):
 class TestCaptureFolder:
     def test_a_node_per_stage_is_refused_for_recordings(self, capsys, out, capture):
         line = fails(capsys, out, "run", capture, "--node-per-stage")
-        assert line.endswith(
-            "--node-per-stage has no meaning with a capture folder, only with --device, --topics, --imus"
-        )
+        told = "--node-per-stage has no meaning with a capture folder, only with --device, --topics, --imus"
+        assert line.endswith(told)
 
     def test_no_folder(self, capsys, out, tmp_path):
         assert "is not there" in fails(capsys, out, "run", tmp_path / "nothing")

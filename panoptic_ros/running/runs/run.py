@@ -294,11 +294,15 @@ Counted = Mapping[str, Mapping[str, str]]  # what every stage or node counted
 
 def _counted(plan: Plan, results: Results, stop: Callable[[], bool], how: _Options) -> Counted:
     if not (how.in_process or how.offline):
-        from panoptic_ros.running.runs.over_dds import run_over_dds  # needs ROS, the other way does not
-
-        return run_over_dds(plan, results, stop, how.jpeg_quality, how.node_per_stage, how.ahead)
+        return _over_dds(plan, results, stop, how)
     taker = OfflineResults(plan, results) if how.offline else results
     counted = {name: stage.values() for name, stage in run_in_process(plan, taker, stop).items()}
     if isinstance(taker, OfflineResults):
         taker.flush()
     return counted
+
+
+def _over_dds(plan: Plan, results: Results, stop: Callable[[], bool], how: _Options) -> Counted:
+    from panoptic_ros.running.runs.over_dds import run_over_dds  # needs ROS, the other way does not
+
+    return run_over_dds(plan, results, stop, how.jpeg_quality, how.node_per_stage, how.ahead)
