@@ -1,7 +1,11 @@
-"""The assembly stage."""
+"""The assembly stage.
+
+An example to compile the kernels with, so that the first real instant does not wait for it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -25,13 +29,13 @@ from panoptic_ros.assembly.occlusion import body_bones, hidden_marks
 from panoptic_ros.assembly.residuals import residuals_to_learn
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
 from panoptic_ros.assembly.time_shift import Motion, motion_of, solved_in_motion, time_shift
-from panoptic_ros.assembly.warm_up import example_sets
-from panoptic_ros.domain import BiasTable, PoseSet, ProposalSet
+from panoptic_ros.domain import BiasTable, PoseSet, ProposalSet, Rig, ScoreMaps, SkeletonModel
 from panoptic_ros.domain.of_all import selected
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.robust import covariance_correction
 from panoptic_ros.solving.bodies import Body
+from panoptic_ros.solving.example import beside, cloud_of_joints, easy_associations
 from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views, view_sources
 from panoptic_ros.solving.joints import compile_claims, solve_joints, solve_without
 from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
@@ -41,6 +45,45 @@ from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
+DELAY_NS = 1000  # between views, so that they have stamps of their own
+
+
+def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
+    """Instants of a cloud of joints: of one view; of more, without maps; with maps, its nodes and parts, and
+    nodes beside it.
+
+    So people are found in every way that there is: by bones, by 2D people, by guidance, by parts, by nodes.
+    """
+    _, few = easy_associations(rig.subset(rig.names[:2]), skeleton)
+    member, lengths = few.groups.member.copy(), np.full((1, len(skeleton.bones)), np.nan)
+    member[:, 1:] = -1
+    yield ProposalSet.of_nothing(
+        replace(
+            few,
+            groups=replace(few.groups, member=member),
+            prediction=replace(few.prediction, lengths=lengths),
+        )
+    )
+    joints = np.arange(len(skeleton))
+    cells = np.zeros((len(joints), 2))
+    maps = ScoreMaps((1, 1), np.eye(2, 3), joints, 0 * joints - 1, cells, cells + 1, np.full(len(joints), 9))
+    cloud = cloud_of_joints(rig, skeleton)
+    nodes, ones = np.concatenate([cloud, cloud + beside(rig)]), np.ones(2 * len(joints))
+    parts = np.array(skeleton.bones).reshape(-1, 2)
+    first, second = easy_associations(rig, skeleton, DELAY_NS)
+    yield ProposalSet.of_nothing(first)
+    views = tuple(replace(view, maps=maps) for view in second.detections.views)
+    second = replace(second, detections=replace(second.detections, views=views))
+    yield ProposalSet(
+        second,
+        nodes,
+        np.tile(joints, 2),
+        0.9 * ones,
+        4 * ones,
+        parts,
+        np.arange(len(parts)),
+        np.full(len(parts), 0.9),
+    )
 
 
 class AssemblyStage(Stateful):

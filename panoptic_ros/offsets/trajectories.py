@@ -4,6 +4,10 @@ A trajectory is a uniform cubic B-spline with a penalty on its second difference
 acceleration. Observation i at the corrected time t_i is the linear pair of rows A_i X(t_i) = b_i. Moving the
 clock of its camera by do changes the residual by d_i do with d_i = A_i X'(t_i). Eliminating the spline
 (banded Cholesky) leaves a small system for the clocks.
+
+Kernels for symmetric banded systems: factor, solve, and the part of the inverse inside of the band.
+
+A matrix (n, n) of half bandwidth b is kept as its lower band (n, b + 1): band[i, k] = A[i, i - k].
 """
 
 from __future__ import annotations
@@ -13,10 +17,74 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.offsets.banded import backward, factor, forward, inverse_in_band
 
 SPAN = 4  # control points that act at an instant
 WIDTH = 3 * SPAN  # band of three coordinates
+
+
+@njit(cache=True, error_model="numpy")
+def factor(band):
+    """Cholesky factor in place, A = L L^T; False if the matrix is not positive definite."""
+    n, width = band.shape
+    for i in range(n):
+        for k in range(min(i, width - 1), -1, -1):
+            j = i - k
+            value = band[i, k]
+            for m in range(k + 1, min(width, i + 1)):
+                if m - k < width:
+                    value -= band[i, m] * band[j, m - k]
+            if k > 0:
+                band[i, k] = value / band[j, 0]
+            elif value > 0.0:
+                band[i, 0] = np.sqrt(value)
+            else:
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def forward(lower, right):
+    """right (n, m) <- L^-1 right."""
+    n, width = lower.shape
+    for i in range(n):
+        for k in range(1, min(width, i + 1)):
+            scale = lower[i, k]
+            if scale != 0.0:
+                for c in range(right.shape[1]):
+                    right[i, c] -= scale * right[i - k, c]
+        scale = 1.0 / lower[i, 0]
+        for c in range(right.shape[1]):
+            right[i, c] *= scale
+
+
+@njit(cache=True, error_model="numpy")
+def backward(lower, right):
+    """right (n,) <- L^-T right."""
+    n, width = lower.shape
+    for i in range(n - 1, -1, -1):
+        value = right[i]
+        for k in range(1, min(width, n - i)):
+            value -= lower[i + k, k] * right[i + k]
+        right[i] = value / lower[i, 0]
+
+
+@njit(cache=True, error_model="numpy")
+def inverse_in_band(lower):
+    """The entries of A^-1 inside of the band (n, b + 1), from the factor (Takahashi's recursion)."""
+    n, width = lower.shape
+    inverse = np.zeros((n, width))
+    for j in range(n - 1, -1, -1):
+        last = min(n - 1, j + width - 1)
+        for i in range(last, j, -1):
+            value = 0.0
+            for m in range(j + 1, last + 1):
+                value += lower[m, m - j] * (inverse[i, i - m] if i >= m else inverse[m, m - i])
+            inverse[i, i - j] = -value / lower[j, 0]
+        value = 1.0 / lower[j, 0]
+        for m in range(j + 1, last + 1):
+            value -= lower[m, m - j] * inverse[m, m - j]
+        inverse[j, 0] = value / lower[j, 0]
+    return inverse
 
 
 class SeriesFit(NamedTuple):

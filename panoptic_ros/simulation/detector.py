@@ -1,6 +1,13 @@
 """A detector of 2D people that knows the truth and fails as told.
 
 Array axes: C cameras, P people, 19 joints. All of one instant is done at once.
+
+False people: some at fixed places of the background, some anywhere.
+
+Which joints are hidden behind a body or under a table.
+
+A body is a set of capsules round its bones. A joint is hidden if the segment from the camera to a
+point just in front of it passes through a capsule.
 """
 
 from __future__ import annotations
@@ -10,15 +17,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from panoptic_ros.domain import Rig
+from panoptic_ros.domain import Camera, Rig
+from panoptic_ros.simulation.body import ADULT
 from panoptic_ros.simulation.degradation import Degradation
-from panoptic_ros.simulation.ghosts import Ghosts
-from panoptic_ros.simulation.occlusion import hidden_joints
-from panoptic_ros.simulation.people import Person
+from panoptic_ros.simulation.people import Person, draw_person
 from panoptic_ros.simulation.silhouettes import box_overlap, boxes_of, seen_from_behind
 from panoptic_ros.simulation.skeleton import JOINTS, J, both_sides
 from panoptic_ros.simulation.walls import Wall, behind_walls
 
+OWN = 0.7  # capsules are thinner against joints of their own body
+SKIN = 0.03  # m, joints are seen this much in front of their centre
+TABLE_HEIGHT = 0.70  # m
+BATCH = 16  # views at once, to bound the memory
+STEADY = 0.8  # probability that a ghost at a fixed place shows, per frame
+FIXED_SHARE = 0.5  # of all ghosts
+FOUND = 0.7  # share of a ghost's joints that are reported
+FEWEST = 4  # joints
+TEMPLATES = 8
 Array = np.ndarray
 ARMS = both_sides("Shoulder", "Elbow", "Wrist")
 LEGS = both_sides("Hip", "Knee", "Ankle")
@@ -29,6 +44,175 @@ OVERLAP = 0.2  # of boxes, from which on people can merge
 MELT = 0.3  # share of merges in which one of the two vanishes
 DUPLICATE_KEEPS = 0.6  # of the joints
 POINT_DIGITS, SCORE_DIGITS = 6, 3
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """Two ends as mixtures of joints, a radius (m, for an adult), and joints it never hides."""
+
+    start: dict[str, float]
+    end: dict[str, float]
+    radius: float
+    spares: tuple[str, ...] = ()
+
+
+def _side(side: str) -> list[Capsule]:
+    limbs = (
+        ("Shoulder", "Elbow", 0.045),
+        ("Elbow", "Wrist", 0.036),
+        ("Hip", "Knee", 0.072),
+        ("Knee", "Ankle", 0.050),
+    )
+    flank = Capsule(
+        {side + "Shoulder": 0.75, "Neck": 0.25},
+        {side + "Hip": 0.8, "BodyCenter": 0.2},
+        0.085,
+        ("Neck", "BodyCenter", side + "Shoulder", side + "Hip"),
+    )
+    return [flank] + [
+        Capsule({side + a: 1.0}, {side + b: 1.0}, radius, (side + a, side + b)) for a, b, radius in limbs
+    ]
+
+
+CAPSULES = [  # trunk, head, and both sides
+    Capsule(
+        {"Neck": 0.9, "BodyCenter": 0.1},
+        {"BodyCenter": 1.0},
+        0.120,
+        ("Neck", "BodyCenter", "lHip", "rHip"),
+    ),
+    Capsule({"lEar": 0.5, "rEar": 0.5}, {"lEar": 0.65, "rEar": 0.65, "Neck": -0.3}, 0.095),
+    *_side("l"),
+    *_side("r"),
+]
+
+
+def _mixture(ends: list[dict[str, float]]) -> Array:
+    """Weights (K, 19) of joints for one end of the K capsules."""
+    weights = np.zeros((len(ends), len(JOINTS)))
+    for row, end in zip(weights, ends):
+        for name, weight in end.items():
+            row[J[name]] = weight
+    return weights
+
+
+_START = _mixture([capsule.start for capsule in CAPSULES])
+_END = _mixture([capsule.end for capsule in CAPSULES])
+_RADIUS = np.array([capsule.radius for capsule in CAPSULES])
+_SPARED = np.array([[name in capsule.spares for capsule in CAPSULES] for name in JOINTS])  # (19, K)
+
+
+def hidden_joints(centres: Array, joints: Array, present: Array, heights: Array, table: float) -> Array:
+    """Which joints (C, P, 19) cannot be seen.
+
+    Args:
+        centres: (C, 3) m, of the cameras.
+        joints: (C, P, 19, 3) m, at each camera's instant.
+        present: (C, P) who is there; others hide nothing.
+        heights: (P,) m, of the people.
+        table: radius (m) of a round table over the origin, 0 = none.
+    """
+    cameras, people = present.shape
+    points = joints.reshape(cameras, -1, 3)
+    towards = centres[:, None] - points
+    seen = points + SKIN * towards / np.linalg.norm(towards, axis=-1, keepdims=True)
+    starts = (_START @ joints).reshape(cameras, -1, 3)
+    ends = (_END @ joints).reshape(cameras, -1, 3)
+    radii = _radii(people, heights)
+    blocks = np.repeat(present, len(CAPSULES), axis=1)[:, None, :]
+    hidden = np.empty(points.shape[:2], bool)
+    for first in range(0, cameras, BATCH):
+        part = slice(first, first + BATCH)
+        distances = segment_distances(centres[part], seen[part], starts[part], ends[part])
+        hidden[part] = ((distances < radii) & blocks[part]).any(-1)
+    if table > 0.0:
+        hidden |= under_table(centres, points, table)
+    return hidden.reshape(cameras, people, len(JOINTS))
+
+
+def _radii(people: int, heights: Array) -> Array:
+    """Radius (P * 19, P * K) m of every capsule against every joint, 0 = never hides it."""
+    radius = np.tile(np.outer(heights / ADULT, _RADIUS).ravel(), (people * len(JOINTS), 1))
+    for k in range(people):
+        rows = slice(k * len(JOINTS), (k + 1) * len(JOINTS))
+        columns = slice(k * len(CAPSULES), (k + 1) * len(CAPSULES))
+        radius[rows, columns] = np.where(_SPARED, 0.0, OWN * radius[rows, columns])
+    return radius
+
+
+def segment_distances(origins: Array, points: Array, starts: Array, ends: Array) -> Array:
+    """Distances (C, N, K) m between the segments origin-point and the segments start-end.
+
+    origins (C, 3), points (C, N, 3), starts and ends (C, K, 3). The closest points of two segments
+    are where the two infinite lines are closest, clamped to one segment, then to the other.
+    """
+    sight, axis = points - origins[:, None], ends - starts
+    offset = origins[:, None] - starts  # (C, K, 3)
+    sight2 = (sight * sight).sum(-1)[:, :, None]
+    axis2 = np.maximum((axis * axis).sum(-1), 1e-12)[:, None, :]
+    axis_offset = (axis * offset).sum(-1)[:, None, :]
+    offset2 = (offset * offset).sum(-1)[:, None, :]
+    cross = sight @ axis.swapaxes(1, 2)
+    sight_offset = sight @ offset.swapaxes(1, 2)
+    parallel = np.maximum(sight2 * axis2 - cross * cross, 1e-12)
+    u = np.clip((cross * axis_offset - sight_offset * axis2) / parallel, 0.0, 1.0)
+    w = np.clip((cross * u + axis_offset) / axis2, 0.0, 1.0)
+    u = np.clip((cross * w - sight_offset) / sight2, 0.0, 1.0)
+    squared = offset2 + u * u * sight2 + w * w * axis2
+    squared += 2.0 * (u * sight_offset - w * axis_offset - u * w * cross)
+    distances: Array = np.sqrt(np.maximum(squared, 0.0))
+    return distances
+
+
+def under_table(centres: Array, points: Array, radius: float) -> Array:
+    """Which points (C, N) lie behind the table top, a disc over the origin, for each camera."""
+    drop = points[..., 2] - centres[:, None, 2]
+    share = (TABLE_HEIGHT - centres[:, None, 2]) / np.where(drop == 0.0, 1e-9, drop)
+    crossing = centres[:, None, :2] + share[..., None] * (points - centres[:, None])[..., :2]
+    hidden: Array = (share > 0.0) & (share < 1.0) & (np.linalg.norm(crossing, axis=-1) < radius)
+    return hidden
+
+
+class Ghosts:
+    """The false people of every camera. `rate` is their mean number per view."""
+
+    def __init__(self, rng: np.random.Generator, rate: float, noise_px: float, cameras: Sequence[Camera]):
+        self._rate, self._noise, self._cameras = rate, noise_px, cameras
+        self._templates = [_template(rng) for _ in range(TEMPLATES)]
+        counts = rng.poisson(FIXED_SHARE * rate / STEADY, len(cameras))
+        self._fixed = [[self._place(rng, c) for _ in range(n)] for c, n in zip(cameras, counts)]
+
+    def appear(self, rng: np.random.Generator, camera: int) -> list[tuple[Array, Array]]:
+        """Points (19, 2) px, NaN = missing, and scores (19,) of the ghosts in one image."""
+        shapes = [place for place in self._fixed[camera] if rng.random() < STEADY]
+        count = rng.poisson((1.0 - FIXED_SHARE) * self._rate)
+        shapes += [self._place(rng, self._cameras[camera]) for _ in range(count)]
+        ghosts = []
+        for shape in shapes:
+            points = shape + self._noise * rng.standard_normal(shape.shape)
+            found = (rng.random(len(JOINTS)) < FOUND) & self._cameras[camera].contains(points)
+            scores = rng.uniform(0.15, 0.75, len(JOINTS))
+            if found.sum() >= FEWEST:
+                ghosts.append((np.where(found[:, None], points, np.nan), np.where(found, scores, 0.0)))
+        return ghosts
+
+    def _place(self, rng: np.random.Generator, camera: Camera) -> Array:
+        """A template (19, 2) px somewhere in the image."""
+        width, height = camera.image_size
+        middle = rng.uniform(0.1, 0.9, 2) * [width, height]
+        size = height * rng.uniform(0.15, 0.5)
+        return middle + size * self._templates[int(rng.integers(TEMPLATES))]
+
+
+def _template(rng: np.random.Generator) -> Array:
+    """Somebody who stands, seen from a side, (19, 2) of height 1 round 0, y down."""
+    person = draw_person(rng, 0, "stand", 1.7, 0.1)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    joints = person.joints(rng.uniform(0.0, 10.0, 1))[0]
+    across = joints[:, :2] @ np.array([np.cos(angle), np.sin(angle)])
+    flat = np.column_stack([across, -joints[:, 2]])
+    shape: Array = (flat - flat.mean(axis=0)) / np.ptp(flat[:, 1])
+    return shape
 
 
 @dataclass(frozen=True)

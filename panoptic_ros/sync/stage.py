@@ -1,24 +1,35 @@
-"""The sync stage."""
+"""The sync stage.
+
+What sync remembers.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from fractions import Fraction
 from math import ceil
 
-from panoptic_ros.domain import ClockModel, DetectionSet, EndOfStream, ViewDetections
+from panoptic_ros.domain import (
+    ClockModel,
+    DetectionSet,
+    EndOfStream,
+    ScoreMaps,
+    ViewDetections,
+    VisibilityLimit,
+)
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.stage import Notice, Severity, StageContext, StepResult
-from panoptic_ros.state import Stateful
-from panoptic_ros.sync.agreement import Agreement
+from panoptic_ros.state import Fields, Stateful, StateLayout
+from panoptic_ros.sync.agreement import Agreement, PendingLine
 from panoptic_ros.sync.config import SyncConfig
-from panoptic_ros.sync.correction import StampCorrection
-from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, choose_master
-from panoptic_ros.sync.jumps import SetBackGuard
-from panoptic_ros.sync.liveness import Liveness
-from panoptic_ros.sync.outliers import LATEST_NS, StampOutliers
+from panoptic_ros.sync.correction import CameraClock, StampCorrection
+from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, Pace, choose_master
+from panoptic_ros.sync.jumps import GuardedCamera, SetBackGuard
+from panoptic_ros.sync.liveness import LiveCamera, Liveness
+from panoptic_ros.sync.majority import Majority, Vote
+from panoptic_ros.sync.outliers import LATEST_NS, StampLine, StampOutliers
 from panoptic_ros.sync.overlap import Overlap
-from panoptic_ros.sync.queue import CameraQueue
-from panoptic_ros.sync.remembered import LAYOUT
+from panoptic_ros.sync.queue import CameraQueue, Waiting
 from panoptic_ros.sync.resample import Neighbours, interpolate
 
 SECOND = 1_000_000_000
@@ -27,6 +38,56 @@ REACH = 0.6  # of the time between sets
 START = 2  # deadlines: time for cameras to give their first frames, live
 EARLY = "most cameras begin much later"
 USUAL_PERIOD = SECOND / 30  # where a capture is too short to show any
+LAYOUT = StateLayout(
+    "sync",
+    (
+        "_outliers",
+        "_correction",
+        "_agreement",
+        "_overlap",
+        "_guard",
+        "_came",
+        "_queues",
+        "_in_order",
+        "_current",
+        "_decided",
+        "_instants",
+        "_next",
+        "_closed",
+        "_stamp",
+        "_liveness",
+        "_first",
+        "_index",
+    ),
+    (
+        ClockModel,
+        ScoreMaps,
+        ViewDetections,
+        VisibilityLimit,
+        CameraClock,
+        GuardedCamera,
+        LiveCamera,
+        PendingLine,
+        StampLine,
+        Vote,
+        Waiting,
+        Fields.named(StampOutliers, "_cameras"),
+        Fields.named(
+            StampCorrection, "_device _delays _clocks _cameras _most_held _heard _told _implausible"
+        ),
+        Fields.named(Liveness, "_cameras now_ns _passed_ns"),
+        Fields.named(Agreement, "_by_arrival _by_stamps _stamps _lines _start_ns _began"),
+        Fields.named(Majority, "votes offset reach _periods _count"),
+        Fields.named(Overlap, "_cameras _joined _apart _told started _begin"),
+        Fields.named(SetBackGuard, "_cameras _shift"),
+        Fields.named(CameraQueue, "frames pace ended silent last_given _keeps_last"),
+        Fields.named(Pace, "_steps newest"),
+        Fields.named(Grid, "_rate _phase period"),
+        Fields.named(CameraInstants, "master period _same_rate _phases _last"),
+        Fields.named(Fraction, "_numerator _denominator", is_value=True),
+    ),
+    same={"configuration": "_config", "cameras": "_rig.names", "skeleton": "_skeleton_hash"},
+)
 
 
 class SyncStage(Stateful):

@@ -1,22 +1,152 @@
-"""The timecode stage: audio blocks of any number of devices to readings."""
+"""The timecode stage: audio blocks of any number of devices to readings.
+
+All compiled loops of the rooms, called once with the types that they are called with later.
+
+What the timecode stage remembers of a device.
+"""
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import lru_cache
+
 import numpy as np
 
-from panoptic_ros.domain import AudioBlock, TimecodeReading
+from panoptic_ros.domain import AudioBlock, FrameRate, Timecode, TimecodeReading
 from panoptic_ros.errors import DataError
 from panoptic_ros.params import named_words
 from panoptic_ros.stage import Notice, StageContext, StepResult
-from panoptic_ros.state import Stateful
+from panoptic_ros.state import Fields, Stateful, StateLayout
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.decoder import LtcDecoder
 from panoptic_ros.timecode.follow.breaks import Heard, find_break, is_one_timecode
+from panoptic_ros.timecode.follow.following import Follow
 from panoptic_ros.timecode.follow.reading import Word
-from panoptic_ros.timecode.kernels import compile_kernels
-from panoptic_ros.timecode.remembered import LAYOUT, Channel, Device
+from panoptic_ros.timecode.follow.wander import Wander
+from panoptic_ros.timecode.label.counting import Counting
+from panoptic_ros.timecode.label.evidence import Evidence, UserBits, Verdict
+from panoptic_ros.timecode.label.expected import ExpectedLabels
+from panoptic_ros.timecode.label.stretch import Solution
+from panoptic_ros.timecode.signal.clicks import ClickLimits, bridge_clicks
+from panoptic_ros.timecode.signal.conditioning import Conditioner, between, hat_sums, high_pass, limit
+from panoptic_ros.timecode.signal.half_cells import Grid, half_levels, moved_grid, tick_levels
+from panoptic_ros.timecode.signal.stream import Buffer, Hops, Stream
+from panoptic_ros.timecode.word.edges import EVEN, fit_edges
+from panoptic_ros.timecode.word.layout import FREE
+from panoptic_ros.timecode.word.search import best_grid, scan_lengths, sync_means
+from panoptic_ros.timecode.word.tracking import track
+from panoptic_ros.timecode.word.viterbi import WordLevels, best_path, match, soft_bits
 
 STAMPS_SECONDS = 3.0  # of block stamps are kept: more than a word waits to be reported
+
+
+@dataclass
+class Channel:
+    """One channel of a device that is searched for timecode.
+
+    Args:
+        number: of the channel, counted from 0.
+        clock: whose timecode it carries; None: nobody says.
+    """
+
+    number: int
+    clock: str | None
+    decoder: LtcDecoder
+    last: Heard | None = None
+
+
+@dataclass
+class Device:
+    """One uninterrupted stream of a device.
+
+    Args:
+        clocks: of its channels, as they are named.
+        main: of channels that nobody named, the one whose timecode the device's clock is held against.
+        several: whether another timecode was heard on others, too.
+    """
+
+    name: str
+    sample_rate: int
+    first_sample: int
+    clocks: tuple[str, ...]
+    channels: list[Channel]
+    stamps: deque[tuple[int, int]] = field(default_factory=deque)  # first sample and stamp of blocks
+    next_sample: int = 0
+    main: int | None = None
+    several: bool = False
+
+
+LAYOUT = StateLayout(
+    "timecode",
+    ("_devices",),
+    (
+        Channel,
+        ClickLimits,
+        Counting,
+        Device,
+        FrameRate,
+        Grid,
+        Heard,
+        Solution,
+        Timecode,
+        Verdict,
+        Word,
+        WordLevels,
+        Fields.named(Fraction, "_numerator _denominator", is_value=True),
+        Fields.named(LtcDecoder, "_config _hop _hops _stream _follow _held _read_until _searches"),
+        Fields.named(Hops, "_length _pending _count"),
+        Fields.named(Stream, "sample_rate first up _conditioner _recorded _sums"),
+        Fields.named(Buffer, "values", make=Buffer.of),
+        Fields.named(
+            Conditioner, "up _step _low_pass _between _half _beside reach _piece _clicks _raw _history"
+        ),
+        Fields.named(
+            Follow,
+            "grid number labels reverse wander misses read signal first _line _wavers _scatter",
+        ),
+        Fields.named(
+            ExpectedLabels,
+            "user _solution _countings _rates _ahead _evidence _labels _verdicts _last_ahead",
+        ),
+        Fields.named(Wander, "reverse level _place _cell _tracked"),
+        Fields.named(UserBits, "_nats certain _other _bits _value"),
+        Fields.named(Evidence, "_levels _free _user contradiction same_user"),
+    ),
+    shared=("_config",),
+    same={"configuration": "_config"},
+)
+
+
+@lru_cache(maxsize=1)
+def compile_kernels() -> None:
+    """Compile all kernels, or take them from numba's cache: a stream that runs must not wait for that."""
+    _compile_conditioning()
+    _compile_words()
+
+
+def _compile_conditioning() -> None:
+    limit(np.ones(400), 100, 0.8, 2.0, 3.0)
+    bridge_clicks(np.ones(400), ClickLimits(20, 100, 0.8, 2.0, 5))
+    hat_sums(np.ones((1, 400)), 1)
+    high_pass(np.ones(400), np.ones(400), np.ones(5), 1)
+    between(np.ones(400), np.ones((1, 4)))
+
+
+def _compile_words() -> None:
+    sums, grid, few = np.cumsum(np.ones(400)), Grid(200.0, 20.0), np.zeros(1)
+    halves, wanted = np.ones(16), np.full(8, FREE, np.int8)
+    half_levels(sums, grid, -4.0, 8)
+    tick_levels(sums, track(sums, 20.0, 8.0, 10, 1.0))
+    best_grid(sums, grid, -4.0, 8, few, few)
+    scan_lengths(sums, 0.0, 200.0, np.array([10.0]), 2)
+    signs = best_path(halves, wanted, 0.0).signs
+    soft_bits(halves, wanted, 0.0)
+    sync_means(wanted, wanted[:4], 4)
+    moved_grid(grid, 1.0)
+    fit_edges(sums, grid.middle + np.arange(-80.0, 81.0), np.repeat(signs, 10), 1.0, EVEN)
+    match(halves, wanted, 0.0, 0.0)
 
 
 class TimecodeStage(Stateful):

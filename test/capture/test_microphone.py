@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.capture.sound import described_sound, open_sound
-from panoptic_ros.capture.sound.described import PlayedSource
-from panoptic_ros.capture.sound.microphone import MicrophoneSource
+from panoptic_ros.capture.sound.described import MicrophoneSource, PlayedSource
 from panoptic_ros.errors import BackendError, EnvironmentProblem
 from panoptic_ros.io.wav import write_wav
 

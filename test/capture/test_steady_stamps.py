@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.capture.sound.microphone import SteadyStamps
+from panoptic_ros.capture.sound.described import SteadyStamps
 
 SECOND, RATE, COUNT = 10**9, 48_000, 4800
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.clocks.frames import measure_frames
+from panoptic_ros.clocks.report import measure_frames
 from panoptic_ros.errors import DataError
 
 START = 1_700_000_000_000_000_000

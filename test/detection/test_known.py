@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from stage_cases import DEPTH, FOCAL, known_people, watching_rig
 
-from panoptic_ros.detection.known import KnownPeople
+from panoptic_ros.detection.watching import KnownPeople
 
 CAMERA = watching_rig().cameras[0]
 PLACES = np.array([[[60.0, 40], [70, 90], [65, 150]], [[180.0, 50], [190, 95], [185, 140]]])

@@ -8,7 +8,7 @@ import pytest
 from panoptic_ros.errors import DataError
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, evaluate_pcp, pcp_table
 from panoptic_ros.evaluation.annotations import is_annotation, parse_annotation
-from panoptic_ros.evaluation.pcp_joints import (
+from panoptic_ros.evaluation.pcp import (
     ANNOTATION_JOINTS,
     NamedJoints,
     head_of_association,

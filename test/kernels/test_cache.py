@@ -130,7 +130,7 @@ def test_what_a_kernel_cannot_reach_compiles_nothing(used):
 def test_copies_of_the_whole_package_share_what_is_compiled(tmp_path):
     program = (
         "import numpy as np\nfrom panoptic_ros.kernels import on_compilation\n"
-        "from panoptic_ros.offsets.banded import factor\n"
+        "from panoptic_ros.offsets.trajectories import factor\n"
         "compiled, matrix = [], np.ones((3, 1))\n"
         "with on_compilation(compiled.append):\n    print(factor(matrix))\n"
         "print(*{name.rpartition('.')[2] for name in compiled if 'ros.' in name})\n"

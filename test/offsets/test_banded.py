@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.offsets.banded import backward, factor, forward, inverse_in_band
+from panoptic_ros.offsets.trajectories import backward, factor, forward, inverse_in_band
 
 
 def banded(rng, n, width):

@@ -17,7 +17,7 @@ import pytest
 import panoptic_ros
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.models.npm import NODE_WHEEL
+from panoptic_ros.io.models.fetch import NODE_WHEEL
 
 ROOT = Path(panoptic_ros.__file__).resolve().parent.parent
 ROSDEP_KEYS = {"opencv-python-headless": "python3-opencv", "pyyaml": "python3-yaml"}

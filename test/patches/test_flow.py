@@ -11,7 +11,7 @@ from panoptic_ros.domain import ViewDetections, ViewFrame
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import configure, make_stage
-from panoptic_ros.patches.flow.samples import Pattern
+from panoptic_ros.patches.flow.stage import Pattern
 from panoptic_ros.patches.flow.tracking import alike, followed
 
 SKELETON = captures.SKELETON

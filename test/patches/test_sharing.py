@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.patches.flow.samples import Pattern
-from panoptic_ros.patches.flow.sharing import Sharing
+from panoptic_ros.patches.flow.stage import Pattern, Sharing
 from panoptic_ros.simulation.rigs import Ring
 
 THERE = np.ones((1, len(captures.SKELETON)), bool)

@@ -5,7 +5,7 @@ import numpy as np
 import patch_scene
 import pytest
 
-from panoptic_ros.patches.ties import Ties
+from panoptic_ros.patches.motions import Ties
 
 NAMES = [part.name for part in patch_scene.PARTS]
 TORSO, ARM, FOREARM = (NAMES.index(name) for name in ("torso", "lShoulder-lElbow", "lElbow-lWrist"))

@@ -8,8 +8,8 @@ import pytest
 from panoptic_ros.domain import JointState
 from panoptic_ros.domain.bodies import BodyStateSet
 from panoptic_ros.geometry.rotations import to_quaternions, turn_about_z
-from panoptic_ros.refinement.bodies import BodyFill
 from panoptic_ros.refinement.joint_states import Judged
+from panoptic_ros.refinement.stage import BodyFill
 
 PERIOD = 20_000_000
 OFFSETS = np.array([[0.02, 0.0, 0.01], [0.0, 0.03, 0.0], [-0.01, 0.01, 0.0]])  # of the detector, in the hips

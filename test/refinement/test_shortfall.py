@@ -7,9 +7,7 @@ import pytest
 from panoptic_ros.domain import PartMotions
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.geometry.rotations import rotation_of
-from panoptic_ros.refinement.links import Links
-from panoptic_ros.refinement.records import new_people
-from panoptic_ros.refinement.shortfall import (
+from panoptic_ros.refinement.filter_bank import (
     MOST,
     PRIOR,
     add_motions,
@@ -20,6 +18,8 @@ from panoptic_ros.refinement.shortfall import (
     nothing_compared,
     with_torso,
 )
+from panoptic_ros.refinement.links import Links
+from panoptic_ros.refinement.records import new_people
 
 DT = 0.04
 LIMBS = limbs_of(captures.SKELETON)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.simulation.occlusion import hidden_joints, segment_distances, under_table
+from panoptic_ros.simulation.detector import hidden_joints, segment_distances, under_table
 from panoptic_ros.simulation.people import draw_person
 from panoptic_ros.simulation.skeleton import JOINTS, J
 

@@ -20,7 +20,7 @@ from panoptic_ros.simulation.rendering.paint import (
     STRIPES,
     STRIPES_PER_M,
 )
-from panoptic_ros.simulation.rendering.raycast import FACE_FROM, FACE_SLOPE, FACE_TOP, HAIR, NEAR, NECK_BELOW
+from panoptic_ros.simulation.rendering.renderer import FACE_FROM, FACE_SLOPE, FACE_TOP, HAIR, NEAR, NECK_BELOW
 
 Array = np.ndarray
 

@@ -8,8 +8,17 @@ import pytest
 from panoptic_ros.domain import Timecode, TimecodeReading
 from panoptic_ros.errors import DataError
 from panoptic_ros.simulation.ltc_signal import encode_ltc, timecode_rate
-from panoptic_ros.study.timing.ltc_impairments import CHANGES, Impaired, impaired_clip
-from panoptic_ros.study.timing.ltc_robustness import Decode, Outcome, judged, live, outcome, recorded
+from panoptic_ros.study.timing.ltc_robustness import (
+    CHANGES,
+    Decode,
+    Impaired,
+    Outcome,
+    impaired_clip,
+    judged,
+    live,
+    outcome,
+    recorded,
+)
 
 RATE = 48000
 SEEDS = range(1000, 1016)  # of clips with one second of timecode; the bench has 300 of two

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from panoptic_ros.errors import DataError, UsageError
-from panoptic_ros.view.mosaic import Mosaic
+from panoptic_ros.view.overlay_run import Mosaic
 
 
 @given(

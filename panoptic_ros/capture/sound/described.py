@@ -1,24 +1,219 @@
 """Opening a source of sound from a plain description, as it stands in a run's plan.
 
 A recording may be played as if a device heard it now: to try a live run without hardware.
+
+Microphones and line inputs, through PortAudio (the package sounddevice, which is optional).
 """
 
 from __future__ import annotations
 
+import importlib
+import queue
 import threading
 import time
+from bisect import bisect_left, insort
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.capture.sound.microphone import MicrophoneSource
-from panoptic_ros.capture.sound.source import SoundSource
+import numpy as np
+
+from panoptic_ros.capture.sound.source import BLOCK_S, SoundSource
 from panoptic_ros.capture.sound.video import VideoSound
 from panoptic_ros.capture.sound.wav import WavSource
 from panoptic_ros.domain import AudioBlock
-from panoptic_ros.errors import UsageError, shown
+from panoptic_ros.errors import BackendError, EnvironmentProblem, UsageError, shown
+
+Array = np.ndarray
+PATIENCE_S = 0.5
+WAITING_BLOCKS = 100  # that nobody has taken; beyond them the oldest are lost
+SETTLE_S = 1.0
+SILENT_S = 5.0  # without any block: the device is gone
+SECOND = 1_000_000_000
+KEPT_S = 5.0  # in which some blocks come promptly; a clock that drifts by 1e-4 moves by half a ms
+PROMPT = 0.05  # share of the blocks that tell of an earlier time: these are the wrong ones
+LOST_NS = SECOND  # later than the count says: sound was lost, or the machine slept
+
+
+class MicrophoneSource:
+    """The sound of a device, from now on, stamped by this machine's clock.
+
+    A block's stamp is when its first sample was at the input, as PortAudio tells of the promptest blocks
+    (`steady`) on the stream's own clock, which is held against this machine's: it does not matter when Python
+    gets to a block. In their first second sound servers are up to 0.4 s wrong, so that is left out. What is
+    lost shows in the count of samples.
+
+    Args:
+        device: name.
+        address: as PortAudio calls it: a part of a name such as "hw:1" or "USB Audio", or a number.
+        clocks: of the channels, see `AudioBlock`.
+        clock: ns; the clock of the stamps, the wall clock unless given.
+        library: the package, for tests.
+
+    Raises:
+        EnvironmentProblem: where sounddevice or PortAudio is missing.
+        BackendError: if there is no such input, listing those that there are, or it cannot be opened.
+    """
+
+    def __init__(
+        self,
+        device: str,
+        address: str,
+        *,
+        clocks: Sequence[str] = (),
+        clock: Callable[[], int] = time.time_ns,
+        library: Any | None = None,
+    ):
+        self.device, self.clocks = device, tuple(clocks)
+        self._what = f"microphone {device} at {address}"
+        self._clock = clock
+        self._portaudio = library or _portaudio()
+        found = self._query(int(address) if address.isdecimal() else address)
+        self.sample_rate, self.channels = int(found["default_samplerate"]), self._count(found)
+        self._blocks: queue.Queue[AudioBlock] = queue.Queue(WAITING_BLOCKS)
+        self._next, self._unsettled = 0, round(SETTLE_S * self.sample_rate)
+        self._stamps = SteadyStamps(self.sample_rate)
+        self._closed = False
+        try:
+            self._stream = self._portaudio.InputStream(
+                device=found["index"],
+                channels=self.channels,
+                samplerate=self.sample_rate,
+                dtype="float32",
+                blocksize=int(BLOCK_S * self.sample_rate),
+                callback=self._take,
+            )
+            self._stream.start()
+        except self._portaudio.PortAudioError as error:
+            raise BackendError(f"{self._what} cannot be opened: {_one_line(error)}") from None
+
+    def __iter__(self) -> Iterator[AudioBlock]:
+        waited = 0.0
+        while not self._closed:
+            try:
+                item = self._blocks.get(timeout=PATIENCE_S)
+            except queue.Empty:
+                waited += PATIENCE_S
+                if waited >= SILENT_S and not self._closed:
+                    raise BackendError(f"{self._what} gives no more sound") from None
+                continue
+            waited = 0.0
+            yield item
+
+    def close(self) -> None:
+        """Close the device; iterations end."""
+        if not self._closed:
+            self._closed = True
+            self._stream.close()
+
+    def __enter__(self) -> MicrophoneSource:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _query(self, address: int | str) -> Any:
+        try:
+            return self._portaudio.query_devices(address, "input")
+        except (ValueError, self._portaudio.PortAudioError):
+            inputs = [
+                f"{row['index']} {row['name']}"
+                for row in self._portaudio.query_devices()
+                if row["max_input_channels"]
+            ]
+            raise BackendError(
+                f"{self._what}: no such input; there are {', '.join(inputs) or 'none'}"
+            ) from None
+
+    def _count(self, found: Any) -> int:
+        """How many channels are asked for: those that are named, or two."""
+        most = int(found["max_input_channels"])
+        if len(self.clocks) > most:
+            raise BackendError(f"{self._what} has {most} channels; {len(self.clocks)} clocks are named")
+        return len(self.clocks) or min(2, most)
+
+    def _take(self, samples: Array, count: int, times: Any, status: Any) -> None:
+        """Called by PortAudio in a thread of its own."""
+        if self._unsettled > 0:
+            self._unsettled -= count
+            return
+        ago = self._stream.time - times.inputBufferAdcTime
+        now = self._clock()
+        if status and status.input_overflow:
+            self._next += count  # how much was lost is not told; the decoder begins anew
+            self._stamps.restart()
+        stamp = self._stamps.stamp(self._next, now - round(SECOND * max(0.0, ago)))
+        try:
+            clean = np.clip(np.nan_to_num(np.array(samples, np.float32)), -1.0, 1.0)
+            self._blocks.put_nowait(
+                AudioBlock(self.device, stamp, self._next, self.sample_rate, clean, self.clocks)
+            )
+        except queue.Full:
+            pass  # the gap in the count of samples tells
+        self._next += count
+
+
+def _portaudio() -> Any:
+    """The package.
+
+    Raises:
+        EnvironmentProblem: where it is missing.
+    """
+    try:
+        return importlib.import_module("sounddevice")
+    except ImportError:
+        raise EnvironmentProblem(
+            "microphones need the package sounddevice: pip install sounddevice"
+        ) from None
+    except OSError:
+        raise EnvironmentProblem(
+            "microphones need PortAudio: apt install libportaudio2, or what your system calls it"
+        ) from None
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+class SteadyStamps:
+    """Stamps that go on as the samples do, from the blocks that came promptly.
+
+    A block is told of late, by up to 0.1 s on a busy machine. So those that are earliest beside their count
+    of samples are right (the minimum filter of clocks over networks, Mills 1991), but for a few: sound
+    servers guess how long sound took through them, at times too long. Hence the earliest but for a twentieth.
+
+    Args:
+        sample_rate: Hz.
+    """
+
+    def __init__(self, sample_rate: int):
+        self._rate = sample_rate
+        self._starts: deque[tuple[int, int]] = deque()  # (sample, ns of sample 0)
+        self._sorted: list[int] = []  # the ns of these
+        self._last = 0
+
+    def stamp(self, first: int, told_ns: int) -> int:
+        """Of a block that begins with a sample, which the device told of as of a time; never goes back."""
+        start = told_ns - first * SECOND // self._rate
+        if self._starts and start - self._prompt() >= LOST_NS:
+            self.restart()
+        self._starts.append((first, start))
+        insort(self._sorted, start)
+        while self._starts[0][0] < first - KEPT_S * self._rate:
+            del self._sorted[bisect_left(self._sorted, self._starts.popleft()[1])]
+        self._last = max(self._prompt() + first * SECOND // self._rate, self._last + 1, 0)
+        return self._last
+
+    def restart(self) -> None:
+        """After sound was lost: the count tells nothing of before."""
+        self._starts.clear()
+        self._sorted.clear()
+
+    def _prompt(self) -> int:
+        return self._sorted[int(PROMPT * len(self._sorted))]
 
 
 def described_sound(kind: str, device: str, clocks: Sequence[str], **more: Any) -> dict[str, Any]:

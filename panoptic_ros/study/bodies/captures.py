@@ -1,23 +1,206 @@
 """Captures in which less is known: headings, clocks, mountings, who of several people is asked for, and where
-somebody is who walks out of the cameras."""
+somebody is who walks out of the cameras.
+
+Captures of which everything is drawn at random: cameras and their rates, noise, bodies, T-poses, clocks.
+
+They are simulated at a rate that all others divide, of which each camera and device then keeps its own share.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import BodyState
+from panoptic_ros.domain import Rig
+from panoptic_ros.domain.segments import SegmentModel
+from panoptic_ros.domain.subjects import BodyState, ImuSeries, Subject, ViewSeries
 from panoptic_ros.evaluation.kinematic_scores import inside, score_bodies
+from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.running.kinematics import PAPER, body_config
-from panoptic_ros.running.simulations.body_scenes import OTHER_BODY_SCENES
+from panoptic_ros.running.simulations.body_scenes import BODY_SCENES, OTHER_BODY_SCENES, body_scene
+from panoptic_ros.simulation.bodies.cameras import JointNoise
+from panoptic_ros.simulation.bodies.capture import SPARSE, BodyScene
+from panoptic_ros.simulation.bodies.group import simulate_group
+from panoptic_ros.simulation.bodies.imus import ImuNoise
+from panoptic_ros.simulation.bodies.motion import Clip
 from panoptic_ros.stage import Progress, each
-from panoptic_ros.study.bodies.cases import METHODS, OURS, SKIPPED_S, BodyStudy
-from panoptic_ros.study.bodies.drawn import drawn_case
+from panoptic_ros.study.bodies.cases import (
+    METHODS,
+    OURS,
+    SKIPPED_S,
+    BodyCase,
+    BodyStudy,
+    case_of,
+    prior_without,
+)
 from panoptic_ros.study.study import Case, Result, Row
 
 SORTED = "malleson-2020, its sorting"
+Array = np.ndarray
+RATE, SOLVED = 300, 60  # Hz, of the simulation and of the poses
+SECONDS, LEAVES_SECONDS = 11.0, 19.0
+SIZES = (0.9, 1.1)  # of the body, as a share of the recorded one
+LIMBS = 0.05  # standard deviation of a segment's length, a share of it
+MOUNTING_DEG = {"stated": 2.5, "T 2.5": 2.5, "T 4": 4.0}  # per axis
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What is drawn; noise: shares of the usual one; mounting: a key of `MOUNTING_DEG`; lengths, joints:
+    whether the file states them."""
+
+    scene: str
+    cameras: int
+    imus: int
+    camera_hz: int
+    imu_hz: int
+    together: bool
+    joint_noise: float
+    imu_noise: float
+    mounting: str
+    lengths: bool
+    joints: bool
+    heading: bool
+    clock: bool
+
+    def __str__(self) -> str:
+        """In one word for a table."""
+        known = "".join(n for n, there in (("L", self.lengths), ("J", self.joints)) if there)
+        unknown = "".join(n for n, there in (("h", self.heading), ("c", self.clock)) if there)
+        rate = f"{self.camera_hz}{'' if self.together else '~'}Hz"
+        text = f"{self.scene[5:]} {self.cameras}+{self.imus} {rate} x{self.joint_noise:g} {self.mounting}"
+        return f"{text} {known}{unknown}"
+
+
+def draw(rng: np.random.Generator) -> Drawn:
+    """Conditions of one capture."""
+
+    def pick(*values: Any) -> Any:
+        return values[int(rng.integers(len(values)))]
+
+    drawn = Drawn(
+        pick(*BODY_SCENES, *OTHER_BODY_SCENES),
+        pick(8, 8, 4, 4, 2),
+        pick(13, 13, 13, 6, 0),
+        pick(25, 30, 50, 60),
+        pick(60, 100),
+        pick(False, True),
+        pick(0.5, 0.8, 1.0, 1.3, 1.6, 2.5),
+        pick(0.5, 1.0, 1.5),
+        pick("stated", *MOUNTING_DEG),
+        pick(True, True, False),
+        pick(True, True, False),
+        pick(True, False, False),
+        pick(True, False, False),
+    )
+    told = drawn.mounting == "stated" and not body_scene(drawn.scene).mounts
+    return replace(drawn, mounting="T 2.5") if told else drawn
+
+
+def drawn_case(seed: int) -> BodyCase:
+    """A capture of this number; its name tells what was drawn."""
+    rng = np.random.default_rng([seed, 41])
+    drawn, model, clips = draw(rng), read_body_model(), read_clips()
+    scene = _scene(drawn)
+    take = simulate_group(scene, seed, model, _other_body(rng, model, clips))
+    used = [clip for person in (scene, *scene.others) for clip in person.clips]
+    case = case_of(take, prior_without(used, clips, model), str(drawn), seed)
+    cameras = sorted(rng.choice(len(take.rig), drawn.cameras, replace=False).tolist())
+    every = RATE // drawn.camera_hz
+    phases = np.zeros(len(cameras), int) if drawn.together else rng.integers(every, size=len(cameras))
+    views = {}
+    for n, (camera, phase) in enumerate(zip(cameras, phases.tolist())):
+        seen = case.recording.views[camera]
+        views[n] = ViewSeries(seen.stamps[phase::every], seen.people[phase::every])
+    subjects = tuple(_stated(subject, drawn, model) for subject in case.subjects)
+    worn = {device.name for subject in subjects for device in subject.devices}
+    devices = {
+        name: ImuSeries(*(part[:: RATE // drawn.imu_hz] for part in vars(series).values()))
+        for name, series in case.recording.devices.items()
+        if name in worn
+    }
+    rig = Rig(tuple(take.rig.cameras[camera] for camera in cameras))
+    recording = replace(case.recording, rig=rig, views=views, devices=devices)
+    first = min(int(view.stamps[0]) for view in views.values())
+    truth, strangers = (_at_instants(states, first) for states in (case.truth, case.strangers))
+    return replace(case, recording=recording, subjects=subjects, truth=truth, strangers=strangers)
+
+
+def _scene(drawn: Drawn) -> BodyScene:
+    scene = body_scene(drawn.scene)
+    seconds = LEAVES_SECONDS if scene.path else SECONDS
+    known = drawn.mounting == "stated"
+    shared: dict[str, Any] = {
+        "rate": float(RATE),
+        "seconds": seconds,
+        "mounts": known,
+        "t_pose": MOUNTING_DEG[drawn.mounting],
+        "joints": _louder(JointNoise(), drawn.joint_noise, ("white", "correlated", "bias")),
+        "imus": _louder(ImuNoise(), drawn.imu_noise, tuple(f.name for f in fields(ImuNoise))),
+    }
+    unknown: dict[str, Any] = {
+        "heading": 180.0 if drawn.heading else scene.heading,
+        "clock": 0.06 if drawn.clock else scene.clock,
+    }
+    others = tuple(replace(other, **shared, **unknown) for other in scene.others)
+    return replace(scene, **shared, **unknown, others=others)
+
+
+def _louder(noise: Any, share: float, names: tuple[str, ...]) -> Any:
+    return replace(noise, **{name: share * getattr(noise, name) for name in names})
+
+
+def _other_body(rng: np.random.Generator, model: SegmentModel, clips: Mapping[str, Clip]) -> dict[str, Clip]:
+    """The motions of somebody else, of another size and with limbs of other lengths, left as right."""
+    size, lengths = rng.uniform(*SIZES), dict[str, float]()
+    for name in model.names:
+        lengths.setdefault(_side(name), 1.0 + LIMBS * rng.normal())
+    share = size * np.array([lengths[_side(name)] for name in model.names])
+    legs = [model.index(name) for name in ("lShin", "lFoot")]
+    found = {}
+    for name, clip in clips.items():
+        offsets = clip.offsets * share[:, None]
+        rise = float(offsets[legs, 2].sum() / clip.offsets[legs, 2].sum())
+        found[name] = replace(
+            clip, offsets=offsets, roots=clip.roots * rise, stature=float(clip.stature * size)
+        )
+    return found
+
+
+def _side(name: str) -> str:
+    """A segment's name without its side."""
+    return name[1:] if name[0] in "lr" and name[1].isupper() else name
+
+
+def _stated(subject: Subject, drawn: Drawn, model: SegmentModel) -> Subject:
+    """The subject as its file tells."""
+    names, body = model.names, subject.body
+    usual = model.body(subject.stature)
+    if not drawn.lengths:
+        body = replace(body, offsets=usual.offsets)
+    if not drawn.joints:
+        body = replace(body, keypoints=usual.keypoints, own=frozenset())
+    devices = tuple(
+        d for d in subject.devices if drawn.imus == 13 or (drawn.imus == 6 and names[d.segment] in SPARSE)
+    )
+    pose = None if drawn.mounting == "stated" else subject.t_pose
+    return replace(subject, body=body, measured=drawn.lengths, devices=devices, t_pose=pose)
+
+
+def _at_instants(states: tuple[BodyState, ...], first: int) -> tuple[BodyState, ...]:
+    """The truth at the instants at which bodies are solved."""
+    found = []
+    for state in states:
+        place = (state.stamp_ns - first) * 1e-9 * RATE
+        if round(place) >= 0 and round(place) % (RATE // SOLVED) == 0:
+            stamp = first + round(round(place) * 1e9 / RATE)
+            found.append(BodyState(stamp, state.id, state.places, state.frames))
+    return tuple(found)
 
 
 class Captures(BodyStudy):

@@ -1,22 +1,153 @@
-"""The study `identity`: people who are hidden, cross, come and go, and whom few views see."""
+"""The study `identity`: people who are hidden, cross, come and go, and whom few views see.
+
+Whether somebody who is designated is ever lost to a bystander: one of five who come and go.
+
+People in different clothes who come and go: what their colours add to bones and places.
+
+Images are rendered at every third instant and small, as colours need no more; the 2D people are those of a
+simulated detector, which misses, mistakes and melts them.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from panoptic_ros.domain import DetectionSet, ViewAppearance, ViewFrame
+from panoptic_ros.graph.build import configure, make_stage, merged
+from panoptic_ros.identity.subjects import subject_word
 from panoptic_ros.running.plans.parameters import read_parameters
-from panoptic_ros.stage import Progress
+from panoptic_ros.simulation import Absence, Scene, Simulation, simulate
+from panoptic_ros.simulation.people import Person
+from panoptic_ros.simulation.rendering import Studio
+from panoptic_ros.simulation.rigs import Lens, Ring
+from panoptic_ros.simulation.skeleton import SKELETON
+from panoptic_ros.stage import Progress, StageContext, untold
 from panoptic_ros.study.options import add_seeds, add_settings, within
-from panoptic_ros.study.people.designated import designated
-from panoptic_ros.study.people.dressed import dressed_visits
-from panoptic_ros.study.people.identity import VISITS_S, few_views, trials, visits
+from panoptic_ros.study.people.identity import (
+    AWAY,
+    NO_SETTINGS,
+    VISITS_S,
+    Instant,
+    Settings,
+    few_views,
+    follow,
+    trials,
+    visit_figures,
+    visits,
+    visits_scene,
+)
 from panoptic_ros.study.study import Case, Result, Row, Study
 
 TRIALS_PER_TAKE = 10  # of the other scenes, which are longer
 DESIGNATED_S = 60.0  # of a take with a designated person; half as many as of the others
 PARTS = {"trials": 4.0, "few views": 2.0, "visits": 1.0, "designated": 1.0, "dressed": 2.0}  # costs
+SUBJECT = 100  # the id
+SMALL = Ring(5, radius=3.9, heights=(1.2, 2.6), lens=Lens((320, 240), (212.0, 220.0), distorted_every=0))
+Array = np.ndarray
+EVERY = 3  # instants, of which one is rendered
+Looks = Mapping[int, Sequence[ViewAppearance]]
+
+
+def dressed_scene(seed: int, seconds: float) -> Scene:
+    """Those who come and go, in front of cameras whose images are rendered."""
+    return replace(visits_scene(seed, seconds), rig=SMALL, rendered=True)
+
+
+@dataclass(frozen=True)
+class Visitor(Person):
+    """Somebody who is not in the images while away."""
+
+    absences: tuple[Absence, ...] = ()
+
+    def is_present(self, t: Array) -> Array:
+        """Whether the person is there (T,)."""
+        there = Person.is_present(self, t)
+        for absence in self.absences:
+            there = there & ~((t >= absence.start) & (t < absence.end))
+        return there
+
+
+def visitors(take: Simulation) -> Simulation:
+    """The take with people who are not in the images while they are away."""
+    return replace(
+        take,
+        people=tuple(
+            Visitor(
+                person.id,
+                person.body,
+                person.motion,
+                person.gesture,
+                person.present,
+                person.bystander,
+                tuple(absence for absence in take.scene.absences if absence.person == person.id),
+            )
+            for person in take.people
+        ),
+    )
+
+
+def looks_of(take: Simulation, sets: Sequence[DetectionSet]) -> Looks:
+    """What cameras see of clothes, by the number of the instant."""
+    studio, numbers = Studio(visitors(take)), np.arange(0, len(sets), EVERY)
+    stage = make_stage("appearance", configure({})["appearance"], StageContext(take.rig, SKELETON))
+    found: dict[int, list[ViewAppearance]] = {}
+    for camera in take.rig.names:
+        images = studio.camera(camera).render(take.schedule.ticks[numbers])
+        for number, rendered in zip(numbers.tolist(), images):
+            for view in (view for view in sets[number].views if view.camera == camera):
+                stage.step(ViewFrame(camera, view.stamp_ns, view.frame_number, rendered.image))
+                found.setdefault(number, []).extend(stage.step(view).outputs)
+    return found
+
+
+def dressed_visits(seed: int, seconds: float, settings: Settings = NO_SETTINGS) -> dict[str, Any]:
+    """What became of the ids of five people who come and go, by bones and place alone and with appearance."""
+    what, rows = dressed_scene(seed, seconds), {}
+    for name, seen in (("bones", None), ("appearance", looks_of)):
+        own = {"tracking": {"memory": AWAY[1], "appearance": seen is not None}}
+        rows[name] = visit_figures(follow(what, seed, merged(own, settings), seen))
+    return {"seconds": seconds, **rows}
+
+
+def designated_figures(instants: Sequence[Instant], person: int) -> dict[str, int]:
+    """How long the subject was there, was found, and how long a bystander had the id; in instants."""
+    there = [now for now in instants if person in now.there]
+    return {
+        "there": len(there),
+        "followed": sum(person in now.found and now.found[person].number == SUBJECT for now in there),
+        "taken": sum(
+            any(match.number == SUBJECT for other, match in now.found.items() if other != person)
+            for now in instants
+        ),
+    }
+
+
+def designated(
+    takes: int,
+    seed: int,
+    settings: Settings = NO_SETTINGS,
+    seconds: float = VISITS_S,
+    progress: Progress = untold,
+) -> dict[str, Any]:
+    """`designated_figures` of several takes together; the subject is told by the place at the beginning."""
+    total = {"there": 0, "followed": 0, "taken": 0}
+    for k in range(takes):
+        progress(k / takes, "a designated person")
+        what = visits_scene(seed + k, seconds)
+        take = simulate(what, seed + k)
+        first = take.schedule.ticks[:1]
+        person = next(own for own in take.people if own.is_present(first).all())
+        place = person.joints(first)[0][SKELETON.joint("BodyCenter")]
+        told = {"tracking": {"memory": AWAY[1], "subjects": (subject_word(SUBJECT, place),)}}
+        found = designated_figures(follow(what, seed + k, merged(told, settings)), person.id)
+        total = {name: total[name] + found[name] for name in total}
+    progress(1.0, "a designated person")
+    return {"takes": takes, "seconds": seconds, **total}
 
 
 class Identity(Study):

@@ -1,4 +1,9 @@
-"""Rows of named baselines on the same 2D people."""
+"""Rows of named baselines on the same 2D people.
+
+Baseline: greedy grouping by ray distance, linear triangulation, identity of the nearest.
+
+What a small script does that takes 2D people to 3D: no robust weights, no prediction, no model of noise.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +17,113 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain import DetectionSet
+from panoptic_ros.domain import DetectionSet, Rig
 from panoptic_ros.geometry import triangulate_linear, triangulate_robust
 from panoptic_ros.study.child import ONE_THREAD, answer_of
 from panoptic_ros.study.stage1 import aniposelib_child
-from panoptic_ros.study.stage1.greedy import GreedyBaseline
 from panoptic_ros.study.stage1.rows import Rows, of_points
 from panoptic_ros.study.stopwatch import Times
 
+MOST_VIEWS = 31  # of larger rigs every n-th view is used
+LARGEST_GAP = 0.06  # m, median distance of the rays of two 2D people that are one person
+LARGEST_RESIDUAL = 20.0  # px, of the second triangulation
+FEWEST_JOINTS = 8  # that a person has, and that two 2D people share
+SAME_PERSON = 0.6  # m, mean distance to where a person was seen last
+MEMORY = 15  # frames
 Array = np.ndarray
 GIVEN = "identities given"
 MISSING = "not installed: pip install aniposelib (best in an environment of its own), --aniposelib PYTHON"
+
+
+class GreedyBaseline:
+    """2D people of one instant to skeletons with identity, frame after frame."""
+
+    def __init__(self, rig: Rig):
+        self._cameras = rig.cameras[:: -(-len(rig) // MOST_VIEWS)]
+        self._index = {camera.name: i for i, camera in enumerate(self._cameras)}
+        count = len(self._cameras)
+        self._fewest_views = 2 if count <= 4 else max(3, count // 4)
+        self._stack = Rig(self._cameras).stack()
+        self._tracks: dict[int, tuple[int, Array]] = {}
+
+    def step(self, item: DetectionSet) -> tuple[Array, Array]:
+        """Identities (P,) and joints (P, J, 3) m, NaN = missing."""
+        views, plane, scores = self._gather(item)
+        people = [self._solve(views, plane, scores, group) for group in self._groups(views, plane)]
+        people = [p for p in people if np.isfinite(p[:, 0]).sum() >= FEWEST_JOINTS]
+        return self._identify(item.index, people), np.array(people).reshape(len(people), plane.shape[1], 3)
+
+    def _gather(self, item: DetectionSet) -> tuple[Array, Array, Array]:
+        """View (D,), undistorted joints (D, J, 2) and scores (D, J) of all 2D people."""
+        records = [view for view in item.views if view.camera in self._index and len(view.points)]
+        joints = item.views[0].points.shape[1] if item.views else 0
+        views, plane, scores = [np.zeros(0, int)], [np.zeros((0, joints, 2))], [np.zeros((0, joints))]
+        for record in records:
+            camera = self._index[record.camera]
+            views.append(np.full(len(record.points), camera))
+            plane.append(self._cameras[camera].intrinsics.undistort(record.points))
+            scores.append(record.scores)
+        return np.concatenate(views), np.concatenate(plane), np.concatenate(scores)
+
+    def _groups(self, views: Array, plane: Array) -> list[list[int]]:
+        """2D people that belong together, the nearest pairs first, one per view."""
+        gaps = self._gaps(views, plane)
+        near = np.argwhere(np.triu(gaps < LARGEST_GAP))
+        group = [[d] for d in range(len(views))]  # of each 2D person; merged ones share a list
+        for a, b in near[np.argsort(gaps[tuple(near.T)], kind="stable")]:
+            mine, other = group[a], group[b]
+            if mine is other or gaps[np.ix_(mine, other)].mean() > LARGEST_GAP:
+                continue  # the mean is infinite if the two groups have a view in common
+            mine += other
+            for d in other:
+                group[d] = mine
+        unique = {id(members): members for members in group}
+        return [members for members in unique.values() if len(members) >= self._fewest_views]
+
+    def _gaps(self, views: Array, plane: Array) -> Array:
+        """Median distance (D, D) m of the rays of common joints; infinite inside a view."""
+        rotations = self._stack.rotations[views]
+        rays = np.einsum("djk,dki->dji", np.concatenate([plane, np.ones_like(plane[..., :1])], -1), rotations)
+        rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+        centres = self._stack.centres[views]
+        gaps = np.full((len(views), len(views)), np.inf)
+        for d in range(len(views)):
+            normals = np.cross(rays[d], rays)
+            apart = np.abs(np.einsum("djk,dk->dj", normals, centres - centres[d]))
+            distances = apart / np.maximum(np.linalg.norm(normals, axis=-1), 1e-6)
+            common = np.isfinite(distances).sum(axis=1)
+            middle = np.take_along_axis(np.sort(distances, axis=1), (common // 2)[:, None], axis=1)[:, 0]
+            gaps[d] = np.where((common >= FEWEST_JOINTS) & (views != views[d]), middle, np.inf)
+        return gaps
+
+    def _solve(self, views: Array, plane: Array, scores: Array, group: list[int]) -> Array:
+        """Joints (J, 3) m of one person, triangulated twice."""
+        joints = plane.shape[1]
+        seen, weights = np.zeros((joints, len(self._cameras), 2)), np.zeros((joints, len(self._cameras)))
+        seen[:, views[group]] = plane[group].swapaxes(0, 1)
+        weights[:, views[group]] = np.where(np.isfinite(plane[group][..., 0]), scores[group], 0.0).T
+        points = triangulate_linear(self._stack, seen, weights)
+        local = np.einsum("cij,nj->nci", self._stack.rotations, points) + self._stack.translations
+        misses = np.linalg.norm(local[..., :2] / local[..., 2:] - seen, axis=-1) * self._stack.focals
+        kept = np.where(misses < LARGEST_RESIDUAL, weights, 0.0)
+        return triangulate_linear(self._stack, seen, kept)
+
+    def _identify(self, index: int, people: list[Array]) -> Array:
+        """Identity (P,) of the nearest recent skeleton, nearest pairs first, else a new one."""
+        pairs = []
+        for number, (last, joints) in self._tracks.items():
+            for k, person in enumerate(people if index - last <= MEMORY else []):
+                gaps = np.linalg.norm(joints - person, axis=1)
+                if np.isfinite(gaps).any() and np.nanmean(gaps) < SAME_PERSON:
+                    pairs.append((float(np.nanmean(gaps)), number, k))
+        ids: dict[int, int] = {}
+        for _, number, k in sorted(pairs):
+            if k not in ids and number not in ids.values():
+                ids[k] = number
+        for k, person in enumerate(people):
+            ids.setdefault(k, len(self._tracks))
+            self._tracks[ids[k]] = (index, person)
+        return np.array([ids[k] for k in range(len(people))], np.int64)
 
 
 def greedy_rows(rows: Rows) -> None:

@@ -2,27 +2,309 @@
 
 Each clip is decoded as a recording and as a live stream of blocks. A reading is wrong unless a word of its
 label lies within half a word of its start, or a crosstalk of the clip has that label.
+
+Random combinations of everything that happens to a timecode signal, with the labels and starts of words.
+
+A clip is one to three pieces of tape, spliced with or without silence, or a sound without timecode. Each
+piece has its own label, speed, direction, wow, flutter and channel. Noise, dropouts, gain control, crosstalk,
+conversion of the sample rate, clipping, resolution and cuts follow for the whole clip.
 """
 
 from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.signal import resample_poly
 
-from panoptic_ros.domain import AudioBlock, TimecodeReading
+from panoptic_ros.domain import AudioBlock, Timecode, TimecodeReading
+from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
+from panoptic_ros.simulation.ltc_signal import timecode_rate
 from panoptic_ros.stage import Progress, each, untold
-from panoptic_ros.study.timing.ltc_impairments import Impaired, impaired_clip
+from panoptic_ros.study.timing.ltc_sounds import KINDS
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recording
 
+SAMPLE_RATES = (8000, 11025, 16000, 22050, 32000, 44100, 48000, 88200, 96000, 192000)  # Hz
+FRAME_RATES = ("23.976", "24", "25", "29.97", "29.97df", "30")
+LABELS = 2_000_000  # frames, range of the first label: less than a day at 24 frames/s
+NO_TIMECODE = 0.15  # share of the clips
+LEVEL = 0.25  # peak of a piece before its impairments; full scale is 1
+SILENCE_SECONDS = 0.1  # around a sound without timecode
+Change = Callable[["Impaired", np.random.Generator], "Impaired"]
 Array = np.ndarray
 Decode = Callable[[Array, int], Sequence[TimecodeReading]]  # samples (N,) float32 and their rate
 BLOCK = 1024  # samples of a live block
 SECONDS = 2.0  # of timecode per clip
 COUNTS = ("clips", "exceptions", "unusable", "wrong", "right", "sent")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Impaired:
+    """A clip with its truth.
+
+    Args:
+        samples: (N,) float64, full scale is 1.
+        sample_rate: Hz.
+        labels: one per word of which some part is in the clip.
+        starts: (W,) samples, first edge of bit 0 of each word.
+        lengths: (W,) samples, length of each word.
+        kinds: names of the impairments, in their order.
+        faint: labels of a crosstalk, which is read where the clip itself is silent.
+    """
+
+    samples: Array
+    sample_rate: int
+    labels: tuple[Timecode, ...]
+    starts: Array
+    lengths: Array
+    kinds: tuple[str, ...]
+    faint: tuple[Timecode, ...] = ()
+
+
+def impaired_clip(seed: int, seconds: float = 4.0) -> Impaired:
+    """Make one clip; all choices follow from the seed.
+
+    Args:
+        seconds: about the length of the timecode in it.
+    """
+    rng = np.random.default_rng([seed, 7])
+    rate = int(rng.choice(SAMPLE_RATES))
+    if rng.random() < NO_TIMECODE:
+        clip = _sound(rng, rate, seconds)
+    else:
+        count = int(rng.choice([1, 1, 2, 3]))
+        clip = _joined([_piece(rng, rate, seconds / count) for _ in range(count)], rng)
+    for name, (share, change) in CHANGES.items():
+        if rng.random() < share:
+            clip = change(clip, rng)
+            clip = replace(clip, kinds=(*clip.kinds, name))
+    return clip
+
+
+def _piece(rng: np.random.Generator, sample_rate: int, seconds: float) -> Impaired:
+    """Play a stretch of tape through a channel of its own."""
+    rate = timecode_rate(str(rng.choice(FRAME_RATES)))
+    kinds = [f"{sample_rate} Hz"]
+    speed = 1.0 + 1e-4 * rng.uniform(-1.0, 1.0)
+    if rng.random() < 0.3:
+        kinds.append("speed")
+        speed = float(np.exp(rng.uniform(np.log(0.25), np.log(4.0)) * rng.choice([0.15, 1.0])))
+    options: dict[str, tuple[float, dict[str, Any]]] = {
+        "wow": (0.25, {"wow": rng.uniform(0.0, 0.05), "wow_hz": float(np.exp(rng.uniform(-2.3, 0.7)))}),
+        "flutter": (
+            0.3,
+            {"flutter": rng.uniform(0.0, 0.03), "flutter_hz": float(np.exp(rng.uniform(0.7, 3.0)))},
+        ),
+        "ramp": (0.1, {"ramp": rng.uniform(0.0, 0.3)}),
+        "jitter": (0.15, {"jitter_s": 10.0 ** rng.uniform(-6.5, -4.5)}),
+        "low pass": (0.2, {"low_pass_hz": rng.uniform(1800.0, 8000.0)}),
+        "high pass": (0.2, {"high_pass_hz": 10.0 ** rng.uniform(0.5, 3.3)}),
+        "echo": (0.15, {"echo_s": rng.uniform(0.05, 0.8), "direct_db": rng.uniform(3.0, 25.0)}),
+    }
+    given: dict[str, Any] = {}
+    for name, (share, fields) in options.items():
+        if rng.random() < share:
+            kinds.append(name)
+            given |= fields
+    channel = Channel(speed=speed, amplitude=LEVEL, seed=int(rng.integers(2**31)), **given)
+    words = max(2, int(seconds * float(rate.exact) * speed))
+    start = Timecode.from_frame_count(int(rng.integers(LABELS)), rate)
+    user, backward = int(rng.integers(2**32)), bool(rng.random() < 0.2)
+    if backward:
+        kinds.append("reverse")
+    lead = rng.uniform(0.0, 0.6)
+    signal = play_ltc(start, words, sample_rate, channel, lead=lead, user_bits=user, reverse=backward)
+    lengths = np.abs(np.diff(signal.starts))
+    samples, starts = signal.samples.astype(np.float64), signal.starts
+    if rng.random() < 0.1:
+        kinds.append("played backwards")
+        samples, starts = samples[::-1], len(samples) - 1.0 - starts
+    lengths = np.append(lengths, lengths[-1])
+    return Impaired(samples, sample_rate, signal.labels, starts, lengths, tuple(kinds))
+
+
+def _sound(rng: np.random.Generator, rate: int, seconds: float) -> Impaired:
+    """Make a sound without timecode, or silence."""
+    count = int(seconds * rate)
+    time = np.arange(count) / rate
+    tone = np.sin(2.0 * np.pi * rng.uniform(50.0, 4000.0) * time)
+    plain = {"sine": tone, "square": np.sign(tone), "silence": np.zeros(count), "constant": np.ones(count)}
+    name = str(rng.choice([*KINDS, *plain]))
+    samples = plain[name] if name in plain else KINDS[name](rng, count, rate)
+    samples = LEVEL * samples / max(1e-9, float(np.abs(samples).max()))
+    quiet = np.zeros(int(SILENCE_SECONDS * rate))
+    samples = np.concatenate([quiet, samples, quiet])
+    return Impaired(samples, rate, (), np.empty(0), np.empty(0), (f"{rate} Hz", name))
+
+
+def _joined(pieces: list[Impaired], rng: np.random.Generator) -> Impaired:
+    """Join pieces; the splice is anywhere in a word, at the end, or after silence."""
+    parts: list[Array] = []
+    starts: list[Array] = []
+    place, kinds = 0, [*pieces[0].kinds]
+    for number, piece in enumerate(pieces):
+        samples = piece.samples
+        if number + 1 < len(pieces):
+            how = str(rng.choice(["splice", "silence", "end"]))
+            if how == "splice":
+                samples = samples[: int(rng.uniform(0.6, 1.0) * len(samples))]
+            elif how == "silence":
+                samples = np.append(samples, np.zeros(int(rng.uniform(0.01, 0.5) * piece.sample_rate)))
+            kinds += [how, *pieces[number + 1].kinds[1:]]
+        parts.append(samples)
+        starts.append(piece.starts + place)
+        place += len(samples)
+    clip = Impaired(
+        np.concatenate(parts),
+        pieces[0].sample_rate,
+        tuple(label for piece in pieces for label in piece.labels),
+        np.concatenate(starts),
+        np.concatenate([piece.lengths for piece in pieces]),
+        tuple(kinds),
+    )
+    return clip
+
+
+def _rms(samples: Array) -> float:
+    return max(1e-6, float(np.sqrt(np.mean(samples**2))) if len(samples) else 0.0)
+
+
+def _with(clip: Impaired, samples: Array) -> Impaired:
+    return replace(clip, samples=samples)
+
+
+def _noise(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Add white noise 0 to 40 dB below the signal."""
+    level = _rms(clip.samples) * 10.0 ** (-rng.uniform(0.0, 40.0) / 20.0)
+    return _with(clip, clip.samples + level * rng.standard_normal(len(clip.samples)))
+
+
+def _hum(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Add mains hum with harmonics, -20 to +6 dB."""
+    time = np.arange(len(clip.samples)) / clip.sample_rate
+    level = _rms(clip.samples) * 10.0 ** (rng.uniform(-20.0, 6.0) / 20.0)
+    base = float(rng.choice([50.0, 60.0]))
+    hum = sum(np.sin(2.0 * np.pi * k * base * time + rng.uniform(0.0, 6.28)) / k for k in (1, 2, 3))
+    return _with(clip, clip.samples + level * np.asarray(hum))
+
+
+def _dropouts(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Silence stretches of 1 to 300 ms, wholly or nearly."""
+    samples = clip.samples.copy()
+    for _ in range(int(rng.integers(1, 9))):
+        first = int(rng.integers(max(1, len(samples))))
+        length = int(10.0 ** rng.uniform(-3.0, -0.5) * clip.sample_rate)
+        samples[first : first + length] *= rng.choice([0.0, 0.05, 0.3])
+    return _with(clip, samples)
+
+
+def _gain(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Swing the gain as a control that pumps, up to 12 dB either way, 0.2 to 8 Hz."""
+    time = np.arange(len(clip.samples)) / clip.sample_rate
+    swing = rng.uniform(0.0, 12.0) * np.sin(2.0 * np.pi * rng.uniform(0.2, 8.0) * time)
+    return _with(clip, clip.samples * 10.0 ** (swing / 20.0))
+
+
+def _crosstalk(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Add another timecode, 12 to 40 dB below."""
+    other = _piece(rng, clip.sample_rate, len(clip.samples) / clip.sample_rate)
+    faint = np.resize(other.samples, len(clip.samples)) * 10.0 ** (-rng.uniform(12.0, 40.0) / 20.0)
+    return replace(clip, samples=clip.samples + faint, faint=other.labels)
+
+
+def _clicks(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Add bursts of a few samples."""
+    samples = clip.samples.copy()
+    for at in rng.integers(0, max(1, len(samples)), int(rng.integers(1, 60))):
+        samples[at : at + int(rng.integers(1, 8))] += rng.uniform(-1.0, 1.0)
+    return _with(clip, samples)
+
+
+def _lost(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Delete one to three blocks of 1 to 4000 samples, as a recorder that loses them."""
+    for _ in range(int(rng.integers(1, 4))):
+        if len(clip.samples) < 10_000:
+            break
+        first, length = int(rng.integers(len(clip.samples) - 5000)), int(rng.integers(1, 4000))
+        samples = np.delete(clip.samples, slice(first, first + length))
+        ends = clip.starts - length * (clip.starts >= first + length)
+        clip = replace(clip, samples=samples, starts=np.where(ends >= first, np.maximum(ends, first), ends))
+    return clip
+
+
+def _converted(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Convert to another sample rate and back, or only there."""
+    factor = rng.choice([(1, 2), (2, 1), (147, 160), (160, 147), (2, 3), (3, 2)])
+    up, down = int(factor[0]), int(factor[1])
+    samples, rate = resample_poly(clip.samples, up, down), clip.sample_rate * up // down
+    if not 8000 <= rate <= 192_000 or rng.random() < 0.5:
+        back = resample_poly(samples, down, up)[: len(clip.samples)]
+        return _with(clip, back)
+    ratio = up / down
+    return replace(
+        clip, samples=samples, sample_rate=rate, starts=clip.starts * ratio, lengths=clip.lengths * ratio
+    )
+
+
+def _level(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Change the level by -60 to +20 dB."""
+    return _with(clip, clip.samples * 10.0 ** (rng.uniform(-60.0, 20.0) / 20.0))
+
+
+def _offset(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Add a constant of up to the peak."""
+    return _with(clip, clip.samples + rng.uniform(-1.0, 1.0) * float(np.abs(clip.samples).max(initial=0.0)))
+
+
+def _inverted(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Invert the polarity."""
+    return _with(clip, -clip.samples)
+
+
+def _clipped(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Clip at 3 to 90 % of the peak."""
+    limit = rng.uniform(0.03, 0.9) * float(np.abs(clip.samples).max(initial=0.0))
+    return _with(clip, np.clip(clip.samples, -limit, limit))
+
+
+def _square(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Keep only the signs, so that edges lie at whole samples."""
+    return _with(clip, LEVEL * np.sign(clip.samples))
+
+
+def _resolution(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Round to 8, 16 or 24 bits and clip at full scale."""
+    scale = 2.0 ** (int(rng.choice([8, 8, 16, 24])) - 1)
+    return _with(clip, np.clip(np.round(clip.samples * scale), -scale, scale - 1.0) / scale)
+
+
+def _cut(clip: Impaired, rng: np.random.Generator) -> Impaired:
+    """Cut both ends off, so that words lack a part."""
+    count = len(clip.samples)
+    first, last = int(rng.uniform(0.0, 0.4) * count), int(rng.uniform(0.6, 1.0) * count)
+    return replace(clip, samples=clip.samples[first:last], starts=clip.starts - first)
+
+
+CHANGES: dict[str, tuple[float, Change]] = {  # by name: share of the clips, and what it does
+    "gain": (0.15, _gain),
+    "crosstalk": (0.15, _crosstalk),
+    "dropouts": (0.2, _dropouts),
+    "lost samples": (0.1, _lost),
+    "inverted": (0.2, _inverted),
+    "converted": (0.15, _converted),
+    "hum": (0.2, _hum),
+    "noise": (0.5, _noise),
+    "clicks": (0.15, _clicks),
+    "level": (0.25, _level),
+    "clipped": (0.15, _clipped),
+    "square": (0.08, _square),
+    "offset": (0.15, _offset),
+    "bits": (0.3, _resolution),
+    "cut": (0.15, _cut),
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,20 +1,148 @@
-"""The live graph as a scene: takes raw messages, and hands every client the newest."""
+"""The live graph as a scene: takes raw messages, and hands every client the newest.
+
+How the live graph is: measured where messages arrive, as a slow browser would tell of silent cameras.
+
+Which messages show one instant: skeletons, the 2D people that they rest on, and the images of these.
+"""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeVar
 
 from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.topics import ALWAYS_SHOWN, ASKED_FOR, TOPICS
 from panoptic_ros.view.page.facts import PageTopic, SceneFacts
-from panoptic_ros.view.page.health import Health
 from panoptic_ros.view.page.mailbox import Instant, Mailbox
 from panoptic_ros.view.page.packets import Message
-from panoptic_ros.view.page.pairing import Pairing
-from panoptic_ros.view.page.peek import stamp_of_bytes
+from panoptic_ros.view.page.peek import detections_head, skeletons_head, stamp_of_bytes
+
+WINDOW_S = 2.0  # rates are counted over this
+PLAUSIBLE_S = 60.0  # stamps farther from the wall clock than this are of another clock
+Kept = TypeVar("Kept")
+KEPT_VIEWS = 128  # 2D people of a camera: two seconds at 60 Hz, longer than skeletons take
+KEPT_PREVIEWS = 32
+NEAR_NS = 25_000_000  # between skeletons that do not name their views and 2D people of the same instant
+PATIENCE_S = 1.0  # without skeletons, after which views are shown by themselves
+
+
+class Pairing:
+    """Pairs what comes from the live graph, by stamps and frame numbers, not by arrival.
+
+    Skeletons name the frame of every view that they rest on; the 2D people of that frame have the stamp of
+    its image, as its preview has.
+    """
+
+    def __init__(self) -> None:
+        self._previews: dict[str, dict[int, Message]] = {}  # by camera and stamp
+        self._stamps: dict[str, dict[int, int]] = {}  # by camera and frame number
+        self._people: dict[str, dict[int, Message]] = {}  # by camera and stamp
+        self._skeletons_at = float("-inf")
+
+    def preview(self, camera: str, message: Message, now_s: float) -> Instant | None:
+        """An image has come; something to show if nobody makes skeletons.
+
+        Raises:
+            DataError: if it is no such message.
+        """
+        stamp = stamp_of_bytes(message.data)
+        _keep(self._previews.setdefault(camera, {}), stamp, message, KEPT_PREVIEWS)
+        return self._alone(camera, stamp, now_s)
+
+    def detections(self, camera: str, message: Message, now_s: float) -> Instant | None:
+        """The 2D people of an image have come; as `preview`.
+
+        Raises:
+            DataError: if it is no such message.
+        """
+        stamp, frame = detections_head(message.data)
+        _keep(self._people.setdefault(camera, {}), stamp, message, KEPT_VIEWS)
+        _keep(self._stamps.setdefault(camera, {}), frame, stamp, KEPT_VIEWS)
+        return self._alone(camera, stamp, now_s)
+
+    def skeletons(self, message: Message, now_s: float) -> Instant:
+        """Skeletons have come: the instant, with the views of which there is an image.
+
+        Raises:
+            DataError: if it is no such message.
+        """
+        self._skeletons_at = now_s
+        head, views = skeletons_head(message.data), {}
+        if head.frames:
+            stamps = {camera: self._stamps.get(camera, {}).get(n) for camera, n in head.frames.items()}
+        else:  # they do not name their views
+            stamps = {camera: _nearest(kept, head.stamp_ns) for camera, kept in self._people.items()}
+        for camera, stamp in stamps.items():
+            preview = self._previews.get(camera, {}).pop(-1 if stamp is None else stamp, None)
+            if stamp is not None and preview is not None:
+                views[camera] = (preview, self._people[camera][stamp])
+        return Instant(message, views)
+
+    def _alone(self, camera: str, stamp: int, now_s: float) -> Instant | None:
+        if now_s - self._skeletons_at < PATIENCE_S or camera not in self._previews:
+            return None
+        preview, people = (kept.get(camera, {}).get(stamp) for kept in (self._previews, self._people))
+        if preview is None:
+            return None
+        return Instant(None, {camera: (preview, people) if people is not None else (preview,)})
+
+
+def _nearest(stamps: Iterable[int], stamp_ns: int) -> int | None:
+    """The nearest stamp that can be of the same instant."""
+    found = min(stamps, key=lambda stamp: abs(stamp - stamp_ns), default=None)
+    return found if found is not None and abs(found - stamp_ns) <= NEAR_NS else None
+
+
+def _keep(items: dict[int, Kept], key: int, value: Kept, limit: int) -> None:
+    """Remember a value, and forget the oldest beyond a limit."""
+    items[key] = value
+    while len(items) > limit:
+        del items[next(iter(items))]
+
+
+class Health:
+    """Rates, ages and latency of what comes, and what nodes say of themselves."""
+
+    def __init__(self) -> None:
+        self._arrivals: dict[str, deque[float]] = {}
+        self._latest: dict[str, float] = {}
+        self._latencies: deque[float] = deque(maxlen=300)
+        self.statuses: dict[str, Mapping[str, Any]] = {}  # by name, as on /diagnostics
+
+    def arrived(self, name: str, now_s: float) -> None:
+        """A message of a camera, or of the graph ("")."""
+        times = self._arrivals.setdefault(name, deque())
+        times.append(now_s)
+        while times[0] < now_s - WINDOW_S:
+            times.popleft()
+        self._latest[name] = now_s
+
+    def published(self, stamp_ns: int, wall_ns: int) -> None:
+        """Skeletons of a stamp have come; what is no wall clock tells no latency."""
+        latency = (wall_ns - stamp_ns) * 1e-9
+        if 0.0 <= latency < PLAUSIBLE_S:
+            self._latencies.append(latency)
+
+    def document(self, cameras: Sequence[str], now_s: float) -> dict[str, Any]:
+        """For JSON. Latency from capture to arrival, ms; ages in s, null before the first message."""
+        latencies = sorted(self._latencies)
+        return {
+            "type": "health",
+            "cameras": {name: self._of(name, now_s) for name in cameras},
+            "skeletons": self._of("", now_s),
+            "latency_ms": [1e3 * latencies[round(q * (len(latencies) - 1))] for q in (0.5, 0.99)]
+            if latencies
+            else None,
+            "statuses": list(self.statuses.values()),
+        }
+
+    def _of(self, name: str, now_s: float) -> dict[str, Any]:
+        recent = sum(time > now_s - WINDOW_S for time in self._arrivals.get(name, ()))
+        age = now_s - self._latest[name] if name in self._latest else None
+        return {"rate_hz": recent / WINDOW_S, "age_s": age}
 
 
 class Client:

@@ -7,8 +7,8 @@ import pytest
 
 from panoptic_ros.detection.backends.onnx import onnxruntime
 from panoptic_ros.errors import BackendError, DataError
+from panoptic_ros.io.models.fetch import run_heads, verify
 from panoptic_ros.io.models.movenet import convert, find_heads
-from panoptic_ros.io.models.reference import run_heads, verify
 from panoptic_ros.io.models.tfjs import parse_graph
 
 

@@ -5,9 +5,9 @@ import sys
 import pytest
 
 from panoptic_ros.errors import BackendError, EnvironmentProblem, UserError
-from panoptic_ros.io.models import npm as npm_module
+from panoptic_ros.io.models import fetch as npm_module
 from panoptic_ros.io.models.cards import PackedFile
-from panoptic_ros.io.models.npm import explain_npm, fetch_members, find_npm
+from panoptic_ros.io.models.fetch import explain_npm, fetch_members, find_npm
 
 
 def quiet(doing, megabytes):

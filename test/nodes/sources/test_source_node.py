@@ -10,7 +10,7 @@ from panoptic_ros.graph.flow import SPARE, make_flow  # noqa: E402
 from panoptic_ros.graph.topics import TOPICS  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class  # noqa: E402
 from panoptic_ros.nodes.middleware.quality import collecting_quality, data_quality  # noqa: E402
-from panoptic_ros.nodes.sources.source_node import SourceNode, imu_messages  # noqa: E402
+from panoptic_ros.nodes.sources.making import SourceNode, imu_messages  # noqa: E402
 
 pytestmark = pytest.mark.ros
 COUNT, WINDOW = 40, 16

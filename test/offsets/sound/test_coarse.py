@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from panoptic_ros.offsets.sound.coarse import Coarse
 from panoptic_ros.offsets.sound.matching import RATE
+from panoptic_ros.offsets.sound.passes import Coarse
 
 LENGTH = 30_000  # frames: five minutes
 

@@ -12,7 +12,9 @@ import pytest
 from panoptic_ros.cli import doctor
 from panoptic_ros.cli.main import main
 from panoptic_ros.io.takes import OpenTake
-from panoptic_ros.running.doctor import machine, network, ros
+from panoptic_ros.running.doctor import checks as machine
+from panoptic_ros.running.doctor import checks as network
+from panoptic_ros.running.doctor import ros
 from panoptic_ros.running.doctor.finding import Finding, fail, finish, ok, run_checks, start_python, warn
 
 needs_wheels = pytest.mark.skipif(not ros._from_wheels(), reason="ROS is that of the system, not from wheels")

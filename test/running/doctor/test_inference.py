@@ -5,7 +5,7 @@ from blobs import Blobs
 
 from panoptic_ros.detection.model import DetectorModel
 from panoptic_ros.errors import BackendError
-from panoptic_ros.running.doctor.inference import PROVIDERS, judged, measured, run_ms
+from panoptic_ros.running.doctor.checks import PROVIDERS, judged, measured, run_ms
 
 MODEL = DetectorModel(Blobs.heads_card(), Blobs.heads_network())
 

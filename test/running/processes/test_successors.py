@@ -9,8 +9,7 @@ import captures
 import pytest
 
 from panoptic_ros.io.rigs import write_rig
-from panoptic_ros.running.processes.children import Processes, child_environment
-from panoptic_ros.running.processes.successors import ForkServer
+from panoptic_ros.running.processes.children import ForkServer, Processes, child_environment
 
 pytest.importorskip("rclpy")
 

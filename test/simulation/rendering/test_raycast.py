@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.simulation.rendering.paint import paint_pixels
-from panoptic_ros.simulation.rendering.raycast import NOTHING, cast_rays
+from panoptic_ros.simulation.rendering.renderer import NOTHING, cast_rays
 from panoptic_ros.simulation.rendering.shapes import Material, ShapeBuilder
 from test.support.rendered_in_numpy import cast_rays_reference, paint_reference
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.kinematics.session import instants_of
-from panoptic_ros.study.bodies import drawn
+from panoptic_ros.study.bodies import captures as drawn
 
 
 def test_conditions_are_those_of_the_number_and_vary():

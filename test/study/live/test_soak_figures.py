@@ -1,6 +1,6 @@
 """Instants without skeletons are put down to the failure that they fall into."""
 
-from panoptic_ros.study.live.soak_figures import SECOND, Failure, Soaked, soak_figures
+from panoptic_ros.study.live.failures import SECOND, Failure, Soaked, soak_figures
 
 PERIOD = SECOND // 10
 FROM = 5000 * SECOND

@@ -5,7 +5,7 @@ import pytest
 
 from panoptic_ros.domain import JointState, TrackedPoseSet
 from panoptic_ros.domain.bodies import BodyStateSet
-from panoptic_ros.study.people.body_poses import both_at
+from panoptic_ros.study.people.fill import both_at
 
 STEP = 20_000_000
 

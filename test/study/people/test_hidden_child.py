@@ -8,8 +8,16 @@ import pytest
 from panoptic_ros.errors import UsageError
 from panoptic_ros.simulation import SKELETON, Absence
 from panoptic_ros.study.names import parsed
-from panoptic_ros.study.people.hidden_child import ChildInstant, child_figures, follow_child
-from panoptic_ros.study.people.hidden_child_takes import CHILD, HARD, USUAL, child_take, images_of
+from panoptic_ros.study.people.hidden_child import (
+    CHILD,
+    HARD,
+    USUAL,
+    ChildInstant,
+    child_figures,
+    child_take,
+    follow_child,
+    images_of,
+)
 
 HIDDEN = (1.8, 2.6)  # s, within the time in which adults of all takes are down
 

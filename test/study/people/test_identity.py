@@ -5,9 +5,8 @@ import numpy as np
 from panoptic_ros.simulation import simulate
 from panoptic_ros.study.names import parsed
 from panoptic_ros.study.people import identity
-from panoptic_ros.study.people.designated import designated, designated_figures
-from panoptic_ros.study.people.dressed import dressed_scene, looks_of
 from panoptic_ros.study.people.identity import Instant, Match, few_views, kept_ids, told_apart, visit_figures
+from panoptic_ros.study.people.identity_study import designated, designated_figures, dressed_scene, looks_of
 
 NOWHERE = np.full(19, np.nan)
 WAYS = ("bones", "appearance")

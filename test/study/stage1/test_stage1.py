@@ -13,8 +13,8 @@ from panoptic_ros.stage import StageContext
 from panoptic_ros.study.names import parsed
 from panoptic_ros.study.stage1 import stage1
 from panoptic_ros.study.stage1.any_skeleton import in_joints_of
+from panoptic_ros.study.stage1.baselines import GreedyBaseline
 from panoptic_ros.study.stage1.chain import WatchedVoting
-from panoptic_ros.study.stage1.greedy import GreedyBaseline
 from panoptic_ros.study.stage1.layouts import Spread, layout_of, make_world
 from panoptic_ros.voting.config import VotingConfig
 

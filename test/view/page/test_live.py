@@ -5,8 +5,7 @@ from recorded_scene import SKELETON, as_bytes, make_patches, make_poses, make_pr
 
 from panoptic_ros.domain import RefinedPoseSet
 from panoptic_ros.graph.topics import ALWAYS_SHOWN
-from panoptic_ros.view.page.live import LiveScene
-from panoptic_ros.view.page.pairing import PATIENCE_S
+from panoptic_ros.view.page.live import PATIENCE_S, LiveScene
 from panoptic_ros.view.page.peek import stamp_of_bytes
 
 RIG = make_rig()
