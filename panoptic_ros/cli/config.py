@@ -9,6 +9,7 @@ from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_bytes
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.running.generated_files import STAGES, generated_files
+from panoptic_ros.study.pages import PAGE, results_page
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,6 +28,7 @@ def run(args: argparse.Namespace) -> int:
     root = share_folder()
     if not (root / "setup.py").is_file():
         raise UsageError(f"config write is for a checkout of the repository; {root} is an installation")
+    files[PAGE] = results_page(root)
     for name, text in files.items():
         write_bytes(Path(root / name), text.encode())
         print(name)

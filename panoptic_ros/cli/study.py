@@ -28,12 +28,12 @@ def run(args: argparse.Namespace) -> int:
     study = parsed(args.name, args.rest)
     with PassBar(args.name) as bar:
         result = run_study(study, bar.show)
-    if getattr(study.options, "plot", None) is not None:
-        study.plot(study.options.plot, result)
     if study.options.json == PRINTED:
         print(json.dumps(known(result), indent=1))
-        return 0
-    if study.options.json is not None:
-        write_json(study.options.json, known(result))
-    print("\n".join(study.lines(result)))
+    else:
+        if study.options.json is not None:
+            write_json(study.options.json, known(result))
+        print("\n".join(study.lines(result)))
+    if getattr(study.options, "plot", None) is not None:
+        study.plot(study.options.plot, result)
     return 0

@@ -223,7 +223,9 @@ def parsed(name: str, words: Sequence[str]) -> Study:
         UsageError: on a name or options that are not known, and values that make no sense.
     """
     kind, about = study_of(name), STUDIES[name][1]
-    parser = _Parser(prog=f"panoptic study {name}", description=f"{about[0].upper()}{about[1:]}.")
+    parser = _Parser(
+        prog=f"panoptic study {name}", description=f"{about[0].upper()}{about[1:]}.", allow_abbrev=False
+    )
     kind.add_options(parser)
     parser.add_argument(
         "--json",
@@ -234,12 +236,27 @@ def parsed(name: str, words: Sequence[str]) -> Study:
         help="write JSON into FILE; without FILE, print JSON in place of the table",
     )
     if kind.has_plot:
-        parser.add_argument("--plot", type=_output, metavar="FILE.png", help="draw the result")
-    return kind(name, parser.parse_args(list(words)))
+        parser.add_argument("--plot", type=_checked, metavar="FILE.png", help="draw the result")
+    return kind(name, parser.parse_args(list(words)), _of_the_work(words))
+
+
+def _of_the_work(words: Sequence[str]) -> list[str]:
+    """Return the words without the options of the output and their files."""
+    found, skipped = [], False
+    for word in words:
+        of_output = word.partition("=")[0] in ("--json", "--plot")
+        if not of_output and (not skipped or word.startswith("--")):
+            found.append(word)
+        skipped = of_output and "=" not in word
+    return found
+
+
+def _checked(text: str) -> Path:
+    """Return a file to write, checked before any work."""
+    check_output(Path(text))
+    return Path(text)
 
 
 def _output(text: str) -> Path:
-    """Return a file to write, checked before any work."""
-    if Path(text) != PRINTED:
-        check_output(Path(text))
-    return Path(text)
+    """Return a file to write, or `PRINTED`."""
+    return PRINTED if text == str(PRINTED) else _checked(text)

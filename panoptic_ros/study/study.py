@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import numbers
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -67,11 +68,11 @@ class Column:
         return self._text(value)
 
     def _text(self, value: Any) -> str:
-        if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        if value is None or (_is_number(value) and not math.isfinite(value)):
             return "-"
-        if isinstance(value, (str, bool)) or not self.spec:
+        if not _is_number(value):
             return str(value)
-        return format(self.factor * value, self.spec)
+        return format(self.factor * value, self.spec or (".4g" if isinstance(value, float) else ""))
 
 
 class Study:
@@ -80,6 +81,7 @@ class Study:
     Args:
         name: as the user writes it.
         options: parsed options; see `add_options`.
+        words: the options as the user wrote them, without those of the output.
 
     Attributes:
         columns: of the table.
@@ -93,8 +95,8 @@ class Study:
     over: ClassVar[Sequence[str]] = ()
     has_plot: ClassVar[bool] = False
 
-    def __init__(self, name: str, options: argparse.Namespace):
-        self.name, self.options = name, options
+    def __init__(self, name: str, options: argparse.Namespace, words: Sequence[str] = ()):
+        self.name, self.options, self.words = name, options, list(words)
 
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
@@ -135,7 +137,7 @@ def run_study(study: Study, progress: Progress = untold) -> Result:
     """Measure all cases.
 
     Returns:
-        for JSON: the name, the rows of all cases in their order, and the summary.
+        for JSON: the name, the options, the rows of all cases in their order, and the summary.
 
     Raises:
         UserError: as `Study.cases` and `Study.measure`.
@@ -148,7 +150,7 @@ def run_study(study: Study, progress: Progress = untold) -> Result:
         found = [list(study.measure(case, _titled(case.title, part))) for case, part in zip(cases, parts)]
     progress(1.0, "")
     rows = [row for own in found for row in own]
-    return {"study": study.name, "rows": rows, **study.summary(rows)}
+    return {"study": study.name, "options": study.words, "rows": rows, **study.summary(rows)}
 
 
 def _at_once(study: Study, cases: Sequence[Case], at_once: int, progress: Progress) -> list[list[Row]]:
@@ -186,7 +188,10 @@ def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[Column], across: 
     grid = [[column.title for column in columns], *([c.cell(row) for c in columns] for row in rows)]
     if across:
         grid = [list(line) for line in zip(*grid)]
-    left = [across or not any(_is_number(row.get(c.key)) for row in rows) for c in columns]
+    left = [
+        across or not any(_is_number(row.get(c.key)) or isinstance(row.get(c.key), tuple) for row in rows)
+        for c in columns
+    ]
     widths = [max(map(len, column)) for column in zip(*grid)]
     return [
         GAP.join(
@@ -198,7 +203,11 @@ def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[Column], across: 
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float, tuple)) and not isinstance(value, bool)
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+
+
+def _is_figure(value: Any) -> bool:
+    return _is_number(value) or isinstance(value, tuple)
 
 
 def averaged(rows: Sequence[Row], keys: Sequence[str]) -> list[Row]:
@@ -210,8 +219,8 @@ def averaged(rows: Sequence[Row], keys: Sequence[str]) -> list[Row]:
         dict(zip(keys, values))
         | {
             name: mean_and_width([row[name] for row in own])
-            for name, value in own[0].items()
-            if name not in keys and _is_number(value)
+            for name in own[0]
+            if name not in keys and any(_is_number(row[name]) for row in own)
         }
         | {"samples": len(own)}
         for values, own in groups.items()

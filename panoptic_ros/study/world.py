@@ -1,6 +1,6 @@
 """The one world of all studies: 2D people with their truth, simulated, rendered, in a folder or in a bag.
 
-`open_world` names them all as the user writes them.
+`simulated_world` takes the name of a scene, `recorded_world` the paths of a recording.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def truth_of(take: Simulation) -> SkeletonSequence:
     frames = []
     for tick, here, rows in zip(ticks, there, joints):
         ignored = np.array([take.is_ignored(person, tick) for person in take.people])
-        frames.append(SkeletonFrame(to_stamp(tick), ids[here], rows[here], ignored=ignored[here]))
+        frames.append(SkeletonFrame(take.master_ns(tick), ids[here], rows[here], ignored=ignored[here]))
     return SkeletonSequence(SKELETON.joint_names, tuple(frames))
 
 
@@ -229,6 +229,9 @@ def recorded_world(paths: Sequence[str]) -> World:
     Raises:
         UserError: if something is missing or cannot be read.
     """
+    if len(paths) > 3:
+        text = "give a folder, a bag and a truth, or three files"
+        raise UsageError(f"--capture {' '.join(paths)}: {text}")
     if len(paths) == 2:
         bag = Path(paths[0])
         inner = bag / "bag"  # of a folder that `panoptic run` wrote

@@ -77,11 +77,6 @@ class Ablation(Study):
         """See `Study`."""
         given = self.options
         only = [mechanism.name for mechanism in chosen(given.only)]
-        for paths in given.captures:
-            if len(paths) > 3:
-                raise UsageError(
-                    f"--capture {' '.join(paths)}: give a folder, a bag and a truth, or three files"
-                )
         found = [self._scene(name, seed, only) for name in given.scenes for seed in given.seeds]
         found += [
             Case(" ".join(paths), {"paths": paths, "only": only}, RECORDING_COST) for paths in given.captures

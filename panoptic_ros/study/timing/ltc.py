@@ -110,7 +110,7 @@ class Ltc(Study):
     def lines(self, result: Result) -> Iterator[str]:
         """See `Study`."""
         yield from super().lines(result)
-        if "libltc_recall" not in result["rows"][0]:
+        if not any("libltc_recall" in row for row in result["rows"]):
             yield "without libltc (Debian, Ubuntu: package libltc11) there is nothing to compare with"
         for r in result.get("line", []):
             yield (

@@ -145,6 +145,14 @@ def test_variants_of_a_scene():
         assert set(shown.tolist()) <= {-1, *range(len(part.points))} and missing == (shown == -1).any()
 
 
+def test_the_truth_has_the_stamps_of_sets_whatever_the_clocks_are():
+    for name in ("clean-4p5v", "mixed-rates", "own-clocks-3p5v"):
+        world = simulated_world(name, 1, 12)
+        stamps = np.array([frame.stamp_ns for frame in world.truth.frames])
+        gaps = [int(np.abs(stamps - item.stamp_ns).min()) for item in world.sets]
+        assert max(gaps) < 40_000_000, name
+
+
 def test_who_is_in_the_maps_alone_is_found():
     request = TINY | {"scene": "noisy-4p5v+unlisted", "frames": 8, "only": ["lost-people"]}
     runs = runs_of(request)
