@@ -37,7 +37,7 @@ def test_a_page_is_there_until_it_is_interrupted(tmp_path):
     command = [sys.executable, "-m", "panoptic_ros.cli.main", "view", str(tmp_path / "bag")]
     process = subprocess.Popen([*command, "--port", "0", "--no-browser"], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    (address,) = re.findall(r"http://127\.0\.0\.1:\d+/", process.stdout.readline())
+    (address,) = re.findall(r"http://127\.0\.0\.1:\d+/\?token=\S+", process.stdout.readline())
     assert b"<title>panoptic</title>" in urllib.request.urlopen(address).read()
     process.send_signal(signal.SIGINT)
     assert process.wait(10) == 0

@@ -37,8 +37,8 @@ def test_every_source_takes_the_options_of_a_run_last_and_gives_a_plan():
 
 
 def test_plans_are_made_among_the_sources_only():
-    benches = ROOT / "running" / "benches"
-    elsewhere = [p for p in ROOT.rglob("*.py") if PLANS not in p.parents and benches not in p.parents]
+    studies = ROOT / "study"
+    elsewhere = [p for p in ROOT.rglob("*.py") if PLANS not in p.parents and studies not in p.parents]
     assert [path for path in elsewhere if calls(path, "Plan")] == []
 
 

@@ -139,7 +139,7 @@ def test_studies_are_listed_and_mistakes_are_told_in_one_line(capsys):
         (["study", "solv"], "the nearest known one is 'solve'"),
         (["study", "solve", "--volume", "3"], "unrecognized arguments: --volume 3"),
         (["study", "solve", "--plot", "x.png"], "unrecognized arguments: --plot"),
-        (["study", "solve", "--json", "nowhere/at/all.json"], "nowhere"),
+        (["study", "solve", "--json", "/"], "cannot write /: it is a folder"),
     ):
         assert main(arguments) == 2
         error = capsys.readouterr().err.strip()

@@ -24,6 +24,7 @@ from panoptic_ros.study.live.view_feed import PEOPLE, RATE_HZ, VIEWS, view_load
 from panoptic_ros.study.live.view_figures import NOBODY, table_of
 from panoptic_ros.study.options import within
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, table
+from panoptic_ros.view.page.clients import data_address
 from panoptic_ros.view.page.recorded import BLOCK_NS
 
 AUDIENCES: dict[str, tuple[str, ...]] = {
@@ -61,7 +62,7 @@ def open_and_seek(path: Path, seed: int = 0) -> dict[str, Any]:
 
 
 async def _seek(address: str, begun: float, rng: np.random.Generator) -> dict[str, Any]:
-    async with connect(address.replace("http", "ws") + "data", max_size=None, compression=None) as page:
+    async with connect(data_address(address), max_size=None, compression=None) as page:
 
         async def second(number: int) -> float:
             start = time.perf_counter()

@@ -69,9 +69,15 @@ def _newest(packet: bytes, topics: list[list[str]]) -> int | None:
     return newest
 
 
+def data_address(address: str) -> str:
+    """Return the address of the data of a page, whose token it keeps."""
+    page, _, query = address.partition("?")
+    return page.replace("http", "ws", 1) + "data" + (f"?{query}" if query else "")
+
+
 async def look_on(address: str, seconds: float, kinds: list[str]) -> list[dict[str, Any]]:
     """All of them at once."""
-    data = address.replace("http", "ws").replace("/?", "/data?") + ("" if "?" in address else "data")
+    data = data_address(address)
     return list(await asyncio.gather(*(_client(data, kind, seconds) for kind in kinds)))
 
 

@@ -1,0 +1,1 @@
+"""Every study and bench of `panoptic study`: see `names.STUDIES`."""
