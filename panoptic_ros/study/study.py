@@ -72,7 +72,9 @@ class Column:
             return "-"
         if not _is_number(value):
             return str(value)
-        return format(self.factor * value, self.spec or (".4g" if isinstance(value, float) else ""))
+        if not self.spec:
+            return f"{value:.4g}" if isinstance(value, float) else str(value)
+        return format(self.factor * value, self.spec)
 
 
 class Study:

@@ -13,6 +13,7 @@ from panoptic_ros.io.files import known
 from panoptic_ros.running.simulations.body_scenes import body_scene
 from panoptic_ros.study.bodies import alignment, cases, devices, times
 from panoptic_ros.study.names import STUDIES, parsed, study_of
+from panoptic_ros.study.people import identity_study
 from panoptic_ros.study.study import (
     Case,
     Column,
@@ -27,7 +28,7 @@ SMALLEST = {  # options of the smallest case
     "ablation": "--scenes three-views-2p --seeds 3 --frames 4 --only lag",
     "alignment": "--scenes body-walk --seeds 1",
     "captures": "--scenes body-leaves --seeds 1",
-    "clocks": "--minutes 0.2",
+    "clocks": "--minutes 0.2 --only midnight",
     "devices": "--scenes body-walk --seeds 1",
     "identity": "--trials 1",
     "kinematics": "--scenes body-walk --seeds 1",
@@ -64,11 +65,13 @@ def test_all_studies_have_a_class_and_a_case_that_is_run():
 
 
 @pytest.fixture(autouse=True)
-def short_captures_of_bodies(monkeypatch):
-    """Captures of bodies that last four seconds."""
+def short_captures(monkeypatch):
+    """Captures of bodies and of designated people that last four seconds; short visits."""
     for module in (cases, devices, times):
         monkeypatch.setattr(module, "body_scene", lambda name: replace(body_scene(name), seconds=4.0))
     monkeypatch.setattr(alignment, "WINDOWS_S", (0.5,))
+    monkeypatch.setattr(identity_study, "DESIGNATED_S", 4.0)
+    monkeypatch.setattr(identity_study, "VISITS_S", 300.0)
 
 
 @pytest.mark.parametrize("name", SMALLEST)

@@ -227,6 +227,7 @@ class Clocks(Study):
             metavar="M",
             help="length of the long capture; default 60",
         )
+        parser.add_argument("--only", default="", metavar="TEXT", help="events whose names contain this")
         add_seeds(parser, "0")
 
     def cases(self) -> list[Case]:
@@ -236,7 +237,7 @@ class Clocks(Study):
             Case(f"25 and 29.97 fps, {minutes:g} min", mixed_world(60.0 * minutes, seed), 12.0)
             for seed in self.options.seeds
         ]
-        return long + [Case(name, world) for name, world in events().items()]
+        return long + [Case(name, world) for name, world in events().items() if self.options.only in name]
 
     def measure(self, case: Case, progress: Progress) -> list[Row]:
         """See `Study`."""
