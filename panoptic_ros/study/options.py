@@ -102,6 +102,20 @@ def add_recordings(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def recordings(options: argparse.Namespace) -> list[list[str]]:
+    """Return the paths of each recording that was given.
+
+    Raises:
+        UsageError: if one has more than three paths.
+    """
+    found: list[list[str]] = options.captures
+    for paths in found:
+        if len(paths) > 3:
+            text = "give a folder, a bag and a truth, or three files"
+            raise UsageError(f"--capture {' '.join(paths)}: {text}")
+    return found
+
+
 def known_names(given: list[str], known: Any, what: str) -> list[str]:
     """Return the names that are given.
 

@@ -229,9 +229,6 @@ def recorded_world(paths: Sequence[str]) -> World:
     Raises:
         UserError: if something is missing or cannot be read.
     """
-    if len(paths) > 3:
-        text = "give a folder, a bag and a truth, or three files"
-        raise UsageError(f"--capture {' '.join(paths)}: {text}")
     if len(paths) == 2:
         bag = Path(paths[0])
         inner = bag / "bag"  # of a folder that `panoptic run` wrote

@@ -12,7 +12,7 @@ from panoptic_ros.study.ablation.differences import DEFAULT, summary
 from panoptic_ros.study.ablation.figures import FIGURES, Figure, figures_of, solve
 from panoptic_ros.study.ablation.mechanisms import MECHANISMS, Mechanism, chosen
 from panoptic_ros.study.child import run_child
-from panoptic_ros.study.options import add_recordings, add_seeds, within, words
+from panoptic_ros.study.options import add_recordings, add_seeds, recordings, within, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, table
 from panoptic_ros.study.world import VARIANTS, World, frames_of, recorded_world, simulated_world, split
 
@@ -79,7 +79,8 @@ class Ablation(Study):
         only = [mechanism.name for mechanism in chosen(given.only)]
         found = [self._scene(name, seed, only) for name in given.scenes for seed in given.seeds]
         found += [
-            Case(" ".join(paths), {"paths": paths, "only": only}, RECORDING_COST) for paths in given.captures
+            Case(" ".join(paths), {"paths": paths, "only": only}, RECORDING_COST)
+            for paths in recordings(given)
         ]
         if not found:
             raise UsageError("there is nothing to solve: give --scenes or --capture")

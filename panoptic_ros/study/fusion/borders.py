@@ -22,7 +22,7 @@ from panoptic_ros.simulation import SCENES, Simulation, simulate
 from panoptic_ros.stage import Progress, StageContext
 from panoptic_ros.study.ablation.figures import solve
 from panoptic_ros.study.ablation.mechanisms import MECHANISMS
-from panoptic_ros.study.options import add_recordings, add_seeds, known_names, within, words
+from panoptic_ros.study.options import add_recordings, add_seeds, known_names, recordings, within, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.world import DETECTED, World, detected_sets, instants_of, recorded_world, truth_of
 
@@ -71,7 +71,7 @@ class Borders(Study):
         names, seeds = self.options.scenes, self.options.seeds
         known_names(names, [name for name, scene in SCENES.items() if scene.rendered], "rendered scene")
         found = [Case(f"{name} {seed}", (name, seed)) for name in names for seed in seeds]
-        found += [Case(" ".join(paths), paths) for paths in self.options.captures]
+        found += [Case(" ".join(paths), paths) for paths in recordings(self.options)]
         if not found:
             raise UsageError("there is nothing to solve: give --scenes or --capture")
         return found

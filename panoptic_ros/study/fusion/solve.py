@@ -15,7 +15,7 @@ from panoptic_ros.io.compared_skeletons import spelt_alike
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.ablation.figures import figures_of, solve
 from panoptic_ros.study.child import run_child
-from panoptic_ros.study.options import add_recordings, add_seeds, within, words
+from panoptic_ros.study.options import add_recordings, add_seeds, recordings, within, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.world import frames_of, recorded_world, simulated_world, split
 
@@ -64,7 +64,7 @@ class Solve(Study):
             frames = frames_of(name, self.options.frames)
             for seed in self.options.seeds:
                 found.append(Case(f"{name} {seed}", {"scene": name, "seed": seed, "frames": frames}))
-        found += [Case(" ".join(paths), {"paths": paths}) for paths in self.options.captures]
+        found += [Case(" ".join(paths), {"paths": paths}) for paths in recordings(self.options)]
         if not found:
             raise UsageError("there is nothing to solve: give --scenes or --capture")
         return found

@@ -1,13 +1,15 @@
 import hashlib
 import os
 import sys
+from importlib import import_module
 
 import pytest
 
 from panoptic_ros.errors import BackendError, EnvironmentProblem, UserError
-from panoptic_ros.io.models import fetch as npm_module
 from panoptic_ros.io.models.cards import PackedFile
 from panoptic_ros.io.models.fetch import explain_npm, fetch_members, find_npm
+
+npm_module = import_module("panoptic_ros.io.models.fetch")  # the package has a function of this name
 
 
 def quiet(doing, megabytes):
