@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from panoptic_ros.cli.options import output_file
 from panoptic_ros.errors import UsageError
+from panoptic_ros.running.arguments import output_file
 from panoptic_ros.view.progress import PassBar
 
 

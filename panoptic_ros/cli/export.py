@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from panoptic_ros.cli.options import number, output_file
+from panoptic_ros.running.arguments import output_file, within
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,12 +25,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--from",
         dest="begin",
-        type=number(float, 0, 1e9),
+        type=within(float, 0, 1e9),
         default=0.0,
         metavar="S",
         help="seconds from the beginning",
     )
-    parser.add_argument("--to", dest="end", type=number(float, 0, 1e9), metavar="S", help="default: the end")
+    parser.add_argument("--to", dest="end", type=within(float, 0, 1e9), metavar="S", help="default: the end")
     parser.add_argument(
         "--segments",
         default="segments21",

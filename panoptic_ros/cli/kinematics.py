@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from panoptic_ros.cli.options import output_file
+from panoptic_ros.running.arguments import output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from panoptic_ros.cli.options import number, output_file
+from panoptic_ros.running.arguments import output_file, within
 
 
 def add_saved_option(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +22,7 @@ def add_apart_option(parser: argparse.ArgumentParser) -> None:
     """How far apart microphones are."""
     parser.add_argument(
         "--apart",
-        type=number(float, 0.0, 1000.0),
+        type=within(float, 0.0, 1000.0),
         default=6.0,
         metavar="M",
         help="how far apart microphones are at most, where no calibration tells (default 6)",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 from panoptic_ros.errors import UsageError
@@ -53,52 +52,6 @@ def add_parameter_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def output_file(text: str) -> Path:
-    """Return a file to write, checked before any work; for `type` of an option.
-
-    Raises:
-        UsageError: if the text is empty.
-        DataError, EnvironmentProblem: if nothing can be written there.
-    """
-    from panoptic_ros.io.files import check_output  # only now: --help must be quick
-
-    if not text:
-        raise UsageError("the name of the file to write is empty; name a file")
-    check_output(Path(text))
-    return Path(text)
-
-
-def output_folder(text: str) -> Path:
-    """Return a folder to write into, checked before any work; for `type` of an option.
-
-    Raises:
-        UsageError: if the text is empty.
-        DataError, EnvironmentProblem: if nothing can be written there.
-    """
-    from panoptic_ros.io.files import check_output_folder
-
-    if not text:
-        raise UsageError("the name of the folder to write into is empty; name a folder")
-    folder = check_output_folder(Path(text))
-    return folder if Path(text).is_symlink() else Path(text)
-
-
-def number(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], float]:
-    """For `type` of an option: a number in a range; argparse tells the user what it says otherwise."""
-
-    def parse(text: str) -> float:
-        try:
-            value = kind(text)
-        except ValueError:
-            value = float("nan")
-        if not low <= value <= high:
-            whole = "whole number" if kind is int else "number"
-            raise argparse.ArgumentTypeError(f"{text!r} is not a {whole} from {low:g} to {high:g}")
-        return value
-
-    return parse
-
-
 def pairs(texts: list[str], option: str) -> dict[str, str]:
     """{camera: ...} of an option that is given once per camera.
 
@@ -119,20 +72,3 @@ def pairs(texts: list[str], option: str) -> dict[str, str]:
 def names(text: str | None) -> list[str] | None:
     """Names separated by commas; None if none are given."""
     return text.split(",") if text else None
-
-
-def seed_range(args: argparse.Namespace) -> range:
-    """--seeds FROM:TO, or --seed alone.
-
-    Raises:
-        UsageError: if it is no such range.
-    """
-    if not args.seeds:
-        return range(args.seed, args.seed + 1)
-    try:
-        first, last = (int(part) for part in args.seeds.split(":"))
-    except ValueError:
-        first, last = 0, 0
-    if first >= last:
-        raise UsageError(f"--seeds {args.seeds}: write FROM:TO, e.g. 400:405")
-    return range(first, last)

@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.cli.options import number
 from panoptic_ros.errors import UsageError
 from panoptic_ros.io.output import lossy_output
+from panoptic_ros.running.arguments import within
 from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 
@@ -31,18 +31,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-images", action="store_true", help="leave out images and depth maps")
     parser.add_argument("--rig", type=Path, help="calibration for the bag, where no /rig is published")
     parser.add_argument(
-        "--duration", type=number(float, 0.1, 1e9), metavar="S", help="end after so many seconds"
+        "--duration", type=within(float, 0.1, 1e9), metavar="S", help="end after so many seconds"
     )
     parser.add_argument(
         "--budget",
-        type=number(float, 0.001, 1e6),
+        type=within(float, 0.001, 1e6),
         default=0.0,
         metavar="GB",
         help="end when the messages have so many GB",
     )
     parser.add_argument(
         "--keep-free",
-        type=number(float, 0, 1e6),
+        type=within(float, 0, 1e6),
         default=1.0,
         metavar="GB",
         help="end when the disk has less room; default 1",

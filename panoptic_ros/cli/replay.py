@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from panoptic_ros.cli.options import number
+from panoptic_ros.running.arguments import within
 from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--rate",
-        type=number(float, 0.01, 100),
+        type=within(float, 0.01, 100),
         default=1.0,
         metavar="X",
         help="seconds of the bag per second; default 1",
@@ -37,23 +37,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clock", action="store_true", help="publish /clock, for nodes with use_sim_time")
     parser.add_argument(
         "--start",
-        type=number(float, 0, 1e9),
+        type=within(float, 0, 1e9),
         default=0.0,
         metavar="S",
         help="of the bag to leave out at its beginning",
     )
-    parser.add_argument("--duration", type=number(float, 0.01, 1e9), metavar="S", help="of the bag to replay")
+    parser.add_argument("--duration", type=within(float, 0.01, 1e9), metavar="S", help="of the bag to replay")
     parser.add_argument("--namespace", default="", metavar="NAME", help="before all topics, e.g. /hall")
     parser.add_argument(
         "--loops",
-        type=number(int, 0, 1_000_000),
+        type=within(int, 0, 1_000_000),
         default=1,
         metavar="N",
         help="how often, with stamps that run on; 0: until Ctrl-C",
     )
     parser.add_argument(
         "--wait",
-        type=number(float, 0, 3600),
+        type=within(float, 0, 3600),
         default=0.0,
         metavar="S",
         help="for a subscriber, so long at most",

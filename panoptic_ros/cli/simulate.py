@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-from panoptic_ros.cli.options import output_folder
 from panoptic_ros.errors import UsageError
+from panoptic_ros.running.arguments import output_folder
 from panoptic_ros.running.simulations.bodies import write_body_take
 from panoptic_ros.running.simulations.body_scenes import BODY_SCENES, OTHER_BODY_SCENES
 from panoptic_ros.running.simulations.takes import scene_lines, write_take

@@ -11,7 +11,8 @@ from statistics import fmean, median
 from typing import TYPE_CHECKING
 
 from panoptic_ros.cli.offsets import add_offset_options
-from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names, output_file
+from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names
+from panoptic_ros.running.arguments import output_file
 from panoptic_ros.stage import untold
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ import json
 from pathlib import Path
 
 from panoptic_ros.cli.offsets import add_apart_option
-from panoptic_ros.cli.options import output_file, output_folder
 from panoptic_ros.io.clock_offsets import write_clocks
 from panoptic_ros.io.synctables import DEMO_BASE, HD_BASES, hd_time_ms, match_kinects, read_synctables
+from panoptic_ros.running.arguments import output_file, output_folder
 from panoptic_ros.view.clock_lines import pair_lines, sound_lines
 from panoptic_ros.view.progress import PassBar
 from panoptic_ros.view.sync_table import sync_table

@@ -7,8 +7,8 @@ import os
 import webbrowser
 from pathlib import Path
 
-from panoptic_ros.cli.options import number
 from panoptic_ros.errors import UsageError
+from panoptic_ros.running.arguments import within
 from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="127.0.0.1",
         help="where to listen: 0.0.0.0 lets other machines see the page, with the address that is printed",
     )
-    parser.add_argument("--port", type=number(int, 0, 65535), default=8765, help="0: any that is free")
+    parser.add_argument("--port", type=within(int, 0, 65535), default=8765, help="0: any that is free")
     parser.add_argument("--no-browser", action="store_true", help="print the address only")
 
 

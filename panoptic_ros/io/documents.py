@@ -21,7 +21,6 @@ DEEPEST = 64  # levels of nesting in YAML; ours have six. numpy has as many dime
 LARGEST_YAML = MIB  # bytes; the topics of 480 cameras are 100 kB, and the reader makes 1 MB a second
 MOST_VALUES = 100_000  # in YAML with all aliases expanded; the topics of 480 cameras are 5000
 LARGEST_TABLES = 64 * MIB  # bytes of TOML, XML and rigs; 500 cameras with their covariances are 5 MB
-LARGEST_FIELD = 131_072  # characters of a field in CSV, which the csv module takes by default
 
 
 def decoded(data: bytes, path: Path | str) -> str:

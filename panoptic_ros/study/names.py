@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from panoptic_ros.errors import UsageError, nearest
-from panoptic_ros.io.files import check_output
+from panoptic_ros.running.arguments import output_file
 from panoptic_ros.study.study import Study
 
 STUDIES: dict[str, tuple[str, str]] = {  # MODULE:CLASS in this room, and the subject
@@ -236,7 +236,7 @@ def parsed(name: str, words: Sequence[str]) -> Study:
         help="write JSON into FILE; without FILE, print JSON in place of the table",
     )
     if kind.has_plot:
-        parser.add_argument("--plot", type=_checked, metavar="FILE.png", help="draw the result")
+        parser.add_argument("--plot", type=output_file, metavar="FILE.png", help="draw the result")
     return kind(name, parser.parse_args(list(words)), _of_the_work(words))
 
 
@@ -251,12 +251,6 @@ def _of_the_work(words: Sequence[str]) -> list[str]:
     return found
 
 
-def _checked(text: str) -> Path:
-    """Return a file to write, checked before any work."""
-    check_output(Path(text))
-    return Path(text)
-
-
 def _output(text: str) -> Path:
     """Return a file to write, or `PRINTED`."""
-    return PRINTED if text == str(PRINTED) else _checked(text)
+    return PRINTED if text == str(PRINTED) else output_file(text)

@@ -41,22 +41,6 @@ def numbers(low: int, high: int) -> Callable[[str], tuple[int, ...]]:
     return parse
 
 
-def within(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], Any]:
-    """Return the parser of a number in a range; for `type` of an option."""
-
-    def parse(text: str) -> float:
-        try:
-            value = kind(text)
-        except ValueError:
-            value = float("nan")
-        if not low <= value <= high:
-            whole = "whole number" if kind is int else "number"
-            raise argparse.ArgumentTypeError(f"{text!r} is no {whole} from {low:g} to {high:g}")
-        return value
-
-    return parse
-
-
 def words(text: str) -> list[str]:
     """Return the words of a list separated by commas; for `type` of an option."""
     return [word.strip() for word in text.split(",") if word.strip()]

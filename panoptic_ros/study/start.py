@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.running.arguments import within
 from panoptic_ros.stage import Progress, each
-from panoptic_ros.study.options import within
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 PROGRAM = "import sys; from panoptic_ros.cli.main import program; sys.exit(program())"

@@ -190,10 +190,7 @@ def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[Column], across: 
     grid = [[column.title for column in columns], *([c.cell(row) for c in columns] for row in rows)]
     if across:
         grid = [list(line) for line in zip(*grid)]
-    left = [
-        across or not any(_is_number(row.get(c.key)) or isinstance(row.get(c.key), tuple) for row in rows)
-        for c in columns
-    ]
+    left = [across or not any(_is_figure(row.get(c.key)) for row in rows) for c in columns]
     widths = [max(map(len, column)) for column in zip(*grid)]
     return [
         GAP.join(

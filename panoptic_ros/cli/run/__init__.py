@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from panoptic_ros.cli.offsets import add_apart_option, add_saved_option
-from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names, number, program_shown
+from panoptic_ros.cli.options import add_occluder_option, add_parameter_options, names, program_shown
 from panoptic_ros.cli.run.usage import check_usage
 from panoptic_ros.io.output import lossy_output
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
+from panoptic_ros.running.arguments import within
 
 if TYPE_CHECKING:
     from panoptic_ros.running.processes.children import Ahead
@@ -97,7 +98,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--latency-ms",
-        type=number(float, 0, 60_000),
+        type=within(float, 0, 60_000),
         default=0.0,
         metavar="MS",
         help="of the devices, from exposure to arrival",
@@ -114,7 +115,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cameras", help="use only these, names separated by commas")
     parser.add_argument(
         "--frame-rate",
-        type=number(float, 0.01, 10_000),
+        type=within(float, 0.01, 10_000),
         metavar="HZ",
         help="in place of the files' own; of devices, 30 unless given",
     )
@@ -155,7 +156,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--jpeg",
-        type=number(int, 0, 100),
+        type=within(int, 0, 100),
         default=0,
         metavar="QUALITY",
         help="send images as JPEG of this quality (1-100); 0: as they are",
@@ -178,7 +179,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-pictures", action="store_true", help="no overlays, video and plot")
     parser.add_argument(
         "--duration",
-        type=number(float, 0.1, 1e9),
+        type=within(float, 0.1, 1e9),
         metavar="S",
         help="of a recording: its first seconds, by its stamps; live: stop so long after the first image",
     )

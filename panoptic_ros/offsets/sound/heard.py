@@ -14,7 +14,6 @@ from panoptic_ros.offsets.uncertainty import AGREE, CHANCE
 
 Array = np.ndarray
 SECOND = 1_000_000_000
-AHEAD_S = 1.0  # by which clocks differ at least, if one of them is to count rather than their majority
 
 
 @dataclass(frozen=True)

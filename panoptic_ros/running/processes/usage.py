@@ -43,7 +43,7 @@ def _fields(process: int) -> tuple[int, int, int]:
         text = path.read_text()
     except OSError as error:
         raise EnvironmentProblem(
-            f"{path} cannot be read ({error.strerror}), which tells processor time; run the bench on Linux"
+            f"{path} cannot be read ({error.strerror}), which tells processor time; run it on Linux"
         ) from None
     fields = text.rpartition(")")[2].split()  # from the third on: the name before may hold anything
     return int(fields[11]), int(fields[12]), int(fields[21])

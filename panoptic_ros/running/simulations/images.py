@@ -6,7 +6,6 @@ import csv
 import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -21,16 +20,6 @@ from panoptic_ros.view.video_file import FINE, Sound, VideoFile
 Array = np.ndarray
 MILLIMETRES = 1000.0
 LATE_S, LATES = 0.06, 3  # after the first picture sound begins, by steps
-
-
-class _Sink(Protocol):
-    def write(self, image: Array, number: int) -> None:
-        """Take the next image, which is the frame of that number."""
-        ...
-
-    def close(self) -> None:
-        """Finish."""
-        ...
 
 
 class _ImageFolder:

@@ -7,12 +7,13 @@ from collections.abc import Iterable
 from typing import Any
 
 from panoptic_ros.errors import UsageError
+from panoptic_ros.running.arguments import within
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.ablation.differences import DEFAULT, summary
 from panoptic_ros.study.ablation.figures import FIGURES, Figure, figures_of, solve
 from panoptic_ros.study.ablation.mechanisms import MECHANISMS, Mechanism, chosen
 from panoptic_ros.study.child import run_child
-from panoptic_ros.study.options import add_recordings, add_seeds, recordings, within, words
+from panoptic_ros.study.options import add_recordings, add_seeds, recordings, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, table
 from panoptic_ros.study.world import VARIANTS, World, frames_of, recorded_world, simulated_world, split
 

@@ -19,13 +19,14 @@ from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.pose.solve import solve_pose
 from panoptic_ros.kinematics.pose.targets import Evidence, no_anchor
+from panoptic_ros.running.arguments import within
 from panoptic_ros.running.simulations.body_scenes import body_scene
 from panoptic_ros.simulation.bodies.capture import BodyCapture, simulate_body, sparse
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.bodies.body_feed import body_feed
 from panoptic_ros.study.bodies.cases import prior_without
 from panoptic_ros.study.bodies.following import follow, tracker_of
-from panoptic_ros.study.options import add_seeds, within
+from panoptic_ros.study.options import add_seeds
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 Array = np.ndarray

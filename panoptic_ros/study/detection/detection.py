@@ -26,10 +26,11 @@ from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.io.compared_skeletons import only_joints, read_sequence, spelt_alike
 from panoptic_ros.io.detector_context import detector_extras
 from panoptic_ros.params import config_of, load
+from panoptic_ros.running.arguments import within
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.stage import Progress, StageContext
 from panoptic_ros.study.detection.costs import TABLE, Costs
-from panoptic_ros.study.options import add_capture, add_settings, within
+from panoptic_ros.study.options import add_capture, add_settings
 from panoptic_ros.study.stage1.rows import of_poses
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 

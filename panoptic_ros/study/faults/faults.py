@@ -14,8 +14,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.running.arguments import within
 from panoptic_ros.stage import Progress
-from panoptic_ros.study.options import add_seeds, known_names, within, words
+from panoptic_ros.study.options import add_seeds, known_names, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 CHILD = "panoptic_ros.study.faults.damage_child"

@@ -96,7 +96,7 @@ def _place(error: BaseException) -> str:
     trace, found = error.__traceback__, ""
     while trace is not None:
         file = trace.tb_frame.f_code.co_filename
-        if "panoptic_ros" in file and "benches/damage" not in file:
+        if "panoptic_ros" in file and "study/faults" not in file:
             found = f"{Path(file).name}:{trace.tb_lineno}"
         trace = trace.tb_next
     return found

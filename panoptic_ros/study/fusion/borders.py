@@ -18,11 +18,12 @@ from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, pair_sequen
 from panoptic_ros.evaluation.report import report_of
 from panoptic_ros.io.compared_skeletons import spelt_alike
 from panoptic_ros.io.detector_context import detector_extras
+from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation import SCENES, Simulation, simulate
 from panoptic_ros.stage import Progress, StageContext
 from panoptic_ros.study.ablation.figures import solve
 from panoptic_ros.study.ablation.mechanisms import MECHANISMS
-from panoptic_ros.study.options import add_recordings, add_seeds, known_names, recordings, within, words
+from panoptic_ros.study.options import add_recordings, add_seeds, known_names, recordings, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.world import DETECTED, World, detected_sets, instants_of, recorded_world, truth_of
 

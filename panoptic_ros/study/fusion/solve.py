@@ -12,10 +12,11 @@ from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation import pair_sequences
 from panoptic_ros.evaluation.joint_scores import HIT, matched_distances
 from panoptic_ros.io.compared_skeletons import spelt_alike
+from panoptic_ros.running.arguments import within
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.ablation.figures import figures_of, solve
 from panoptic_ros.study.child import run_child
-from panoptic_ros.study.options import add_recordings, add_seeds, recordings, within, words
+from panoptic_ros.study.options import add_recordings, add_seeds, recordings, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.world import frames_of, recorded_world, simulated_world, split
 

@@ -14,9 +14,10 @@ from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, evaluate
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import records_of
+from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation import SCENES, SKELETON, simulate
 from panoptic_ros.stage import Progress, StageContext
-from panoptic_ros.study.options import add_seeds, within
+from panoptic_ros.study.options import add_seeds
 from panoptic_ros.study.stage1.rows import of_poses
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.world import World, bag_world, truth_of

@@ -101,13 +101,13 @@ def _cause(when_ns: int, run: Soaked) -> str:
 def run_soak(
     feed: Feed, seconds: float, node_per_stage: bool, kill_s: float, away_s: float, progress: Progress
 ) -> dict[str, Any]:
-    """Play for so long; see `bench.soak_figures.soak_figures`.
+    """Play for so long; see `soak_figures`.
 
     Args:
         kill_s, away_s: on average between two kills, and between two cameras that die.
 
     Raises:
-        UserError, EnvironmentProblem: as `running.benches.player.played`.
+        UserError, EnvironmentProblem: as `player.played`.
     """
     run: Soaked = played(feed, node_per_stage, lambda: _Soak(feed, seconds, kill_s, away_s, progress))
     return soak_figures(run)

@@ -100,7 +100,7 @@ class Flooder:
 def run_fed_graph(
     feed: Feed, seconds: float, node_per_stage: bool, kill: bool = False, flood_s: float = 0.0
 ) -> dict[str, Any]:
-    """Feed the graph until skeletons have come for so long; see `bench.graph_figures.figures_of`.
+    """Feed the graph until skeletons have come for so long; see `graph_figures.figures_of`.
 
     Args:
         kill: afterwards kill each process in turn, to see how long it is silent and whom it still knows.

@@ -10,9 +10,9 @@ from typing import Any
 
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.nodes import FUSION
+from panoptic_ros.running.arguments import within
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.live.graph_feed import recorded_feed, simulated_feed
-from panoptic_ros.study.options import within
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 SCENARIO = "noisy-8p5v"

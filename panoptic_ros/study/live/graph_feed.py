@@ -61,7 +61,7 @@ def simulated_feed(name: str, people: int | None, views: int | None, rate: float
     item = scene(name)
     if people is not None:
         if people < 1:
-            raise UsageError(f"{people} people: the bench needs one at least")
+            raise UsageError(f"{people} people: the study needs one at least")
         item = replace(item, activities=tuple(np.resize(item.activities, people).tolist()))
     if views is not None:
         item = replace(item, rig=layout_of(views, len(item.activities)).rig)

@@ -9,12 +9,13 @@ from collections.abc import Iterator
 from contextlib import closing
 
 from panoptic_ros.capture import demo_capture, open_capture_folder
+from panoptic_ros.running.arguments import within
 from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.parameters import live_parameters, read_parameters, with_defaults
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.stage import Progress
-from panoptic_ros.study.options import add_capture, add_settings, within
+from panoptic_ros.study.options import add_capture, add_settings
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.errors import EnvironmentProblem
+from panoptic_ros.running.arguments import within
 from panoptic_ros.running.processes.children import PROFILE, child_environment, profile_path
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.live.network_hosts import two_hosts
-from panoptic_ros.study.options import within
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 CAMERAS = ("cam0", "cam1", "cam2")

@@ -41,7 +41,7 @@ class _Measured:
 
 
 def run_played_graph(plan: Plan, seconds: float, settle_s: float) -> dict[str, Any]:
-    """Let the cameras of a live plan play; see `bench.graph_figures.figures_of`. Latencies are from the stamp
+    """Let the cameras of a live plan play; see `graph_figures.figures_of`. Latencies are from the stamp
     of an instant to its skeletons in this process.
 
     Args:

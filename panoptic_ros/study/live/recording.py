@@ -14,12 +14,12 @@ from panoptic_ros.domain import RefinedPoseSet
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import records_of
+from panoptic_ros.running.arguments import within
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.processes.usage import usage_of
 from panoptic_ros.running.runs.results import Results
 from panoptic_ros.stage import Progress, StageContext
 from panoptic_ros.study.live.graph_feed import simulated_feed
-from panoptic_ros.study.options import within
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 SCENARIO = "noisy-8p5v"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import os
 
+from panoptic_ros.running.arguments import within
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.live.graph_feed import simulated_feed
-from panoptic_ros.study.options import within
 from panoptic_ros.study.study import Case, Result, Row, Study
 
 SCENARIO = "noisy-8p5v"

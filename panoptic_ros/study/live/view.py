@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 from websockets.asyncio.client import connect
 
+from panoptic_ros.running.arguments import within
 from panoptic_ros.running.viewer.process import viewer
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.live.view_feed import PEOPLE, RATE_HZ, VIEWS, view_load
 from panoptic_ros.study.live.view_figures import NOBODY, table_of
-from panoptic_ros.study.options import within
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, table
 from panoptic_ros.view.page.clients import data_address
 from panoptic_ros.view.page.recorded import BLOCK_NS

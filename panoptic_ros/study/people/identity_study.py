@@ -20,6 +20,7 @@ import numpy as np
 from panoptic_ros.domain import DetectionSet, ViewAppearance, ViewFrame
 from panoptic_ros.graph.build import configure, make_stage, merged
 from panoptic_ros.identity.subjects import subject_word
+from panoptic_ros.running.arguments import within
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.simulation import Absence, Scene, Simulation, simulate
 from panoptic_ros.simulation.people import Person
@@ -27,7 +28,7 @@ from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.simulation.rigs import Lens, Ring
 from panoptic_ros.simulation.skeleton import SKELETON
 from panoptic_ros.stage import Progress, StageContext, untold
-from panoptic_ros.study.options import add_seeds, add_settings, within
+from panoptic_ros.study.options import add_seeds, add_settings
 from panoptic_ros.study.people.identity import (
     AWAY,
     NO_SETTINGS,

@@ -14,12 +14,13 @@ from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import merged
 from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.running.arguments import within
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.running.plans.presets import NO_PRESET, read_preset
 from panoptic_ros.simulation import SKELETON, farthest_first, simulate
 from panoptic_ros.simulation.studio import relative_noise, study_scene
 from panoptic_ros.stage import Progress
-from panoptic_ros.study.options import add_seeds, add_settings, numbers, within
+from panoptic_ros.study.options import add_seeds, add_settings, numbers
 from panoptic_ros.study.rigs.score import THRESHOLDS
 from panoptic_ros.study.rigs.solving import Method, score, solve
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, grouped, shared_out

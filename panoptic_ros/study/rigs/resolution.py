@@ -10,12 +10,12 @@ import numpy as np
 from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.io.detector_context import detector_extras
 from panoptic_ros.io.rigs import read_rig
+from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation import CLEAN, Simulation, simulate
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.simulation.studio import nearest_pairs, scaled, study_scene
 from panoptic_ros.simulation.timing import to_stamp
 from panoptic_ros.stage import Progress, StageContext, each
-from panoptic_ros.study.options import within
 from panoptic_ros.study.rigs.cameras import MODEL, Nodes, with_curve
 from panoptic_ros.study.rigs.solving import score, solve
 from panoptic_ros.study.study import Case, Row, shared_out

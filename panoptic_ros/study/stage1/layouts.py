@@ -45,7 +45,7 @@ def layout_of(views: int, people: int) -> Layout:
         UsageError: for fewer than two views or more than 480.
     """
     if not 2 <= views <= 480:
-        raise UsageError(f"{views} views: the bench has rigs of 2 to 480")
+        raise UsageError(f"{views} views: the study has rigs of 2 to 480")
     small, large = (-2.56, -2.56, 0.0, 2.56, 2.56, 2.56), (-3.2, -3.2, 0.0, 3.2, 3.2, 2.56)
     if views <= 3:
         return Layout(Corners(views), 1.9, large, HD_MAPS)

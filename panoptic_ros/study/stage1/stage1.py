@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from panoptic_ros.running.arguments import within
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.child import run_child
-from panoptic_ros.study.options import add_seeds, numbers, within, words
+from panoptic_ros.study.options import add_seeds, numbers, words
 from panoptic_ros.study.stage1.any_skeleton import any_skeleton_world, in_joints_of
 from panoptic_ros.study.stage1.baselines import given_rows, greedy_rows
 from panoptic_ros.study.stage1.chain import mapped_rows, people_rows, voting_rows

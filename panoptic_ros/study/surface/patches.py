@@ -12,12 +12,13 @@ from panoptic_ros.domain import PatchTrajectories
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.nodes import AFTER_DETECTION
 from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation import SKELETON, simulate
 from panoptic_ros.simulation.rigs import Ring
 from panoptic_ros.simulation.scenes import SCENES
 from panoptic_ros.stage import Progress, StageContext
 from panoptic_ros.study.child import run_child
-from panoptic_ros.study.options import add_seeds, numbers, within
+from panoptic_ros.study.options import add_seeds, numbers
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.world import instants_of
 

@@ -23,6 +23,7 @@ from panoptic_ros.domain import (
     ViewDetections,
 )
 from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation.clocks import (
     CameraFrame,
     ClockWorld,
@@ -32,7 +33,7 @@ from panoptic_ros.simulation.clocks import (
 )
 from panoptic_ros.simulation.ltc_signal import encode_ltc
 from panoptic_ros.stage import Notice, Progress, StageContext, StepResult
-from panoptic_ros.study.options import add_seeds, within
+from panoptic_ros.study.options import add_seeds
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.sync import SyncConfig, SyncStage
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage

@@ -18,9 +18,10 @@ import numpy as np
 from panoptic_ros.domain import AudioBlock, TimecodeReading
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation.timecode_bench import DecodedWord, TimedSignal, timecode_table
+from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation.ltc_signal import LtcSignal
 from panoptic_ros.stage import Progress
-from panoptic_ros.study.options import add_seeds, within
+from panoptic_ros.study.options import add_seeds
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.timing.libltc import load_libltc
 from panoptic_ros.study.timing.ltc_conditions import CONDITIONS, Condition, clip, noise_bound_us

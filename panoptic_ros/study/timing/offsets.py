@@ -17,12 +17,13 @@ from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import find_clocks
 from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.offsets import CameraClocks, regroup
+from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation import Simulation, simulate
 from panoptic_ros.simulation.people import Person
 from panoptic_ros.simulation.scenes import SCENES, Scene
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
 from panoptic_ros.stage import Progress, StageContext, each
-from panoptic_ros.study.options import add_seeds, known_names, within, words
+from panoptic_ros.study.options import add_seeds, known_names, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 Array = np.ndarray

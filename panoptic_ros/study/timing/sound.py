@@ -17,12 +17,13 @@ from panoptic_ros.graph.recording import HeldRecording
 from panoptic_ros.offsets import CameraClocks, regroup
 from panoptic_ros.offsets.sound import SoundClocks, SoundClocksConfig
 from panoptic_ros.offsets.sound.travel import SPEED_OF_SOUND
+from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation import Simulation, simulate
 from panoptic_ros.simulation.heard import heard_blocks
 from panoptic_ros.simulation.scenes import SCENES
 from panoptic_ros.simulation.skeleton import SKELETON
 from panoptic_ros.stage import Progress, StageContext, each, untold
-from panoptic_ros.study.options import add_seeds, known_names, numbers, within, words
+from panoptic_ros.study.options import add_seeds, known_names, numbers, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.timing.offsets import LARGEST, mpjpe_of, sequence_of
 from panoptic_ros.study.timing.sound_rooms import CASES, make_room

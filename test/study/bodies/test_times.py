@@ -36,9 +36,9 @@ def test_what_was_seen_live_is_told():
 
 def test_a_live_graph_of_nobody_is_told(capsys):
     assert main(["study", "kinematics-live", "--subjects", "90"]) == 2
-    assert "'90' is no whole number from 1 to 8" in capsys.readouterr().err
+    assert "'90' is not a whole number from 1 to 8" in capsys.readouterr().err
 
 
 def test_a_capture_that_there_is_not_is_told(capsys):
     assert main(["study", "kinematics-time", "--seconds", "90"]) == 2
-    assert "'90' is no number from 2 to 20" in capsys.readouterr().err
+    assert "'90' is not a number from 2 to 20" in capsys.readouterr().err

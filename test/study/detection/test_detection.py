@@ -1,4 +1,4 @@
-"""What `panoptic bench detection` runs, and the table and plot that it makes of it."""
+"""What `panoptic study detection` runs, and the table and plot that it makes of it."""
 
 import pytest
 
@@ -51,7 +51,7 @@ def test_every_image_is_always_among_the_settings():
     ("words", "error", "told"),
     [
         (["--only", "every 9"], UsageError, "no setting contains 'every 9'"),
-        (["--every", "0"], UsageError, "'0' is no whole number from 1"),
+        (["--every", "0"], UsageError, "'0' is not a whole number from 1"),
         (["--apart"], UsageError, "--apart needs --every 2"),
         (["--detection", "regions=perhaps"], ConfigError, "perhaps"),
         (["--detection", "threads=2"], UsageError, "one thread"),

@@ -32,8 +32,8 @@ def test_few_people_are_fed_and_none_is_lost(capsys):
 @pytest.mark.parametrize(
     "more, said",
     [
-        (["--seconds", "0"], "'0' is no number from 1 to 3600"),
-        (["--rate", "1000"], "'1000' is no number from 1 to 240"),
+        (["--seconds", "0"], "'0' is not a number from 1 to 3600"),
+        (["--rate", "1000"], "'1000' is not a number from 1 to 240"),
         (["--views", "1"], "1 views"),
         (["--scenario", "nowhere"], "nowhere"),
         (["--bag", "there", "--people", "3"], "leave them out"),

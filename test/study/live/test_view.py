@@ -20,9 +20,9 @@ def test_the_load_is_that_of_the_bar():
 
 
 def test_times_and_rounds_that_make_no_sense_are_told():
-    with pytest.raises(UsageError, match="--seconds: '1' is no number from 2 to 600"):
+    with pytest.raises(UsageError, match="--seconds: '1' is not a number from 2 to 600"):
         parsed("view", ["--seconds", "1"])
-    with pytest.raises(UsageError, match="--rounds: '0' is no whole number from 1 to 100"):
+    with pytest.raises(UsageError, match="--rounds: '0' is not a whole number from 1 to 100"):
         parsed("view", ["--rounds", "0"])
 
 

@@ -1,4 +1,4 @@
-"""`panoptic bench patches` from the command line."""
+"""`panoptic study patches` from the command line."""
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.study.names import parsed
