@@ -52,6 +52,7 @@ WINDOW_S = 0.01  # views that are so near in time are of one instant
 VOXEL = 0.04  # m
 UNLISTED_PERSON = 0  # whom score maps alone show, as a detector's person head may fail
 FEW = 2  # cameras
+SLOW_HZ = 5.0  # instants per second
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +118,14 @@ def simulated_world(name: str, seed: int, frames: int, model: str = "") -> World
     rig, sets = take.rig, tuple(take.detection_sets())
     for word in variants:
         rig, sets = VARIANTS[word](take, rig, sets)
-    return World(rig, SKELETON, sets, (), truth_of(take))
+    return World(rig, SKELETON, sets, (), truth_at(truth_of(take), sets))
+
+
+def truth_at(truth: SkeletonSequence, sets: Sets) -> SkeletonSequence:
+    """Return the true skeletons of the instants that the sets have."""
+    indices = [item.index for item in sets]
+    whole = len(indices) == len(truth.frames)
+    return truth if whole else replace(truth, frames=tuple(truth.frames[index] for index in indices))
 
 
 def frames_of(name: str, most: int | None) -> int:
@@ -188,10 +196,18 @@ def _with_few_views(take: Simulation, rig: Rig, sets: Sets) -> tuple[Rig, Sets]:
     return few, tuple(item for item in kept if item.views)
 
 
+def _at_low_rate(take: Simulation, rig: Rig, sets: Sets) -> tuple[Rig, Sets]:
+    """Five instants per second."""
+    stamps = np.array([item.stamp_ns for item in sets])
+    period = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 1e9
+    return rig, sets[:: max(1, round(1e9 / SLOW_HZ / period))]
+
+
 VARIANTS: dict[str, Callable[[Simulation, Rig, Sets], tuple[Rig, Sets]]] = {
     "maps": _with_maps,
     "unlisted": _with_someone_unlisted,
     "2views": _with_few_views,
+    "slow": _at_low_rate,
 }
 
 

@@ -62,7 +62,7 @@ class Ablation(Study):
             metavar="NAME,NAME",
             help="of `panoptic simulate`; behind the name of one that is not rendered "
             f"{', '.join('+' + word for word in VARIANTS)} (drawn score maps; somebody whom these alone "
-            f"show; two cameras only); empty = none; default {','.join(SIMULATED)}",
+            f"show; two cameras only; 5 instants per second); empty = none; default {','.join(SIMULATED)}",
         )
         add_recordings(parser)
         parser.add_argument(

@@ -92,6 +92,7 @@ MECHANISMS: tuple[Mechanism, ...] = (
         "joints on which two views disagree, or that one shows, are placed",
         two_view_joints=False,
     ),
+    _assembly("held-people", "bones hold people whom one or two views show", held_sigma=0.0),
     _assembly("longest-sigma", "joints that are too uncertain are missing", max_joint_sigma=10.0),
     _assembly("longest-bone", "no bone is longer than people's", max_bone=10.0),
     _assembly("lowest", "no people under the floor", lowest=-1000.0),
@@ -103,6 +104,7 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _tracking(
         "returns", "people who were lost come back near that place", return_distance=0.0, return_speed=0.0
     ),
+    _tracking("recognition", "who comes is looked at before it is somebody new", recognition_time=0.0),
     _tracking("confirmation", "doubtful skeletons must be seen often", confirm_frames=1),
     _refinement("smoothing", "motion is smoothed", enabled=False),
     _refinement("lag", "later views are used, too", lag=0.0),
