@@ -70,6 +70,7 @@ class People(NamedTuple):
     seen: Array  # (P, J, 3) m, the same by views
     lengths: Array  # (P, B) m, means of bones
     frames: Array  # (P, B) of which they are
+    squares: Array  # (P, B) m^2, mean squares of the differences from these means
 
 
 def unknown(stamp_ns: int, dt: float, people: int, joints: int, size: int = MOVING) -> Moment:
@@ -126,6 +127,5 @@ def new_people(ids: list[int], joints: int, bones: int) -> People:
         np.full((count, joints, 3), np.nan),
         np.zeros((count, joints, 3)),
         np.zeros((count, joints, 3)),
-        np.zeros((count, bones)),
-        np.zeros((count, bones)),
+        *np.zeros((3, count, bones)),
     )

@@ -33,6 +33,7 @@ from panoptic_ros.domain.bodies import BodyStateSet
 from panoptic_ros.domain.checks import known_good
 from panoptic_ros.domain.of_all import selected
 from panoptic_ros.errors import DataError
+from panoptic_ros.geometry.robust import growth
 from panoptic_ros.geometry.rotations import from_quaternions
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.filter_bank import FilterBank
@@ -170,7 +171,7 @@ def _mend(
     own, other = judged.covariances[row, both] + measured[both], noise[both]
     far = (placed[both] - judged.positions[row, both])[..., None]
     odd = (far.swapaxes(1, 2) @ np.linalg.solve(own + other, far))[:, 0, 0]
-    less = (1.0 + odd / CAUCHY**2)[:, None, None]
+    less = growth(odd, CAUCHY)[:, None, None]
     own, other = own * less, other * less
     judged.positions[row, both] += (own @ np.linalg.solve(own + other, far))[..., 0]
     better = np.trace(other, axis1=-2, axis2=-1) < np.trace(own, axis1=-2, axis2=-1)

@@ -54,9 +54,9 @@ def likely_velocities(
     priors = ((largest * SCALES) ** 2)[:, None, None, None]
     factors = FACTORS[:, None, None]
     spread = factors + priors * weights  # (S, F, J, 3), of velocities in stated standard deviations
-    far = weights * seen**2 / spread / cauchy**2
-    chances = _chances(np.where(weights > 0.0, np.log(spread) + cauchy**2 * np.log1p(far), 0.0))
-    noises = factors * (1.0 + far) / growth(1.0, cauchy)
+    grown = growth(weights * seen**2 / spread, cauchy)
+    chances = _chances(np.where(weights > 0.0, np.log(spread) + cauchy**2 * np.log(grown), 0.0))
+    noises = factors * grown / growth(1.0, cauchy)
     total = noises + priors * weights
     means, variances = priors * weights * seen / total, priors * noises / total
     mean = np.einsum("sfj,sfji->ji", chances, means)

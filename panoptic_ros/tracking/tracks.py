@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain import JointState, PoseSet, TrackSet
+from panoptic_ros.domain import PoseSet, TrackSet
 from panoptic_ros.identity.appearance import Colours
+from panoptic_ros.identity.bone_lengths import learn_lengths
 from panoptic_ros.identity.likeness import Bones, learnt_bones
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
 from panoptic_ros.kernels import njit
@@ -15,13 +16,11 @@ from panoptic_ros.solving.limbs import Limbs
 
 Array = np.ndarray
 
-MEASURED = int(JointState.MEASURED)
 KNOWN_AFTER = 10  # measurements of a bone, from which on its length counts as known
 # Measurements over which a bone length is averaged. It is no time: a bone does not change, and the mean is as
 # certain as the number of its measurements tells. The limit lets errors of the first ones fade.
 LENGTH_MEMORY = 60.0
 DRIFT_FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
-OUTLIER = 4.0  # standard deviations, at which a length's difference from the mean is cut
 BALANCE_TIME = 0.316  # s, time constant of the balance of exchanged and straight views, 0.9 in 1/30 s
 FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
 WORST = 10.0  # sigmas, at which distances of joints are truncated
@@ -169,7 +168,16 @@ def update_tracks(motion, bodies, owners, positions, covariances, views, states,
         if t < 0:
             continue
         update_joints(motion, t, positions[k], covariances[k], views[k], states[k])
-        _learn_lengths(bodies.lengths[t], bodies.counts[t], bodies.squares[t], positions[k], states[k], bones)
+        learn_lengths(
+            positions[k],
+            covariances[k],
+            states[k],
+            bones,
+            LENGTH_MEMORY,
+            bodies.lengths[t],
+            bodies.counts[t],
+            bodies.squares[t],
+        )
         for axis in range(3):
             count = 0
             for j in range(joints):
@@ -179,29 +187,6 @@ def update_tracks(motion, bodies, owners, positions, covariances, views, states,
             if count:
                 bodies.middles[t, axis] = np.median(places[:count])
                 bodies.drifts[t, axis] = np.median(speeds[:count])
-
-
-@njit(cache=True, error_model="numpy")
-def _learn_lengths(lengths, counts, squares, position, states, bones):
-    """Means of the lengths (B,) of bones whose ends (J, 3) are measured, and what they vary by, in place.
-
-    Where that is known, larger differences are cut: joints are somewhere else now and then.
-    """
-    for b in range(len(bones)):
-        if states[bones[b, 0]] != MEASURED or states[bones[b, 1]] != MEASURED:
-            continue
-        length = _distance(position[bones[b, 0]], position[bones[b, 1]])
-        if np.isfinite(length):
-            counts[b] = min(counts[b] + 1.0, LENGTH_MEMORY)
-            if np.isfinite(lengths[b]):
-                gap = length - lengths[b]
-                if counts[b] > KNOWN_AFTER:
-                    limit = OUTLIER * np.sqrt(squares[b])
-                    gap = min(limit, max(-limit, gap))
-                lengths[b] += gap / counts[b]
-                squares[b] += (gap * gap - squares[b]) / (counts[b] - 1.0)
-            else:
-                lengths[b] = length
 
 
 @njit(cache=True, error_model="numpy")

@@ -18,6 +18,7 @@ ONE_PLACE = {
     "the tracker of points": (r"calcOpticalFlowPyrLK", {"geometry.optical_flow"}),
     "progress bars": (r"^(?:from|import) rich", {"view.progress"}),
     "Cauchy's weight": (r"/ \(1\.0 \+ \(?[\w.]+ / [\w.]+\)? ?\*\* ?2\)", set()),  # 1 / geometry.robust.growth
+    "the growth of its noise": (r"(?i)\(?1\.0 \+ [^=\n]*/ \(?(?:cauchy|outlier|soft|far) ?\*\* ?2", set()),
     "its inverse square of a scale": (r"(?i)\bsoftness = 1\.0 /", set()),
     "numba's own classes": (r"numba\.core\.caching", {"kernels.cache"}),
     "the order of numbers in kernels": (r"^def (?:median|nth_smallest|descending)\b", set()),
@@ -43,6 +44,8 @@ def test_it_is_in_one_place(what):
     [
         ("Cauchy's weight", "weights = given / (1.0 + (residual / cauchy) ** 2)\n"),
         ("Cauchy's weight", "weight = dt / (1.0 + square / SOFT**2)\n"),
+        ("the growth of its noise", "less = (1.0 + odd / CAUCHY**2)[:, None, None]\n"),
+        ("the growth of its noise", "noise = sigma**2 * (1.0 + d**2 / (OUTLIER**2 * (e + sigma**2)))\n"),
         ("its inverse square of a scale", "softness = 1.0 / (cauchy * cauchy)\n"),
         ("progress bars", "from rich.progress import Progress\n"),
     ],

@@ -3,7 +3,7 @@
 import numpy as np
 
 from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
-from panoptic_ros.refinement.bones import learn_lengths, on_bones, pull_bones
+from panoptic_ros.refinement.bones import on_bones, pull_bones
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.joint_states import Judged
 from panoptic_ros.refinement.records import new_people, unknown
@@ -21,38 +21,6 @@ def joints(seed, people=1):
     factor = 0.01 * rng.standard_normal((people, 4, 3, 3))
     positions = rng.uniform(-1.0, 1.0, (people, 4, 3))
     return positions, factor @ np.swapaxes(factor, -1, -2), np.full((people, 4), MEASURED, np.uint8)
-
-
-def test_lengths_lose_the_noise_across_the_bone():
-    lengths, frames, expected = np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3))
-    for frame in range(4):
-        positions, covariances, states = joints(frame, 2)
-        learn_lengths(positions, covariances, states, BONES, lengths, frames)
-        for p in range(2):
-            for i, (a, b) in enumerate(BONES):
-                offset, spread = positions[p, b] - positions[p, a], covariances[p, a] + covariances[p, b]
-                length = np.linalg.norm(offset)
-                across = np.trace(spread) - offset @ spread @ offset / length**2
-                expected[p, i] += length - 0.5 * across / length
-    assert np.allclose(lengths, expected / 4) and (frames == 4).all()
-
-
-def test_noise_across_the_bone_does_not_lengthen_it():
-    rng, sigma = np.random.default_rng(0), 0.03
-    lengths, frames, states = np.zeros((1, 1)), np.zeros((1, 1)), np.full((1, 2), MEASURED, np.uint8)
-    spread = np.tile(sigma**2 * np.eye(3), (1, 2, 1, 1))
-    for _ in range(200):
-        points = np.array([[[0, 0, 0], [0, 0, 0.3]]]) + rng.normal(0, sigma, (1, 2, 3))
-        learn_lengths(points, spread, states, BONES[:1], lengths, frames)
-    assert abs(lengths[0, 0] - 0.3) < 0.005
-
-
-def test_joints_that_are_not_measured_teach_nothing():
-    lengths, frames = np.zeros((1, 3)), np.zeros((1, 3))
-    positions, covariances, states = joints(0)
-    states[0, 2] = FILLED
-    learn_lengths(positions, covariances, states, BONES, lengths, frames)
-    assert frames.tolist() == [[1.0, 0.0, 1.0]]
 
 
 def test_a_length_is_a_scalar_measurement_of_both_ends():

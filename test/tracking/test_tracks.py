@@ -65,6 +65,7 @@ def test_bones_are_averaged_and_the_middle_is_the_median():
     for index, positions in enumerate(shown):
         tracks.update(np.array([0]), poses(positions, index), BONES, 0)
     lengths = np.stack([np.linalg.norm(p[0, BONES[:, 0]] - p[0, BONES[:, 1]], axis=-1) for p in shown])
+    lengths -= 0.5 * 2 * 2e-4 / lengths  # the noise of both ends across the bone makes it too long
     assert np.allclose(tracks.bodies.lengths[0], np.nanmean(lengths, axis=0))
     assert np.allclose(tracks.bodies.middles[0], np.nanmedian(shown[-1][0], axis=0))
     assert tracks.hits[0] == 7 and tracks.unseen[0] == 0.0
