@@ -122,9 +122,9 @@ class InputChoice:
 
     Parameters:
         inputs.<topic>: Owners that have the topic, for every optional port of cameras or devices that no
-        stage of the graph feeds.
+            stage of the graph feeds.
         inputs.<variant>: Owners that send this message type ("*": all), for every other type that a port
-        accepts.
+            accepts.
         topics: Entries "<topic> <owner>=<name>" for a driver with another topic name.
         encodings: Entries "<camera>=<encoding>" for raw images whose driver states another encoding.
         devices: Audio devices.
