@@ -23,7 +23,7 @@ class Status(NamedTuple):
     """Diagnostic status of a stage, node or input.
 
     Args:
-        name: Stage or node, or "<node>: <camera> <topic>" for an input
+        name: Stage or node, or "<node>: <camera> <topic>" for an input.
         trouble: Description of the problem. "": no problem.
         owner: Camera, sensor or device.
         values: Further values as text.

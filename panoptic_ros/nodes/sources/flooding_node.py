@@ -1,4 +1,4 @@
-"""Faulty publisher for benchmarks: it sends damaged copies of a topic's messages, too many or too large.
+"""Faulty publisher for benchmarks: it floods a topic with damaged or too large copies of messages.
 
 Usage: `-m panoptic_ros.nodes.sources.flooding_node TOPIC TARGET TYPE RATE SECONDS BYTES`.
 """

@@ -1,4 +1,4 @@
-"""Poses of camera frames from TF: reads /tf and /tf_static directly, without the library tf2."""
+"""Poses of camera frames from TF; /tf and /tf_static are read directly, without the library tf2."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from panoptic_ros.nodes.middleware.family import message_class
 
 KIND = "tf2_msgs/msg/TFMessage"
 PATIENCE_S = 5.0
-SETTLE_S = 0.5  # after all frames have arrived, for transforms above the top of the tree
+SETTLE_S = 0.5  # extra wait after all frames have arrived, for transforms above the current root
 NAMED = 12  # most frames that an error message lists
 
 
@@ -73,9 +73,9 @@ class _Listener:
     def wait(
         self, executor: SingleThreadedExecutor, frames: Sequence[str], fixed: str, patience_s: float
     ) -> tuple[str, dict[str, Rigid]]:
-        """Wait until all frames are connected, then return the result.
+        """Wait until all frames are connected and return the transforms as `find_transforms` does.
 
-        It then waits `SETTLE_S` for transforms that may still come.
+        After that, wait `SETTLE_S` more for transforms that may still come. The wait is at most `patience_s`.
         """
         begin = time.monotonic()
         complete_since: float | None = None
