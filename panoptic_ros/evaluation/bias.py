@@ -22,7 +22,7 @@ from panoptic_ros.stage import Progress, Recording, StageContext, each, part_of,
 
 Array = np.ndarray
 
-PCK_DISTANCE = 0.05  # m
+PCK_DISTANCE = 0.05  # m; error threshold of PCK
 PAIRED = 0.6  # share of the running time for pairing people
 
 

@@ -12,7 +12,7 @@ from panoptic_ros.evaluation.pairing import FramePair
 Array = np.ndarray
 
 HIT = 0.10  # m; a joint within this distance counts for recall and precision
-PCK_THRESHOLDS = (0.02, 0.05, 0.10, 0.15)  # m
+PCK_THRESHOLDS = (0.02, 0.05, 0.10, 0.15)  # m; error thresholds of PCK
 NAN = float("nan")
 
 

@@ -17,7 +17,7 @@ from panoptic_ros.evaluation.ellipsoids import ELLIPSOID_95, squared_distances
 from panoptic_ros.geometry.rotations import mean_rotation, vectors_of
 
 Array = np.ndarray
-STANDING_SPEED = 0.1  # m/s
+STANDING_SPEED = 0.1  # m/s; speed below which a joint stands
 
 
 def score_bodies(

@@ -5,8 +5,9 @@ period. A result frame is used once. The truth is interpolated to the result's t
 person.
 
 People: they are assigned by the Hungarian method on the mean distance over common joints (at least
-`MIN_COMMON`). Pairs above `GATE` are dropped. Ignored truth people do not count. Results do not count either
-if they match an ignored person, or if they match no person and are within the gate of an ignored one.
+`MIN_COMMON`). Pairs above `GATE` are dropped. Ignored truth people do not count. A result does not count
+either if it matches an ignored person. The same holds for a result that matches no person and is within the
+gate of an ignored one.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ LEAST_SCORE = 0.2  # smallest score of a joint that is used
 LEAST_JOINTS = 5  # smallest number of joints of a person that is used
 # rad; smallest angle between two rays, since flatter ones do not determine each other's depth
 LEAST_ANGLE = 0.1
-# largest number of cameras for which all pairs are compared; beyond, each has NEIGHBOURS spread evenly
+# largest number of cameras with all pairs compared; beyond it, each has NEIGHBOURS evenly spread partners
 ALL_PAIRS = 10
 NEIGHBOURS = 6
 EXTENTS_PER_S = 1.0  # walking speed in body extents per second, which is 1.4 m/s

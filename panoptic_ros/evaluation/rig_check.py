@@ -42,7 +42,7 @@ DROP = 0.4  # largest share of the residual that may remain when a mistake is un
 MOST_MISTAKES = 4
 WORST = 300.0  # px; all larger residuals count as this
 NOISES = 3.0  # largest residual of views that agree, in standard deviations of the noise
-SUSPICION = 0.55  # share of the tolerance
+SUSPICION = 0.55  # share of the tolerance; a larger residual is suspicious
 # smallest number of groups taken as rooms; of two groups that disagree, one is probably wrong
 LEAST_ROOMS = 3
 SURE = 0.8  # share of the noise; smaller residuals prove agreement, while noise alone gives 0.5
@@ -235,9 +235,9 @@ class _Trial:
     def doubtful(self) -> list[str]:
         """Return the cameras that may be wrong.
 
-        If most pairs disagree, but most cameras agree with others within the noise and form at least three
-        groups, the cameras are in several rooms and see different people. Cameras in such a group are then
-        taken as correct.
+        The cameras may be in several rooms and see different people. This is assumed if most pairs disagree,
+        but most cameras form at least three groups that agree within the noise. Cameras in such a group are
+        then taken as correct.
         """
         group = {name: name for name in self.rig.names}  # group of each camera, named by its first camera
         apart = spoken = 0

@@ -1,7 +1,7 @@
 """Usual mistakes of a calibration, each as a change that undoes it.
 
-`suspects` lists the possible mistakes of a rig. Applying a suspect to rig and views gives the correct ones if
-the suspicion is true. `rig_check` tests this by the distances of the rays.
+`suspects` lists the possible mistakes of a rig. Applying a suspect to rig and views returns the corrected
+ones, if the suspicion is true. `rig_check` tests this by the distances of the rays.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Instant = Mapping[str, ViewDetections]
 Instants = list[Instant]
 SCALES = (0.25, 0.5, 2.0 / 3.0, 0.75, 4.0 / 3.0, 1.5, 2.0, 4.0)
 ALL_ORDERS = 4  # largest number of suspicious cameras for which every order is tried
-# largest number of suspicious cameras for which every three are tried in rotation; beyond, only pairs
+# largest number of suspicious cameras for which cyclic exchanges of three are tried; beyond it, only pairs
 ALL_TRIPLES = 8
 
 

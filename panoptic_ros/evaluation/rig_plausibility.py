@@ -14,10 +14,12 @@ Array = np.ndarray
 UNITS = {"feet": 3.281, "inches": 39.37, "centimetres": 100.0, "millimetres": 1000.0, "kilometres": 0.001}
 # m; usual largest distance between two joints of a person, who may be half hidden or sitting
 USUAL_EXTENT = 1.4
-POSSIBLE_EXTENT = (0.5, 3.0)  # m
-FAR_APART = 200.0  # m
-MOST_TANGENTIAL = 0.03  # share of the corner's distance from the centre; poor lenses shift points by 0.01
-ONE_PLACE = 1e-3  # share of the rig's span; two cameras of one pose are closer, stereo heads are wider
+POSSIBLE_EXTENT = (0.5, 3.0)  # m; plausible range of this distance
+FAR_APART = 200.0  # m; largest plausible span of a rig
+# largest shift of an image corner by tangential terms, as a share of its radius; poor lenses reach 0.01
+MOST_TANGENTIAL = 0.03
+# share of the rig's span; closer cameras count as one pose, since even stereo heads are wider
+ONE_PLACE = 1e-3
 ONE_DIRECTION = np.radians(0.5)  # rad; the same limit for their rotations
 
 
@@ -82,8 +84,8 @@ def _view_angle(camera: Camera) -> Notice | None:
 def _reordered(rig: Rig) -> list[Notice]:
     """Return a notice if the tangential terms shift points by more than lenses do.
 
-    Radial terms in the place of tangential ones have this effect. The other order of terms must shift points
-    less, else it is no better explanation.
+    Radial terms stored in the place of tangential ones cause such shifts. The other order of terms must shift
+    points less, else it does not explain them better.
     """
     shares = [(_tangential_share(camera), camera) for camera in rig.cameras]
     odd = [

@@ -16,7 +16,7 @@ import numpy as np
 from panoptic_ros.evaluation.capture_report import typical_acceleration
 
 Array = np.ndarray
-SLOW = 6.0  # Hz
+SLOW = 6.0  # Hz; upper limit of real motion
 ORDER = 4  # order of the Butterworth filter, which runs forwards and backwards
 FEWEST = 30  # smallest number of instants of a person or bone
 

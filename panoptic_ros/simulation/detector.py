@@ -25,7 +25,7 @@ from panoptic_ros.simulation.walls import Wall, behind_walls
 
 OWN = 0.7  # scale of capsule radii against joints of the same body
 SKIN = 0.03  # m; visible surface point of a joint, in front of its centre
-TABLE_HEIGHT = 0.70  # m
+TABLE_HEIGHT = 0.70  # m; height of the table top
 BATCH = 16  # number of views processed together, to bound the memory
 STEADY = 0.8  # probability per frame that a ghost at a fixed position is reported
 FIXED_SHARE = 0.5  # share of ghosts at fixed positions
@@ -265,7 +265,8 @@ class Sightings:
         points: Joints (Q, 19, 2) px, NaN = missing.
         scores: Scores (Q, 19).
         sources: True person and joint (Q, 19, 2) of each reported joint, for tests and for studies of the
-            best possible result. -1 marks joints without a source: missing, outlier, ghost, duplicate.
+            best possible result. The value -1 marks joints without a source: missing, outlier, ghost,
+            duplicate.
         sigmas: Standard deviation (Q, 19) px of the noise of joints with a source, NaN otherwise.
     """
 

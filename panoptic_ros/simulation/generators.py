@@ -18,7 +18,7 @@ SAMPLE_RATE = 48_000
 CRYSTAL = 1.0 + 40e-6  # true sample rate of the recorder / its nominal rate: 40 ppm too fast
 EARLY_S, LATE_S = 1.5, 0.5  # s; length of the recording before and after the take
 NOISE_DB = 30.0  # dB; signal-to-noise ratio of the recorded timecode
-BLOCK = 4800  # samples
+BLOCK = 4800  # samples of an audio block
 
 
 @dataclass(frozen=True)

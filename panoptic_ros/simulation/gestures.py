@@ -102,7 +102,7 @@ class AtTable:
 class Embracing:
     """Embrace: both arms reach around a person in front, hold, and return."""
 
-    begin: float  # s
+    begin: float  # s; begin of raising the arms
     end: float
 
     def __call__(self, t: Array, steps: Array) -> Array:

@@ -22,7 +22,7 @@ RATES = (16_000, 22_050, 48_000, 44_100)  # Hz; sample rates assigned to the cam
 HEIGHT = 3.2  # m; height of the room
 WALL = 0.6  # m; distance of the walls behind the outermost cameras
 REVERBERATION = (0.3, 0.6)  # s; range of the reverberation time
-BLOCK = 8000  # samples
+BLOCK = 8000  # samples of an audio block
 
 
 def recorders(take: Simulation) -> list[Recorder]:

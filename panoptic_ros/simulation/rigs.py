@@ -15,10 +15,10 @@ Array = np.ndarray
 HD = (1920, 1080)
 VGA = (640, 480)
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))  # rad; golden angle, which spreads points evenly
-DOME_RADIUS = 2.745  # m
-DOME_CENTRE = np.array([0.0, 0.0, 1.40])  # m
+DOME_RADIUS = 2.745  # m; radius of the camera dome
+DOME_CENTRE = np.array([0.0, 0.0, 1.40])  # m; centre of the camera dome
 DOME_PANELS = ((8, -10.0), (7, 22.0), (5, 52.0))  # (panels per row, elevation in degrees)
-DOME_PANEL_RADIUS = 0.55  # m
+DOME_PANEL_RADIUS = 0.55  # m; radius of a panel
 
 
 class RigPlan(Protocol):

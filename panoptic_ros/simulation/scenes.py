@@ -64,8 +64,9 @@ _EIGHT = ("walk", "walk", "talk", "reach", "turn", "crouch", "wave", "sit-down")
 _TWO_CLOCKS = Timing(
     29.97,
     generators=(
-        Generator("A", "25", 10 * 3600 * 25, drift_ppm=-7.0),  # 10:00:00:00
-        Generator("B", "29.97", (11 * 3600 + 17) * 30 + 4, begin_s=0.013, drift_ppm=31.0),  # 11:00:17:04
+        Generator("A", "25", 10 * 3600 * 25, drift_ppm=-7.0),  # first label 10:00:00:00
+        # first label 11:00:17:04
+        Generator("B", "29.97", (11 * 3600 + 17) * 30 + 4, begin_s=0.013, drift_ppm=31.0),
     ),
 )
 _VGA_LENS = Lens(VGA, (425.0, 440.0), distorted_every=0)

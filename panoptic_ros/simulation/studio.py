@@ -14,7 +14,7 @@ from panoptic_ros.simulation.timing import Timing
 
 Array = np.ndarray
 ACTIVITIES = ("walk", "turn", "talk", "reach", "crouch", "wave", "talk")
-RATE = 25.0  # Hz
+RATE = 25.0  # Hz; frame rate
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ OWN_EPOCH_NS = 60_000_000_000
 
 @dataclass(frozen=True)
 class OwnClocks:
-    """Cameras whose own clocks stamp frames and sound, running behind the first camera's clock.
+    """Own clocks of the cameras, which stamp frames and sound and run behind the first camera's clock.
 
     Args:
         behind: Range of the clock offsets behind the first camera, s.

@@ -11,7 +11,7 @@ SYLLABLES = (3.0, 5.5)  # syllables per second, from and to
 VOICED = 0.75  # share of voiced syllables
 PITCH = (95.0, 230.0)  # Hz; range of the voice pitch
 FORMANTS = ((300.0, 800.0), (900.0, 2200.0), (2300.0, 3200.0))  # Hz; frequency ranges of three formants
-CLAP_BAND = (500.0, 5000.0)  # Hz
+CLAP_BAND = (500.0, 5000.0)  # Hz; pass band of a clap's noise
 
 
 def talk(rng: np.random.Generator, seconds: float) -> Array:

@@ -132,7 +132,7 @@ def draw_bodies(
     """Draw bodies into an image, far triangles first.
 
     Args:
-        canvas: Image (H, W, 3) uint8, `scale` times as large as the camera's images. Drawn into in place.
+        canvas: Image (H, W, 3) uint8, `scale` times as large as the camera's images. It is modified in place.
         colors: BGR colour of each body.
     """
     rows: list[tuple[Array, Array, Array]] = []

@@ -96,7 +96,7 @@ class Mosaic:
 
 
 def _best_grid(count: int, width: int, height: int, limit: tuple[int, int]) -> tuple[int, float]:
-    """Return the number of columns and the scale (at most 1) that show tiles of (width, height) px largest.
+    """Return the number of columns and the scale (at most 1) for the largest tiles of (width, height) px.
 
     Among grids with an equal scale, the one with the aspect ratio closest to that of `limit` wins.
     """

@@ -129,8 +129,7 @@ def frustum_lines(camera: Camera, length: float) -> Array:
 
 
 def _some_of(poses: Sequence[TrackedPoseSet]) -> list[TrackedPoseSet]:
-    """Return `SHOWN_INSTANTS` or fewer pose sets, evenly spread over those with people, including the
-    last."""
+    """Return at most `SHOWN_INSTANTS` pose sets, evenly spread over those with people, with the last."""
     busy = [pose for pose in poses if len(pose.ids)]
     if len(busy) <= SHOWN_INSTANTS:
         return busy

@@ -21,7 +21,7 @@ from rich.text import Text
 
 WIDTH = 28  # characters of the bar
 REDRAW_S = 0.1  # s between redraws
-# s; window of the speed estimate, long enough to average all of a pass, whose steps differ in speed
+# s; window of the speed estimate, so long that it covers a whole pass, because its steps differ in speed
 MEAN_S = 1e6
 Bar = TypeVar("Bar", bound="PassBar")
 

@@ -11,8 +11,7 @@ UNSEEN = (
 
 
 def sync_table(document: dict[str, Any]) -> list[str]:
-    """Return text lines of a sync report: cameras, timecode devices, aligned recordings, grouping,
-    notices."""
+    """Return a sync report as text lines: cameras, timecode devices, aligned recordings, sets, notices."""
     lines: list[str] = []
     if document["cameras"]:
         width = max(6, *(len(row["camera"]) for row in document["cameras"]))

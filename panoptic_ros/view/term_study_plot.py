@@ -12,7 +12,7 @@ from panoptic_ros.view.plotting import Axes, Figure, FigureCanvasAgg
 
 MEASURES = (("mm", "mm"), ("deg", "deg"))
 MOST = 200.0  # percent; longest bar drawn, since the printed number still states larger increases
-WEIGHT = "acceleration "  # prefix in the names of changes to the acceleration weight
+WEIGHT = "acceleration "  # prefix of the names of changes to the acceleration weight
 
 Row = Mapping[str, Any]
 

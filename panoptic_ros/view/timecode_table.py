@@ -29,8 +29,7 @@ def readings_document(sample_rate: int, readings: Sequence[TimecodeReading]) -> 
 
 
 def readings_table(sample_rate: int, readings: Sequence[TimecodeReading]) -> str:
-    """Return a text table: one line per LTC word, the frame rate, and the date if the user bits encode
-    one."""
+    """Return a text table: one line per LTC word, the frame rate, and the date in the user bits, if any."""
     lines = [f"{'timecode':11}  {'start_sample':>14}  {'seconds':>12}  {'std us':>7}  user bits"]
     for r in readings:
         seconds, std = r.start_sample / sample_rate, 1e6 * r.std_samples / sample_rate

@@ -10,7 +10,7 @@ from panoptic_ros.domain import Rig
 
 Array = np.ndarray
 SWAPS = (("Elbow", "Wrist"), ("Knee", "Ankle"))
-TRUNK_RADIUS = 0.14  # m
+TRUNK_RADIUS = 0.14  # m; radius of the capsule of a trunk
 
 
 @dataclass(frozen=True)

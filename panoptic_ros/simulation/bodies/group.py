@@ -174,7 +174,7 @@ def _mix(rng: np.random.Generator, points: Array, scores: Array) -> None:
     """Swap some joints of two people who are close to each other in the image, in place."""
     for p in range(len(points)):
         for q in range(p):
-            near = np.linalg.norm(points[p] - points[q], axis=-1) < NEAR_PX  # False where one is missing
+            near = np.linalg.norm(points[p] - points[q], axis=-1) < NEAR_PX  # False where a joint is missing
             wrong = np.flatnonzero(near & (rng.random(len(near)) < MIXED))
             for values in (points, scores):
                 values[p, wrong], values[q, wrong] = values[q, wrong], values[p, wrong].copy()

@@ -20,7 +20,7 @@ CLOTH, STRIPES, FACE = int(Material.CLOTH), int(Material.STRIPES), int(Material.
 STRIPES_PER_M, STRIPE_GAIN = 28.0, 0.55
 # face of radius 1: side and height of the eyes, height of the brows above the eyes, height of the mouth
 EYE_SIDE, EYE_HEIGHT, BROW_ABOVE, MOUTH = 0.42, 0.02, 0.20, -0.52
-FRONT = 0.3  # the face is painted only in front of this plane
+FRONT = 0.3  # forward coordinate on a face of radius 1; only points in front of it are painted
 
 
 @njit(cache=True)

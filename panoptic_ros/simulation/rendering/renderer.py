@@ -90,7 +90,7 @@ def cast_rays(
     Args:
         frames: Rotations (N, 3, 3), local_from_camera, including the squash.
         origins: Camera centre (N, 3) m in the local frames.
-        lengths, radii, materials: Shapes (N,), (N, 2), (N,).
+        lengths, radii, materials: Arrays (N,), (N, 2), (N,), see `Shapes`.
         boxes: Columns and rows (N, 4) int (from, from, to, to) that the shape may cover.
         plane: Normalised coordinates (H, W, 2) of the pixels' rays.
         depth: Depth (H, W) float32 m, initialised with the background.

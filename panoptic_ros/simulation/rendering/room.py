@@ -14,7 +14,7 @@ TEXTURE = 512  # px; side of every wall texture
 PAPER = (200.0, 208.0, 212.0)  # BGR of the walls
 FLOOR = (120.0, 140.0, 150.0)
 CEILING = (225.0, 228.0, 230.0)
-FAR = 50.0  # m; bound of positions on walls and floor, and floor position of pixels without floor
+FAR = 50.0  # m; clipping limit of positions, and floor position of pixels that do not see the floor
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ class Appearance:
     shirt: Array
     trousers: Array
     shoes: Array
-    girth: float  # 1 = average
+    girth: float  # scale of the body's girth, 1 = average
     long_sleeves: bool
     long_hair: bool
     stripes: bool

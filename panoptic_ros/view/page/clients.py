@@ -1,9 +1,9 @@
 """Test clients of a live page without a browser, to measure what each receives and when.
 
 `python -m panoptic_ros.view.page.clients ADDRESS SECONDS KIND ...` prints JSON with one row per client. The
-list "came" has one entry per packet: the timestamp of its newest skeletons and the time at which it arrived
-or was drawn, both in ns. Kinds: "fast" draws at once, "slow" takes 20 ms per packet, "frozen" never draws,
-"cut" does not even read.
+list "came" has one pair per packet, in ns: the timestamp of its newest skeletons, and the time of its arrival
+or drawing. Kinds: "fast" draws at once, "slow" takes 20 ms per packet, "frozen" never draws, "cut" does not
+even read.
 """
 
 from __future__ import annotations

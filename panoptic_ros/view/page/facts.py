@@ -97,7 +97,7 @@ def shape_document() -> dict[str, Any]:
 
 
 def camera_document(camera: Camera) -> dict[str, Any]:
-    """Return a camera with its full lens model, which `lens.js` uses to project."""
+    """Return a camera with its full lens model, which `lens.js` uses for projection."""
     lens, pose = camera.intrinsics, camera.cam_from_world
     return {
         "name": camera.name,

@@ -48,7 +48,7 @@ class Pairing:
         """Add an image preview and return an instant to show if no skeletons arrive.
 
         Raises:
-            DataError: If the message has another type.
+            DataError: If the message cannot be read as such.
         """
         stamp = stamp_of_bytes(message.data)
         _keep(self._previews.setdefault(camera, {}), stamp, message, KEPT_PREVIEWS)
@@ -58,7 +58,7 @@ class Pairing:
         """Add the detections of an image and return an instant as `preview` does.
 
         Raises:
-            DataError: If the message has another type.
+            DataError: If the message cannot be read as such.
         """
         stamp, frame = detections_head(message.data)
         _keep(self._people.setdefault(camera, {}), stamp, message, KEPT_VIEWS)
@@ -69,7 +69,7 @@ class Pairing:
         """Return the instant of these skeletons, with the views that have an image.
 
         Raises:
-            DataError: If the message has another type.
+            DataError: If the message cannot be read as such.
         """
         self._skeletons_at = now_s
         head, views = skeletons_head(message.data), {}
