@@ -65,7 +65,7 @@ def _check_people(
     """Check that people were found, that all left-out people are among them, and that others remain.
 
     Raises:
-        DataError: if nobody was found.
+        DataError: if no person was found.
         UsageError: if a left-out person was not found, or no other person remains.
     """
     if not found.found:

@@ -69,13 +69,13 @@ def evaluate(
     """Compare a result with the truth.
 
     Args:
-        joints: restrict the comparison to a skeleton or to joint names separated by commas, see
+        joints: Restrict the comparison to a skeleton or to joint names separated by commas, see
             `only_joints`.
-        skip: number of frames to leave out at the beginning of the truth.
-        align_time: first estimate a constant offset of the result's timestamps from the motion, and remove
+        skip: Number of frames to leave out at the beginning of the truth.
+        align_time: First estimate a constant offset of the result's timestamps from the motion, and remove
             it.
-        protocol: one of `PROTOCOLS`. All except the first count correct limbs (PCP).
-        plots: folder for plots.
+        protocol: One of `PROTOCOLS`. All except the first count correct limbs (PCP).
+        plots: Folder for plots.
 
     Raises:
         UsageError: if options contradict each other.

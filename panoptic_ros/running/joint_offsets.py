@@ -39,17 +39,18 @@ def write_measured_offsets(
     """Measure the joint offsets of a detector and write them to the file `out`.
 
     Args:
-        truth_path: file of bodies (ground truth or our own results), or file of true skeletons.
-        result_path: skeletons from the detector.
-        detector: name of the detector, stored in the file.
-        leave_out: ids of people of the truth to exclude from the measurement.
-        bodies_path: bodies of the result, where the truth holds skeletons; None = the file beside the result.
+        truth_path: File of bodies (ground truth or our own results), or file of true skeletons.
+        result_path: Skeletons from the detector.
+        detector: Name of the detector, stored in the file.
+        leave_out: Ids of people of the truth to exclude from the measurement.
+        bodies_path: Bodies of the result, where the truth holds skeletons; None = the file beside the result.
 
     Returns:
         for each person, the joint errors before and after correction by offsets measured on all other people.
 
     Raises:
-        UserError: if a file is invalid, nobody is found, a left-out person is not found, or all are left out.
+        UserError: if a file is invalid, no person is found, a left-out person is not found, or all are left
+            out.
     """
     model = read_body_model()
     spelling = SkeletonSequence(tuple(model.keypoints), ())

@@ -31,11 +31,11 @@ class SolveTask:
     """Input of `solve`: the 2D poses of a recording, and everything that the stages need.
 
     Args:
-        context: rig, skeleton and extras of the stages.
-        configs: configuration of every stage by name.
-        sets: detection sets in time order.
-        joint_names: joint names of the result, in the order of the skeleton's joints.
-        notices: lines about input that was left out.
+        context: Rig, skeleton and extras of the stages.
+        configs: Configuration of every stage by name.
+        sets: Detection sets in time order.
+        joint_names: Joint names of the result, in the order of the skeleton's joints.
+        notices: Lines about input that was left out.
     """
 
     context: StageContext
@@ -55,8 +55,8 @@ class Solution:
 
     Args:
         poses: 3D poses of every instant.
-        spent_ns: for every stage, the processing time of each of its inputs, ns.
-        notices: notices of all stages, in the order of their arrival.
+        spent_ns: For every stage, the processing time of each of its inputs, ns.
+        notices: Notices of all stages, in the order of their arrival.
     """
 
     poses: Sequence[TrackedPoseSet]
@@ -76,12 +76,12 @@ def read_task(
     """Read the input of `solve` from files.
 
     Args:
-        rig: calibration file, or a folder that contains one.
-        detections: plain file of 2D poses.
+        rig: Calibration file, or a folder that contains one.
+        detections: Plain file of 2D poses.
         parameters: {stage: {parameter: value}}.
-        skeleton: name or YAML file, or `AUTO`.
-        cameras: names of the cameras to use; None = all.
-        occluders: file of static objects that occlude people.
+        skeleton: Name or YAML file, or `AUTO`.
+        cameras: Names of the cameras to use; None = all.
+        occluders: File of static objects that occlude people.
 
     Raises:
         UserError: on any input fault that the user can fix.

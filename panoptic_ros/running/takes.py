@@ -28,9 +28,9 @@ class SavedTake:
     """Content that was saved from a take.
 
     Args:
-        bags: repaired bags by path relative to the new folder; "" = the folder itself.
-        frames: number of intact frames by name of the frame file.
-        lost: one line about each loss.
+        bags: Repaired bags by path relative to the new folder; "" = the folder itself.
+        frames: Number of intact frames by name of the frame file.
+        lost: One line about each loss.
     """
 
     bags: dict[str, Repair]

@@ -17,7 +17,7 @@ from contextlib import suppress
 
 
 def compile_modules(package: str = "panoptic_ros") -> None:
-    """Write the bytecode files of a package and of all that it loads, where their folders are writable."""
+    """Write the bytecode files of a package and of its imports, where their folders are writable."""
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
     subprocess.run([sys.executable, "-m", __spec__.name, package], env=environment, check=False)
 

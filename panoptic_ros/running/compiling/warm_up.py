@@ -42,8 +42,8 @@ def warm_up(
     """Compile all kernels that any stage can need. Cached kernels are only loaded.
 
     Args:
-        told: callback with the completed share, 0..1, and the name of the task that has just finished.
-        processes: number of processes; default: the number of processors, at most `MOST_PROCESSES`.
+        told: callback with the completed share, 0..1, and the name of the finished task.
+        processes: number of processes. The default is the number of processors, at most `MOST_PROCESSES`.
         tasks: names of `kernel_tasks.TASKS`; default: all.
 
     Raises:

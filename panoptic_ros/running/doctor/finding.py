@@ -18,8 +18,8 @@ class Finding:
 
     Args:
         level: OK, WARN (something works less well or is not there yet) or FAIL.
-        found: the result of the check, with its value.
-        remedy: advice for the user; empty if all is well.
+        found: The result of the check, with its value.
+        remedy: Advice for the user; empty if all is well.
     """
 
     level: str

@@ -54,11 +54,11 @@ class RecordOptions:
     """Options of a recording.
 
     Args:
-        duration_s: duration, s; None = until a request to end.
-        budget_gb: maximum size, GB; 0 = limited by the disk only.
-        keep_free_gb: free space to leave on the disk, GB.
-        rig: calibration file to store in the bag, if the graph publishes no rig.
-        split: how to split the recording into several bags; None = one bag.
+        duration_s: Duration, s; None = until a request to end.
+        budget_gb: Maximum size, GB; 0 = limited by the disk only.
+        keep_free_gb: Free space to leave on the disk, GB.
+        rig: Calibration file to store in the bag, if the graph publishes no rig.
+        split: How to split the recording into several bags; None = one bag.
     """
 
     selection: Selection = field(default_factory=Selection)

@@ -46,10 +46,10 @@ class Recorded:
     """Result of a recording.
 
     Args:
-        path: path of the bag.
-        counters: counters by topic.
-        dropped: messages by topic that were dropped because the disk was too slow.
-        ended_by: one line about the cause of an early end; "" = none.
+        path: Path of the bag.
+        counters: Counters by topic.
+        dropped: Messages by topic that were dropped because the disk was too slow.
+        ended_by: One line about the cause of an early end; "" = none.
     """
 
     path: Path
@@ -79,7 +79,7 @@ def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> R
 
 
 def stand_by(folder: Path, options: RecordOptions, tell: Callable[[str], None]) -> None:
-    """Record whenever the service requests it, until the program is asked to end. Each time makes a new bag."""
+    """Record on request of the service, a new bag each time, until the program is asked to end."""
     with first_request_told() as asked, _Recording(options, tell) as recording:
         recording.serve(folder)
         tell(f"waiting: `panoptic record --start`, or service {recording.service_name}")

@@ -90,15 +90,15 @@ class ReplayOptions:
     """Options of a replay.
 
     Args:
-        rate: bag time over real time, s/s.
-        begin: key of a topic or name of a stage; "" = all topics.
-        patterns: shell patterns of full topic names. They further restrict the topics that `begin` selects.
-        start_s: start of the replay, s from the start of the bag.
-        duration_s: duration, s of bag time; None = to the end.
-        clock: whether to publish /clock.
-        space: namespace of the published topics.
-        loops: number of repetitions; 0 = until a request to end.
-        wait_s: maximum wait for the first subscriber before the replay begins, s.
+        rate: Bag time over real time, s/s.
+        begin: Key of a topic or name of a stage; "" = all topics.
+        patterns: Shell patterns of full topic names. They further restrict the topics that `begin` selects.
+        start_s: Start of the replay, s from the start of the bag.
+        duration_s: Duration, s of bag time; None = to the end.
+        clock: Whether to publish /clock.
+        space: Namespace of the published topics.
+        loops: Number of repetitions; 0 = until a request to end.
+        wait_s: Maximum wait for the first subscriber before the replay begins, s.
     """
 
     rate: float = 1.0
@@ -223,7 +223,7 @@ class _Player:
     def wait(self) -> None:
         """Publish the latched messages, which nodes need first, then wait for subscribers.
 
-        The wait lasts at least `DISCOVERY_S`, so that existing subscribers are discovered.
+        The wait takes at least `DISCOVERY_S`, so that existing subscribers are discovered.
 
         Raises:
             EnvironmentProblem: if no node subscribes to the other topics in time.

@@ -1,6 +1,6 @@
 """Makes the report of a run, and its pictures, video and plot.
 
-It also tells a waiting user why no skeletons have arrived yet.
+It also explains to a waiting user why no skeletons have arrived yet.
 """
 
 from __future__ import annotations
@@ -116,10 +116,10 @@ def finish(
     """Return the report of a run.
 
     Args:
-        counted: counters of every node or stage, as on /diagnostics.
-        notices: notices of the self-check.
-        sets: detection sets of the run, see `grouped_views`.
-        elapsed_s: duration of the run, s, without this function.
+        counted: Counters of every node or stage, as on /diagnostics.
+        notices: Notices of the self-check.
+        sets: Detection sets of the run, see `grouped_views`.
+        elapsed_s: Duration of the run, s, without this function.
     """
     summary = summarise_capture(plan.rig, plan.skeleton, list(results.poses), list(sets))
     found = sum(len(item.ids) for item in results.poses)

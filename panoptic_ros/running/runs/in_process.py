@@ -47,10 +47,10 @@ def newest_frames(
     """Yield the frames of live cameras, dropping the same frames as a detection node that falls behind.
 
     Args:
-        frames: returns the frames of a camera; called in one thread per camera.
-        stop: stop condition, polled often, also while no frame arrives.
-        on_drop: callback with the number of dropped frames.
-        sounds: each returns the audio blocks of a device, and runs in its own thread. No block is dropped.
+        frames: Returns the frames of a camera; called in one thread per camera.
+        stop: Stop condition, polled often, also while no frame arrives.
+        on_drop: Callback with the number of dropped frames.
+        sounds: Each returns the audio blocks of a device, and runs in its own thread. No block is dropped.
             The end of one does not end the others.
 
     Raises:
@@ -258,8 +258,8 @@ def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide 
     """Let detection run ahead in several threads where that is faster and safe.
 
     The images in `records` are replaced by images with finished detections. The result is None if detection
-    runs in the pipeline. It must, if tracking tells detection where to look, or if bags hold depth maps,
-    whose timestamps may jump.
+    must run in the pipeline. This is so if tracking guides detection, or if bags hold depth maps, whose
+    timestamps may jump.
     """
     config = plan.configs["detection"]
     threads = free_threads(config_of(plan.configs, DetectionConfig).threads)

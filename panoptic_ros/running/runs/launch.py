@@ -58,9 +58,9 @@ def write_launch_file(
     Both `panoptic run` and `ros2 launch` use this file.
 
     Args:
-        flow, window: see `flow_of`.
+        flow, window: See `flow_of`.
         jpeg_quality: 1-100: images are published as JPEG; 0: uncompressed.
-        one_per_stage: live: a node and a process per stage, instead of one for all stages after detection.
+        one_per_stage: Live: a node and a process per stage, instead of one for all stages after detection.
 
     Raises:
         UsageError: if `one_per_stage` is set for a recording.
@@ -131,7 +131,7 @@ def _is_joined(plan: Plan, guided: bool) -> bool:
     """Return whether one process runs all stages, including detection.
 
     This holds in replay only, in two cases:
-    - Tracking tells detection where to look. Its feedback must arrive at a fixed place in the sequence.
+    - Tracking guides detection. Its feedback must arrive at a fixed place in the sequence.
     - Detection reads the images itself, and one process can use all cores. Then only the kept records are
       sent.
     """

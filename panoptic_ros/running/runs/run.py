@@ -59,10 +59,10 @@ class RunOutcome:
     """Outcome of a run.
 
     Args:
-        report: content of report.json; None if it could not be made (live only).
-        files: names of the files and folders in the result folder.
-        fault: the error that ended a live run, whose results up to then were written; None = no error.
-        troubles: one line about each item that could not be made after a live take was closed.
+        report: Content of report.json; None if it could not be made (live only).
+        files: Names of the files and folders in the result folder.
+        fault: The error that ended a live run, whose results up to then were written; None = no error.
+        troubles: One line about each item that could not be made after a live take was closed.
     """
 
     report: RunReport | None
@@ -87,17 +87,17 @@ def run(
     """Run a plan to its end and leave the results in a folder.
 
     Args:
-        out: result folder. A live run needs a new or empty folder. Otherwise, files of an earlier run there
+        out: Result folder. A live run needs a new or empty folder. Otherwise, files of an earlier run there
             are replaced.
-        in_process: run all stages in this process, without ROS; else run nodes in child processes.
-        offline: as `in_process`, and refine the skeletons over the whole recording.
+        in_process: Run all stages in this process, without ROS; else run nodes in child processes.
+        offline: As `in_process`, and refine the skeletons over the whole recording.
         jpeg_quality: 1-100: images are sent to other processes as JPEG; 0: uncompressed.
-        node_per_stage: live: a node and a process per stage after detection, instead of one for all of them.
-        duration_s: duration, s. It counts from the first timestamp of a recording. In a live run, it counts
+        node_per_stage: Live: a node and a process per stage after detection, instead of one for all of them.
+        duration_s: Duration, s. It counts from the first timestamp of a recording. In a live run, it counts
             from the first record, or from the start if no record arrives. None = no limit.
-        pictures: also draw overlays, a video and a plot.
-        observer: follows the course of the run.
-        ahead: preloaded process that becomes a process of the graph.
+        pictures: Also draw overlays, a video and a plot.
+        observer: Follows the course of the run.
+        ahead: Preloaded process that becomes a process of the graph.
 
     Raises:
         UserError: on any fault that the user can fix. Nothing is left in `out` then.
