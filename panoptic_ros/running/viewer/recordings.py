@@ -57,7 +57,7 @@ LEAST_SCORE = 1e-3  # minimum score of a joint with a position
 
 
 def plain_file(path: Path) -> Path | None:
-    """Return the skeleton file at a path: the path itself, or a file in that folder; None if there is none."""
+    """Return the skeleton file at a path: the path itself, or a file in that folder; None if absent."""
     if path.is_file():
         return path if path.name.endswith(SUFFIXES) else None
     return next((path / name for name in NAMES if (path / name).is_file()), None)
