@@ -33,8 +33,8 @@ __version__ = "0.1.0"
 # modules of those public names that are not in running.api
 _MODULES = {"PanopticError": "errors", "Person": "domain", "Rig": "domain", "UserError": "errors"}
 
-# onnxruntime 1.29 and later on Linux: "1" prevents the uploader, the device identifier and the database. The
-# function disable_telemetry_events() would be too late, as the import makes the identifier and the database.
+# onnxruntime 1.29 and later on Linux: "1" prevents the uploader, the device identifier and the database.
+# A call of disable_telemetry_events() comes too late: the import makes the identifier and the database.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 

@@ -20,7 +20,7 @@ from panoptic_ros.io.rigs import read_rig, write_rig
 
 Array = np.ndarray
 VIDEOS = (".mp4", ".avi", ".mkv", ".mov")
-LONGER = 2  # maximum length of a video, in lengths of the truth
+LONGER = 2  # maximum length of a video, in multiples of the length of the truth
 
 
 def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:

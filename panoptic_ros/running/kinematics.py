@@ -1,4 +1,4 @@
-"""Solves for bodies from files of 2D poses and IMU samples, without ROS."""
+"""Estimates bodies from files of 2D poses and IMU samples, without ROS."""
 
 from __future__ import annotations
 
@@ -135,8 +135,8 @@ def body_config(
     Args:
         preset: name in `PRESETS`; "" = none.
         settings: texts of the form NAME=VALUE.
-        lag: s; None = unchanged.
-        rate_hz: Hz; None = unchanged.
+        lag: parameter `lag`, s; None = not overridden.
+        rate_hz: parameter `rate_hz`, Hz; None = not overridden.
 
     Raises:
         UserError: if there is no such preset or parameter, or a value is out of range.

@@ -21,7 +21,7 @@ from panoptic_ros.kinematics.pose.prior import other_sides, train_prior
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
-RATE = 30.0  # Hz, maximum rate of poses used; faster motion is subsampled
+RATE = 30.0  # Hz, maximum rate of the poses used; motion recorded at a higher rate is subsampled
 WORST = 0.05  # m, RMS residual above which a motion does not fit
 
 

@@ -1,4 +1,4 @@
-"""Solves for 3D poses from a file of 2D poses, with the stages of the graph but without ROS."""
+"""Estimates 3D poses from a file of 2D poses, with the stages of the graph but without ROS."""
 
 from __future__ import annotations
 

@@ -61,8 +61,8 @@ def _take() -> Simulation:
     return simulate(Scene("to compile", ("walk",), Ring(2), frames=1), 0, 1)
 
 
-# Longest tasks first. Two processes that take turns then share few kernels: one compiles mostly sound, images
-# and offsets, the other voting and the solvers for joints.
+# Longest tasks first, so that two processes that take turns compile few kernels twice.
+# One compiles sound, images and offsets, the other compiles voting and the solvers for joints.
 TASKS: dict[str, Callable[[], None]] = {
     "votes": partial(_stage, "voting"),
     "timecode": partial(_stage, "timecode"),

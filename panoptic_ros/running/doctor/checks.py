@@ -42,7 +42,7 @@ GAIN = 1.2  # minimum speed-up over the CPU before another provider is recommend
 Timer = Callable[[DetectorModel, str], float]  # returns the time of one run with a provider, ms
 SUPPORTED = ((3, 10), (3, 13))  # first and last supported minor version of Python
 PACKAGES = ("numpy", "scipy", "onnxruntime", "onnx", "rosbags", "PyYAML", "numba", "matplotlib")
-# GB, limits for a warning and for a failure: room for recordings and the download of a model
+# GB; less free space is a warning or a failure, as recordings and the download of a model need it
 LITTLE_SPACE, NO_SPACE = 2.0, 0.3
 LITTLE_SHARED_MEMORY = 256  # MiB; less free space causes a warning; Docker's default is 64
 MUCH_LEFT_OVER = 64  # MiB; more left-over memory causes a warning

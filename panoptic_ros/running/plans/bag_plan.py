@@ -196,8 +196,9 @@ def _recorded_skeleton(
 ) -> SkeletonModel:
     """Return the skeleton of recorded detections.
 
-    If /skeleton_model was not recorded, the result is the skeleton of the options whose hash the detections
-    have.
+    2D poses from another software stack come with their own skeleton. For other detections, the result is the
+    recorded /skeleton_model. Without one, it is the chosen skeleton, whose hash must match that of the
+    detections.
 
     Raises:
         DataError: if no skeleton fits the detections.

@@ -81,7 +81,7 @@ def image_streams(
 def usable_streams(
     streams: Sequence[BagStream], bags: Sequence[BagReader], choice: BagChoice
 ) -> tuple[tuple[BagStream, ...], dict[str, str]]:
-    """Return the streams whose first message is usable, and a line about each other camera by name.
+    """Return the streams whose first message is usable, and by camera a line about each other stream.
 
     Raises:
         DataError: if no stream is usable, or a stream that the user selected is not.

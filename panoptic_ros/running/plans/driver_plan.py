@@ -34,8 +34,7 @@ from panoptic_ros.running.plans.parameters import live_parameters, with_defaults
 from panoptic_ros.running.plans.plan import Plan, require_cameras
 from panoptic_ros.running.processes.children import prepare_environment
 
-# in the last word of the topic name of rectified images, by the convention of image_proc and drivers
-RECTIFIED = "_rect"
+RECTIFIED = "_rect"  # marks rectified images in the last word of a topic name, as image_proc and drivers do
 SAME_FOCAL = 0.01  # relative tolerance between the focal lengths of CameraInfo and the rig
 
 
@@ -48,7 +47,7 @@ def is_rectified(topics: DriverTopics) -> bool:
 def with_info(topics: DriverTopics, needed: bool) -> DriverTopics:
     """Return the topics, completed by the CameraInfo topic beside the image where it is needed.
 
-    Rectified images always need CameraInfo. A topic that the user names stays.
+    Rectified images always need CameraInfo. A CameraInfo topic that the user names is kept.
 
     Args:
         needed: whether raw images need it, too, as no other source gives their lens parameters.

@@ -26,7 +26,7 @@ def read_rig_at(
     """Return the rig of a file, or of a folder that contains one (a capture folder, or the results of a run).
 
     Args:
-        unit: M, cm or mm, for a TOML file that does not state its unit.
+        unit: m, cm or mm, for a TOML file that does not state its unit.
         types, panels: Selection of cameras in a CMU Panoptic file, see `io.rigs.read_rig`.
         cameras: Names of the cameras to use; None = all.
 

@@ -204,7 +204,7 @@ class Ahead:
             )
 
     def become(self, launch_file: Path, name: str, log: Path) -> Child | None:
-        """Let the preloaded process run a process of the launch file; return None if it is used or dead."""
+        """Let the preloaded process run a process of the launch file; return None if it is in use or dead."""
         process, self._process = self._process, None
         if process is None or process.stdin is None:
             return None

@@ -37,7 +37,8 @@ from panoptic_ros.running.takes import named_unclosed_takes
 FACTS, COUNTERS = "/recording/facts", "/recording/counters"
 STRING = "std_msgs/msg/String"
 PATIENCE_S = 10.0  # s, timeout for the first topic
-MEASURED_S = 2.0  # s of a recording whose data rates determine how long the disk has room
+# s at the start of a recording; their data rates give the recording time that fits on the disk
+MEASURED_S = 2.0
 SETTLE_S = 1.0  # s until the nodes of a graph have discovered the recorder, as measured for `claim_domain`
 
 
@@ -59,7 +60,7 @@ class Recorded:
 
 
 def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> Recorded:
-    """Record until a request to end, the end of the duration, or a full disk.
+    """Record until a request to end, or until the duration or the disk space is used up.
 
     Args:
         tell: callback with lines for the user, such as the budget and topics that are left out.
@@ -94,7 +95,7 @@ class _Recording:
         self._options, self._tell = options, tell
         self._bag: BagRecorder | None = None
         self._path, self._begun_s = Path(), 0.0
-        self._room_told: BagRecorder | None = None  # bag whose recording time was reported
+        self._room_told: BagRecorder | None = None  # bag whose possible recording time was reported already
         self._take: OpenTake | None = None  # open-take mark of the current bag
         self._facts = ""
         self._rig: Rig | None = None if options.rig is None else read_rig(options.rig)

@@ -248,8 +248,8 @@ class _Player:
     def play(self, loop: int) -> None:
         """Publish all messages once, from the start to the end.
 
-        From the second loop on, header stamps and the clock continue to increase, as those of running devices
-        do.
+        From the second loop on, header timestamps and the clock continue to increase, as those of running
+        devices do.
         """
         options = self._options
         self._shift_ns = loop * self._span_ns

@@ -151,7 +151,7 @@ def grouped_views(plan: Plan, results: Results) -> list[DetectionSet]:
 def draw(
     plan: Plan, results: Results, sets: Sequence[DetectionSet], on_picture: Callable[[int, int], None]
 ) -> None:
-    """Draw the plot. For recordings, also draw the overlays and their video.
+    """Draw the plot. For recordings that are not bags, also draw the overlays and their video.
 
     Args:
         sets: as for `finish`.
@@ -188,7 +188,7 @@ def _has_shape(model: SegmentModel) -> bool:
 
 
 def _dropped(counted: Mapping[str, Mapping[str, str]]) -> dict[str, int]:
-    """Return the message counts {"stage: cause": count} of all causes that occurred."""
+    """Return the counts {"stage: cause": messages} of dropped messages and sync notices that occurred."""
     found: dict[str, int] = {}
     for name, values in counted.items():
         for key, value in values.items():

@@ -171,7 +171,8 @@ class _Counted:
             table=NODES if looks is None else TABLE,
         )
         self._looks = looks
-        self._places: dict[str, int] = {}  # number of each bag and topic with refused records
+        # sequence number of each place (bag and topic) with refused records
+        self._places: dict[str, int] = {}
         self.first = plan.stage
 
     def _note(self, stage: str, notice: Notice) -> None:
@@ -200,7 +201,7 @@ class _Counted:
         self._note(self.first, Notice(f"source.bad_message.{number}", "warning", str(error)))
 
     def note(self, notice: Notice) -> None:
-        """Take a notice about the input."""
+        """Record a notice about the input."""
         self._note(self.first, notice)
 
     def drop(self, count: int) -> None:

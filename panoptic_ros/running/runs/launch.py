@@ -25,8 +25,7 @@ from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.stage import Notice
 
-# images in detection at a time per process; a tenth of the network's time holds Python's lock, so more
-# threads would not use more cores
+# images in detection at a time per process; the network holds Python's lock for a tenth of its time
 LOOKS_OF_A_PROCESS = 8
 HEAT_MAPS = "heat_maps"  # entry of `publish` that is about views; all others are about people
 SOUND_PROCESSES = 2  # maximum number of processes for sound

@@ -36,7 +36,7 @@ class RunObserver:
     """
 
     def started(self, plan: Plan) -> None:
-        """Note that the plan is about to run."""
+        """Handle the start of the run."""
 
     def saw(self, key: str, record: Any) -> None:
         """Receive a record of the topic with that key; "diagnostics" carries the counters of all nodes."""
@@ -45,7 +45,7 @@ class RunObserver:
         """Receive the result of the calibration self-check, during the run or after the last record."""
 
     def ended(self) -> None:
-        """Note that the last record has arrived. The self-check, if still due, and the pictures follow."""
+        """Handle the end of the records. The self-check, if still due, and the pictures follow."""
 
     def drew(self, done: int, total: int) -> None:
         """Receive the number of finished pictures and their total number."""

@@ -29,8 +29,8 @@ class Correction:
         from_sound: Capture folder or bag with the cameras' sound, from which offsets and drifts are
             estimated.
         apart: Maximum distance between microphones, m, see `offsets.sound.SoundClocksConfig`.
-        from_motion: Estimate offsets and drifts from the motion of people. After sound, estimate the residual
-            ones.
+        from_motion: Estimate offsets and drifts from the motion of people. After a correction by sound,
+            estimate the residual offsets and drifts.
         out: Output file for the estimates.
         trusted: Camera with correct timestamps. "" = most cameras if they agree, else the mean of all.
 

@@ -266,7 +266,7 @@ def _on_no_clock(rig: Rig, clocks: Mapping[str, str]) -> Iterator[str]:
 
 
 def check_swapped(clocks: Mapping[str, str], words: Readings, stamps: Mapping[str, Sequence[int]]) -> None:
-    """Check that no two channels of one device are swapped, so that each fits only the other's cameras.
+    """Check that no two channels of one device are swapped. Swapped channels fit each other's cameras only.
 
     Args:
         clocks: clock by camera.
