@@ -30,8 +30,9 @@ from panoptic_ros.kinematics.pose.targets import Evidence, no_anchor
 
 Array = np.ndarray
 MEMORY = 100  # maximum number of observations in the average
-DEVICE_TRUST = 3.0  # number of measurements that the common deviation of mountings counts as, for one device
-COMMON_TRUST = 6.0  # number of measurements that the stated deviation counts as, against all devices
+# number of measurements that the common standard deviation of mountings counts as, for one device
+DEVICE_TRUST = 3.0
+COMMON_TRUST = 6.0  # number of measurements that the stated standard deviation counts as, against all devices
 MOST_SD = math.radians(60.0)
 # minimum error of a mistake: rad, and common standard deviations
 MISTAKEN, MISTAKEN_SDS = math.radians(14.0), 3.0
@@ -43,7 +44,7 @@ FEWEST_BEFORE = 8  # minimum number of older observations for this comparison
 UNKNOWN = 1e-9  # 1/rad^2, information about what no data determine
 MISTAKEN_SPREADS = 2.2  # minimum error of a mistake in its own standard deviations
 TOLD = math.radians(20.0)
-HEADING_TRUST = 2.0  # number of measurements that the stated heading deviation counts as
+HEADING_TRUST = 2.0  # number of measurements that the stated heading standard deviation counts as
 LATE_HEADING = math.radians(5.0)  # minimum heading error that is reported
 
 
@@ -164,7 +165,7 @@ class MountingEstimate:
         return Looks(information, pull, len(self._recent))
 
     def _update(self) -> None:
-        """Update the corrections, the common deviation of mountings, and the mistaken and slipped devices."""
+        """Update corrections, common standard deviation, and mistaken and slipped devices."""
         newest, self.slipped = self._newest(), []
         if self._older.number > FEWEST_BEFORE and self._several:
             slipped = self._slip(newest)
