@@ -20,7 +20,7 @@ Limits:
 
 * A constant delay between a sample and its timestamp is not observable (parameter `delays_ms`).
 * A tape that runs backwards gives no clock.
-* Jumps smaller than `jump_s`, or than eight times the timestamp scatter, are not detected.
+* Small jumps are not detected. The limit is eight times the timestamp scatter, but at most `jump_s`.
 """
 
 from panoptic_ros.clocks.config import ClocksConfig

@@ -18,7 +18,7 @@ from panoptic_ros.stage import Notice
 
 LEAST_TOLERANCE = 2e-4  # s, minimum outlier tolerance
 LARGEST_GROWTH = 0.25  # s, maximum growth of the tolerance after a gap; a timestamp years ahead is not a gap
-NOISE_FACTOR = 8.0  # tolerance over the standard deviation of the readings
+NOISE_FACTOR = 8.0  # ratio of the outlier tolerance to the standard deviation of the readings
 UNKNOWN_DRIFT = 3e-4  # drift assumed for a clock without measurements
 FRAME_SHARE = 0.1  # frames, maximum distance of a jump from whole frames to be rounded to them
 MORE_WORDS = 6  # words to wait if samples do not show the cause: another device may report a timecode jump
@@ -116,7 +116,7 @@ class DeviceClock:
         notices = self._check_rate(reading.timecode)
         stamp = max(0, reading.stamp_ns - self._delay_ns)
         expected, tolerance = self._expect(stamp)
-        onward = bool(self._points) and stamp > self._points[-1].device_ns  # master time never goes back
+        onward = bool(self._points) and stamp > self._points[-1].device_ns  # only then is `expected` valid
         master = self._timeline.master_ns(self._name, reading.timecode, expected if onward else None)
         noise = reading.std_samples * self._samples.period
         point = Point(stamp, master, reading.start_sample, noise)

@@ -16,7 +16,8 @@ from panoptic_ros.clocks.line import Line
 Array = np.ndarray
 LEAST_POINTS = 8  # minimum number of points for the removal of early ones
 EARLY_SHARE = 0.01  # maximum share of points removed as early; at least two points
-EARLY_FACTOR = 6.0  # times the typical distance of the lowest points from the line
+# a point is early if it is farther below the line than this times the lowest points' spacing
+EARLY_FACTOR = 6.0
 # minimum ratio of the line's std to the delay scatter: whole-ms timestamps cluster on the line
 LEAST_SHARE = 0.02
 LOW_SHARE = 0.05  # share of the lowest points, which measure the point density near the line

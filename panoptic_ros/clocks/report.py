@@ -1,4 +1,4 @@
-"""Measure the clock of each camera from its frame timestamps, and state problems of a capture with remedies.
+"""Measure the clock of each camera from its frame timestamps, and report problems with remedies.
 
 Frames are exposed at even intervals. Timestamps of the host are late by a transport delay. The x axis is the
 frame count, including dropped frames. The line below the timestamps (`envelope`) is the clock of the camera,
@@ -47,7 +47,7 @@ USUAL_RATES = (  # Hz
     240.0,
 )
 MANY_LOST = 0.005  # share of dropped frames above which a warning is given
-PACED = 0.6  # minimum concentration of timestamps on the host's grid
+PACED = 0.6  # concentration of timestamps on the host's grid above which the host sets the pace
 PACED_JITTER_S = 3e-4  # s; hardware timestamps may lie on a grid too, but scatter less
 BEAT = 0.25  # periods, peak-to-peak deviation from an even clock above which a warning is given
 SAME_RATE = 8e-4  # maximum relative difference of two equal rates
@@ -70,7 +70,8 @@ class FrameTiming:
         lost: (count) missing frames between others.
         gaps: (count) places where frames are missing.
         not_later: (count) timestamps not later than the previous one. All other fields ignore them.
-        one_way: True if timestamps are late more often than early, so that the line lies below them.
+        one_way: True if the late tail of the timestamps is longer than the early one. The line then lies
+            below them.
     """
 
     reference_ns: int

@@ -27,7 +27,7 @@ from panoptic_ros.domain import ClockModel, FrameRate, TimecodeReading
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
-STEP_NS = 1_000_000  # ns between two lines of a clock that cannot be noise
+STEP_NS = 1_000_000  # ns, difference of two lines of a clock that noise cannot cause
 STEP_SIGMAS = 8.0  # the same in standard deviations; the larger of the two limits counts
 AFTER_STEP_NS = 400_000_000  # ns between a jump and the first model of the new line
 Models = list[ClockModel]

@@ -24,7 +24,7 @@ from panoptic_ros.errors import ClockError
 Array = np.ndarray
 LEAST_READINGS = 3
 WIDEST_GAP = 1.5  # words of the master timecode across which its time is interpolated
-OTHER_RATE = 2e-4  # penalty, as drift, for another frame rate than measured; rates differ by 1e-3
+OTHER_RATE = 2e-4  # drift penalty of a frame rate other than that of the last word; rates differ by 1e-3
 
 
 def align_timecodes(

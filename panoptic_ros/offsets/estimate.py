@@ -20,11 +20,11 @@ CAUCHY = 3.0  # standard deviations, scale of the Cauchy weights
 ROUGHNESS = (0.02, 20.0)  # m/s^1.5, limits of the root spectral density of white acceleration
 FIRST_ROUGHNESS = 1.5
 FIRST_NOISE = 3e-3  # initial noise on the normalised image plane
-LARGEST_STEP = 0.04  # s per iteration
+LARGEST_STEP = 0.04  # s, maximum offset step per iteration
 ENOUGH = 2e-5  # s, largest offset step at convergence
 LEARNING = 12  # number of iterations in which noise and stiffness are learnt
 MEMORY = 3  # number of previous states for Anderson acceleration
-LARGEST_JUMP = 3.0  # maximum length of an accelerated step, in plain steps; longer ones are rejected
+LARGEST_JUMP = 3.0  # maximum ratio of an accelerated step to the plain step; longer ones are rejected
 SCORE_BINS = 5
 LEAST_COUNT = 60  # minimum number of residuals for a separate noise factor of a group
 RAYLEIGH_MEDIAN = 1.17741  # median length of a 2D residual with standard deviation 1 per axis
@@ -48,7 +48,7 @@ class Fit:
         information: (2C, 2C) of (offsets, drifts) from the rays, without any prior.
         converged: True if the last step was small.
         iterations: number of steps.
-        seen: (N) rays used, ordered by trajectory.
+        seen: (N rays) observations used, ordered by trajectory.
         misses: (N, 2) m, distance of the ray from its trajectory, across the ray.
         across: (N, 2) m/s, velocity of the joint across the ray.
         precision: (N,) 1/m^2, weight of the ray.
@@ -178,8 +178,7 @@ def _accelerated(history: list[tuple[Array, Array]], cameras: int) -> Array:
 
 
 class Noise:
-    """Standard deviations on the normalised image plane: a function of score, with factors per camera and
-    joint.
+    """Standard deviations of 2D joints on the normalised image plane, by score, camera and joint.
 
     All values come from medians of residuals, so outliers hardly affect them.
     """

@@ -36,11 +36,11 @@ from panoptic_ros.state import Fields, Stateful, StateLayout
 Array = np.ndarray
 SECOND = 1_000_000_000
 FRAME_LIMIT = 4096  # maximum number of buffered frames, for example while no person is tracked
-# cameras; up to this number all frames are used, and more cameras take turns with as many in total
+# number of cameras up to which all frames are used; more cameras take turns, with the same total
 ALL_FRAMES = 10
 PATIENCE_S = 10.0  # s after which clocks that are still unknown are reported
 STEP_NS = 33_000_000
-FRAMES = 15  # enough rays for a trajectory
+FRAMES = 15  # number of frames to compile with: enough rays for a trajectory
 
 
 class ClockNotices:
@@ -167,7 +167,7 @@ class OffsetsStage(Stateful):
         return StepResult()
 
     def _keep(self, view: ViewDetections) -> None:
-        """Buffer a frame until its block ends, if its camera has the turn."""
+        """Buffer a frame until its block ends, if it is its camera's turn."""
         turn = self._turns.get(view.camera, self._arrays.index.get(view.camera, 0))
         if turn % -(-len(self._rig) // ALL_FRAMES) == 0:
             stamp = max(0, view.stamp_ns + self._delays.get(view.camera, 0))

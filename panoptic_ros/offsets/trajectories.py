@@ -1,5 +1,4 @@
-"""Fit the trajectory of every joint to all of its rays, and compute its information about the clocks
-(kernel).
+"""Fit the trajectory of every joint to its rays, and compute its information about the clocks (kernels).
 
 A trajectory is a uniform cubic B-spline with a penalty on its second differences, the prior of white
 acceleration. Observation i at the corrected time t_i is the linear pair of rows A_i X(t_i) = b_i. A change do
@@ -7,8 +6,8 @@ of its camera's clock changes the residual by d_i do, with d_i = A_i X'(t_i). El
 (banded Cholesky) leaves a small system for the clocks.
 
 The module also has kernels for symmetric banded systems: Cholesky factor, solution, and the part of the
-inverse inside the band. A matrix (n, n) of half bandwidth b is stored as its lower band (n, b + 1): band[i,
-k] = A[i, i - k].
+inverse inside the band. A matrix (n, n) of half bandwidth b is stored as its lower band (n, b + 1):
+band[i, k] = A[i, i - k].
 """
 
 from __future__ import annotations
@@ -108,7 +107,7 @@ class SeriesFit(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """N observations.
+    """Rays of N observations.
 
     Args:
         times: (N,) s, corrected.
@@ -145,8 +144,14 @@ class Curves(NamedTuple):
 
 
 class _Knots(NamedTuple):
-    """One trajectory: observations first..last, time of the first knot (s), number of control points, step
-    (s)."""
+    """Knots of one trajectory, and the range first..last (exclusive) of its observations.
+
+    Args:
+        first, last: indices of its first observation and of that of the next trajectory.
+        origin: (s) time of the first knot.
+        number: number of control points.
+        step: (s) time between knots.
+    """
 
     first: int
     last: int

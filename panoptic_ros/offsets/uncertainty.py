@@ -14,8 +14,8 @@ LEAST_BLOCK = 5  # minimum number of rays in a block
 FEW_BLOCKS = 20  # minimum number of blocks to estimate the variance excess
 EXCESS = 1.5  # ratio of variances beyond which the mean residuals show a bias
 NORMAL_MEDIAN = 0.6745  # median of |x| for a standard normal x
-MIXED_NOISE = 1.38  # value of that ratio for independent noise, as blocks have few rays of unequal noise
-AGREE = 3e-3  # s; offsets that differ by less are equal
+MIXED_NOISE = 1.38  # variance ratio of independent noise in `_excess`: blocks have few rays of unequal noise
+AGREE = 3e-3  # s; offsets that differ by less count as equal
 CHANCE = 2.0  # standard deviations of the difference, by which equal offsets may differ by chance
 
 
@@ -58,10 +58,10 @@ def _floor(fit: Fit) -> Array:
 
 
 def detector_bias(fit: Fit) -> float:
-    """Return the rms distance (m) of detected joints from the common intersection of rays, over seconds.
+    """Return the typical distance (m) of detected joints from the point where the rays of all cameras meet.
 
-    It is measured across the motion, where clocks have no effect. It is 0 if the means of residuals over
-    blocks are as small as expected for independent noise.
+    It is averaged over blocks of `LONG_BLOCK`, and measured across the motion, where clocks have no effect.
+    It is 0 if the means of residuals over blocks are as small as expected for independent noise.
     """
     means, expected = _block_means(fit, LONG_BLOCK)
     if _excess(means, expected) < EXCESS:
@@ -121,7 +121,7 @@ def _bias_variance(fit: Fit, bias: float) -> Array:
 
 
 def acquainted(covariance: Array) -> Array:
-    """Return the cameras (C,) whose offsets are known relative to each other; all for fewer than two.
+    """Return the cameras (C,) whose offsets are known relative to each other; all, if fewer than two.
 
     A camera without motion may have any offset. Its exclusion keeps it from degrading the other offsets.
     """

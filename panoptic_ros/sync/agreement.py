@@ -164,7 +164,7 @@ class Agreement(Generic[Frame]):
     def end(self, camera: str) -> tuple[list[Frame], list[Notice]]:
         """End a camera; return its frames if the time line has not begun, and notices.
 
-        After that, frames with a deviating offset are dropped.
+        Once the time line has begun, its frames with a deviating offset are dropped.
         """
         line = self._lines[camera]
         begun = self._by_arrival.offset is not None or self._by_stamps.offset is not None
@@ -176,7 +176,7 @@ class Agreement(Generic[Frame]):
     def _gather(
         self, majority: Majority, view: Frame, at: int, host: int | None
     ) -> tuple[list[Frame], list[Notice]]:
-        """Begin the time line once all cameras have frames, or those with frames after a waiting time."""
+        """Begin the time line once all cameras have given frames, or after a waiting time."""
         line = self._lines[view.camera]
         self._began = at if self._began is None else self._began
         notices = [_out_of_time(lost) for lost in line.add(view, at)]

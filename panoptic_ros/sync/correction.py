@@ -21,11 +21,10 @@ FOREVER = 2**63 - 1  # ns, `until_ns` of a model that stays valid without observ
 HELD = 64  # live: maximum number of frames per camera that wait for a clock
 UNHEARD_S = 2.0  # s of waiting frames after which a clock without any model is reported
 SILENT_S = 3.0  # s without observations of a clock after which it is reported
-# s between a camera's first frame and the observations of a clock; beyond, the clock is not the camera's
-FAR_S = 600.0
+FAR_S = 600.0  # s, maximum distance of a camera's first frame from the observations of its clock
 GAP_S = 0.3  # s; a longer step between frames may hide a clock jump
 ODD_STEP = 0.2  # periods, maximum deviation of a frame step from whole periods
-MOST_PERIODS = 2  # one dropped frame is normal; a longer step may be a jump by whole periods
+MOST_PERIODS = 2  # longest regular frame step: one frame may be dropped; a longer step may be a clock jump
 PATIENCE_S = 2.0  # s of frames that wait for a new clock model after a gap
 BEFORE_JUMP = "its clock jumped before anything was known about it"
 LARGEST_DRIFT = 5e-3  # bad crystals deviate by 1e-4, and confused frame rates by 1e-3
@@ -272,7 +271,7 @@ class StampCorrection:
     # ------------------------------------------------------------------ regular steps
 
     def _switch(self, camera: CameraClock, stamp_ns: int) -> None:
-        """Switch to the next line without an irregular step, once the current line has ended."""
+        """Switch to the next clock line, even without an irregular step, once the current one has ended."""
         old, new = camera.model, camera.following
         if old is None or new is None or stamp_ns < new.from_ns:
             return

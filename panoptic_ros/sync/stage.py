@@ -236,7 +236,7 @@ class SyncStage(Stateful):
                 notices.append(_dropped("sync.queue_full", lost, "too many frames wait"))
 
     def _is_late(self, stamp_ns: int) -> bool:
-        """Return whether a frame is too early for the instant after the newest closed one."""
+        """Return whether a frame's set is already closed: the frame is too old for the next instant."""
         if self._closed is None or self._instants is None:
             return False
         return stamp_ns < self._instants.after(self._closed) - self._reach(self._instants)

@@ -3,6 +3,10 @@
 Input: `AudioBlock`s of one or several devices. Output: one `TimecodeReading` per word, with the fractional
 sample at which the word starts and its standard deviation.
 
+Terms: a word is the 80-bit LTC codeword of one frame, and a cell is the duration of one of its bits. A tick
+is the boundary of a half cell. A label is the time in a word: hours, minutes, seconds, frames. A counting is
+a sequence of consecutive labels. Stopped timecode repeats one label.
+
 `decoder` describes the whole method on one page. It uses four subpackages. Each of them imports only those
 listed before it:
 
@@ -17,9 +21,10 @@ listed before it:
 * `label`: turns words into consecutive labels. All words of a stretch are judged together against consecutive
   labels (`stretch`). Room echoes flip the same bits in every word, so a linear channel must also explain the
   labels. Later words are judged against the label expected next (`evidence`). They must also fit better than
-  the labels of the neighbouring frames, so that stopped timecode is not counted on. User bits of earlier
-  words are assumed in that test. A word that clicks or noise contradict is reported only if the words around
-  it are not contradicted. The reported user bits are the last certain ones, or 0 before any are certain.
+  the labels of the neighbouring frames, so that stopped timecode is not read as counting. User bits of
+  earlier words are assumed in that test. A word that clicks or noise contradict is reported only if the words
+  around it are not contradicted. The reported user bits are the last certain ones, or 0 before any are
+  certain.
 * `follow`: reads one word after another (`reading`). The speed of the last words predicts where the next word
   begins (`following`). While the speed changes, the next word is tracked instead (`wander`).
 

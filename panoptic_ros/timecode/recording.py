@@ -1,5 +1,7 @@
-"""Decode the timecode of a whole recording. Every word of a signal gets the frame rate of the signal's last
-word."""
+"""Decode the timecode of a whole recording.
+
+Every word of a signal gets the frame rate of the signal's last word.
+"""
 
 from __future__ import annotations
 

@@ -50,8 +50,8 @@ class Channel:
         clock: name of the clock whose timecode the channel carries. "" = the device's own clock, None = not
             named.
         decoder: decoder of the channel's samples.
-        last: (optional) last word of the channel. The next word is checked against it for jumps and lost
-            audio.
+        last: (None before the first) last word of the channel. The next word is checked against it for jumps
+            and lost audio.
     """
 
     number: int

@@ -14,7 +14,7 @@ PLACES = 4.0  # maximum number of independent source positions: people stay wher
 KEPT_S = 10.0  # s for which the source of sound stays at one position
 NOISE_S = 2e-3  # s, minimum noise of the arrival at a device in one window
 STRAY = 4.0  # standard deviations beyond which a window is dropped
-LOOP_S = 0.01  # s by which the lags of three devices may fail to add up to 0, as echoes cause for one sound
+LOOP_S = 0.01  # s, tolerance of the sum of the lags of three devices for one sound, which echoes move off 0
 FEWEST = 3  # minimum number of windows to estimate the variation of travel times
 
 
@@ -150,9 +150,9 @@ def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Ar
     """Return the lines corrected by K windows, with their covariance.
 
     Every source position adds its own travel delays. The part that all windows share cannot be distinguished
-    from clock offsets. Let the delays over windows have variance s^2, and the delays over all possible
-    positions variance S. Then the mean over the actual positions deviates with variance S - s^2, for one
-    position (s = 0) as for many. Variations stay constant for some seconds.
+    from clock offsets. Let s^2 be the variance of the delays over the windows, and S that over all possible
+    source positions. The mean over the actual positions then has an error of variance S - s^2, for one
+    position (s = 0) as for many. Delays that vary stay the same for some seconds.
 
     Args:
         lines: initial lines.
@@ -204,9 +204,9 @@ class _Effects:
     """Variance components of a delay, in units of its variance over all source positions.
 
     Args:
-        shared: (component) common to all windows.
-        kept: (component) constant for some seconds.
-        own: (component) independent in each window.
+        shared: variance of the part common to all windows.
+        kept: variance of the part that stays the same for some seconds.
+        own: variance of the independent part of each window.
     """
 
     shared: float

@@ -8,7 +8,7 @@ import numpy as np
 
 Array = np.ndarray
 RATE = 100.0  # Hz, rate of coarse onsets
-# s, length of the energy windows; s, time of a rise; floor quantile, see `onsets`
+# length of the energy windows (s), time of a rise (s), floor quantile; see `onsets`
 LENGTH_S, RISE_S, LEVEL = 0.025, 0.02, 0.5
 LEAST_S = 5.0  # s that two recordings must share
 ECHO_S = 0.25  # s around a peak in which other peaks belong to it

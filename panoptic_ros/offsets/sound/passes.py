@@ -31,7 +31,7 @@ NEAR_S, CHAIN_S = 0.1, 1.0
 COARSE_S = 0.01  # s, standard deviation of a coarse lag
 DRIFTS = 3e-4  # maximum relative drift of two clocks
 Array = np.ndarray
-APART = 6.0  # m
+APART = 6.0  # m, assumed maximum distance of two microphones
 LEAST_CLEAR = 2  # minimum number of windows in which a device must be confirmed
 
 

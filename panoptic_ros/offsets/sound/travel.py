@@ -81,7 +81,10 @@ class Places:
 
 
 def _resultant(ratio: Array) -> Array:
-    """Return the mean cosine of the phase error that noise causes in a steady wave, given the energy ratio.
+    """Return the mean cosine of the phase error that noise causes in a steady wave.
+
+    Args:
+        ratio: ratio of the energy of the wave to that of the noise.
     """
     from scipy.special import ive  # imported here: it loads slowly, and most runs do not need it
 

@@ -17,7 +17,7 @@ from panoptic_ros.stage import Progress
 Array = np.ndarray
 RATE = 500.0  # Hz, rate of fine onsets
 LENGTH_S, RISE_S = 0.012, 0.008  # s, length of the energy windows, and time over which their energy rises
-WINDOW_S = 2.0  # s
+WINDOW_S = 2.0  # s, length of a window
 MOST = 240  # maximum number of windows
 SEARCH_S = 0.08  # s, search range around the known lags
 BEYOND_S = 0.6  # s, range of lags used to measure the chance agreement

@@ -24,8 +24,10 @@ from panoptic_ros.timecode.word.viterbi import WordLevels
 Array = np.ndarray
 LINE_WORDS = 10  # number of words in the line fit of the cell length
 BENDING = 0.05  # cells; a word farther off the predicted middle means that the speed has changed
-WAVERS = 30.0  # variance ratio of the swing in one word, larger than any channel causes
-OFTEN_WAVERS, FEW = 3.0, 8  # the same as a mean over a few words; number of these words
+# variance ratio of the swing in one word that shows a changing speed; no channel causes as much
+WAVERS = 30.0
+# mean variance ratio over a few words that shows a changing speed; number of words
+OFTEN_WAVERS, FEW = 3.0, 8
 LEAST_SWING = 4e-4  # samples squared, mean over the edges of a word; a smaller swing is ignored
 # number of words and maximum mean variance ratio at which the speed counts as constant again
 CALM_WORDS, CALM = 48, 1.5
@@ -117,7 +119,7 @@ class Follow:
     def hit(self, fit: EdgeFit, grid: Grid, good: bool, ticks: Array | None) -> None:
         """Advance past a word that was read, and update the speed from it if it is good.
 
-        A word that is not good may be shifted by clicks, so it updates nothing.
+        A word that is not good may be shifted by clicks, so the speed is not updated from it.
 
         Args:
             grid: grid of the word, recorded samples.
@@ -143,7 +145,7 @@ class Follow:
 
     @property
     def cell(self) -> float:
-        """Return the cell length (recorded samples) from a line through the last words; 0 for under 3."""
+        """Return the cell length (recorded samples) from a line through the last words; 0 before 3 words."""
         if len(self._line) < 3:
             return 0.0
         numbers, middles = np.array(self._line).T

@@ -102,7 +102,7 @@ class _Fields:
 
 
 def _carried(table: Array, carry: Array) -> Array:
-    """Return, per value of a field, the total score of all words if words without carry have that value."""
+    """Return the total score of all words for each value of a field in words without carry."""
     values = table.shape[1]
     total = np.zeros(values)
     for amount in np.unique(carry):

@@ -1,9 +1,9 @@
 """Score a label for one word, against all other labels and against those of the neighbouring frames.
 
 The labels of stopped timecode differ in few bits from consecutive labels. A wrong user bit beside these bits
-can hide the flipped polarity that reveals the difference. Therefore, if a word has the user bits of earlier
-words under any label, labels are judged with these bits. A label must also be more likely than its
-neighbours. All scores are in nats (natural logarithms of probability ratios).
+can hide the flipped polarity that reveals the difference. Therefore, if a word has the same user bits as
+earlier words, its labels are judged with these bits. A label must also be more likely than its neighbours.
+All scores are in nats (natural logarithms of probability ratios).
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ GOOD_NATS = 15.0  # maximum nats by which a good word may contradict its label
 LEAST_QUALITY = 0.8  # share of the level magnitude that the bits must explain
 LEAST_TENTH = 0.25  # minimum level of each tenth of a word, relative to the word's level; a cut word has less
 LEAST_ANYWHERE = 0.1  # the same for a tenth at any position; silence has less
-POSSIBLE_NATS, POSSIBLE_QUALITY = 150.0, 0.7  # limits of a possible word, which must lie between good ones
+POSSIBLE_NATS, POSSIBLE_QUALITY = 150.0, 0.7  # the same limits for a word between good ones
 CLEAN_SHARE = 0.93  # share of the levels that the bits explain if there is no click
-CLEAR_NATS = 1.0  # a clean word that contradicts its label by less has no other label
+CLEAR_NATS = 1.0  # nats; a clean word that contradicts its label by less cannot have another one
 USER_NATS = 8.0  # maximum nats by which a word may contradict the user bits that it shares with other words
-# offsets of the neighbouring labels, frames; stopped timecode counts as lost after this many
+# frames, offsets of the neighbouring labels; after 4 words, stopped timecode counts as lost
 BESIDE = (-1, 1, -2, 2, -3, 3, -4, 4)
 BEHIND_NATS = 24.0  # nats by which a word with clicks may fit the neighbouring labels better than its own
 NO_BITS = np.full(WORD_CELLS, FREE, np.int8)

@@ -10,7 +10,7 @@ from panoptic_ros.timecode.label.evidence import Evidence, UserBits, Verdict
 from panoptic_ros.timecode.label.stretch import WORST_NATS, Solution
 from panoptic_ros.timecode.word.viterbi import WordLevels
 
-SURE_NATS = 10.0  # minimum nats by which other labels must be worse for a certain label
+SURE_NATS = 10.0  # nats by which all other labels must be worse for a label to be certain
 RULED_OUT_NATS = 30.0  # a counting worse than the best by more is dropped
 UPHELD_NATS = 6.0  # nats by which the neighbouring labels must be worse before words are reported
 Digits = tuple[int, int, int, int, bool]
@@ -98,8 +98,8 @@ class ExpectedLabels:
         Args:
             good: True if the word judged last is good; otherwise the sum of evidence restarts.
             early: True if the word precedes those by which the signal was found.
-            read: number of good words so far. It lowers the threshold: a signal that has counted is likely to
-                count on.
+            read: number of good words so far. It lowers the threshold: labels that were consecutive so far
+                are likely to continue.
         """
         self._ahead = self._ahead + self._last_ahead if good else 0.0
         if early or self._ahead < UPHELD_NATS - np.log1p(read):

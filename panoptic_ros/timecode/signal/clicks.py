@@ -10,7 +10,7 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
-EVERY = 7  # the level is computed from every 7th sample; 7 avoids multiples of the half-cell length
+EVERY = 7  # the level is computed from every 7th sample; 7 is not a multiple of the half-cell length
 TOGETHER = 64  # samples compared per inner loop
 
 

@@ -102,7 +102,7 @@ def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -
 def _coarse(
     sums: Array, begin: float, shortest: float, longest: float, sample_rate: int, search: Search
 ) -> Iterator[tuple[float, float]]:
-    """Yield the half-cell lengths (samples) that best explain mid-stretch, each with an edge (sample)."""
+    """Yield pairs (half-cell length, edge) in samples that best explain the middle of the stretch."""
     span = search.coarse * sample_rate
     begin = begin + 0.5 * (search.seconds - search.coarse) * sample_rate
     steps = int(2.0 * span / shortest * np.log(longest / shortest)) + 2

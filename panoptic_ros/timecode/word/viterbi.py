@@ -1,8 +1,9 @@
 """Decode bits from half-cell levels with a two-state Viterbi search: soft bits, independent of polarity.
 
 A single word has two possible polarities. A change of its bit 0 then only flips the sign of its first half
-cell, as noise can do too. Stopped words could therefore be read as if they counted. The sync word sent just
-before has one polarity only, and a cell always begins with a transition. It therefore resolves the ambiguity.
+cell, as noise can do too. Stopped timecode could therefore be read as consecutive labels. The sync word sent
+just before has one polarity only, and a cell always begins with a transition. It therefore resolves the
+ambiguity.
 """
 
 from __future__ import annotations
