@@ -31,7 +31,7 @@ class Memory:
         grey: (h, w) uint8.
         scale: px of the image per px of the grey image.
         stamp_ns: Timestamp of the image.
-        people: in px of the image. None: people were lost and cannot be propagated.
+        people: People in px of the image. None: people were lost and cannot be propagated.
         look_ns: Timestamp of the image in which the network detected the people.
     """
 

@@ -37,7 +37,7 @@ class Finding:
     """People that a network detects in one image.
 
     Args:
-        people: in image px, each with at least one joint above the threshold. Boxes are optional.
+        people: People in image px, each with at least one joint above the threshold. Boxes are optional.
         patches: Score maps, None if there are none.
         scale: net px per image px of the network that detects the people.
     """

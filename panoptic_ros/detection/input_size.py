@@ -17,7 +17,7 @@ import numpy as np
 START_SIDES = (256, 384, 512, 768)  # net px, tried on the first frame if no side is configured
 SURE = 0.2  # people with higher scores count
 PROBE_FACTORS = (0.7, 0.45, 1.5, 2.2)  # factors on the present side, tried in turn
-PROBE_AFTER, PROBE_AFTER_MOST = 3, 64  # frames before a probe of another side; doubles with every vain one
+PROBE_AFTER, PROBE_AFTER_MOST = 3, 64  # frames with missed people before a probe; doubles after vain probes
 UNCLAIMED_JOINTS = 6  # this number of joints without a person indicates a missed person
 SETTLED = 3  # frames at one side before it may follow the people
 GAIN = 0.15  # summed person scores by which another side must be better

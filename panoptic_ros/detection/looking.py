@@ -24,16 +24,14 @@ SCANS_PER_S = 12  # scans (small whole images) of all cameras together
 WHOLE_IMAGES = 2  # whole images of every camera after an alarm
 WHOLE_IMAGES_LIVE = 1  # the same where an allowance limits looks
 QUIET_LIVE_NS = SECOND  # pause between alarms with an allowance: whole images of the last alarm come first
-FIRST_WAIT_NS = SECOND // 2  # before the same unexplained person raises the next alarm; doubles each time
+FIRST_WAIT_NS = SECOND // 2  # until the same unexplained person may raise the next alarm; doubles each time
 LONGEST_WAIT_NS = 32 * SECOND
-MOST_VAIN = 4  # closer looks without result up to which the wait grows: 2, 4, ... 16 looks
+MOST_VAIN = 4  # unsuccessful closer looks up to which the wait grows: 2, 4, ... 16 looks
 SAME_PLACE = 0.3  # least intersection over union of two boxes of the same unexplained person
 
 
 class Look(Enum):
-    """Processing of one image: network on the whole image, network on regions, or propagation by optical
-    flow.
-    """
+    """Processing of one image: network on the whole image, network on regions, or optical flow only."""
 
     WHOLE = "whole"
     REGIONS = "regions"
@@ -138,7 +136,9 @@ class Lookout:
         return (Look.WHOLE if due else Look.CARRY), False
 
     def allowed(self, camera: str, stamp_ns: int, number: int, wish: Look) -> Look:
-        """Return what the allowance permits for an image, where `wish` is due; postponed looks come later.
+        """Return what the allowance permits for an image, where `wish` is due.
+
+        A later image makes up for a postponed whole image of an alarm.
 
         Args:
             number: Number of the frame.

@@ -19,7 +19,7 @@ Array = np.ndarray
 
 
 LEAST_LINEAR = 0.5  # scale from which bilinear sampling reads every pixel, at a seventh of the cost
-BLURRED = 1000  # px of the longer side: larger images are shrunk later, which hides bilinear blur
+BLURRED = 1000  # px, longer side above which bilinear rotation suffices: later shrinking hides its blur
 QUARTER_TURNS = (cv2.ROTATE_90_COUNTERCLOCKWISE, cv2.ROTATE_180, cv2.ROTATE_90_CLOCKWISE)  # 1, 2, 3 turns
 
 

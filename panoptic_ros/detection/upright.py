@@ -17,11 +17,13 @@ from panoptic_ros.errors import ConfigError, shown
 from panoptic_ros.stage import Notice, Severity
 
 QUARTER = 90.0  # deg
-UPRIGHT = 30.0  # deg, largest roll left uncorrected: rotating by less than a quarter turn doubles the px
+UPRIGHT = 30.0  # deg, largest roll left uncorrected: rotating by less than a quarter turn may double the px
 LEVEL = 10.0  # deg, largest distance from a quarter turn at which the exact quarter turn is used
 CONTRARY = 0.5  # cosine of the angle between two up axes, below which one of them is wrong
-SURE = 0.7  # least cosine between up and the image tops, for up from images to count as sure
-AROUND, FEWEST = 0.25, 3  # least spread of rows and number of cameras for up from images: all may be rolled
+SURE = 0.7  # least cosine of the angle between up and the tops of images, for images to define up
+# Least spread of image rows, and least number of cameras, for images to define up: otherwise all of them may
+# be rolled.
+AROUND, FEWEST = 0.25, 3
 NOT_KNOWN = (0.0, 0.0, 0.0)  # value of `DetectionConfig.up` if no file states up
 FINDING = "`panoptic rig check RIG --detections FILE` finds from people which way is up"
 

@@ -108,8 +108,8 @@ class Expected:
         """Return indices of those of the second 2D poses (N,) that the first lack; both are of one image.
 
         Two detections of one person differ a little. So a second pose counts in two cases only. Either it
-        matches an expected person whom no first pose matches (at most one pose per person), or it is near
-        neither an expected person nor a first pose.
+        matches an expected person whom no first pose matches; each such person counts once. Or it is near no
+        expected person and near no first pose.
         """
         distances = apart(*second, self.pixels, self.there)
         new = np.asarray((distances > IN_A_CROWD).all(axis=1))

@@ -34,7 +34,8 @@ class Evidence:
         view: (D,) view of each pose.
         rows: (D,) index of the pose in its `ViewDetections`.
         plane: (D, J, 2) undistorted normalised points, 0 where missing.
-        magnification: (D, J) image scale at the point, relative to the optical axis; 1 for Brown lenses.
+        magnification: (D, J) image scale at the point, relative to the optical axis; 1 for Brown lenses of up
+            to five terms.
         scores: (D, J), 0 where missing.
         delays: (V,) s, timestamp of the view minus that of the set; 0 where motion in between is neglected.
 

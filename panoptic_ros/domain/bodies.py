@@ -28,7 +28,7 @@ class ImuSample:
 
     Args:
         device: Name of the device.
-        stamp_ns: on the device's clock.
+        stamp_ns: Timestamp on the device's clock.
         orientation: (4,) w x y z, the device's inertial frame (z up, arbitrary heading) from the device.
         rate: (3,) rad/s, angular velocity in the device's frame.
         force: (3,) m/s^2, specific force in the device's frame: 9.81 upwards at rest.

@@ -15,7 +15,7 @@ NOT_GIVEN: Any = None  # default of a record's field that `__post_init__` replac
 
 
 def known_good(kind: type[Record], values: dict[str, Any]) -> Record:
-    """Return a record without running its checks, for the one caller whose contents always pass them.
+    """Return a record without running its checks, for callers whose contents always pass them.
 
     Args:
         kind: Class of the record.

@@ -11,7 +11,7 @@ from panoptic_ros.domain.visibility import VisibilityLimit
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
-FARTHEST = 1000  # times the larger image side: beyond any point of a person beside the camera
+FARTHEST = 1000  # limit of points in larger image sides: no person beside the camera projects farther
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -190,7 +190,7 @@ class DetectionSet:
     Args:
         index: Counts the sets from 0.
         stamp_ns: The instant, on the master clock.
-        views: in the order of the rig, each camera at most once. Every view keeps its own timestamp.
+        views: Views in the order of the rig, each camera at most once. Every view keeps its own timestamp.
     """
 
     index: int

@@ -29,7 +29,7 @@ class PatchTracks:
         parts: (N,) index into `domain.parts.rigid_parts` of the skeleton.
 
     Raises:
-        DataError: on shapes that do not fit, points that are not finite, or information that is not positive.
+        DataError: on shapes that do not fit, points that are not finite, or negative information (xx or yy).
     """
 
     camera: str

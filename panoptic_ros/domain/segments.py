@@ -19,8 +19,7 @@ SHORTEST, TALLEST = 0.4, 2.6  # m, limits of possible statures
 
 @dataclass(frozen=True)
 class JointOffset:
-    """Offset of a joint as a detector sees it from the segment skeleton's joint (Malleson et al. 2020,
-    3.3.2).
+    """Offset from a joint of the segments to where a detector sees it (Malleson et al. 2020, 3.3.2).
 
     Args:
         frame: Name of the segment in whose frame the offset is.
@@ -131,7 +130,7 @@ class SegmentModel:
     def frames_of(self, joint: str) -> tuple[int, ...]:
         """Return the segments in whose frames an offset of a detector's joint can be.
 
-        These are its own segment, and for a joint at the begin of that segment also the parent.
+        These are its own segment, and for a joint at that segment's origin also the parent.
         """
         segment, share = self.keypoints[joint]
         own = self.index(segment)
@@ -162,7 +161,7 @@ class Body:
 
     @property
     def seen(self) -> Mapping[str, tuple[int, Array]]:
-        """Return the keypoints where the detector sees them.
+        """Return the keypoints at the positions where the detector sees them.
 
         A position measured on this person comes first; otherwise the model's measured offset is added.
         """

@@ -28,8 +28,8 @@ class SkeletonModel:
             all views share; () = unknown. Not part of the identity (`hash`).
 
     Raises:
-        ConfigError: if the bones are not a tree over all joints, a name repeats, an index is out of range, or
-            a floor is not in 0..1 m.
+        ConfigError: if the bones are no tree over all joints, a name repeats, or an index or floor is out of
+            range.
     """
 
     name: str
@@ -108,7 +108,7 @@ class JointMap:
     Args:
         source_count: Number of joints of the detector.
         sources: J tuples. One index = copied. Several = their mean in the image (a start only: the final
-            position of such a joint is derived in 3D). None = never seen.
+            position of such a joint is derived in 3D). An empty tuple = never seen.
     """
 
     source_count: int

@@ -12,9 +12,9 @@ TURNED = 1e-9  # largest 1 - |sine| at which the middle angle counts as a right 
 def euler_angles(rotations: Array, order: str) -> Array:
     """Return angles (..., 3) rad of intrinsic rotations about the axes of `order`.
 
-    R = R_a(angle 0) R_b(angle 1) R_c(angle 2) for order "abc", like three hinges in a row (ISB's joint
-    coordinate systems, Wu et al. 2005). The middle angle is within a right angle. At a right angle only the
-    sum or difference of the other two is determined, and the last one is 0.
+    The rotation is R_a(angle 0) R_b(angle 1) R_c(angle 2) for order "abc". This is like three hinges in a row
+    (ISB's joint coordinate systems, Wu et al. 2005). The middle angle is within a right angle. At a right
+    angle only the sum or difference of the other two is determined, and the last one is 0.
     """
     a, b, c = ("xyz".index(axis) for axis in order)
     sign = 1.0 if (b - a) % 3 == 1 else -1.0

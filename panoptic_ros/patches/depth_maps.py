@@ -28,7 +28,7 @@ KNOWN = 9  # least number of the 25 px of a window with a known depth
 MEETS = 0.1  # m, greatest distance between a surface and the capsule that it meets
 FEWEST = 6  # least number of points on people to judge a map
 MEMORY = 0.2  # weight of the newest map in the running share of points that meet people
-LIES, TRUE = 0.25, 0.4  # shares at which a sensor in use is left out, and above which another is used
+LIES, TRUE = 0.25, 0.4  # share up to which a sensor in use is left out; share above which one is used
 
 
 class DepthMaps:

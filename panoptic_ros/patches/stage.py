@@ -30,7 +30,7 @@ from panoptic_ros.state import Stateful, StateLayout
 
 Array = np.ndarray
 KEPT = 16  # number of newest tracks of a camera that wait for their instant
-LONGEST_NS = 500_000_000  # greatest time between two instants that points are tracked over
+LONGEST_NS = 500_000_000  # greatest time between two instants for which motions are computed
 NOTHING_FREE = np.zeros((0, 2), np.int64)
 SILENT = 25  # instants with people but without tracks, or without a motion, after which a notice is given
 NO_TRACKS = (

@@ -25,5 +25,5 @@ all people are known. `exact` never explains peaks away. Stages of one method:
     VotingStage(VotingConfig(method="exact", threshold=0.1, min_views=3), context)
 
 Limits: `seeds` misses a joint without a 2D peak in two of the paired views. A view sees its field of view up
-to the limits of depth maps and known occluders. People do not occlude each other.
+to the limits of depth maps and known occluders. Occlusion of people by each other is not modelled.
 """

@@ -29,7 +29,7 @@ BULGE = 0.25  # greatest bend by a lens of the edge between two border points, a
 WIDEST = 1.5  # rad, greatest half angle of a cone
 ROUNDING = 1e-6  # rad, margin for rounding errors
 MARGIN = 1e-9  # m, more than rounding errors
-LARGEST, SPLIT = 32, 2  # voxels along a side of the first boxes; parts that a side is split into, down to 2
+LARGEST, SPLIT = 32, 2  # voxels per side of the first boxes; parts of a split side (down to 2 voxels)
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
@@ -54,8 +54,8 @@ class Cones(NamedTuple):
 def maxima(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
     """Return nodes at the centres of all local maxima, in the order of joint and voxel.
 
-    A maximum is a voxel that satisfies the demands. No such voxel among its 26 neighbours has more votes, or
-    equal votes and an earlier position in the order.
+    A maximum is a voxel that satisfies the demands and wins against its 26 neighbours. A neighbour that
+    satisfies the demands beats it with more votes, or with equal votes and an earlier position in the order.
     """
     found = visit(scene, cones_of(scene), volume, wanted)
     at = found[:, :4].astype(np.int64)
@@ -67,7 +67,8 @@ def maxima(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
 def highest(at: Array, votes: Array) -> Array:
     """Return the indices of joints and voxels (N, 4) that are local maxima, in their order.
 
-    No neighbour of the same joint among them may win. All indices start from 0.
+    A maximum has no neighbour of its joint with more votes, or with equal votes and an earlier position. All
+    indices start from 0.
     """
     shape = at.max(axis=0, initial=0) + 3  # padding, so that voxels on opposite sides are no neighbours
     keys = np.ravel_multi_index(tuple(at.T), shape)

@@ -53,9 +53,9 @@ def score_parts(
 ) -> Parts:
     """Return parts between nodes (N, 3) m of the joints (N,), with their connectivity scores.
 
-    The score is Phi = mean over the views that see both ends of max_i of (h_iu + h_iv) / 2. A term counts
-    only if both scores are above the threshold, else 0; i runs over the 2D poses of the view. Parts with
-    score 0 are dropped.
+    The score Phi is the mean of max_i (h_iu + h_iv) / 2 over the views that see both ends. The index i runs
+    over the 2D poses of the view. A term is 0 unless both scores are above the threshold. Parts with score 0
+    are dropped.
 
     Args:
         bones: Parent and child joint of each bone, as in `SkeletonModel`.

@@ -97,7 +97,7 @@ def _add_keypoints(people, v, j, threshold, pixels, total):
 @inlined
 def _add_map_peaks(scene, v, j, threshold, pixels, total):
     """Write the peaks of a map to pixels[total] and on; return the new total."""
-    camera, table, least = scene.cameras[v], scene.patch_table, int(255.0 * threshold)  # compares faster
+    camera, table, least = scene.cameras[v], scene.patch_table, int(255.0 * threshold)  # int: compares faster
     det = camera.a0 * camera.b1 - camera.a1 * camera.b0
     data, key = scene.patch_data, v * scene.map_start.shape[1] + j
     for k in range(scene.patch_start[key], scene.patch_start[key + 1]):

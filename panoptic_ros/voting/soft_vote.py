@@ -98,8 +98,8 @@ def move_to_votes(scene, joints, starts, moving, radii, ball):
     """Return the moved points (N, 3) m of the joints (N,); see `moved`.
 
     Each view is evaluated at the points' positions at its own timestamp. Votes are means over the views that
-    see the position. The ball points lie along the axes of the nearest camera that sees the start, so that
-    the result does not depend on the world frame.
+    see the position. The ball points lie along the axes of the nearest camera that sees the start. So the
+    result does not depend on the world frame.
 
     Args:
         starts: (N, 3) m.

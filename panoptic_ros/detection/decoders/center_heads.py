@@ -2,7 +2,7 @@
 
 It follows Zhou, Wang, Krähenbühl, "Objects as Points", 2019, and MoveNet's own post-processing. A person is a
 local maximum (5 x 5) of the centre map. The network regresses the joints from there. Each joint is the cell
-with the best weighted score near the regressed place, moved by the offset that is regressed in that cell. The
+with the best weighted score near the regressed place. The offset that is regressed in that cell is added. The
 weight is exp(-d^2 / variance), d being the distance in cells. Only cells in the person's box count. A box
 that contains no cell, or lies beyond the border, keeps the next cell.
 """

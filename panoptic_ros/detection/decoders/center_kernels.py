@@ -16,8 +16,8 @@ def people_of(heads, most, threshold, variance):
     """Decode the people of an image, unsorted, in cells.
 
     Args:
-        heads: Center (h, w), heat (K, h, w), regress and offset (2 K, h, w), box_scale and box_offset (2, h,
-            w), all float32; y before x.
+        heads: `center` (h, w), `heat` (K, h, w), `regress` and `offset` (2 K, h, w), `box_scale` and
+            `box_offset` (2, h, w), all float32; y before x.
         most: Greatest number of people.
         threshold: Least person score.
         variance: See `decode_center_heads`.

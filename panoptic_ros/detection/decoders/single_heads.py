@@ -2,7 +2,7 @@
 
 It follows MoveNet's own post-processing. The person's centre is the maximum of the centre map divided by the
 distance to the middle of the crop. The network regresses the joints from there. Each joint is the maximum of
-its map divided by the distance to the regressed place, moved by the offset that is regressed in that cell.
+its map divided by the distance to the regressed place. The offset that is regressed in that cell is added.
 """
 
 from __future__ import annotations
