@@ -2,7 +2,7 @@
 
 left:
   image: /zed/left/image_raw               # or .../compressed
-  camera_info: /zed/left/camera_info       # optional; default for rectified images: the topic beside the image
+  camera_info: /zed/left/camera_info       # optional; default if rectified: the topic beside the image
   depth: /zed/depth/image_raw              # optional, registered to the image; or .../compressedDepth
   encoding: bayer_rggb8                    # optional: overrides the encoding in the driver's images
 kinect3:                                   # a depth sensor without images, on its own clock

@@ -120,7 +120,7 @@ def whole_frames(packed: bytes) -> tuple[dict[str, Any], int] | None:
         None if the data are no such document, or damaged in another way than a missing end.
     """
     text = _cut_text(packed)
-    # After a power cut a file may have its full length, with zeros in place of the last bytes.
+    # After a power cut a file may have its full length, but zeros where the last bytes were not written.
     text = _cut_text(packed.rstrip(b"\0")) if text is None else text
     begin = -1 if text is None else text.find('"frames": [')
     if text is None or begin < 0:

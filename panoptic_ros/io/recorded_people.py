@@ -67,8 +67,9 @@ def _choose(detections: PlainDetections) -> str:
 
 
 def _own_names(detections: PlainDetections, joints: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the joint names of the automatically chosen skeleton, in the file's spelling where the joints
-    map one to one.
+    """Return the joint names of the automatically chosen skeleton.
+
+    They have the spelling of the file if its joints map one to one.
     """
     _, mapping = map_joints(_choose(detections), detections.joint_names)
     return tuple(

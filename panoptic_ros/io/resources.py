@@ -40,8 +40,9 @@ def state_folder() -> Path:
 
 
 def cache_folder() -> Path:
-    """Return the folder of cached models: PANOPTIC_CACHE, else XDG_CACHE_HOME/panoptic_ros, else
-    ~/.cache/panoptic_ros.
+    """Return the cache folder of models.
+
+    PANOPTIC_CACHE, else XDG_CACHE_HOME/panoptic_ros, else ~/.cache/panoptic_ros.
     """
     own = os.environ.get("PANOPTIC_CACHE")
     if own:

@@ -1,8 +1,8 @@
 """Read sync tables of CMU's Panoptic Studio: synctables_<sequence>.json and ksynctables_<sequence>.json.
 
-hd.univ_time[], kinect.color.KINECTNODE<n>.univ_time[] and kinect.depth.KINECTNODE<n>.univ_time[] are times in
-ms of one clock. Values of 0 and below are missing frames. `index`, if present, is the frame in the video
-file.
+The arrays hd.univ_time, kinect.color.KINECTNODE<n>.univ_time and kinect.depth.KINECTNODE<n>.univ_time are
+times in ms of one clock. Values of 0 and below are missing frames. `index`, if present, is the frame in the
+video file.
 
 Sources disagree on the element of hd.univ_time that belongs to image file N. The toolbox's own MATLAB demo
 uses univ_time(N + 2), which is element N + 1 counted from 0 ("-2 is some weired offset in synctables"). Ports
@@ -61,8 +61,7 @@ class SyncStream:
 
 @dataclass(frozen=True)
 class KinectMatch:
-    """Frames of one Kinect for an HD frame, as indices into its video files; None = no frame within the gate.
-    """
+    """Frames of one Kinect for an HD frame, as indices into its videos; None = no frame within the gate."""
 
     color: int | None
     depth: int | None

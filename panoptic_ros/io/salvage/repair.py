@@ -1,9 +1,9 @@
 """Repair a cut bag: copy all complete messages into a new bag that every reader can open.
 
-Of MCAP files that end too early or are damaged, the complete records from the front are read. The MCAP reader
-is our own. Library readers need the index at the end of the file. The one reader of MCAP's own library that
-does not need it accepts a cut record as complete (foxglove/mcap#1474). Of SQLite3 files that end too early or
-are damaged, all readable messages are read.
+From a cut or damaged MCAP file, all complete records before the damage are read. The MCAP reader is our own.
+Library readers need the index at the end of the file. The one reader of MCAP's own library that does not need
+it accepts a cut record as complete (foxglove/mcap#1474). From a cut or damaged SQLite3 file, all readable
+messages are read.
 """
 
 from __future__ import annotations
@@ -380,7 +380,9 @@ def odd_quality(name: str, topic: str) -> str:
 
 
 def _next(file: BinaryIO) -> _Record | None:
-    """Read the next record; None at the end. A rest shorter than a record header gives an incomplete record.
+    """Read the next record; None at the end.
+
+    A remainder shorter than a record header gives an incomplete record.
     """
     frame = file.read(FRAME.size)
     if len(frame) < FRAME.size:
