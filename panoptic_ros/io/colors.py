@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import colorsys
 
-GOLDEN = 0.6180339887498949  # fraction of the golden ratio: successive ids get distant hues
+GOLDEN = 0.6180339887498949  # golden ratio minus 1: successive ids get distant hues
 FIRST_HUE = 0.08
 
 

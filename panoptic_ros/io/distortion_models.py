@@ -10,7 +10,7 @@ from panoptic_ros.errors import CalibrationError, shown
 from panoptic_ros.geometry import Intrinsics, Lens
 
 Array = np.ndarray
-OPENCV = "opencv"  # model of files that name none
+OPENCV = "opencv"  # assumed model of files that name none
 # Names in lower case, letters and digits only. All OpenCV models except the fisheye form one model with 14
 # terms.
 _BROWN = frozenset(

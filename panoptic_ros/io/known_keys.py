@@ -16,7 +16,7 @@ from panoptic_ros.errors import nearest, plain, shown
 
 # Maps a key to None, to the `Keys` of a nested table, or to a list of one `Keys` for a list of tables.
 Keys = Mapping[str, Any]
-EACH = "*"  # among known keys: any name that the user chooses
+EACH = "*"  # among known keys: matches any user-chosen name
 # Among known keys: other programs write further keys, which are only reported if they look misspelt.
 OTHERS = "..."
 MARKS = (EACH, OTHERS)

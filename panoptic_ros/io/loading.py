@@ -20,7 +20,8 @@ from panoptic_ros.errors import DataError, EnvironmentProblem, PanopticError, Us
 MIB = 1 << 20  # bytes
 GZIP = b"\x1f\x8b"  # first bytes of a gzip file, RFC 1952
 PIECE = MIB // 2  # bytes that are unpacked in one step
-# bytes to which PIECE may unpack, ratio 1:64. 480 empty views have 1:22, IMUs at rest 1:37.
+# bytes, limit of the unpacked size of a PIECE, ratio 1:64. A document of 480 empty views has 1:22, of IMUs at
+# rest 1:37.
 UNPACKED = 32 * MIB
 # Limit of gzip members: MEMBERS, plus one for each MEMBER bytes of the file. bgzip members have 16 kB.
 MEMBERS, MEMBER = 100, 4096

@@ -31,7 +31,7 @@ def share_folder() -> Path:
 
 
 def state_folder() -> Path:
-    """Return the folder of persistent program state: XDG_STATE_HOME or ~/.local/state, /panoptic_ros."""
+    """Return the folder of persistent program state: panoptic_ros in XDG_STATE_HOME or ~/.local/state."""
     base = os.environ.get("XDG_STATE_HOME")
     try:
         return (Path(base) if base else Path.home() / ".local" / "state") / "panoptic_ros"

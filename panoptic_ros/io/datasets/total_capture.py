@@ -166,7 +166,7 @@ def degrees_off(
 ) -> dict[str, float]:
     """Return the angle (deg) between each mounted IMU and its true segment, median over common frames.
 
-    A large angle shows that calibration, samples and truth do not belong together.
+    A large angle shows that calibration, samples and truth come from different recordings.
     """
     at, found = {state.stamp_ns: state for state in truth}, {}
     for device in subject.devices:
@@ -186,8 +186,8 @@ def placed_in_time(
 ) -> tuple[dict[str, ImuSeries], list[BodyState]]:
     """Return the samples and the truth of their common frames.
 
-    If one has more frames, they are aligned at the begin or at the end. The alignment with the smaller angle
-    between IMUs and true segments is used, and a notice reports it.
+    If one has more frames, they are aligned at the beginning or at the end. The alignment with the smaller
+    angle between IMUs and true segments is used, and a notice reports it.
     """
     samples = min(len(series.stamps) for series in devices.values())
     more = len(truth) - samples

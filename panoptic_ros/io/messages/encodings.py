@@ -30,7 +30,8 @@ _CONVERSIONS = {
     "nv12": "COLOR_YUV2BGR_NV12",
     "nv21": "COLOR_YUV2BGR_NV21",
 }
-_CHANNELS = {"bgr": 3, "rgb": 3, "bgra": 4, "rgba": 4, "yuyv": 2, "uyvy": 2}  # others have 1
+# channels of a layout; other layouts have 1
+_CHANNELS = {"bgr": 3, "rgb": 3, "bgra": 4, "rgba": 4, "yuyv": 2, "uyvy": 2}
 BAYER = "bayer_"  # prefix of the encodings of Bayer mosaics
 _MOSAICS = tuple(BAYER + pattern for pattern in ("rggb", "bggr", "gbrg", "grbg"))
 _COLOURS = ("mono", "bgr", "rgb", "bgra", "rgba", *_MOSAICS)

@@ -168,7 +168,7 @@ _ASSOCIATION = Table(
     {"evidence": (Evidence, False), "groups": (Groups, False), "prediction": (Prediction, False)},
     _check_association,
 )
-_SHIFT = {  # field of the message: attribute of the time shift, shape
+_SHIFT = {  # message field: (attribute of `TimeShift`, shape)
     "delays": ("delays", "P J 3 3"),
     "assumed_velocities": ("assumed", "P J 3"),
     "velocities": ("velocities", "P J 3"),

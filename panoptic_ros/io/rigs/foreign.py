@@ -16,7 +16,7 @@ Test = Callable[[Any], bool]
 
 
 def _tables_with(*keys: str) -> Test:
-    """Return a test whether a document is a table of tables that have these keys."""
+    """Return a test of whether a document is a table of tables that have these keys."""
 
     def test(document: Any) -> bool:
         rows = list(document.values()) if isinstance(document, dict) else []
@@ -26,12 +26,12 @@ def _tables_with(*keys: str) -> Test:
 
 
 def _with(*keys: str) -> Test:
-    """Return a test whether a document is a table that has these keys."""
+    """Return a test of whether a document is a table that has these keys."""
     return lambda document: isinstance(document, dict) and set(keys) <= set(document)
 
 
 def _text(*patterns: str) -> Test:
-    """Return a test whether a text has, for each pattern, a line that begins with it."""
+    """Return a test of whether a text has, for each pattern, a line that begins with it."""
     return lambda text: all(re.search(f"^{pattern}", text, re.MULTILINE) for pattern in patterns)
 
 

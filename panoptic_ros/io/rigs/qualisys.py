@@ -2,9 +2,9 @@
 
 Lengths are in millimetres, z is up. The rotation maps the world to camera axes x right, y up, z backward; x,
 y, z is the camera's position. Focal lengths and principal point are in 1/64 px. The principal point refers to
-the whole sensor, of which `fov_video` was filmed. The distortion coefficients are those of the normalised
-image, as in OpenCV. QTM shows images rotated clockwise by `viewrotation` degrees. Its videos and calibrations
-are without this rotation.
+the whole sensor; `fov_video` is the filmed part of it. The distortion coefficients are those of the
+normalised image, as in OpenCV. QTM shows images rotated clockwise by `viewrotation` degrees. Its videos and
+calibrations are without this rotation.
 """
 
 from __future__ import annotations

@@ -278,7 +278,7 @@ def mcap_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Message
 
 
 class _Contents:
-    """Reader of the records of one MCAP file, with the topics read so far."""
+    """Reader of the records of one damaged MCAP file; it keeps the topics read so far."""
 
     def __init__(self, name: str, size: int, losses: Losses):
         self._name, self._size, self._losses = name, size, losses

@@ -54,7 +54,7 @@ class _Place(NamedTuple):
 
 
 class _Stated(NamedTuple):
-    """Number of messages, chunks and messages by channel that the file states. The latter may be empty."""
+    """Numbers of messages, chunks, and messages by channel that the file states; the last may be missing."""
 
     messages: int
     chunks: int

@@ -91,7 +91,9 @@ def unpack(path: Path, target: Path) -> str:
 
 
 def unpacked_message(data: bytes) -> bytes:
-    """Return a message without message-level zstd compression, if it has one: CDR begins with a zero byte.
+    """Return the CDR bytes of a message; decompress it if it begins with zstd's magic number.
+
+    CDR begins with a zero byte, so it cannot be mistaken for zstd.
 
     Raises:
         ValueError: if the compressed data are damaged.

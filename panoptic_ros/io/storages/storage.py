@@ -58,7 +58,7 @@ class Storage(Protocol):
 
 
 class Part(NamedTuple):
-    """Messages in order of time, none of which is before `begin_ns`."""
+    """Messages in order of time; all are at or after `begin_ns`."""
 
     begin_ns: int
     rows: Callable[[], Iterator[Row]]
