@@ -85,8 +85,8 @@ class PlayedSource:
 
     Frame n is due, and timestamped, at start_ns + n / rate. A short recording is decoded once and played
     forward and backward, so that people do not jump. Its frames are kept as YUV 4:2:0, the format of cameras.
-    The conversion to BGR then costs as much as reading a camera. A long recording is decoded frame by frame
-    when each is due, which a camera would not cost. After its last frame it restarts at the first.
+    Reading a frame then only needs the conversion to BGR, as with a camera. In a long recording each frame is
+    decoded when it is due, a cost that a camera does not have. After its last frame it restarts at the first.
 
     Cameras with the same start and rate play in sync, whenever they are opened. A frame that is not requested
     in time is dropped, and its number is skipped.

@@ -98,10 +98,10 @@ def open_capture_folder(
 
     Args:
         path: holds a rig file and `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera.
-            Optional are `<camera>_depth/*.png` (see `DepthSource`), `<sensor>_depth/*.png` of the rig's depth
-            sensors (see `DepthSensorSource`), `<device>.wav` or sound tracks, with sound.yaml (see
-            `folder_sounds`), occluders.json, and timestamps.csv or else CMU's sync tables (see
-            `table_times`). Other files and folders are ignored.
+            Optional depth maps are `<camera>_depth/*.png` (see `DepthSource`) and `<sensor>_depth/*.png` of
+            the rig's depth sensors (see `DepthSensorSource`). Optional audio is `<device>.wav` or sound
+            tracks, with sound.yaml (see `folder_sounds`). Further optional files are occluders.json, and
+            timestamps.csv or else CMU's sync tables (see `table_times`). Other files and folders are ignored.
         rig: replaces the rig file and occluders.json.
         cameras: use only these.
         size_policy: see `fit_camera`.

@@ -183,7 +183,7 @@ class Movie:
         return [ticks * self.tick for ticks in sorted(self._shown())]
 
     def reordering(self) -> int:
-        """Return the largest number of frames by which a frame is stored late; reads the first packets."""
+        """Return the largest delay of a frame in storage order, in frames; reads the first packets."""
         stored = list(islice(self._shown(), _REORDERED))
         place = {ticks: k for k, ticks in enumerate(sorted(stored))}
         return max((k - place[ticks] for k, ticks in enumerate(stored)), default=0)

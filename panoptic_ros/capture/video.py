@@ -19,7 +19,7 @@ from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice
 
-NEARLY = Fraction(1, 20)  # frame periods by which files round times
+NEARLY = Fraction(1, 20)  # frame periods, tolerance for rounded times in a file
 # s, tolerance between the end that a track states and the end of its last frame
 SLACK_S = Fraction(1, 4)
 SKIP = "--skip-damaged leaves out what is damaged"
@@ -32,12 +32,17 @@ class VideoSource:
     is therefore portrait here, and `image_size` is the size after rotation. Interlaced frames are reduced to
     their first field. `notices` reports both.
 
-    Timestamps are the given ones. Without them, they are start_ns + i / frame_rate if a frame rate is given,
-    else the container's times relative to its first frame. Container times that lie on the grid of the file's
-    own frame rate, within its rounding, are set to the grid. A constant rate then gives start_ns + i / rate
-    without drift, even after frames that the recorder dropped. From the first frame off the grid (a variable
-    rate), the container's times are used unchanged. If the container's time does not increase, the frame is
-    placed one period after the previous one and counted in `repaired_stamps`.
+    The timestamps have three possible sources, in this order:
+
+    - `stamps`, if given
+    - start_ns + i / frame_rate, if a frame rate is given
+    - the container's times, relative to its first frame
+
+    Container times that lie on the grid of the file's own frame rate, within its rounding, are set to the
+    grid. A constant rate then gives start_ns + i / rate without drift, even after frames that the recorder
+    dropped. From the first frame off the grid (a variable rate), the container's times are used unchanged. If
+    the container's time does not increase, the frame is placed one period after the previous one and counted
+    in `repaired_stamps`.
 
     Args:
         camera: name.

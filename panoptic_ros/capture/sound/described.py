@@ -34,7 +34,7 @@ SILENT_S = 5.0  # s without any block after which the device counts as lost
 SECOND = 1_000_000_000
 KEPT_S = 5.0  # s, window in which some blocks arrive promptly; a clock drift of 1e-4 moves by 0.5 ms in it
 PROMPT = 0.05  # fraction of the blocks with the earliest times, which are discarded as wrong
-LOST_NS = SECOND  # ns behind the sample count that mean a loss of samples or a suspended machine
+LOST_NS = SECOND  # ns; a larger delay against the sample count means lost samples or a suspended machine
 
 
 class MicrophoneSource:

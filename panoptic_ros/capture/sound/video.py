@@ -23,8 +23,8 @@ ANCHOR_S = 1.0  # s of frames whose timestamps are averaged, because they jitter
 class VideoSound:
     """Sound track of a video file.
 
-    A sample has the timestamp of a frame that would be shown at the same time. Samples with a timestamp below
-    0 are skipped.
+    A sample has the timestamp of a video frame with the same presentation time. Samples with a timestamp
+    below 0 are skipped.
 
     Args:
         device: its camera.
@@ -75,7 +75,7 @@ class VideoSound:
                     block = self._block(piece, k, min(k + step, len(piece.samples)))
                     if block is not None:
                         yield block
-                    if track not in self._open_now:  # closed meanwhile
+                    if track not in self._open_now:  # the source was closed meanwhile
                         return
         finally:
             self._release(track)
