@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     """Record, or ask the recorders of all hosts to start or stop."""
     if sum((args.start, args.stop, args.out is not None)) != 1:
         raise UsageError("give one of --out BAG, --start and --stop; --standby goes with --out FOLDER")
-    prepare_shared_memory()  # before ROS is loaded, because full shared memory terminates ROS
+    prepare_shared_memory()  # before the import of ROS, which terminates if shared memory is full
     if args.start or args.stop:
         return _ask(args.start)
     # imported here to keep --help fast

@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay the bags to the end."""
-    prepare_shared_memory()  # before ROS is loaded
+    prepare_shared_memory()  # must precede the import of ROS
     # imported here to keep --help fast
     from panoptic_ros.running.recordings.replay import ReplayOptions, replay
 

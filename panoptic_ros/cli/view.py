@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
             webbrowser.open(address)
 
     if args.live:
-        prepare_shared_memory()  # before ROS is loaded
+        prepare_shared_memory()  # must precede the import of ROS
         from panoptic_ros.running.viewer.live import view_live  # needs ROS
 
         view_live(args.host, args.port, ready, args.namespace.strip("/"))

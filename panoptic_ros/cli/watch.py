@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Show the state until interrupted, or once."""
-    prepare_shared_memory()  # before ROS is loaded
+    prepare_shared_memory()  # must precede the import of ROS
     from panoptic_ros.running.watching import watched  # needs ROS
 
     drawn = sys.stdout.isatty() and not args.once and not args.json

@@ -21,7 +21,7 @@ def begun(args: argparse.Namespace) -> Iterator[Ahead]:
     """
     over_dds = not (args.in_process or args.offline)
     if over_dds:
-        prepare_shared_memory()  # before ROS is loaded, because full shared memory terminates ROS
+        prepare_shared_memory()  # before the import of ROS, which terminates if shared memory is full
     with Ahead(over_dds) as ahead:
         if over_dds:
             from panoptic_ros.running.runs.listening import begin_to_listen  # needs ROS
