@@ -30,19 +30,19 @@ __all__ = [
 ]
 __version__ = "0.1.0"
 
-# that hold public names; the others are in running.api
+# modules of those public names that are not in running.api
 _MODULES = {"PanopticError": "errors", "Person": "domain", "Rig": "domain", "UserError": "errors"}
 
 # onnxruntime 1.29 and later on Linux: "1" prevents the uploader, the device identifier and the database.
-# Its call disable_telemetry_events() comes too late: the import makes the identifier and the database.
+# A call of disable_telemetry_events() comes too late: the import makes the identifier and the database.
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name.
+    """Import a public name on its first access.
 
     Raises:
-        AttributeError: if there is none of this name.
+        AttributeError: if there is no such name.
     """
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
@@ -50,5 +50,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return the public names, also those that are not imported yet."""
+    """Return the public names, including those that are not imported yet."""
     return sorted({*globals(), *__all__})

@@ -1,18 +1,18 @@
-"""The exception family and its exit codes.
+"""Defines the exception family and its exit codes.
 
 PanopticError (1, our own fault)
-├── ContractError (1)      a promise inside the code was broken: a bug, please report it
-└── UserError (2)          something that the user can mend
+├── ContractError (1)      a contract inside the code was broken: a bug, please report it
+└── UserError (2)          a fault that the user can fix
     ├── UsageError         arguments of a command or of a call
     ├── ConfigError        parameters: unknown, wrong type, out of range
-    ├── CalibrationError   rigs and what they claim about the cameras
+    ├── CalibrationError   rigs, and what they state about the cameras
     ├── DataError          files, bags, messages and records with bad content
-    ├── ClockError         timecode, stamps and clock models
+    ├── ClockError         timecode, timestamps and clock models
     ├── BackendError       models, execution providers, devices
     └── EnvironmentProblem what the machine lacks: packages, disk space, permissions
 
-Messages are one line that says what was found, where, and what to do. The command line catches
-the family once, in `cli/main.py`; a node drops the item on DataError and ends on all others.
+A message is one line that states what was found, where, and what to do. The command line catches the family
+once, in `cli/main.py`. A node drops the item on DataError and ends on all others.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ __all__ = [
     "shown",
 ]
 
-LIKE = 0.6  # ratio of difflib, from which a word may be another one misspelt: its own default
-MOST_WORDS = 12  # that a message lists
-SHOWN = 60  # characters of a value in a message: a list of ten numbers fits
-TOLD = 300  # characters of another library's message: a path and a sentence fit
-LONGEST_INTEGER = 200  # bits; more do not fit into `SHOWN` digits
+LIKE = 0.6  # minimum difflib ratio between a word and its misspelling; the default of difflib
+MOST_WORDS = 12  # maximum number of words listed in a message
+SHOWN = 60  # characters of a value in a message; a list of ten numbers fits
+TOLD = 300  # characters of another library's message; a path and a sentence fit
+LONGEST_INTEGER = 200  # bits; a longer integer has more than `SHOWN` digits
 
 
 class PanopticError(Exception):
@@ -51,50 +51,50 @@ class PanopticError(Exception):
 
 
 class ContractError(PanopticError):
-    """A promise between parts of the code was broken: a bug."""
+    """Error about a broken contract between parts of the code, i.e. a bug."""
 
 
 class UserError(PanopticError):
-    """Something that the user can mend; the message says how."""
+    """Error about a fault that the user can fix. The message states the remedy."""
 
     exit_code = 2
 
 
 class UsageError(UserError):
-    """Arguments that make no sense."""
+    """Error about arguments that make no sense."""
 
 
 class ConfigError(UserError):
-    """A parameter is unknown, of the wrong type or out of range."""
+    """Error about a parameter that is unknown, of the wrong type or out of range."""
 
 
 class CalibrationError(UserError):
-    """A rig that cannot be right, or that does not fit the images."""
+    """Error about a rig that cannot be correct, or that does not fit the images."""
 
 
 class DataError(UserError):
-    """A file, bag, message or record with bad content."""
+    """Error about a file, bag, message or record with bad content."""
 
 
 class ClockError(UserError):
-    """Timecode, stamps or clock models that cannot be used."""
+    """Error about timecode, timestamps or clock models that cannot be used."""
 
 
 class BackendError(UserError):
-    """A model, execution provider or device that cannot be used."""
+    """Error about a model, execution provider or device that cannot be used."""
 
 
 class EnvironmentProblem(UserError):
-    """The machine lacks something: a package, disk space, a permission."""
+    """Error about something that the machine lacks: a package, disk space, a permission."""
 
 
 def shown(value: Any, limit: int = SHOWN) -> str:
     """Return the beginning of `repr(value)`, without building the rest.
 
-    A value of a hostile file can have a representation of any length, e.g. by aliases in YAML.
+    A value from a hostile file can have a representation of any length, e.g. by aliases in YAML.
 
     Args:
-        limit: characters; a longer text ends with three dots.
+        limit: maximum number of characters. A longer text is cut and ends with three dots.
     """
     text = ""
     for piece in _pieces(value, limit):
@@ -105,11 +105,12 @@ def shown(value: Any, limit: int = SHOWN) -> str:
 
 
 def nearest(word: Any, known: Iterable[str]) -> str:
-    """Return the known word that is perhaps meant, as the end of a message; without one all known words.
+    """Return the end of a message that suggests the known word nearest to `word`.
 
-    Words are compared without case, blanks, hyphens and underscores.
+    If no word is near, it lists the known words, at most `MOST_WORDS`. Words are compared without case,
+    blanks, hyphens and underscores.
     """
-    from difflib import get_close_matches  # only now: few processes meet a word that is not known
+    from difflib import get_close_matches  # imported here, as few processes meet an unknown word
 
     by_plain = {plain(name): name for name in known}
     close = get_close_matches(plain(str(word)[:SHOWN]), list(by_plain), 1, LIKE)
@@ -134,7 +135,7 @@ def one_line(error: BaseException, limit: int = TOLD) -> str:
 
 
 def _pieces(value: Any, limit: int) -> Iterator[str]:
-    """Yield the representation piece by piece; every level of nesting begins with a piece of its own."""
+    """Yield the representation of a value in pieces. Every nested value begins a new piece."""
     if isinstance(value, str | bytes):
         yield repr(value[: limit + 1])
     elif isinstance(value, Mapping):

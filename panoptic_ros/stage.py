@@ -1,9 +1,10 @@
-"""What a stage is: one object with one `step`, ignorant of threads, files, ROS and the wall clock.
+"""Defines the interface of stages and passes.
 
-The same stages run in one process (`graph.Pipeline`) and as ROS nodes (`nodes.StageNode`), with
-identical output. A stage is deterministic: the same configuration and inputs give the same
-outputs; time comes from the stamps of its inputs. It does not log: a `Notice` is data, and the
-caller decides what to print.
+A stage is one object with one `step`. It does not depend on threads, files, ROS or the wall clock. The same
+stages run in one process (`graph.Pipeline`) and as ROS nodes (`nodes.StageNode`), with identical output. A
+stage is deterministic: the same configuration and inputs give the same outputs. Time comes from the
+timestamps of its inputs. A stage does not log: a `Notice` is data, and the caller decides what to print. A
+pass is an algorithm that needs a whole recording.
 """
 
 from __future__ import annotations
@@ -39,7 +40,12 @@ Severity = Literal["info", "warning", "error"]
 
 @dataclass(frozen=True)
 class Notice:
-    """Something that a person may want to know; `code` is stable, e.g. "sync.late_frame"."""
+    """Message for the user.
+
+    Args:
+        code: stable code, e.g. "sync.late_frame".
+        values: values in the text, for programs.
+    """
 
     code: str
     severity: Severity
@@ -49,7 +55,7 @@ class Notice:
 
 @dataclass(frozen=True)
 class StepResult(Generic[Out]):
-    """What a step gives: any number of records, and notices."""
+    """Result of a step: any number of records, and notices."""
 
     outputs: tuple[Out, ...] = ()
     notices: tuple[Notice, ...] = ()
@@ -57,7 +63,7 @@ class StepResult(Generic[Out]):
 
 @dataclass(frozen=True)
 class StageContext:
-    """What every stage may know about the capture besides its own configuration."""
+    """Information about the capture that every stage may use, in addition to its own configuration."""
 
     rig: Rig
     skeleton: SkeletonModel
@@ -66,112 +72,132 @@ class StageContext:
 
 @runtime_checkable
 class Stage(Protocol[In, Out]):
-    """Constructed as `SomeStage(config, context)`."""
+    """Stage of the pipeline, constructed as `SomeStage(config, context)`."""
 
     def step(self, item: In) -> StepResult[Out]:
-        """Take one record. Bad content raises DataError and leaves the state unchanged."""
-
-    def flush(self) -> StepResult[Out]:
-        """End of the stream: hand out all that is buffered. The stage is then as new."""
-
-    def reset(self) -> None:
-        """Forget everything, as if just constructed."""
-
-    def forget(self) -> None:
-        """Forget what was measured, in a graph that goes on: what others rely on lasts, such as ids."""
-
-    def state(self) -> bytes:
-        """All that later steps depend on; the stage is unchanged."""
-
-    def begin(self, state: bytes) -> None:
-        """Replace all of the stage's own state by what `state` gave, of a stage of this class and context.
+        """Process one record and return the results.
 
         Raises:
-            DataError: if the bytes are not whole, or of another stage, version, configuration or context; the
-                stage is then unchanged.
+            DataError: on bad content. The state is then unchanged.
+        """
+
+    def flush(self) -> StepResult[Out]:
+        """End the stream: return everything that is buffered. The stage is then as newly constructed."""
+
+    def reset(self) -> None:
+        """Reset the stage to its state after construction."""
+
+    def forget(self) -> None:
+        """Discard the measurements while the graph continues.
+
+        The stage keeps the state that other stages rely on, such as ids.
+        """
+
+    def state(self) -> bytes:
+        """Return everything that later steps depend on, as bytes. The stage is unchanged."""
+
+    def begin(self, state: bytes) -> None:
+        """Replace the stage's own state by a result of `state` from a stage of this class and context.
+
+        Raises:
+            DataError: if the bytes are incomplete, or belong to another stage, version, configuration or
+                context. The stage is then unchanged.
         """
 
 
 @runtime_checkable
 class Resting(Protocol):
-    """A stage whose state is large because of what only the next moments need."""
+    """Stage whose state is large because of data that only the next few steps need."""
 
     def lasting_state(self) -> bytes:
-        """What counts after a pause, in the form of `state`: who begins with it goes on as after one."""
+        """Return the state that matters after a pause, in the form of `state`.
+
+        A stage that begins with it continues as after a pause.
+        """
 
 
 @runtime_checkable
 class Punctual(Protocol):
-    """A stage that does less when it is late. What it gives depends on the machine then, so only a live graph
-    tells it."""
+    """Stage that does less work when it is late.
+
+    Its output then depends on the machine. So only a live graph reports the delay to it.
+    """
 
     def waited(self, ns: int) -> None:
-        """The records that come next have waited for so long."""
+        """Receive the waiting time, ns, of the next records."""
 
 
 @runtime_checkable
 class Timed(Protocol):
-    """A stage that compares stamps with the time of arrival. Only a live graph has one and tells it."""
+    """Stage that compares timestamps with arrival times.
+
+    Only a live graph has arrival times and reports them.
+    """
 
     def arrived(self, came_ns: int, host_ns: int) -> None:
-        """Take the arrival of the records that come next.
+        """Receive the arrival time of the next records.
 
         Args:
-            came_ns: on a monotonic clock. host_ns: the same moment on the clock that stamps of cameras
-                should be on.
+            came_ns: arrival time on a monotonic clock, ns.
+            host_ns: the same moment on the clock that should timestamp the cameras, ns.
         """
 
 
-# Passes: what needs a whole recording.
+# Passes: algorithms that need a whole recording.
 
 Progress = Callable[[float, str], None]
 """Is told the share that is done, 0..1, and what is being done."""
 
 
 class Recording(Protocol):
-    """The records of a capture, which can be read as often as one likes."""
+    """Records of a capture, which can be read any number of times."""
 
     def records(
         self, topic: str, scope: str = "", begin_ns: int | None = None, end_ns: int | None = None
     ) -> Iterable[Any]:
-        """Records of one topic in the order of their stamps.
+        """Return the records of one topic in the order of their timestamps.
 
         Args:
-            topic: its key in `graph.topics.TOPICS`, or "truth" for `evaluation.SkeletonFrame`s.
-            scope: the camera or device, for topics that have one.
-            begin_ns, end_ns: only stamps from the first and before the second one; None = all.
+            topic: key in `graph.topics.TOPICS`, or "truth" for `evaluation.SkeletonFrame`s.
+            scope: camera or device, for topics that have one.
+            begin_ns, end_ns: only timestamps from `begin_ns` on and before `end_ns`; None = no limit.
         """
 
 
 @runtime_checkable
 class Pass(Protocol[Artefact]):
-    """Constructed as `SomePass(config, context)`.
+    """Algorithm over a whole recording, constructed as `SomePass(config, context)`.
 
-    Deterministic as a stage is, and without state: a run leaves nothing behind for the next one.
+    It is deterministic, as a stage is, and has no state: a run does not affect the next one.
     """
 
     def run(self, recording: Recording, progress: Progress) -> Artefact:
-        """Read the recording and return what was to be found: clocks, a table, scores, motion.
+        """Read the recording and return the result: clocks, a table, scores, motion.
 
-        A pass writes no files, so an interruption leaves nothing that is half-written.
+        A pass writes no files, so an interruption leaves no incomplete files.
 
         Args:
-            progress: is called between steps, with shares that never go back and end at 1. What it
-                raises interrupts the pass.
+            progress: callback between steps, with shares that never decrease and end at 1. An exception that
+                it raises interrupts the pass.
         """
 
 
 def untold(share: float, doing: str) -> None:
-    """Progress that nobody wants to know."""
+    """Ignore the progress."""
 
 
 def part_of(progress: Progress, begin: float, end: float) -> Progress:
-    """Progress of a part of some work: its 0..1 are `begin`..`end` of the whole."""
+    """Return a progress callback for a part of a task. Its range 0..1 maps to `begin`..`end` of the task."""
     return lambda share, doing: progress(min(end, begin + (end - begin) * share), doing)
 
 
 def each(items: Iterable[Item], count: int, progress: Progress, doing: str) -> Iterator[Item]:
-    """The items, `count` in number, with progress before each of them and after the last."""
+    """Yield the items, and report progress before each item and after the last one.
+
+    Args:
+        count: number of items.
+        doing: text about the work, for `progress`.
+    """
     for done, item in enumerate(items):
         progress(done / count, doing)
         yield item

@@ -1,6 +1,6 @@
-"""Colours of clothes, in the process that has the images: what tells people of the same size apart.
+"""Clothing colours, which distinguish people of the same size; measured in the process that has the images.
 
-In: `ViewFrame`, `ViewDetections`. Out: one `ViewAppearance` for each image with people. What becomes of it is
-in `identity.appearance` and tracking. Limits: two colours say nothing of patterns, and people who wear the
-same look the same.
+Input: `ViewFrame`, `ViewDetections`. Output: one `ViewAppearance` per image with people.
+`identity.appearance` and tracking use it. Limits: two colours do not describe patterns, and people in the
+same clothes look the same.
 """

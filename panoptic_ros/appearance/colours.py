@@ -1,8 +1,8 @@
-"""Where clothes are looked at, and what colour they have.
+"""Measurement of clothing colours in images.
 
-A fixed pattern of points within torso and legs, away from their outlines, as the joints say. What lies within
-the box of another 2D person may be that one's, and is left out. The colour is the median over the points,
-channel by channel: an arm in front of the body, a belt or a print hides some.
+The colour is sampled at a fixed pattern of points inside torso and legs, away from the outlines, placed by
+the joints. Points inside the box of another 2D pose may belong to that person and are ignored. The colour is
+the median over the points, per channel. So an arm in front of the body, a belt or a print has little effect.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.domain.appearance import CHANNELS, REGIONS
 
 Array = np.ndarray
-DOWN, ACROSS = (0.12, 0.29, 0.46, 0.63, 0.8), (0.2, 0.4, 0.6, 0.8)  # shares of the torso
-THIGH, SHIN = (0.2, 0.4, 0.6, 0.8), (0.15, 0.35, 0.55)  # of the legs
-DARK = 8.0  # grey levels, added to every channel: noise tells no colour of what is dark
+# fractions of the torso's height and width
+DOWN, ACROSS = (0.12, 0.29, 0.46, 0.63, 0.8), (0.2, 0.4, 0.6, 0.8)
+THIGH, SHIN = (0.2, 0.4, 0.6, 0.8), (0.15, 0.35, 0.55)  # fractions of the thigh's and shin's length
+DARK = 8.0  # grey levels, added to every channel, so that noise does not determine the colour of dark clothes
 FORELEGS = ("hip", "knee", "ankle")
 
 
 class Pattern:
-    """Points within torso and legs of people of a skeleton, as weighted means of joints."""
+    """Sample points inside torso and legs for a skeleton model, as weighted means of joints."""
 
     def __init__(self, skeleton: SkeletonModel):
         names = [name.lower() for name in skeleton.joint_names]
@@ -47,11 +48,14 @@ class Pattern:
             for first, last, shares in ((hip, knee, THIGH), (knee, ankle, SHIN)):
                 if first is not None and last is not None:
                     rows += [_weights(len(names), {first: 1 - share, last: share}) for share in shares]
-        self.weights = np.array(rows).reshape(-1, len(names))  # (N, J)
+        self.weights = np.array(rows).reshape(-1, len(names))  # (N, J), each row sums to 1
         self.regions = np.repeat([0, 1], [torso, len(rows) - torso])
 
     def lay(self, points: Array) -> Array:
-        """Points (P, N, 2) px on people with joints (P, J, 2) px, NaN where a joint is missing."""
+        """Return the sample points (P, N, 2) px of people with joints (P, J, 2) px.
+
+        A point is NaN if one of its joints is missing (NaN).
+        """
         gone = np.isnan(points[..., 0])
         laid: Array = np.einsum("nj,pji->pni", self.weights, np.where(gone[..., None], 0.0, points))
         needs = (gone.astype(float) @ (self.weights > 0.0).T) > 0.0
@@ -60,7 +64,7 @@ class Pattern:
 
 
 def _joint(names: list[str], side: str, word: str) -> int | None:
-    """The joint of a side whose name has a word."""
+    """Return the only joint of a side ("l", "r") whose name contains a word; None if it is not unique."""
     found = [j for j, name in enumerate(names) if word in name and name.startswith(side)]
     return found[0] if len(found) == 1 else None
 
@@ -74,11 +78,13 @@ def _weights(joints: int, shares: dict[int | None, float]) -> Array:
 
 
 def colours_of(image: Array, points: Array, pattern: Pattern, fewest: int) -> Array:
-    """Colours (P, 2, 3) of people with joints (P, J, 2) px, NaN = missing, as `ViewAppearance` has them.
+    """Return colours (P, 2, 3) of people with joints (P, J, 2) px, NaN = missing, as in `ViewAppearance`.
 
     Args:
         image: (H, W, 3) uint8 BGR.
-        fewest: points by which a colour is known.
+        points: (P, J, 2) joints, px.
+        pattern: Sample points of the skeleton model.
+        fewest: Visible sample points that a colour needs.
     """
     laid = pattern.lay(points)
     with np.errstate(invalid="ignore"):
@@ -99,7 +105,7 @@ def colours_of(image: Array, points: Array, pattern: Pattern, fewest: int) -> Ar
 
 
 def _within_others(laid: Array, points: Array) -> Array:
-    """Which of the points (P, N, 2) lie in the box of another person's joints (P, J, 2)."""
+    """Return a mask (P, N) of the points (P, N, 2) inside the box of another person's joints (P, J, 2)."""
     known = ~np.isnan(points)
     low = np.where(known, points, np.inf).min(axis=1)
     high = np.where(known, points, -np.inf).max(axis=1)

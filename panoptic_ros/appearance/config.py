@@ -1,4 +1,4 @@
-"""Parameters of appearance."""
+"""Parameters of the appearance stage."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from panoptic_ros.params import Config, param
 
 @dataclass(frozen=True, kw_only=True)
 class AppearanceConfig(Config):
-    """How colours are read off images."""
+    """Parameters of the measurement of clothing colours."""
 
     fewest: int = param(
         6, ge=1, le=30, doc="Points of torso or legs that must be seen for their colour to be known."

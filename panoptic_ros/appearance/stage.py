@@ -1,4 +1,4 @@
-"""The stage: images and their 2D people in, the colours of what these wear out."""
+"""Appearance stage: images and their 2D poses in, colours of the clothes out."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from panoptic_ros.state import Stateful, StateLayout
 
 
 class AppearanceStage(Stateful):
-    """Reads the colours of clothes off the newest image of each camera, once its people are known."""
+    """Stage that measures clothing colours in the newest image of each camera, when its detections arrive."""
 
     LAYOUT = StateLayout(
         "appearance", ("_images",), (ViewFrame,), same={"configuration": "_config", "skeleton": "_hash"}
@@ -29,15 +29,17 @@ class AppearanceStage(Stateful):
         self._images.clear()
 
     def flush(self) -> StepResult[ViewAppearance]:
-        """Nothing is buffered."""
+        """Forget all images and return no records: nothing is buffered."""
         self.reset()
         return StepResult()
 
     def step(self, item: ViewFrame | ViewDetections) -> StepResult[ViewAppearance]:
-        """The colours of the people of the newest image; nothing where its people come after another image.
+        """Keep an image, or return the colours of the people whose detections have arrived.
+
+        Nothing is returned if the detections do not belong to the newest image of their camera.
 
         Raises:
-            DataError: if 2D people are of another skeleton.
+            DataError: if the 2D poses are of another skeleton model.
         """
         if isinstance(item, ViewFrame):
             self._images[item.camera] = item

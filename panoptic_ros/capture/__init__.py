@@ -1,18 +1,17 @@
-"""Where images come from: videos, image folders, live devices, capture folders, the demo captures.
+"""Sources of images: videos, image folders, live devices, capture folders, and the demo captures.
 
-Every source is a `FrameSource`: it has a camera's name, an image size and a nominal frame rate, and
-hands out `ViewFrame`s in order. Recorded sources give the same frames and stamps every time they
-are read; frame i of a video lies at start + i / frame rate, or where the container puts it if the
-frame rate varies; images without stamps lie where their numbers say. Timecode and late starts count. Live
-sources keep the newest frame only and count the others as dropped.
+Every source is a `FrameSource`. It has a camera name, an image size and a nominal frame rate, and yields
+`ViewFrame`s in order. Recorded sources yield the same frames and timestamps on every reading. Frame i of a
+video has the timestamp start + i / frame rate, or the container's time if the frame rate varies. Images
+without timestamps are placed by the numbers in their names. Timecode and late starts are taken into account.
+Live sources keep only the newest frame and count the others as dropped.
 
-In: files through PyAV (FFmpeg), devices and URLs through OpenCV (V4L2, FFmpeg). Out: `ViewFrame`s,
-BGR, upright (a video's display matrix is obeyed), distorted as the lens saw them; `DepthFrame`s of cameras
-with depth maps and of depth sensors that stand for themselves.
-Sound has a room of its own, `capture.sound`.
+Input: files through PyAV (FFmpeg), devices and URLs through OpenCV (V4L2, FFmpeg). Output: `ViewFrame`s, BGR,
+upright (a video's display matrix is applied), with the lens distortion; `DepthFrame`s of cameras with depth
+maps and of separate depth sensors. `capture.sound` reads audio.
 
-Limits: no hardware trigger, no depth from devices; a capture folder holds one file or folder
-of images per camera.
+Limits: no hardware trigger, no depth from live devices. A capture folder holds one file or folder of images
+per camera.
 """
 
 from panoptic_ros.capture.demo import demo_capture

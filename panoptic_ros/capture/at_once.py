@@ -1,4 +1,4 @@
-"""Opening files of several cameras at a time: FFmpeg reads and decodes outside of Python's lock."""
+"""Open the files of several cameras in parallel: FFmpeg reads and decodes without Python's global lock."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Protocol, TypeVar
 
-AT_ONCE = 4  # more gain little, and each holds a decoder
+AT_ONCE = 4  # more threads gain little, and each holds a decoder
 
 Name = TypeVar("Name")
 
 
 class Closes(Protocol):
-    """What is open."""
+    """An open resource."""
 
     def close(self) -> None:
         """Close it."""
@@ -23,10 +23,10 @@ Opened = TypeVar("Opened", bound=Closes)
 
 
 def opened_at_once(open_one: Callable[[Name], Opened], names: Iterable[Name]) -> list[Opened]:
-    """What a function opens of each of these names, in their order.
+    """Open all names in parallel with a function, and return the results in the order of the names.
 
     Raises:
-        what the function raises of the first name for which it does; all others are closed then.
+        Exception: the function's exception for the first name that failed; all other results are closed.
     """
     with ThreadPoolExecutor(AT_ONCE) as pool:
         tasks = [pool.submit(open_one, name) for name in names]
@@ -34,6 +34,6 @@ def opened_at_once(open_one: Callable[[Name], Opened], names: Iterable[Name]) ->
         return [task.result() for task in tasks]
     except BaseException:
         for task in tasks:
-            with suppress(Exception):  # one that failed, too
+            with suppress(Exception):  # a failed task raises its own error again
                 task.result().close()
         raise

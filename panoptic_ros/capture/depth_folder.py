@@ -1,4 +1,4 @@
-"""Depth maps beside a camera's images, registered to them: a folder of 16-bit PNGs."""
+"""Read depth maps registered to a camera's images, from a folder of 16-bit PNGs."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ from panoptic_ros.io.loading import read_bytes
 from panoptic_ros.io.pictures import decode_picture
 from panoptic_ros.stage import Notice
 
-MOST_PIXELS = 50_000_000  # of a depth map, 300 MB with the metres made of it; sensors have 1 Mpx
+# px limit of a depth map, 300 MB with the map in metres. Sensors have 1 Mpx.
+MOST_PIXELS = 50_000_000
 SUFFIX = "_depth"
 
 
 def depth_files(folder: Path, camera: str) -> tuple[Path, ...]:
-    """The PNGs of `<camera>_depth/` in natural order; none if there is no such folder.
+    """Return the PNGs of `<camera>_depth/` in natural order; empty if the folder does not exist.
 
-    camera: or a depth sensor.
+    Args:
+        camera: name of a camera or depth sensor.
     """
     place = folder / f"{camera}{SUFFIX}"
     if not place.is_dir():
@@ -35,14 +37,16 @@ def depth_files(folder: Path, camera: str) -> tuple[Path, ...]:
 
 
 class DepthSource:
-    """A source whose frames have depth maps beside them: the n-th file belongs to frame n.
+    """Source of a camera whose frames have depth maps: the n-th file belongs to frame n.
 
     Args:
-        frames: of the camera's file, None = not known; some may have no time and not be in the source.
-        files: uint16 mm along the camera's z axis, 0 = unknown; the image's field of view.
+        source: source of the images.
+        files: uint16 mm along the camera's z axis, 0 = unknown, with the image's field of view.
+        frames: number of frames in the camera's file; None = unknown. `source` may skip frames without a
+            timestamp.
 
     Raises:
-        DataError: if there are not as many as frames.
+        DataError: if the number of files differs from the number of frames.
     """
 
     def __init__(
@@ -64,10 +68,10 @@ class DepthSource:
         yield from self._source
 
     def depth_of(self, frame: ViewFrame) -> DepthFrame:
-        """The depth map of a frame.
+        """Return the depth map of a frame.
 
         Raises:
-            DataError: if there is none, or its file is no such map of its image.
+            DataError: if it is missing, or its file is no depth map of the frame's image.
         """
         number = frame.frame_number
         if number >= len(self._files):
@@ -78,7 +82,7 @@ class DepthSource:
 
     @property
     def after(self) -> tuple[Notice, ...]:
-        """Return notices that are known after the last frame."""
+        """Return the notices that are available after the last frame."""
         return self._source.after
 
     def close(self) -> None:
@@ -93,10 +97,10 @@ class DepthSource:
 
 
 def read_depth(file: Path, unit_m: float = 1e-3) -> np.ndarray:
-    """A depth map (h, w) float32 m of a PNG in counts of `unit_m`.
+    """Read a depth map (h, w) float32 m from a PNG with counts of `unit_m`.
 
     Raises:
-        DataError: if it is no PNG of one channel of 16 bits.
+        DataError: if it is no 16-bit PNG with one channel.
     """
     data = np.frombuffer(read_bytes(file), np.uint8)
     with quiet_opencv():

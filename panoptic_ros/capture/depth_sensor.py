@@ -1,4 +1,4 @@
-"""The recorded maps of depth sensors that have intrinsics, a pose and a clock of their own."""
+"""Read recorded depth maps of depth sensors with their own intrinsics, pose and clock."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from panoptic_ros.capture.source import check_stamps, exact_rate, grid_stamp
 from panoptic_ros.domain import DepthFrame, DepthSensor, Rig
 from panoptic_ros.errors import DataError
 
-FRAME_RATE = 30.0  # Hz, of maps without stamps
+FRAME_RATE = 30.0  # Hz, for maps without timestamps
 
 
 class DepthSensorSource:
-    """The maps of a sensor, in natural order of their names; iterating starts at the first every time.
+    """Depth maps of a sensor in natural order of their file names; every iteration starts at the first.
 
     Args:
-        sensor: whose size the maps must have.
+        sensor: depth sensor of the rig; the maps must have its image size.
         files: uint16 in counts of the sensor's `unit_m` along its z axis, 0 = unknown.
-        start_ns, frame_rate: map i is at start_ns + i / frame_rate.
-        stamps: ns on the sensor's clock, one per map, in place of the frame rate.
+        start_ns, frame_rate: map i has the timestamp start_ns + i / frame_rate.
+        stamps: timestamps (ns) on the sensor's clock, one per map; they replace the frame rate.
 
     Raises:
-        DataError: on stamps that are too few or too many, or do not increase; while iterating: a file that is
-            no such map.
+        DataError: if the number of timestamps is wrong or they do not increase; while iterating, if a file is
+            no depth map of the sensor.
     """
 
     def __init__(
@@ -66,14 +66,15 @@ def open_depth_sensors(
     frame_rate: float | None = None,
     stamps: Mapping[str, Sequence[int]] | None = None,
 ) -> tuple[DepthSensorSource, ...]:
-    """The depth sensors of a rig that have maps `<sensor>_depth/*.png` in a folder, in the rig's order.
+    """Open the depth sensors of a rig with maps `<sensor>_depth/*.png` in a folder, in the rig's order.
 
     Args:
-        start_ns, frame_rate: as `DepthSensorSource`; 30 Hz unless given.
-        stamps: ns by sensor, as of timestamps.csv; where there are any, all of these sensors need them.
+        start_ns, frame_rate: as `DepthSensorSource`; 30 Hz by default.
+        stamps: timestamps (ns) by sensor, e.g. from timestamps.csv. If any are given, all of these sensors
+            need them.
 
     Raises:
-        DataError: as `DepthSensorSource`, or for a sensor without stamps.
+        DataError: as `DepthSensorSource`, or for a sensor without timestamps.
     """
     sources = []
     rate = FRAME_RATE if frame_rate is None else frame_rate

@@ -1,7 +1,7 @@
-"""Opening sources from plain descriptions, as they stand in a run's plan and in a launcher's file.
+"""Open image sources from plain descriptions, as in a run's plan and in a launcher's file.
 
-Live cameras; recordings that are played as if they were live; the cameras of a recording, opened together:
-frames of each, and depth maps where there are any.
+Sources are live cameras, recordings played back as live cameras, and the cameras of a recording. A recording
+gives frames of each camera, and depth maps if it has any.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from panoptic_ros.stage import Notice
 
 
 def open_source(camera: str, rig: Rig, description: Mapping[str, Any]) -> tuple[FrameSource, Camera]:
-    """One camera's frames, and the camera as calibrated for their size.
+    """Open one camera's source; return it with the camera calibration for its image size.
 
     Args:
-        description: {"kind": "folder" | "file" | "device" | "played", "path" or "device", and what opening
-            takes}; of a folder that is played, "rate_hz" and "start_ns" (see `PlayedSource`).
+        description: {"kind": "folder" | "file" | "device" | "played", "path" or "device", and options of the
+            source}. A played folder has "rate_hz" and "start_ns" (see `PlayedSource`).
 
     Raises:
         UserError: as `open_capture_folder`, `open_files` and `open_live`.
@@ -56,10 +56,10 @@ def open_source(camera: str, rig: Rig, description: Mapping[str, Any]) -> tuple[
 
 
 def open_live(camera: str, rig: Rig, device: str, options: Mapping[str, Any]) -> DeviceSource:
-    """A device that gives images of the size for which the camera is calibrated.
+    """Open a device whose images have the size for which the camera is calibrated.
 
     Args:
-        options: of `DeviceOptions`, as plain values.
+        options: fields of `DeviceOptions` as plain values.
 
     Raises:
         BackendError: if it cannot be opened.
@@ -76,27 +76,28 @@ def open_live(camera: str, rig: Rig, device: str, options: Mapping[str, Any]) ->
     return source
 
 
-OVERTAKEN = 2  # periods after which a frame that was not read is lost, as a device would lose it
-MOST_KEPT = 400_000_000  # bytes of frames that are kept of one recording
+OVERTAKEN = 2  # periods after which an unread frame is dropped, as on a device
+MOST_KEPT = 400_000_000  # bytes of frames of one recording that are kept in memory
 
 
 class PlayedSource:
-    """A recording that is played as if it were a live camera: at its rate, over and over.
+    """Recording played back as a live camera, at a given rate, in an endless loop.
 
-    Frame n is due, and stamped, at start_ns + n / rate. A short recording is decoded once and played forth
-    and back, so that nobody jumps. Its frames are kept as cameras give them (YUV 4:2:0): to turn them into
-    BGR is what is left of reading a camera. Of a long one every frame is decoded when it is due, which costs
-    what no camera costs, and after the last frame comes the first one.
+    Frame n is due, and timestamped, at start_ns + n / rate. A short recording is decoded once and played
+    forward and backward, so that people do not jump. Its frames are kept as YUV 4:2:0, the format of cameras.
+    Reading a frame then only needs the conversion to BGR, as with a camera. In a long recording each frame is
+    decoded when it is due, a cost that a camera does not have. After its last frame it restarts at the first.
 
-    Cameras with one start and rate are played together, whenever they begin. A frame that is not asked for
-    in time is left out, and its number is.
+    Cameras with the same start and rate play in sync, whenever they are opened. A frame that is not requested
+    in time is dropped, and its number is skipped.
 
     Args:
         source: a recording of known length.
-        rate_hz: of the frames, in place of the recording's own.
-        start_ns: of `clock`.
-        clock: ns. wait: for so many s.
-        most_kept: bytes of frames.
+        rate_hz: frame rate, instead of the recording's own.
+        start_ns: time of frame 0 on `clock`.
+        clock: returns the time in ns.
+        wait: sleeps for a number of seconds.
+        most_kept: limit in bytes of frames kept in memory.
     """
 
     frame_count: int | None = None
@@ -137,11 +138,11 @@ class PlayedSource:
         return 0 < size <= self._most_kept and not (width % 2 or height % 2)
 
     def _next_number(self) -> int:
-        """Of the frame that is due next."""
+        """Return the number of the frame that is due next."""
         return max(0, math.ceil((self._clock() - self._start_ns) / self._period_ns))
 
     def _again(self) -> Iterator[tuple[int, Callable[[], np.ndarray]]]:
-        """Numbers and images of a recording that is kept, forth and back."""
+        """Yield numbers and images of a recording in memory, played forward and backward."""
         kept = [cv2.cvtColor(frame.image, cv2.COLOR_BGR2YUV_I420) for frame in self._source]
         turn = max(2 * len(kept) - 2, 1)
         for number in count(self._next_number()) if kept else ():
@@ -150,13 +151,14 @@ class PlayedSource:
             yield number, partial(cv2.cvtColor, picture, cv2.COLOR_YUV2BGR_I420)
 
     def _anew(self) -> Iterator[tuple[int, Callable[[], np.ndarray]]]:
-        """Numbers and images of a recording that is read over and over."""
+        """Yield numbers and images of a recording that is read again and again."""
         first, number = self._next_number(), -1
         while self._open:
             before = number
             for frame in self._source:
                 number += 1
-                if number == 0 and self._source.frame_count:  # begin where the others are by now
+                # begin at the frame that the other cameras have reached
+                if number == 0 and self._source.frame_count:
                     number = first - first % self._source.frame_count
                 if number >= first:
                     yield number, partial(getattr, frame, "image")
@@ -181,12 +183,15 @@ Note = Callable[[Notice], None]
 def open_recording(
     rig: Rig, descriptions: Mapping[str, Mapping[str, Any]], stack: ExitStack, note: Note
 ) -> dict[tuple[str, str], Iterator[Any]]:
-    """Iterators of `ViewFrame`s by ("image", camera), and of `DepthFrame`s by ("depth", camera).
+    """Open a recording; return iterators of `ViewFrame`s and `DepthFrame`s.
 
     Args:
         descriptions: by camera, see `open_source`.
         stack: closes the files.
-        note: takes what is known after the last frame of a camera.
+        note: called with the notices of a camera after its last frame.
+
+    Returns:
+        iterators of `ViewFrame`s by ("image", camera), and of `DepthFrame`s by ("depth", camera).
 
     Raises:
         UserError: as `open_source`.

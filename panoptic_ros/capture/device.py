@@ -1,4 +1,4 @@
-"""Live cameras: V4L2 devices and RTSP or HTTP streams, through OpenCV."""
+"""Read live cameras through OpenCV: V4L2 devices and RTSP or HTTP streams."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import BackendError, UsageError
 
 Array = np.ndarray
-BACKOFF_S = (0.5, 1.0, 2.0, 4.0, 8.0)  # pauses between attempts to reconnect
-NOMINAL_RATE_HZ = 30.0  # where a device does not say
+BACKOFF_S = (0.5, 1.0, 2.0, 4.0, 8.0)  # s, pauses between attempts to reconnect
+NOMINAL_RATE_HZ = 30.0  # Hz, if a device does not state its rate
 STREAM_SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
 
 
@@ -36,15 +36,15 @@ class Capture(Protocol):
 
 @dataclass(frozen=True)
 class DeviceOptions:
-    """How to open a device and what to expect of it.
+    """Options for opening a device, and its latency.
 
     Args:
-        image_size: (width, height) px to ask for; None takes what the device gives.
-        frame_rate: Hz to ask for, likewise.
-        latency_ms: from mid-exposure to the arrival of the image in this program; subtracted from the
-            arrival time. About one frame period plus transfer for USB, 100 to 300 ms for RTSP.
-        timeout_s: how long opening may take until the first image.
-        reconnect: whether to try again for ever when the images cease; otherwise the source ends.
+        image_size: requested (width, height) px; None = the device's default.
+        frame_rate: requested Hz; None = the device's default.
+        latency_ms: time from mid-exposure to the arrival of the image in this program; it is subtracted from
+            the arrival time. About one frame period plus transfer for USB, 100 to 300 ms for RTSP.
+        timeout_s: limit of the time from opening to the first image.
+        reconnect: if the images cease, try to reconnect forever; otherwise the source ends.
     """
 
     image_size: tuple[int, int] | None = None
@@ -55,24 +55,23 @@ class DeviceOptions:
 
 
 class DeviceSource:
-    """The newest frame of a live camera.
+    """Newest frame of a live camera.
 
-    A thread reads all the time. Iterating waits for a frame that is newer than the last one handed
-    out; those that came in between are counted in `dropped`. Frame numbers count all frames that
-    arrived, so gaps show. A stamp is the arrival on `clock` minus the latency, and never goes back.
-    When the images cease the device is closed and opened again, with longer and longer
-    pauses; `reconnects` counts the successes.
+    A thread reads continuously. An iteration waits for a frame newer than the last one it yielded. Frames in
+    between are counted in `dropped`. Frame numbers count all frames that arrived, so gaps are visible. A
+    timestamp is the arrival time on `clock` minus the latency, and always increases. If the images cease, the
+    device is closed and opened again, with increasing pauses. `reconnects` counts the successful attempts.
 
     Args:
         camera: name.
         device: a number, /dev/videoN, or an RTSP or HTTP URL.
-        clock: ns; the clock of the stamps, the wall clock unless given.
+        clock: returns ns; clock of the timestamps, by default the wall clock.
         options: see `DeviceOptions`.
-        opener: for tests.
+        opener: replaces OpenCV in tests.
 
     Raises:
         UsageError: if it is no device name.
-        BackendError: if it cannot be opened, or gives no image, in time. While iterating, without
+        BackendError: if it cannot be opened, or gives no image within the timeout. While iterating, without
             `reconnect`: if the images cease.
     """
 
@@ -128,7 +127,7 @@ class DeviceSource:
         self._stop.set()
         with self._changed:
             self._changed.notify_all()
-        self._thread.join(timeout=5.0)  # a read that hangs in a driver must not hang us
+        self._thread.join(timeout=5.0)  # timeout: a read that hangs in a driver must not block this program
 
     def __enter__(self) -> DeviceSource:
         return self
@@ -151,7 +150,7 @@ class DeviceSource:
         raise BackendError(f"{self._what}: {self._failure}; is it there, allowed, and free?")
 
     def _run(self) -> None:
-        """The thread: open, read until it fails, pause, again."""
+        """Run the thread: open the device, read until it fails, pause, repeat."""
         attempt = 0
         while not self._stop.is_set():
             with quiet_opencv():
@@ -170,7 +169,7 @@ class DeviceSource:
             self._stop.wait(BACKOFF_S[min(attempt, len(BACKOFF_S) - 1)])
 
     def _read_all(self, capture: Capture) -> int:
-        """Read until there is no more; how many images there were."""
+        """Read images until the device fails; return their number."""
         count = 0
         while not self._stop.is_set():
             with quiet_opencv():
@@ -203,11 +202,11 @@ class DeviceSource:
 
 
 def check_device(device: str, what: str) -> None:
-    """Whether a name can be a device at all.
+    """Check that a name can be a device.
 
     Raises:
         UsageError: if it is neither a number, nor a path in /dev, nor a URL of a stream.
-        BackendError: if it is a path that is not there.
+        BackendError: if it is a path that does not exist.
     """
     scheme, mark, _ = device.partition("://")
     if device.isdecimal() or (mark and scheme.lower() in STREAM_SCHEMES):
@@ -219,7 +218,7 @@ def check_device(device: str, what: str) -> None:
 
 
 def open_device(device: str, options: DeviceOptions) -> cv2.VideoCapture:
-    """OpenCV's capture of a device or stream; may be not opened."""
+    """Return OpenCV's capture of a device or stream; check isOpened() afterwards."""
     if "://" in device:
         milliseconds = round(1000 * options.timeout_s)
         capture = cv2.VideoCapture(

@@ -1,4 +1,4 @@
-"""Capture folders: a rig and one video or folder of images per camera, checked against each other."""
+"""Open capture folders: a rig and one video or folder of images per camera, checked against each other."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ NO_CORRECTIONS: Mapping[str, Mapping[str, Any]] = {}
 
 @dataclass(frozen=True)
 class CaptureFolder:
-    """A recorded capture, ready to be read; a context manager that closes its sources.
+    """Recorded capture with open sources; a context manager that closes them.
 
     Args:
         path: the folder, or the common parent of the files.
         rig: the cameras that have images, with the images' sizes.
         sources: one per camera, in the order of the rig.
-        notices: one line each about what was adapted or left out.
+        notices: one line about each adaptation or omission.
         depth_sensors: one per depth sensor of the rig that has maps, in the order of the rig.
-        sounds: descriptions of what devices heard beside the cameras, for `capture.sound.open_sound`.
-        stamps: ns by camera, where the folder has stamps of its own.
+        sounds: descriptions of the audio recordings, for `capture.sound.open_sound`.
+        stamps: timestamps (ns) by camera, if the folder has its own.
         starts: see `open_files`.
     """
 
@@ -58,12 +58,12 @@ class CaptureFolder:
 
     @property
     def depth_cameras(self) -> tuple[str, ...]:
-        """Names of the cameras that have depth maps registered to their images."""
+        """Return the names of the cameras with depth maps registered to their images."""
         return tuple(source.camera for source in self.sources if isinstance(source, DepthSource))
 
     @property
     def frame_count(self) -> int | None:
-        """Frames of all cameras together; None if a source does not know its own."""
+        """Return the number of frames of all cameras together; None if a source does not know its own."""
         counts = [source.frame_count for source in self.sources]
         return None if None in counts else sum(count for count in counts if count is not None)
 
@@ -97,25 +97,25 @@ def open_capture_folder(
     """Open a capture folder.
 
     Args:
-        path: holds a rig file, `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera,
-            and optionally `<camera>_depth/*.png` (see `DepthSource`), `<sensor>_depth/*.png` of the rig's
-            depth sensors (see `DepthSensorSource`), `<device>.wav` or sound tracks, with sound.yaml (see
-            `folder_sounds`), occluders.json, and timestamps.csv or else CMU's sync tables (see
-            `table_times`). Other files and folders are left alone.
-        rig: in place of the rig file and occluders.json.
-        cameras: use these only.
+        path: holds a rig file and `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera.
+            Optional depth maps are `<camera>_depth/*.png` (see `DepthSource`) and `<sensor>_depth/*.png` of
+            the rig's depth sensors (see `DepthSensorSource`). Optional audio is `<device>.wav` or sound
+            tracks, with sound.yaml (see `folder_sounds`). Further optional files are occluders.json, and
+            timestamps.csv or else CMU's sync tables (see `table_times`). Other files and folders are ignored.
+        rig: replaces the rig file and occluders.json.
+        cameras: use only these.
         size_policy: see `fit_camera`.
-        start_ns, frame_rate: see `VideoSource`; image folders without timestamps need a rate, 30 Hz
-            unless given.
-        corrections: of stamps by camera, see `CorrectedSource`; sound keeps its own.
+        start_ns, frame_rate: see `VideoSource`. Image folders without timestamps have 30 Hz by default.
+        corrections: timestamp corrections by camera, see `CorrectedSource`; audio keeps its own timestamps.
         starts: see `open_files`.
-        hardware, skip_damaged: see `Movie`. depth: use maps that are registered to cameras.
-        until_ns: frames with this stamp and later ones are left out.
+        hardware, skip_damaged: see `Movie`.
+        depth: use depth maps that are registered to cameras.
+        until_ns: frames with this timestamp and later ones are skipped.
 
     Raises:
-        DataError: no folder, no rig, cameras without images, two files for one camera.
-        UsageError: several rigs.
-        CalibrationError: videos without a camera in the rig, image sizes that differ from the rig's.
+        DataError: if the folder, the rig or a camera's images are missing, or a camera has two files.
+        UsageError: if there are several rigs.
+        CalibrationError: if a video has no camera in the rig, or an image size differs from the rig's.
     """
     path = Path(path)
     if not path.is_dir():
@@ -179,16 +179,18 @@ def open_files(
     skip_damaged: bool = False,
     until_ns: int | None = None,
 ) -> CaptureFolder:
-    """Open one video or image folder per camera, with the depth maps beside it, and check it against the rig.
+    """Open one video or image folder per camera with its depth maps, and check it against the rig.
 
     Args:
-        files: path by camera; cameras of the rig that are not in it are left out of the result's rig.
-        stamps: ns by camera, in place of the files' own times; where there are any, all cameras need them.
-        times: the same by number of the frame; frames that have none are left out.
-        corrections: of stamps by camera, see `CorrectedSource`.
-        starts: of cameras whose recording began later than `start_ns`, by how many ns; None: as `find_starts`
-            finds, where there are no stamps.
-        hardware, skip_damaged: see `Movie`. until_ns: see `open_capture_folder`.
+        files: path by camera; the rig of the result omits cameras that have no path.
+        stamps: timestamps (ns) by camera, which replace the files' own times. If any are given, all cameras
+            need them.
+        times: the same by frame number; frames without one are skipped.
+        corrections: timestamp corrections by camera, see `CorrectedSource`.
+        starts: delay (ns) after `start_ns` at which a camera's recording began. None = the result of
+            `find_starts`, if there are no timestamps.
+        hardware, skip_damaged: see `Movie`.
+        until_ns: see `open_capture_folder`.
 
     Raises:
         CalibrationError, DataError: as `open_capture_folder`.
@@ -260,7 +262,7 @@ def open_files(
 def fit_rig(
     rig: Rig, sources: Sequence[FrameSource], size_policy: SizePolicy = "strict"
 ) -> tuple[Rig, tuple[str, ...]]:
-    """The rig for the sources of any kind: their cameras only, with their images' sizes; and what changed.
+    """Return the rig with only the sources' cameras and image sizes, and lines about changes.
 
     Raises:
         CalibrationError: for a camera that the rig does not have, or whose size does not fit; see
@@ -276,7 +278,7 @@ def fit_rig(
 
 
 def _sound(video: VideoSource, frame_rate: float | None, stamps: Sequence[int] | None) -> dict[str, Any]:
-    """The description of a video's sound, on the time line of its frames."""
+    """Describe the sound of a video, with timestamps consistent with its frames."""
     if stamps is None and frame_rate is not None:
         rate = exact_rate(frame_rate, f"video {video.path}")
         stamps = [grid_stamp(video.start_ns, k, rate) for k in range(video.frame_count or 0)]
@@ -284,7 +286,7 @@ def _sound(video: VideoSource, frame_rate: float | None, stamps: Sequence[int] |
 
 
 def _others(videos: Mapping[str, Path], rig: Rig, start_ns: int) -> dict[str, dict[str, Any]]:
-    """Sound of videos of cameras that are not used, which may be what others are held against."""
+    """Describe the sound of videos of unused cameras: other recordings may be synchronised with it."""
     others = {path.name: name for name, path in videos.items() if name not in rig.names}
     return {file: track_sound(videos[name], name, start_ns) for file, name in others.items()}
 
@@ -329,11 +331,16 @@ def _told(text: str, cameras: Sequence[str]) -> str:
 def folder_stamps(
     path: Path, files: Mapping[str, Path], names: Collection[str]
 ) -> tuple[dict[str, tuple[int, ...]], dict[str, dict[int, int]]]:
-    """Read the table of a capture folder: stamps of all frames by camera, or, where it has gaps, by frame.
+    """Read the timestamp table of a capture folder.
 
     Args:
-        files: of images; the table may lie beside them.
-        names: of cameras and sensors. Other rows keep their names. Rows of `<device>.wav` are left out.
+        files: files of images; the table may lie beside them.
+        names: names of cameras and sensors. Rows with other names keep them. Rows of `<device>.wav` are left
+            out.
+
+    Returns:
+        timestamps (ns) of all frames by camera. If the table has gaps, this is empty, and the second value
+        has the timestamps by camera and frame number.
 
     Raises:
         DataError: as `read_stamps`.
@@ -352,7 +359,7 @@ def folder_stamps(
 
 
 def starts_of_files(files: Mapping[str, Path]) -> dict[str, int]:
-    """Find the starts of recordings, see `find_starts`; files that cannot be read do not count."""
+    """Find the starts of recordings, see `find_starts`; skip files that cannot be read."""
     sources = []
     for name, path in files.items():
         with suppress(DataError):
@@ -363,5 +370,5 @@ def starts_of_files(files: Mapping[str, Path]) -> dict[str, int]:
 
 
 def _has_gaps(table: StampTable) -> bool:
-    """Return whether a device counted frames, and not all of them have a stamp."""
+    """Return whether a device counted its frames, and some of them have no timestamp."""
     return table.numbers is not None and table.numbers != list(range(len(table.numbers)))

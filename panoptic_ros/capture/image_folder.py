@@ -1,4 +1,4 @@
-"""Folders of numbered images."""
+"""Read folders of numbered images."""
 
 from __future__ import annotations
 
@@ -21,38 +21,41 @@ from panoptic_ros.io.loading import read_bytes
 from panoptic_ros.io.pictures import decode_picture, picture_size
 from panoptic_ros.stage import Notice
 
-UNSEEN = 16_000_000  # pixels of a first image that is decoded before its size is compared with the rig's
+# px; a larger first image is not decoded before its size is compared with the rig's.
+UNSEEN = 16_000_000
 LARGEST_IMAGE = 1 << 30  # bytes of a file
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
-MOST_SHOWN = 3  # gaps in a line
-DIGITS = 18  # of an image's number, an integer of 64 bits
+MOST_SHOWN = 3  # gaps listed in a notice
+DIGITS = 18  # digits of an image's number, which is a 64-bit integer
 
 
 class ImageFolderSource:
-    """The images of a folder in natural order of their names: 2.png before 10.png.
+    """Images of a folder in natural order of their names: 2.png before 10.png.
 
-    Iterating starts at the first image every time; images are read one by one. Frame numbers
-    count the files from 0, whatever numbers their names have. Without stamps, numbers that are missing in
-    the names are frames that are missing; `notices` tell of it.
+    Every iteration starts at the first image; images are read one by one. Frame numbers count the files from
+    0, independent of the numbers in their names. Without timestamps, a number that the names skip is a
+    missing frame, and `notices` reports it.
 
     Args:
         camera: name.
         path: folder with images (`IMAGE_SUFFIXES`); other files in it are ignored.
-        start_ns: stamp of the first image, ns; an attribute, for what is found out later.
-        frame_rate: Hz, image i is at start_ns + i / frame_rate, where i counts missing numbers too.
-        stamps: ns, one per image, in place of the frame rate.
-        tabled: others stamp the images, so their numbers do not count.
-        skip_damaged: leave out images that cannot be decoded, and count them, in place of complaining.
+        start_ns: timestamp of the first image, ns. The attribute may be changed when the start is found
+            later.
+        frame_rate: Hz; image i has the timestamp start_ns + i / frame_rate, where i includes missing numbers.
+        stamps: timestamps (ns), one per image; they replace the frame rate.
+        tabled: an external table has the timestamps, so the numbers in the names are ignored.
+        skip_damaged: skip and count images that cannot be decoded, instead of an error.
 
     Attributes:
-        first, step: number of the first image, and between those of images that follow each other; None, 1:
-            names are no such numbers.
-        late, label: as of videos; nothing.
-        notices: without the camera. after: what is known after the last image.
+        first: number of the first image; None if the names have no frame numbers.
+        step: difference between the numbers of successive images; 1 if the names have no frame numbers.
+        late, label: as in `VideoSource`; always 0 and None.
+        notices: lines without the camera name.
+        after: notices that are available after the last image.
 
     Raises:
-        DataError: no folder, no images; while iterating: an image that cannot be read or has another
-            size than the first.
+        DataError: if the folder or images are missing; while iterating, if an image cannot be read or has
+            another size than the first.
     """
 
     def __init__(
@@ -85,7 +88,7 @@ class ImageFolderSource:
         self.step = 1
         self.notices: tuple[str, ...] = ()
         self.after: tuple[Notice, ...] = ()
-        self._places = list(range(len(self.files)))  # frames since the first image
+        self._places = list(range(len(self.files)))  # frame periods since the first image
         if self._stamps is None and not tabled:
             self._number()
         self.frame_count: int | None = len(self.files)
@@ -113,7 +116,7 @@ class ImageFolderSource:
             self.after = (Notice("source.damaged", "warning", text, {"device": self.camera}),)
 
     def _number(self) -> None:
-        """Take places in time from the numbers in names, if these are numbers of frames."""
+        """Derive the positions in time from the numbers in the names, if these are frame numbers."""
         numbers = image_numbers([file.stem for file in self.files])
         if not numbers:
             return
@@ -143,7 +146,7 @@ class ImageFolderSource:
         return grid_stamp(self.start_ns, self._places[number], self._rate)
 
     def _first_size(self) -> tuple[int, int]:
-        """Return the size of the first image that can be decoded, px; a large one is not decoded."""
+        """Return the size (px) of the first image that can be decoded; a large image is not decoded."""
         for file in self.files:
             size = picture_size(read_bytes(file, LARGEST_IMAGE))
             if size is not None and size[0] * size[1] > UNSEEN:
@@ -154,7 +157,7 @@ class ImageFolderSource:
         raise DataError(f"{self._what}: no image can be decoded; make them again")
 
     def _read(self, file: Path, expected: tuple[int, int] | None) -> np.ndarray | None:
-        """Read an image (h, w, 3) uint8 BGR; None: it is damaged, which is allowed."""
+        """Read an image (h, w, 3) uint8 BGR; None if it is damaged and `skip_damaged` is set."""
         image = _read_image(file, expected)
         if image is None and not self._skip:
             raise DataError(
@@ -164,7 +167,7 @@ class ImageFolderSource:
         return image
 
     def close(self) -> None:
-        """End iterations that are under way."""
+        """End running iterations."""
         self._closed = True
 
     def __enter__(self) -> ImageFolderSource:
@@ -175,7 +178,7 @@ class ImageFolderSource:
 
 
 def image_files(path: Path) -> tuple[Path, ...]:
-    """The images directly in a folder, in natural order; none if it is no folder."""
+    """Return the images directly in a folder, in natural order; empty if it is no folder."""
     if not path.is_dir():
         return ()
     found = (p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES and not p.name.startswith("."))
@@ -183,7 +186,7 @@ def image_files(path: Path) -> tuple[Path, ...]:
 
 
 def image_numbers(stems: Sequence[str]) -> list[int]:
-    """Return the number of each name, if names differ in one number only; else nothing."""
+    """Return the number in each name, if the names differ in one number only; else []."""
     parts = [re.findall(r"\d+|\D+", stem) for stem in stems]
     if len({len(own) for own in parts}) != 1:
         return []
@@ -194,16 +197,17 @@ def image_numbers(stems: Sequence[str]) -> list[int]:
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
-    """A key that sorts names as people do: digits as numbers, and the rest by its letters."""
+    """Return a sort key for natural order: digits as numbers, other text without case."""
     parts = re.findall(r"\d+|\D+", name)
     # the last entry orders names that differ in leading zeros only
     return (*((0, int(p), "") if p.isdecimal() else (1, 0, p.casefold()) for p in parts), (2, 0, name))
 
 
 def _read_image(file: Path, expected: tuple[int, int] | None) -> np.ndarray | None:
-    """Return an image (h, w, 3) uint8 BGR, decoded only if its header allows the expected size.
+    """Read an image (h, w, 3) uint8 BGR; None if it cannot be decoded.
 
-    None: it cannot be decoded.
+    Raises:
+        DataError: if its header has another size than expected; it is then not decoded.
     """
     data = np.frombuffer(read_bytes(file, LARGEST_IMAGE), np.uint8)
     size = picture_size(data.tobytes())

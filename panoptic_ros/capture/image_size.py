@@ -1,4 +1,4 @@
-"""Does a rig fit the images, and what can be done where it does not."""
+"""Check whether a calibration fits the image size, and adapt it by a policy if it does not."""
 
 from __future__ import annotations
 
@@ -10,25 +10,26 @@ from panoptic_ros.errors import CalibrationError
 
 SizePolicy = Literal["strict", "scale", "letterbox", "crop"]
 ASPECT_TOLERANCE = 0.005
-FITS_BETTER = 0.5  # largest distance of principal point from middle, relative to the stated size's
+# largest offset of the principal point from the image centre, relative to that in the stated size
+FITS_BETTER = 0.5
 BARS = "if they have black bars, with 'letterbox'"
 
 
 def fit_camera(camera: Camera, image_size: tuple[int, int], policy: SizePolicy = "strict") -> Camera:
-    """The camera for images of another size than the calibration's.
+    """Return the camera for images of another size than the calibration's.
 
     Args:
         camera: as calibrated.
         image_size: (width, height) px of the images.
-        policy: "strict" refuses any difference but width and height exchanged by mistake, see `is_exchanged`;
-            "scale": the images were resized, focal lengths and principal point are scaled, if the aspect is
-            the same to 0.5 %; "letterbox": they were resized to fit, keeping the aspect, and padded with
-            equal bars on two sides; "crop": columns were cut off or added at the right, rows at the bottom
-            (as video encoders do that work in blocks of 16 px: 1080 or 1088), so that pixels keep their
-            coordinates and only the size changes.
+        policy: "strict" refuses any difference except width and height swapped by mistake, see
+            `is_exchanged`. "scale": the images were resized, so focal lengths and principal point are scaled;
+            the aspect ratio must agree to 0.5 %. "letterbox": they were resized with constant aspect ratio
+            and padded with equal bars on two sides. "crop": columns were removed or added at the right, rows
+            at the bottom; pixels keep their coordinates and only the size changes. Video encoders with blocks
+            of 16 px do that: 1080 or 1088.
 
     Raises:
-        CalibrationError: naming both sizes and what may have happened.
+        CalibrationError: naming both sizes and a possible reason.
     """
     if camera.image_size == tuple(image_size):
         return camera
@@ -52,9 +53,9 @@ def fit_camera(camera: Camera, image_size: tuple[int, int], policy: SizePolicy =
 
 
 def is_exchanged(camera: Camera, image_size: tuple[int, int]) -> bool:
-    """Return whether the rig exchanges width and height of the images, and nothing else.
+    """Return whether the rig swaps width and height of the images, with no other difference.
 
-    Its principal point then lies far closer to the middle of the images than to that of the stated size.
+    The principal point is then much closer to the centre of the images than to that of the stated size.
     """
     if camera.image_size != tuple(image_size)[::-1]:
         return False
@@ -62,13 +63,13 @@ def is_exchanged(camera: Camera, image_size: tuple[int, int]) -> bool:
 
 
 def _off_centre(camera: Camera, size: tuple[int, int]) -> float:
-    """Return the distance of the principal point from the middle, relative to the size, the larger of two."""
+    """Return the offset of the principal point from the centre, relative to the size, the larger axis."""
     cx, cy = camera.intrinsics.matrix[:2, 2]
     return float(max(abs(cx / size[0] - 0.5), abs(cy / size[1] - 0.5)))
 
 
 def size_change(camera: Camera, image_size: tuple[int, int], policy: SizePolicy) -> str:
-    """Describe how `fit_camera` makes a camera fit; "" if the sizes are the same."""
+    """Describe how `fit_camera` adapts a camera; "" if the sizes are equal."""
     if camera.image_size == tuple(image_size):
         return ""
     stated, found = (f"{width}x{height}" for width, height in (camera.image_size, image_size))

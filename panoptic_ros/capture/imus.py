@@ -1,4 +1,4 @@
-"""IMUs in files: `imu.csv` of capture folders, sample by sample."""
+"""Read the IMU samples of a capture folder from `imu.csv`."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ NAMES = ("imu.csv", "imu.csv.gz")
 
 
 def imu_file(folder: Path) -> Path | None:
-    """The file of a capture folder with samples of IMUs, if there is one."""
+    """Return the file with IMU samples in a capture folder; None if there is none."""
     return next((folder / name for name in NAMES if (folder / name).is_file()), None)
 
 
 def imu_devices(path: Path) -> tuple[str, ...]:
-    """Names of the devices in a file.
+    """Return the names of the devices in a file.
 
     Raises:
-        DataError: naming the file, the line and what is wrong.
+        DataError: naming the file, the line and the fault.
     """
     return tuple(_series(path))
 
 
 def imu_samples(path: Path, devices: Collection[str], until_ns: int | None = None) -> Iterator[ImuSample]:
-    """Samples of some devices of a file, by their stamps.
+    """Yield the samples of some devices in the order of their timestamps.
 
     Args:
-        until_ns: samples with this stamp and later ones are left out.
+        until_ns: samples with this timestamp and later ones are skipped.
 
     Raises:
-        DataError: as `imu_devices`, or if a sample is none.
+        DataError: as `imu_devices`, or if a sample is invalid.
     """
     found = _series(path)
     rows = [_samples(name, found[name]) for name in devices]

@@ -1,4 +1,4 @@
-"""Where the images of each camera lie in a capture folder, and which camera of the rig a file belongs to."""
+"""Find the images of each camera in a capture folder, and match file names to cameras of the rig."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ VIDEO_SUFFIXES = (
     ".mjpeg",
     ".mjpg",
 )
-# folders of videos or images in other programs' layouts, the best first
+# folders of videos or images in the layouts of other programs, in order of preference
 PLACES = (
     "videos",
     "video",
@@ -58,19 +58,19 @@ PLACES = (
     "vgaimgs",
     "kinectimgs",
 )
-# types of CMU's cameras, with which the names of its folders begin
+# types of CMU's cameras, and prefixes of its folder names
 KINDS = ("hd", "vga", "kinect")
-MOST_OFFERED = 6  # names in a message
+MOST_OFFERED = 6  # names listed in a message
 
 
 @dataclass(frozen=True)
 class Media:
-    """Files and folders of images.
+    """Files and folders of images of a rig.
 
     Args:
-        files: by camera of the rig.
+        files: path by camera of the rig.
         others: videos without a camera, by name.
-        rig: without types that have no folder.
+        rig: the rig without camera types that have no folder.
         notices: lines.
     """
 
@@ -81,7 +81,7 @@ class Media:
 
 
 def find_media(path: Path, rig: Rig) -> Media:
-    """Find the video or folder of images of each camera, in a folder or in folders inside it.
+    """Find the video or image folder of each camera, in a folder or in its subfolders.
 
     Raises:
         DataError: if a camera has two.
@@ -118,7 +118,7 @@ def has_media(path: Path) -> bool:
 
 
 def places_in(path: Path) -> list[Path]:
-    """Return a folder, and those inside it that are named as in `PLACES`; nothing without a folder."""
+    """Return a folder and its subfolders named as in `PLACES`; [] if the folder does not exist."""
     if not path.is_dir():
         return []
     known = (folder for folder in sorted(path.iterdir()) if _rank(folder) < len(PLACES))
@@ -129,7 +129,7 @@ def videos_in(path: Path) -> dict[str, Path]:
     """Return the videos directly in a folder, by their names without suffix.
 
     Raises:
-        DataError: if two differ in their ending only.
+        DataError: if two names differ only in the suffix.
     """
     found: dict[str, Path] = {}
     for file in sorted(path.iterdir()):
@@ -142,13 +142,16 @@ def videos_in(path: Path) -> dict[str, Path]:
 
 
 def check_cameras(path: Path, media: Media, names: Sequence[str], every: bool) -> None:
-    """Check that all videos have a camera, if only one that the rig leaves out, and all cameras have images.
+    """Check that every video has a camera, or one that the rig leaves out, and every camera has images.
 
     Args:
-        path: the capture folder. names: of cameras that are used. every: these are all of the rig.
+        path: the capture folder.
+        names: names of the cameras that are used.
+        every: `names` are all cameras of the rig.
 
     Raises:
-        CalibrationError: for videos without a camera. DataError: for cameras without images.
+        CalibrationError: for videos without a camera.
+        DataError: for cameras without images.
     """
     others = {name: file for name, file in media.others.items() if name not in media.rig.left_out}
     if others and every:
@@ -171,7 +174,7 @@ def check_cameras(path: Path, media: Media, names: Sequence[str], every: bool) -
 
 
 def _deeper(path: Path, name: str) -> str:
-    """Return a hint at folders of recordings farther in, as of caliscope's projects, that have the video."""
+    """Return a hint at deeper folders with the video, as in caliscope's projects; "" if there are none."""
     files = [file for deep in ("*/*/", "*/*/*/") for file in path.glob(f"{deep}{escape(name)}.*")]
     places = sorted({str(file.parent) for file in files if file.suffix.lower() in VIDEO_SUFFIXES})
     if not places:
@@ -180,10 +183,10 @@ def _deeper(path: Path, name: str) -> str:
 
 
 def named_as(rig: Collection[str], names: Collection[str]) -> dict[str, str]:
-    """Return the camera of a rig that each name means: the equal one, or the only one that fits.
+    """Return the camera of a rig for each name: the equal one, or the only one that matches.
 
-    Two names fit where the words and numbers of one are a part of the other (cam01, int_cam01_img).
-    They also fit where numbers alone pair all names (port_0, port_1 and cam_0, cam_1).
+    Two names match if the words and numbers of one are a part of the other (cam01, int_cam01_img). They also
+    match if numbers alone pair all names (port_0, port_1 and cam_0, cam_1).
     """
     found = {name: name for name in names if name in rig}
     free = [camera for camera in rig if camera not in found]
@@ -201,7 +204,7 @@ def named_as(rig: Collection[str], names: Collection[str]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class _Place:
-    """The files of a folder that belong to cameras of a rig."""
+    """Files of a folder that belong to cameras of a rig."""
 
     path: Path
     files: Mapping[str, Path]
@@ -243,7 +246,10 @@ def _image_folders(path: Path) -> dict[str, Path]:
 
 
 def _of_kinds(rig: Rig, places: Sequence[str], files: Collection[str]) -> tuple[Rig, list[str]]:
-    """Return the rig without types that have no folder, where folders are named by types; and a line."""
+    """Return the rig without camera types that have no folder, and a notice.
+
+    This only applies if folders are named by camera types.
+    """
     kinds = {kind for kind in KINDS for place in places if place.casefold().startswith(kind)}
     types = {c.name: next((kind for kind in KINDS if c.type.startswith(kind)), "") for c in rig.cameras}
     out = [name for name in rig.names if types[name] not in kinds and name not in files]
@@ -255,7 +261,7 @@ def _of_kinds(rig: Rig, places: Sequence[str], files: Collection[str]) -> tuple[
 
 
 def _offer(others: Mapping[str, Path], lacking: Sequence[str]) -> str:
-    """Return the cameras that names may mean, for a message."""
+    """Return text with possible matches of names and cameras, for an error message."""
     pairs = [
         f"{file.name} may be {camera}"
         for name, file in others.items()
@@ -273,14 +279,14 @@ def _fits(one: str, other: str) -> bool:
 
 
 def _is_part(shorter: Sequence[str | int], longer: Sequence[str | int]) -> bool:
-    """Return whether words, a number among them, follow each other in others."""
+    """Return whether a sequence of words is part of a longer one and includes a number."""
     size = len(shorter)
     told = any(isinstance(word, int) for word in shorter)
     return told and any(longer[k : k + size] == shorter for k in range(len(longer) - size + 1))
 
 
 def _words(name: str) -> list[str | int]:
-    """Return the words, without case, and numbers of a name."""
+    """Return the lower-case words and the numbers in a name."""
     return [int(w) if w.isdecimal() else w for w in re.findall(r"\d+|[^\W\d_]+", name.casefold())]
 
 

@@ -1,4 +1,4 @@
-"""Decoding of video files through PyAV (FFmpeg): frames, and where they lie in time."""
+"""Decode video files through PyAV (FFmpeg): frames and their presentation times."""
 
 from __future__ import annotations
 
@@ -21,25 +21,26 @@ from panoptic_ros.capture.packets import decoded, reason
 from panoptic_ros.errors import DataError, EnvironmentProblem, UserError
 from panoptic_ros.io.loading import check_file
 
-MILLISECOND = Fraction(1, 1000)  # Matroska keeps whole ones, also where such a file is copied to another kind
-_NO_TIMES = 0x0080  # AVFMT_NOTIMESTAMPS of libavformat
-_NO_ZERO = 0x0200  # AVFMT_TS_DISCONT: times begin anywhere, as in MPEG-TS
-_IN_ORDER_OF_DECODING = {"avi"}  # formats that number frames as they are stored, not as they are shown
-_REORDERED = 64  # packets in which the reordering of frames shows; codecs allow 16 frames
+# Matroska rounds times to 1 ms; a copy of such a file in another container keeps the rounded times.
+MILLISECOND = Fraction(1, 1000)
+_NO_TIMES = 0x0080  # flag AVFMT_NOTIMESTAMPS of libavformat
+_NO_ZERO = 0x0200  # flag AVFMT_TS_DISCONT: times begin at any value, as in MPEG-TS
+_IN_ORDER_OF_DECODING = {"avi"}  # formats whose times follow the storage order, not the presentation order
+_REORDERED = 64  # packets that are searched for reordering; codecs allow 16 frames
 
 
 class Movie:
-    """An open video file, which is read once from its beginning.
+    """Open video file, which is read once from its beginning.
 
     Args:
-        what: how messages call it.
-        threads: decode several frames at once; not worth it for the first frame alone.
-        hardware: what decodes, as FFmpeg calls it (cuda, qsv, ...); "" = the processor.
-        skip_damaged: leave out what is damaged: frames that decoders patch up, and those that build on them.
+        what: subject of error messages.
+        threads: decode several frames in parallel; not worth it for the first frame alone.
+        hardware: FFmpeg's name of the decoding hardware (cuda, qsv, ...); "" = the CPU.
+        skip_damaged: skip damaged frames: those that decoders conceal, and those predicted from them.
 
     Raises:
-        DataError: if it cannot be opened, has no video track, or one of an unknown codec.
-        EnvironmentProblem: if the hardware is not there or does not decode this.
+        DataError: if it cannot be opened, or has no video track, or the codec is unknown.
+        EnvironmentProblem: if the hardware is missing or does not support this video.
     """
 
     def __init__(
@@ -48,13 +49,13 @@ class Movie:
         self._what = what
         self._container = open_media(path, what, hardware)
         self._by_storage = self._container.format.name in _IN_ORDER_OF_DECODING
-        self.lost = 0  # frames that could not be decoded, after the first that could be
-        self.patched = 0  # frames of which parts could not be decoded
+        self.lost = 0  # frames that could not be decoded, after the first decoded one
+        self.patched = 0  # frames with parts that could not be decoded
         self._damage = Damage() if skip_damaged else None
         try:
             self._stream = self._choose()
             if threads and not hardware:
-                # slices: errors come with their packet
+                # slice threads report an error with its own packet
                 self._stream.thread_type = "SLICE" if skip_damaged else "AUTO"
             else:
                 self._stream.thread_count = 1
@@ -73,54 +74,54 @@ class Movie:
 
     @property
     def has_times(self) -> bool:
-        """Whether this kind of file can say when its frames are shown; raw streams cannot."""
+        """Return whether the format stores presentation times; raw streams do not."""
         return not self._container.format.flags & _NO_TIMES
 
     @property
     def has_zero(self) -> bool:
-        """Return whether times of this kind of file count from the beginning of the recording."""
+        """Return whether times of this format count from the beginning of the recording."""
         return self.has_times and not self._container.format.flags & _NO_ZERO
 
     @property
     def frame_rate(self) -> float:
-        """Hz, as the file says; 0 = it does not."""
+        """Return the frame rate in Hz that the file states; 0 if it states none."""
         return float(self._stream.guessed_rate or 0)
 
     @property
     def tick(self) -> Fraction:
-        """What the file rounds times to, s."""
+        """Return the rounding step of times in the file, s."""
         return self._stream.time_base or Fraction(0)
 
     def frame_count(self, begin: Fraction) -> int | None:
-        """Return the number of frames that the file states, or its duration times its rate; None = neither.
+        """Return the number of frames that the file states, or its duration times its rate; None if neither.
 
         Args:
-            begin: when the first frame is shown, s.
+            begin: presentation time of the first frame, s.
         """
         if self._stream.frames > 0:
             return int(self._stream.frames)
         return int(self._duration(begin) * Fraction(self.frame_rate) + Fraction(1, 2)) or None
 
     def _duration(self, begin: Fraction) -> Fraction:
-        """Return the duration of the images that the file states, s; 0 = it states none."""
+        """Return the duration of the images that the file states, s; 0 = none."""
         told = re.fullmatch(r"(\d+):(\d\d):(\d\d(?:\.\d+)?)", self._stream.metadata.get("DURATION", ""))
-        if told:  # Matroska, of whose tracks FFmpeg knows no better than how long the file is
+        if told:  # Matroska: FFmpeg takes the duration of the whole file for the duration of a track
             hours, minutes, seconds = (Fraction(part) for part in told.groups())
             end = 3600 * hours + 60 * minutes + seconds
         elif self._stream.duration:
             return Fraction(self._stream.duration * self.tick)
         else:
             end = Fraction(self._container.duration or 0, av.time_base)
-        return max(Fraction(0), end - begin) if self.has_zero else end  # else it is what FFmpeg found
+        return max(Fraction(0), end - begin) if self.has_zero else end  # otherwise it is FFmpeg's estimate
 
     @property
     def tells_end(self) -> bool:
-        """Return whether the file states the end of its last image, or their number."""
+        """Return whether the file states the end of its last image, or the number of images."""
         return self._stream.frames > 0 or "DURATION" in self._stream.metadata
 
     @property
     def timecode(self) -> str:
-        """HH:MM:SS:FF of the first frame, as a timecode track or a mark of the file says; "" = none does."""
+        """Return the timecode HH:MM:SS:FF of the first frame, from a timecode track or a tag; "" = none."""
         tracks = [self._stream.metadata, *(track.metadata for track in self._container.streams.data)]
         for metadata in (*tracks, self._container.metadata):
             for key, value in metadata.items():
@@ -130,7 +131,7 @@ class Movie:
 
     @property
     def sound_end(self) -> Fraction:
-        """Where the last sound ends, s, of what the file really holds; reads all of it. 0 = there is none."""
+        """Return the end of the last audio packet, s; 0 = no audio. Reads the whole file."""
         end, tracks = Fraction(0), self._container.streams.audio
         for packet in self._container.demux(*tracks) if tracks else ():
             if packet.pts is not None and packet.time_base is not None:
@@ -138,12 +139,12 @@ class Movie:
         return end
 
     def frames(self) -> Iterator[VideoFrame]:
-        """Frames in the order in which they are shown, with times; what cannot be decoded is left out.
+        """Yield frames in presentation order with times; skip packets that cannot be decoded.
 
         Raises:
-            DataError: if the file cannot be read on, after all frames before.
+            DataError: if the rest of the file cannot be read, after all frames before.
         """
-        times: list[int] = []  # packets whose frames are not shown yet
+        times: list[int] = []  # heap of packet times whose frames have not been yielded yet
         begun = False
         for packet, images in decoded(self._container, self._stream, self._what):
             if images is None:
@@ -153,7 +154,7 @@ class Movie:
             elif self._by_storage and packet.size and packet.dts is not None:
                 heapq.heappush(times, packet.dts)
             begun = begun or bool(images)
-            while images:  # nothing is kept, so that their memory serves later ones
+            while images:  # keep no reference, so that frame memory is reused
                 frame = images.pop(0)
                 if isinstance(frame, VideoFrame):
                     if self._by_storage:
@@ -170,25 +171,25 @@ class Movie:
 
     @property
     def left_out(self) -> int:
-        """Return the number of frames that were decoded but are damaged, or build on such."""
+        """Return the number of decoded frames that were skipped because of damage."""
         return 0 if self._damage is None else self._damage.left_out
 
     def frame_times(self) -> list[Fraction]:
-        """When all frames are shown, s, by the index of the file or what stands before each; none is decoded.
+        """Return the sorted presentation times of all frames, s, from the packets without decoding.
 
         Raises:
-            DataError: if the file cannot be read on.
+            DataError: if the rest of the file cannot be read.
         """
         return [ticks * self.tick for ticks in sorted(self._shown())]
 
     def reordering(self) -> int:
-        """Return by how many frames one is stored after its turn at most; read the first packets."""
+        """Return the largest delay of a frame in storage order, in frames; reads the first packets."""
         stored = list(islice(self._shown(), _REORDERED))
         place = {ticks: k for k, ticks in enumerate(sorted(stored))}
         return max((k - place[ticks] for k, ticks in enumerate(stored)), default=0)
 
     def _shown(self) -> Iterator[int]:
-        """Yield the times of the packets in the order in which they are stored, in ticks."""
+        """Yield the presentation times of the packets in storage order, ticks."""
         try:
             for packet in self._container.demux(self._stream):
                 time = self._time_of(packet)
@@ -198,7 +199,7 @@ class Movie:
             raise DataError(f"{self._what} cannot be read on: {reason(error)}") from None
 
     def _time_of(self, packet: Packet[Any]) -> int | None:
-        """Return the time at which the frame of a packet is shown, or else decoded, in ticks."""
+        """Return the presentation time of a packet's frame, else its decoding time, ticks."""
         return packet.dts if packet.pts is None or self._by_storage else packet.pts
 
     def close(self) -> None:
@@ -207,21 +208,21 @@ class Movie:
 
 
 class Damage:
-    """Damaged stretches: from a lost or patched frame to the next key frame."""
+    """Damaged ranges of a video: from a lost or concealed frame to the next key frame."""
 
     def __init__(self) -> None:
         self.left_out = 0
-        self._begin: int | None = None  # first tick of a damaged stretch
+        self._begin: int | None = None  # first tick of a damaged range
         self._last = 0  # last tick in it that is known to be damaged
 
     def lost(self, time: int | None) -> None:
-        """Remember a frame that could not be decoded."""
+        """Record a frame that could not be decoded."""
         if time is not None:
             self._last = time if self._begin is None else max(self._last, time)
             self._begin = time if self._begin is None else min(self._begin, time)
 
     def spares(self, frame: VideoFrame) -> bool:
-        """Return whether a frame is good; frames come in the order in which they are shown."""
+        """Return whether a frame is intact; frames must come in presentation order."""
         time = frame.dts if frame.pts is None else frame.pts
         if frame.is_corrupt:
             self.lost(time)
@@ -233,16 +234,16 @@ class Damage:
 
 
 def shown_at(frame: VideoFrame) -> Fraction | None:
-    """When a frame is shown, s; None = the file does not say."""
+    """Return the presentation time of a frame, s; None if the file does not state it."""
     ticks = frame.dts if frame.pts is None else frame.pts
     return None if ticks is None or frame.time_base is None else ticks * frame.time_base
 
 
 def rounding(time: Fraction, tick: Fraction) -> Fraction:
-    """By how much rounding may change a time less another one of a file, s.
+    """Return the largest rounding error of a time difference in a file, s.
 
     Args:
-        tick: what the file says that it rounds to.
+        tick: rounding step that the file states, s.
     """
     return max(tick, MILLISECOND) if time % MILLISECOND == 0 else tick
 
@@ -251,18 +252,18 @@ def open_media(path: Path, what: str, hardware: str = "") -> InputContainer:
     """Open a file for reading.
 
     Args:
-        hardware: that decodes, see `Movie`; never another way in its place.
+        hardware: decoding hardware, see `Movie`; there is no fallback to software.
 
     Raises:
-        DataError: if it cannot be.
-        EnvironmentProblem: if the hardware cannot.
+        DataError: if the file cannot be opened.
+        EnvironmentProblem: if the hardware cannot decode it.
     """
     try:
         check_file(path)
         container = av.open(str(path))
     except UserError:
         raise
-    except Exception as error:  # PyAV decodes the texts of a file, too
+    except Exception as error:  # PyAV also decodes the texts in a file, which can raise other errors
         raise DataError(f"{what} cannot be opened: no video, or damaged ({reason(error)})") from None
     if not hardware:
         return container

@@ -1,4 +1,4 @@
-"""Opening OpenCV's captures without its chatter: our errors are one line, FFmpeg's are many."""
+"""Suppress the log output of OpenCV and FFmpeg: our errors have one line, FFmpeg's have many."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from contextlib import contextmanager
 
 import cv2
 
-# read by OpenCV when it first uses FFmpeg, so it is set before that; -8 = quiet
+# OpenCV reads it at its first use of FFmpeg, so it is set before; -8 = quiet
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
 _lock = threading.Lock()
-_inside = 0  # cameras open in threads of their own
+_inside = 0  # number of threads inside `quiet_opencv`
 _level_before = 0
 
 
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """Silence the messages of OpenCV itself; may be entered by several threads at once."""
+    """Silence the log messages of OpenCV; several threads may enter at once."""
     global _inside, _level_before
     with _lock:
         if _inside == 0:

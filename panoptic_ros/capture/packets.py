@@ -1,4 +1,4 @@
-"""A stream of a media file, packet by packet."""
+"""Decode a stream of a media file packet by packet."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ from panoptic_ros.errors import DataError, one_line
 
 
 def decoded(container: Any, stream: Any, what: str) -> Iterator[tuple[Any, list[Any] | None]]:
-    """Yield each packet of a stream and its frames; None: it cannot be decoded, later ones may be good.
+    """Yield each packet of a stream with its frames, or None if it cannot be decoded.
+
+    Packets after an undecodable one may be good.
 
     Args:
-        container, stream: of PyAV. what: the file, for the message.
+        container, stream: objects of PyAV.
+        what: subject of the error message.
 
     Raises:
-        DataError: if the file cannot be read on, after all packets before.
+        DataError: if the rest of the file cannot be read, after all packets before.
     """
     packets = container.demux(stream)
     while True:
@@ -25,7 +28,7 @@ def decoded(container: Any, stream: Any, what: str) -> Iterator[tuple[Any, list[
             packet = next(packets)
         except StopIteration:
             return
-        except Exception as error:  # PyAV decodes the texts of a file, too
+        except Exception as error:  # PyAV also decodes the texts in a file, which can raise other errors
             raise DataError(f"{what} cannot be read on: {reason(error)}") from None
         try:
             frames = packet.decode()
@@ -36,5 +39,5 @@ def decoded(container: Any, stream: Any, what: str) -> Iterator[tuple[Any, list[
 
 
 def reason(error: Exception) -> str:
-    """A few words of FFmpeg."""
+    """Return FFmpeg's short description of an error."""
     return str(getattr(error, "strerror", None) or one_line(error))

@@ -1,4 +1,4 @@
-"""What every source of frames offers, and the stamps of recorded ones."""
+"""Interface of all frame sources, and the timestamps of recorded ones."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ SECOND_NS = 1_000_000_000
 
 @runtime_checkable
 class FrameSource(Protocol):
-    """Frames of one camera, in order; a context manager that closes itself.
+    """Frames of one camera, in order; a context manager that closes the source.
 
-    Iterating a recorded source starts at its first frame every time; a live one goes on for ever.
+    Every iteration of a recorded source starts at its first frame. A live source never ends.
     """
 
     camera: str
     image_size: tuple[int, int]  # (width, height) px
     frame_rate: float  # Hz, nominal
-    frame_count: int | None  # None = not known
+    frame_count: int | None  # None = unknown
 
     def __iter__(self) -> Iterator[ViewFrame]: ...
 
     def close(self) -> None:
-        """Give up files and devices; may be called twice."""
+        """Release files and devices; may be called twice."""
 
     def __enter__(self) -> FrameSource: ...
 
@@ -36,10 +36,10 @@ class FrameSource(Protocol):
 
 
 def exact_rate(frame_rate: float, what: str) -> Fraction:
-    """The frame rate as a fraction: 29.97002997 is 30000/1001, 29.97 is 2997/100.
+    """Return the frame rate as a fraction: 29.97002997 is 30000/1001, 29.97 is 2997/100.
 
     Raises:
-        ConfigError: if it is no usable rate.
+        ConfigError: if it is outside of 0.01 to 10000 Hz.
     """
     if not 0.01 <= frame_rate <= 10_000.0:  # also refuses NaN
         raise ConfigError(f"{what}: frame rate {frame_rate} Hz; give one between 0.01 and 10000")
@@ -48,15 +48,15 @@ def exact_rate(frame_rate: float, what: str) -> Fraction:
 
 
 def grid_stamp(start_ns: int, index: int, rate: Fraction) -> int:
-    """start_ns + index / rate in ns, rounded once, so that nothing adds up over hours."""
+    """Return start_ns + index / rate in ns, rounded once, so that errors do not accumulate."""
     return start_ns + round(index * SECOND_NS / rate)
 
 
 def check_stamps(stamps: Sequence[int], what: str) -> tuple[int, ...]:
-    """Stamps of recorded frames, which must increase.
+    """Return the timestamps of recorded frames after checking that they increase.
 
     Raises:
-        DataError: naming the first frame whose stamp does not.
+        DataError: naming the first frame whose timestamp does not increase.
     """
     for i, (before, after) in enumerate(pairwise(stamps), start=1):
         if after <= before:

@@ -1,4 +1,4 @@
-"""When the recordings of several cameras began, by what their files say: timecode, late starts, numbers."""
+"""Find the relative starts of several cameras' recordings from timecode, late starts and image numbers."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Protocol
 from panoptic_ros.capture.source import SECOND_NS, exact_rate
 
 DAY_S = 86_400
-MOST_SHOWN = 4  # labels in a line
+MOST_SHOWN = 4  # labels listed in a notice
 OVERRIDE = "timestamps.csv or --frame-rate overrides it"
 
 
 @dataclass(frozen=True)
 class Label:
-    """A timecode.
+    """A timecode label.
 
     Args:
         text: HH:MM:SS:FF.
@@ -29,13 +29,13 @@ class Label:
 
 
 class Begins(Protocol):
-    """A recorded source.
+    """Recorded source with the start information of its file.
 
     Args:
-        late: s from the beginning of the recording to the first frame, as the file says.
-        label: of the first frame.
+        late: s from the beginning of the recording to the first frame, as the file states.
+        label: timecode of the first frame.
         first: number of the first image; None = images are not numbered.
-        step: between the numbers of images that follow each other.
+        step: difference between the numbers of successive images.
     """
 
     camera: str
@@ -48,12 +48,12 @@ class Begins(Protocol):
 
 
 def read_label(text: str, rate: Fraction, counted: tuple[int, Fraction] | None = None) -> Label | None:
-    """Read a timecode; None = the text is none.
+    """Parse a timecode; None if the text is invalid.
 
     Args:
         text: HH:MM:SS:FF, or HH:MM:SS;FF for drop-frame (SMPTE 12M). Drop-frame omits labels 0 and 1 of 30 in
             each minute, except in every tenth.
-        rate: of the frames, Hz.
+        rate: frame rate, Hz.
         counted: labels per second and their true rate, Hz, if the file states them.
     """
     words = re.fullmatch(r"(\d{1,2}):(\d{2}):(\d{2})([:;.,])(\d{2,3})", text)
@@ -71,10 +71,11 @@ def read_label(text: str, rate: Fraction, counted: tuple[int, Fraction] | None =
 
 
 def find_starts(sources: Sequence[Begins]) -> tuple[dict[str, int], tuple[str, ...]]:
-    """Return the start of each recording, ns after the first of them, by camera; and lines about it.
+    """Return the start of each recording by camera, ns after the earliest, and notices.
 
-    Timecode counts where all have one and it lets them overlap; else late starts and the numbers of images,
-    where they let them overlap; else all begin together. Then no camera is named.
+    Timecode is used if all recordings have one and it makes them overlap. Otherwise late starts and image
+    numbers are used if they make the recordings overlap. Otherwise all begin together, and the result is
+    empty.
     """
     notices = []
     begins = None
@@ -109,7 +110,7 @@ def _by_timecode(sources: Sequence[Begins]) -> tuple[dict[str, Fraction] | None,
 
 
 def _within_day(seconds: Fraction) -> Fraction:
-    """Return a difference of two times of the day, between -12 h and 12 h."""
+    """Return a difference of two times of day in s, wrapped to -12 h .. 12 h."""
     return (seconds + DAY_S // 2) % DAY_S - DAY_S // 2
 
 
@@ -135,7 +136,7 @@ def _by_files(sources: Sequence[Begins]) -> tuple[dict[str, Fraction], list[str]
 
 
 def _overlap(sources: Sequence[Begins], begins: Mapping[str, Fraction]) -> bool:
-    """Return whether at any time between the first and the last frame some camera records."""
+    """Return whether the recordings have no gap: at any time from first to last frame some camera records."""
     spans = sorted(
         (begins[s.camera], begins[s.camera] + Fraction(s.frame_count or 0) / Fraction(s.frame_rate))
         for s in sources

@@ -1,4 +1,4 @@
-"""Sync tables of CMU's studio in a capture folder: when each frame of each camera was taken."""
+"""Read the frame timestamps of a capture folder from the sync tables of CMU's Panoptic Studio."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ HD_BASE_TOLD = (
 
 
 def table_files(path: Path) -> list[Path]:
-    """synctables*.json and ksynctables*.json of a folder."""
+    """Return the files synctables*.json and ksynctables*.json of a folder."""
     return [*sorted(path.glob("synctables*.json")), *sorted(path.glob("ksynctables*.json"))]
 
 
 def tabled_notices(rig: Rig) -> tuple[str, ...]:
-    """What a person should know who has such tables."""
+    """Return notices for users of sync tables about the assumed HD frame index."""
     return (HD_BASE_TOLD,) if any(_stream_of(camera) == "hd" for camera in rig.cameras) else ()
 
 
 def table_times(path: Path, rig: Rig) -> dict[str, dict[int, int]]:
-    """Stamps in ns by frame number, of every camera.
+    """Return the timestamps (ns) by frame number of every camera.
 
-    HD and VGA cameras share the times of their kind. A Kinect is named KINECTNODE<n>, or as in CMU's
-    calibration 50_<n>; its color is 6.25 ms late, as in CMU's demo.
+    HD and VGA cameras share the times of their type. A Kinect is named KINECTNODE<n>, or 50_<n> as in CMU's
+    calibration. Its color timestamps are 6.25 ms late, as in CMU's demo.
 
     Raises:
         DataError: if the tables are damaged, or lack a camera.
@@ -57,7 +57,7 @@ def _times(streams: Mapping[str, SyncStream], camera: Camera, path: Path) -> dic
 
 
 def _stream_of(camera: Camera) -> str:
-    """The stream that tells of a camera, by its name or its type."""
+    """Return the stream with the times of a camera, by its name or its type."""
     named = re.fullmatch(rf"(?:{NODE}|50_)0*(\d+)", camera.name, re.IGNORECASE)
     if named:
         return f"color/{NODE}{named[1]}"

@@ -1,6 +1,6 @@
-"""Sources whose frames are stamped by a table, or whose stamps are corrected by what is known of a clock.
+"""Sources with timestamps from a table, and sources with timestamps corrected by a clock model.
 
-Frames without a time in the table are left out. A corrected source may also end early.
+Frames without a time in the table are skipped. A corrected source may also end early.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from panoptic_ros.stage import Notice
 
 
 class TimedSource:
-    """The frames of a file that a table has times for.
+    """Frames of a file that have timestamps in a table.
 
-    Devices may count frames from before the recording, as caliscope's cameras do, and do not count anew. A
-    table with one row for each frame of the file, but with numbers beyond its last frame, has such numbers:
-    the rows are the frames in their order then, and `notices` states it.
+    Devices may count frames from before the recording, as caliscope's cameras do, without a restart of the
+    count. The table then has one row for each frame of the file, but numbers beyond the last frame. In this
+    case the rows are assigned to the frames in order, and `notices` states it.
 
     Args:
-        times: stamp in ns by number of the frame.
+        times: timestamp (ns) by frame number.
 
     Raises:
         DataError: if none of the frames has a time, or times do not increase.
@@ -55,7 +55,7 @@ class TimedSource:
 
     @property
     def after(self) -> tuple[Notice, ...]:
-        """Return notices that are known after the last frame."""
+        """Return the notices that are available after the last frame."""
         return self._source.after
 
     def close(self) -> None:
@@ -77,14 +77,14 @@ def _recounted(times: Mapping[int, int], count: int) -> str:
 
 
 class CorrectedSource:
-    """The frames of a source with other stamps; those that would lie before 0 are left out.
+    """Frames of a source with corrected timestamps; frames with a timestamp below 0 are skipped.
 
     Args:
-        line: a `StampLine` in plain words; None = the stamps are right.
-        until_ns: frames with this stamp and later ones are left out.
+        line: a `StampLine` as a plain dictionary; None = no correction.
+        until_ns: frames with this timestamp and later ones are skipped.
 
     Raises:
-        DataError: if the line has no such numbers.
+        DataError: if `line` is invalid.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class CorrectedSource:
 
     @property
     def after(self) -> tuple[Notice, ...]:
-        """Return notices that are known after the last frame."""
+        """Return the notices that are available after the last frame."""
         return self._source.after
 
     def close(self) -> None:

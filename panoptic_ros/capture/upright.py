@@ -1,6 +1,6 @@
-"""Decoded frames as whole, upright images: interlaced ones are made of their first field, marks are obeyed.
+"""Convert decoded frames to upright images: deinterlace to the first field and apply the display matrix.
 
-Images are the bytes that OpenCV gives for the same file: FFmpeg's bicubic conversion to BGR.
+Images are identical to OpenCV's for the same file: FFmpeg's bicubic conversion to BGR.
 """
 
 from __future__ import annotations
@@ -23,17 +23,18 @@ from panoptic_ros.capture.packets import reason
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
-# FFmpeg's own deinterlacer, one image for each frame: rows of the first field stay as they are
+# FFmpeg's own deinterlacer, one image per frame: rows of the first field stay unchanged
 DEINTERLACER = ("bwdif", "mode=send_frame:deint=interlaced")
-QUARTER = 0.02  # rad, error of a marked quarter turn
+QUARTER = 0.02  # rad, tolerance of a quarter turn in the display matrix
 
 
 @dataclass(frozen=True)
 class Orientation:
-    """How a file says that its images are to be shown: mirrored left to right, then turned clockwise.
+    """Display orientation of a file's images: mirrored left to right, then rotated clockwise.
 
     Args:
-        degrees: 0, 90, 180, 270; any other angle is not obeyed.
+        degrees: 0, 90, 180, 270; any other angle is ignored.
+        mirrored: images are mirrored.
     """
 
     degrees: int = 0
@@ -41,7 +42,7 @@ class Orientation:
 
     @property
     def is_obeyed(self) -> bool:
-        """Return whether images can be shown so without resampling."""
+        """Return whether the orientation can be applied without resampling."""
         return self.degrees % 90 == 0
 
     def __str__(self) -> str:
@@ -54,7 +55,7 @@ class Orientation:
         return f"images are {' and '.join(filter(None, (mirror, turn)))}, as marked in the file"
 
     def applied(self, image: Array) -> Array:
-        """Return the image (H, W, 3) turned and mirrored."""
+        """Return the image (H, W, 3) rotated and mirrored."""
         if not self.is_obeyed:
             return image
         shown = cv2.flip(image, 1) if self.mirrored else image
@@ -68,15 +69,15 @@ UPRIGHT = Orientation()
 def orientation_of(frame: VideoFrame) -> Orientation:
     """Read the display matrix of a frame (ISO/IEC 14496-12, 8.3.2) without its scale."""
     try:
-        matrix: Any = cast(Any, frame.side_data)["DISPLAYMATRIX"]  # which PyAV declares as another kind
+        matrix: Any = cast(Any, frame.side_data)["DISPLAYMATRIX"]  # PyAV declares another type for it
     except KeyError:
         return UPRIGHT
-    except ValueError:  # beside it is something that PyAV cannot name
+    except ValueError:  # other side data that PyAV cannot name
         return Orientation(-int(frame.rotation) % 360)
-    # rows of a point (x, y) with y down: (x', y') = (a x + c y, b x + d y)
+    # a point is a row vector (x, y) with y down: (x', y') = (a x + c y, b x + d y)
     a, b, _, c, d = (float(entry) for entry in np.frombuffer(bytes(matrix), np.int32)[:5])
     mirrored = a * d - b * c < 0
-    across, along = (-a, -b) if mirrored else (a, b)  # where the image's x goes, after it was mirrored
+    across, along = (-a, -b) if mirrored else (a, b)  # direction of the image's x axis after mirroring
     degrees = math.degrees(math.atan2(along, across)) % 360
     quarter = round(degrees / 90) * 90
     near = abs(math.radians(degrees - quarter)) <= QUARTER
@@ -84,17 +85,17 @@ def orientation_of(frame: VideoFrame) -> Orientation:
 
 
 class Converter:
-    """Decoded frames as upright images."""
+    """Converter of decoded frames to upright images."""
 
     def __init__(self) -> None:
         self._reformatter = VideoReformatter()
         self._orientation: Orientation | None = None
 
     def image(self, frame: VideoFrame) -> Array:
-        """Return (H, W, 3) uint8 BGR, shown as the first frame is marked.
+        """Return (H, W, 3) uint8 BGR in the display orientation of the first frame.
 
         Raises:
-            DataError: if the frame is in a format that FFmpeg cannot convert, as in a damaged file.
+            DataError: if FFmpeg cannot convert the frame's format, as in a damaged file.
         """
         try:
             bgr = self._reformatter.reformat(
@@ -113,7 +114,7 @@ class Converter:
 
 
 def whole_images(frames: Iterator[VideoFrame]) -> Iterator[VideoFrame]:
-    """Yield the same frames at the same times; interlaced ones without the rows of their second field.
+    """Yield the same frames at the same times; interlaced frames keep only the rows of their first field.
 
     Raises:
         DataError: as `frames` does, after all frames before.
@@ -141,7 +142,7 @@ def whole_images(frames: Iterator[VideoFrame]) -> Iterator[VideoFrame]:
             if problem is not None:
                 raise problem
             return
-        del frame  # its memory serves the next one
+        del frame  # release its memory for the next frame
 
 
 def _deinterlacing(frame: VideoFrame) -> Graph:
@@ -155,7 +156,7 @@ def _deinterlacing(frame: VideoFrame) -> Graph:
 
 
 def _pulled(graph: Graph) -> VideoFrame | None:
-    """Return the next image that is ready."""
+    """Return the next image that is ready, else None."""
     try:
         return graph.vpull()
     except (av.error.BlockingIOError, av.error.EOFError):

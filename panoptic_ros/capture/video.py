@@ -1,4 +1,4 @@
-"""Video files as sources of frames: every frame once, upright, at its presentation time."""
+"""Video files as frame sources: every frame once, upright, at its presentation time."""
 
 from __future__ import annotations
 
@@ -19,45 +19,51 @@ from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice
 
-NEARLY = Fraction(1, 20)  # periods, by which files round times
-SLACK_S = Fraction(1, 4)  # between the end that a track states and that of its last frame
+NEARLY = Fraction(1, 20)  # frame periods, tolerance for rounded times in a file
+# s, tolerance between the end that a track states and the end of its last frame
+SLACK_S = Fraction(1, 4)
 SKIP = "--skip-damaged leaves out what is damaged"
 
 
 class VideoSource:
-    """The frames of a video file. Iterating starts at the first frame every time.
+    """Frames of a video file. Every iteration starts at the first frame.
 
-    Images are upright: they are turned and mirrored as the file's display matrix says, so that a phone's
-    portrait video is portrait here and `image_size` is the size after turning. Interlaced frames are made
-    of their first field. `notices` tell of both.
+    Images are upright: they are rotated and mirrored by the file's display matrix. A phone's portrait video
+    is therefore portrait here, and `image_size` is the size after rotation. Interlaced frames are reduced to
+    their first field. `notices` reports both.
 
-    Stamps: those given; else start_ns + i / frame_rate if a frame rate is given; else the
-    container's, counted from its first frame. Container times that lie on the grid of the file's
-    own frame rate, as nearly as the file rounds times, are set to it exactly, so a constant rate gives
-    start_ns + i / rate without drift, also after frames that the recorder left out. From the first
-    frame off the grid on (a variable rate), the container's times are used as they are. Where the
-    container has none that increase, the frame comes one period after the one before, and is counted
+    The timestamps have three possible sources, in this order:
+
+    - `stamps`, if given
+    - start_ns + i / frame_rate, if a frame rate is given
+    - the container's times, relative to its first frame
+
+    Container times that lie on the grid of the file's own frame rate, within its rounding, are set to the
+    grid. A constant rate then gives start_ns + i / rate without drift, even after frames that the recorder
+    dropped. From the first frame off the grid (a variable rate), the container's times are used unchanged. If
+    the container's time does not increase, the frame is placed one period after the previous one and counted
     in `repaired_stamps`.
 
     Args:
         camera: name.
         path: any file that FFmpeg reads.
-        start_ns: stamp of the first frame, ns; an attribute, for what is found out later.
-        frame_rate: Hz, in place of the file's own times.
-        stamps: ns, one per frame, in place of all others.
-        hardware: that decodes, see `Movie`.
-        skip_damaged: leave out frames that are damaged, in place of complaining; see `Movie`.
+        start_ns: timestamp of the first frame, ns. The attribute may be changed when the start is found
+            later.
+        frame_rate: Hz; replaces the file's own times.
+        stamps: timestamps (ns), one per frame; they replace all others.
+        hardware: decoding hardware, see `Movie`.
+        skip_damaged: skip damaged frames instead of an error; see `Movie`.
 
     Attributes:
-        late: s from the beginning of the recording to the first frame, as the file says; 0 unless it is a
-            frame period or more.
-        label: the timecode of the first frame, if there is one.
-        notices: what is done to images, without the camera.
-        after: what is known after the last frame.
+        late: s from the beginning of the recording to the first frame, as the file states; 0 if below a frame
+            period.
+        label: timecode of the first frame, if there is one.
+        notices: changes of the images, without the camera name.
+        after: notices that are available after the last frame.
 
     Raises:
-        DataError: missing, not a video, without frames, without times or rate, cut off. While iterating:
-            fewer frames can be decoded than the file says, after all good ones have been handed out.
+        DataError: if the file is missing, no video, without frames, without times or rate, or cut off. While
+            iterating: if fewer frames can be decoded than the file states, after all good ones.
     """
 
     def __init__(
@@ -122,7 +128,7 @@ class VideoSource:
                 seconds = timeline.step(number, shown_at(frame))
                 self.repaired_stamps = timeline.repaired
                 image = converter.image(frame)
-                del frame  # its memory serves the next one
+                del frame  # release its memory for the next frame
                 yield ViewFrame(self.camera, self._stamp(number, seconds), number, image)
                 del image
                 number, given = number + 1, given + 1
@@ -130,7 +136,7 @@ class VideoSource:
             self._release(movie)
 
     def close(self) -> None:
-        """Close the file; iterations that are under way end."""
+        """Close the file; running iterations end."""
         for movie in list(self._open_now):
             self._release(movie)
 
@@ -161,10 +167,10 @@ class VideoSource:
             self._open_now.remove(movie)
 
     def _look(self, movie: Movie) -> tuple[float, Fraction, str]:
-        """Take size, marks and count from a file and its first frame.
+        """Read size, orientation and frame count from a file and its first frame.
 
         Returns:
-            its frame rate in Hz, 0 = not known; when it is shown since the recording began, s; its timecode.
+            frame rate in Hz, 0 = unknown; time of the first frame since the recording began, s; its timecode.
         """
         first = next(movie.frames(), None)
         if first is None:
@@ -187,10 +193,11 @@ class VideoSource:
         return movie.frame_rate, begin, movie.timecode
 
     def _lateness(self, begin: Fraction) -> Fraction:
-        """Return the time of the first frame since the recording began, s; 0 where it is within a period.
+        """Return the time of the first frame since the recording began, s; 0 if below one period.
 
         Args:
-            begin: when it is shown, s. Files without an edit list count the delay of reordering in.
+            begin: presentation time of the first frame, s. Without an edit list it includes the reordering
+                delay.
         """
         periods = begin * self._rate + NEARLY
         if periods < 1:
@@ -205,7 +212,7 @@ class VideoSource:
         return exact if periods >= delay + 1 else Fraction(0)
 
     def _places(self) -> list[Fraction]:
-        """Return the times of all frames, s, where damaged ones are left out; else nothing."""
+        """Return the times of all frames (s) if damaged frames are skipped; else []."""
         if not self._skip:
             return []
         movie = self._open(look=True)
@@ -217,7 +224,11 @@ class VideoSource:
             self._release(movie)
 
     def _next(self, frames: Iterator[VideoFrame], number: int, timeline: _Timeline) -> VideoFrame | None:
-        """Return the next frame; None at the end, if no frame is missing or damage is allowed."""
+        """Return the next frame; None at the end.
+
+        Raises:
+            DataError: if frames are missing or the file cannot be read further, unless damage is allowed.
+        """
         try:
             frame = next(frames, None)
         except DataError:
@@ -237,7 +248,7 @@ class VideoSource:
         return self._stamps[number]
 
     def _sound_end(self) -> Fraction:
-        """Where the last sound of the file ends, s: it may be what lasts as long as the file says."""
+        """Return the end of the file's last sound, s: the stated duration may be that of the sound."""
         movie = self._open(look=True)
         try:
             return movie.sound_end
@@ -245,17 +256,17 @@ class VideoSource:
             self._release(movie)
 
     def _missing(self, decoded: int, last: Fraction) -> int:
-        """Return the number of frames that the file promised and that did not come.
+        """Return the number of frames that the file states but that were not decoded.
 
         Args:
-            last: when the last one is shown, s since the first.
+            last: presentation time of the last frame, s since the first.
         """
         promised = self.frame_count
         if promised is None or decoded >= promised:
             return 0
         missing, hidden = promised - decoded, hidden_seconds(self.path)
         if hidden == math.inf:
-            # the count is no more than duration times rate: compare times, as rates may vary
+            # the stated count is only duration times rate: compare times, because rates may vary
             told = promised / self._rate
             slack = SLACK_S if self._tells_end else max(Fraction(1), told / 50)
             absent = told - last - 1 / self._rate
@@ -263,7 +274,11 @@ class VideoSource:
         return 0 if missing <= hidden * self._own_rate + 0.5 else missing
 
     def _check_end(self, decoded: int, last: Fraction) -> None:
-        """Complain if the file promised more than could be decoded."""
+        """Check that as many frames were decoded as the file states.
+
+        Raises:
+            DataError: if some are missing.
+        """
         if self._missing(decoded, last):
             raise DataError(
                 f"{self._what}: only {decoded} of {self.frame_count} frames could be decoded; "
@@ -274,11 +289,12 @@ class VideoSource:
         """Set `after` to notices about damaged frames and repaired times.
 
         Args:
-            given: frames. stored: frames of the file, as far as they are known.
-            last: when the last frame is shown, s since the first.
+            given: number of frames yielded.
+            stored: number of frames in the file, as far as known.
+            last: presentation time of the last frame, s since the first.
 
         Raises:
-            DataError: if some could not be decoded, and that is not allowed.
+            DataError: if some frames could not be decoded, and damage is not allowed.
         """
         lost = max(stored - given, movie.lost + movie.left_out)
         lost = max(lost, self._missing(given, last) if self._skip else 0)
@@ -309,7 +325,7 @@ class VideoSource:
 
 
 def _place(places: Sequence[Fraction], shown: Fraction | None, number: int) -> int:
-    """Return the place of a time among those of all frames; `number` if it is not among them."""
+    """Return the index of a time among those of all frames; `number` if it is not among them."""
     if shown is None:
         return number
     at = bisect.bisect_left(places, shown)
@@ -317,10 +333,10 @@ def _place(places: Sequence[Fraction], shown: Fraction | None, number: int) -> i
 
 
 class _Timeline:
-    """Seconds since the first frame, from what the container says.
+    """Seconds since the first frame, from the container's times.
 
     Args:
-        first: when that is shown; None = what the first step says.
+        first: time of the first frame, s; None = that of the first step.
     """
 
     def __init__(self, rate: Fraction, ignore_container: bool, tick: Fraction, first: Fraction | None = None):
@@ -333,7 +349,11 @@ class _Timeline:
         self._on_grid = True
 
     def step(self, number: int, container: Fraction | None) -> Fraction:
-        """Time of frame `number`; `container` is its presentation time in the file, s, None = unknown."""
+        """Return the time of frame `number`, s since the first.
+
+        Args:
+            container: its presentation time in the file, s; None = unknown.
+        """
         if self._first is None:
             self._first = container or Fraction(0)
         if self._ignore:

@@ -1,4 +1,4 @@
-"""`panoptic bag`: save what is whole in a cut bag, bring an older version's bag up to date."""
+"""`panoptic bag`: repair a cut bag, or upgrade a bag of an older version."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ ENDINGS = {"repair": "-repaired", "upgrade": "-upgraded"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb."""
+    """Add the options of the verb."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     texts = {
         "repair": "save what is whole in a bag or a live take that was cut, in a new one",
@@ -28,8 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Repair or upgrade."""
-    from panoptic_ros.io.storages import packed_name  # only now: --help must be quick
+    """Repair or upgrade a bag."""
+    from panoptic_ros.io.storages import packed_name  # imported here to keep --help fast
 
     source: Path = args.bag
     name = Path(packed_name(source)).stem if source.is_file() else source.resolve().name
@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _repair(source: Path, target: Path) -> int:
-    from panoptic_ros.running.takes import save_take  # as above
+    from panoptic_ros.running.takes import save_take  # imported here to keep --help fast
 
     saved = save_take(source, target)
     for name, made in saved.bags.items():

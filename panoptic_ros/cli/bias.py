@@ -1,4 +1,4 @@
-"""`panoptic bias measure TRUTH RESULT --out FILE`: the constant biases of a detector's joints."""
+"""`panoptic bias measure TRUTH RESULT --out FILE`: measure the constant biases of a detector's joints."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from panoptic_ros.view.progress import PassBar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("action", choices=("measure",), help="compare a result with a reference")
     parser.add_argument(
         "truth",
@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, write, and print what the table is worth for people whom it was not measured on."""
-    from panoptic_ros.running.biases import write_biases  # only now: --help must be quick
+    """Measure and write the biases, and print the benefit of the table for people not used to measure it."""
+    from panoptic_ros.running.biases import write_biases  # imported here to keep --help fast
     from panoptic_ros.running.joint_offsets import write_measured_offsets
     from panoptic_ros.view.bias_table import bias_table
 

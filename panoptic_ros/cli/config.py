@@ -1,4 +1,4 @@
-"""`panoptic config`: show all parameters; write the files that are generated from them."""
+"""`panoptic config`: show all parameters, or write the files that are generated from them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from panoptic_ros.study.pages import PAGE, results_page
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb."""
+    """Add the options of the verb."""
     parser.add_argument("action", choices=("show", "write"), help="print them, or write the generated files")
     parser.add_argument("stage", nargs="?", choices=STAGES, help="show this stage only")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show or write."""
+    """Show the parameters or write the files."""
     files = generated_files()
     if args.action == "show":
         shown = [f"config/{args.stage}.yaml"] if args.stage else ["docs/parameters.md"]

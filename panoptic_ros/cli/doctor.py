@@ -1,4 +1,4 @@
-"""`panoptic doctor`: what works on this machine, and what to do about what does not."""
+"""`panoptic doctor`: check this machine, and print remedies for failed checks."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from panoptic_ros.running.doctor.finding import LEVELS, Finding, run_checks
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+    """Add the arguments of the verb."""
     parser.add_argument("--json", action="store_true", help="print one JSON document instead of lines")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run all checks; 2 if one failed, else 0."""
+    """Run all checks; return exit code 2 if one failed, else 0."""
     findings = run_checks(CHECKS)
     print(as_json(findings) if args.json else as_lines(findings))
     return 2 if any(finding.level == "FAIL" for finding in findings.values()) else 0
 
 
 def as_lines(findings: dict[str, Finding]) -> str:
-    """One line per check: level, name, what was found, what to do; and a line with the counts."""
+    """Return one line per check with level, name, finding and remedy, and a line with the counts."""
     width = max(map(len, findings))
     lines = []
     for name, finding in findings.items():
@@ -34,7 +34,7 @@ def as_lines(findings: dict[str, Finding]) -> str:
 
 
 def as_json(findings: dict[str, Finding]) -> str:
-    """The same as a document: {"healthy": bool, "checks": [{check, level, found, remedy}]}."""
+    """Return the findings as JSON: {"healthy": bool, "checks": [{check, level, found, remedy}]}."""
     checks = [
         {"check": name, "level": finding.level, "found": finding.found, "remedy": finding.remedy}
         for name, finding in findings.items()

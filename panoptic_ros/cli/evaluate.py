@@ -1,4 +1,4 @@
-"""`panoptic evaluate TRUTH RESULT`: scores of skeletons against the truth."""
+"""`panoptic evaluate TRUTH RESULT`: score 3D poses against the truth."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from panoptic_ros.running.evaluate import PROTOCOLS, evaluate, read_limits
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the verb."""
+    """Add the arguments of the verb."""
     truth = "true skeletons (.json or .json.gz), or an annotation"
     parser.add_argument("truth", type=Path, nargs="?", help=truth)
     parser.add_argument("result", type=Path, nargs="?", help="estimated skeletons")
@@ -43,11 +43,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             metavar="SCORE=NUMBER",
             help=f"exit with 2 unless the score (as named by --json) is at {word} this; repeatable",
         )
-    parser.add_argument("--study", help=argparse.SUPPRESS)  # the spelling of old versions
+    # option of old versions; `run` reports its new name
+    parser.add_argument("--study", help=argparse.SUPPRESS)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the scores; raises UserError (exit code 2) on bad input and on missed bars."""
+    """Print the scores.
+
+    Raises:
+        UserError: (exit code 2) on invalid input and on scores that miss their limits.
+    """
     if args.study is not None:
         raise UsageError(f"evaluate --study {args.study} is now `panoptic study {args.study}`")
     if args.result is None:

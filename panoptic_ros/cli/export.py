@@ -1,4 +1,4 @@
-"""`panoptic export`: results of a run as a file for others."""
+"""`panoptic export`: write the results of a run as a file for other programs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from panoptic_ros.running.arguments import output_file, within
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb."""
+    """Add the options of the verb."""
     parser.add_argument(
         "path", type=Path, metavar="RESULTS|BAG", help="what `panoptic run` or `solve` left, or a bag"
     )

@@ -1,4 +1,4 @@
-"""`panoptic import DATASET FOLDER --take SUBJECT/TAKE --out CAPTURE`: public data sets to capture folders."""
+"""`panoptic import DATASET FOLDER --take SUBJECT/TAKE --out CAPTURE`: convert a public data set."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ DATASETS = ("total-capture", "human3.6m")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("dataset", choices=DATASETS, help="which data set the folder holds")
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="its unpacked archives")
     parser.add_argument("--take", required=True, metavar="SUBJECT/TAKE", help="e.g. s1/acting1, S9/Walking")
@@ -21,8 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Import and print what was found."""
-    from panoptic_ros.running import importing  # only now: --help must be quick
+    """Import the take, and print a summary."""
+    from panoptic_ros.running import importing  # imported here to keep --help fast
 
     reader = importing.import_total_capture if args.dataset == DATASETS[0] else importing.import_human36m
     print("\n".join(reader(args.folder, args.take, args.out)))

@@ -1,4 +1,4 @@
-"""`panoptic kinematics`: bodies with joint angles from any mix of cameras and IMUs, without ROS."""
+"""`panoptic kinematics`: solve bodies with joint angles from cameras, IMUs or both, without ROS."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from panoptic_ros.running.arguments import output_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb."""
+    """Add the options of the verb."""
     parser.add_argument("--rig", type=Path, help="calibration; with --detections")
     parser.add_argument("--detections", type=Path, help="detections.json(.gz)")
     parser.add_argument("--imu", type=Path, metavar="I", help="imu.csv(.gz); with or without cameras")
@@ -45,8 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Solve files."""
-    from panoptic_ros.io.body_files import write_bodies  # only now: --help must be quick
+    """Solve the files and write the bodies."""
+    from panoptic_ros.io.body_files import write_bodies  # imported here to keep --help fast
     from panoptic_ros.running.kinematics import body_config, read_body_task, solve_bodies
 
     config = body_config(args.preset, args.settings, lag=args.lag, rate_hz=args.rate)

@@ -1,4 +1,4 @@
-"""`panoptic ltc`: decode and make linear timecode."""
+"""`panoptic ltc`: decode and generate linear timecode."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ RATES = ("23.976", "24", "25", "29.97", "29.97df", "30")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb."""
+    """Add the options of the verb."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     decode = actions.add_parser("decode", help="read the timecode of a WAV file or a video")
     decode.add_argument("file", type=Path, metavar="FILE", help="WAV file, or any that FFmpeg hears")
@@ -36,12 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Decode or encode."""
+    """Decode or encode timecode."""
     return _decode(args) if args.action == "decode" else _encode(args)
 
 
 def _decode(args: argparse.Namespace) -> int:
-    from panoptic_ros.running.ltc import decode_file  # only now: --help must be quick
+    from panoptic_ros.running.ltc import decode_file  # imported here to keep --help fast
 
     sample_rate, readings = decode_file(args.file, args.channel)
     if not readings:

@@ -1,4 +1,4 @@
-"""Entry point: parse, call the verb, catch the error family once."""
+"""Entry point of the program: parse the arguments, call the verb, report errors, return the exit code."""
 
 from __future__ import annotations
 
@@ -42,15 +42,19 @@ VERBS: dict[str, str] = {
     "doctor": "what works on this machine, and what to do about what does not",
 }
 
-LONGEST_LINE = 2000  # characters of an error; files can hold names of any length
-# no verb has matrices so large that threads of BLAS do more than wait for each other
+LONGEST_LINE = 2000  # characters of an error message; files can hold names of any length
+# One BLAS thread: the matrices of all verbs are too small for more threads to help.
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the program; returns the exit code: 0, 2 for what the user can mend, 1 for our faults."""
+    """Run the program.
+
+    Returns:
+        the exit code: 0, 2 for errors that the user can correct, 1 for faults of this program.
+    """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if arguments[:1] == ["bench"]:  # the spelling of old versions
+    if arguments[:1] == ["bench"]:  # command of old versions
         print(f"panoptic bench: it is now `panoptic study {_renamed(arguments[1:2])}`", file=sys.stderr)
         return 2
     verb = next((word for word in arguments if word in VERBS), "")
@@ -59,11 +63,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         args = _parser(verb).parse_args(arguments)
         with full_disk_told(), bad_path_told():
             return int(_module(args.verb).run(args) or 0)
-    except BrokenPipeError:  # the reader of our output went away, e.g. `| head`
+    except BrokenPipeError:  # the reader of our output has ended, e.g. `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (Exception, KeyboardInterrupt) as error:
-        # libraries turn an interruption that meets them into errors of their own
+        # libraries convert a KeyboardInterrupt into errors of their own
         if interrupted() or isinstance(error, KeyboardInterrupt):
             print(f"{name}: interrupted", file=sys.stderr)
             return 2
@@ -74,13 +78,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _renamed(bench: Sequence[str]) -> str:
-    """Return the name of the study that an old bench is now."""
+    """Return the name of the study that replaced an old bench."""
     name = bench[0] if bench else "NAME"
     return {"kinematics": "kinematics-time"}.get(name, name)
 
 
 def _tell_warning(message: Warning | str, *about: object, **more: object) -> None:
-    """Print a warning of Python in one line; see `warnings.showwarning`."""
+    """Print a Python warning in one line; see `warnings.showwarning`."""
     print(f"warning: {message}", file=sys.stderr)
 
 
@@ -90,15 +94,19 @@ def _module(verb: str) -> Any:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Tells wrong arguments in one line, as all other mistakes."""
+    """Argument parser that reports wrong arguments in one line, like all other errors."""
 
     def error(self, message: str) -> NoReturn:
-        """See `argparse`."""
+        """Raise a UsageError; see `argparse`.
+
+        Raises:
+            UsageError: always.
+        """
         raise UsageError(f"{message}; see `{self.prog} --help`")
 
 
 def _parser(chosen: str) -> argparse.ArgumentParser:
-    """Only the chosen verb is imported, so that --help is quick."""
+    """Return the argument parser; only the chosen verb is imported, so that --help is fast."""
     parser = _Parser(prog="panoptic", description="Online multi-view, multi-person 3D pose.")
     parser.add_argument("--version", action="version", version=f"panoptic {panoptic_ros.__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
@@ -110,10 +118,10 @@ def _parser(chosen: str) -> argparse.ArgumentParser:
 
 
 def program() -> NoReturn:
-    """The installed program.
+    """Run the installed program.
 
-    Leaves at once: taking the interpreter down takes half a second, and after an interruption of code that
-    was run by exec() it would forget our exit code and kill itself with the signal.
+    It exits without a shutdown of the interpreter, which takes half a second. After an interruption of code
+    run by exec(), the shutdown would also lose our exit code and kill the process with the signal.
     """
     listen_to_signals()
     warnings.showwarning = _tell_warning
@@ -121,7 +129,7 @@ def program() -> NoReturn:
         os.environ.setdefault(name, "1")
     code = main()
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # its reader has ended
+        with suppress(OSError, ValueError):  # the reader of the stream has ended
             stream.flush()
     os._exit(code)
 

@@ -11,7 +11,7 @@ from panoptic_ros.view.progress import PassBar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the actions and their arguments."""
+    """Add the actions and their arguments."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     actions.add_parser("list", help="the model cards that are installed, and which models are there")
     fetching = actions.add_parser("fetch", help="download and convert a model into the cache")

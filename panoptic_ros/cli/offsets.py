@@ -1,4 +1,4 @@
-"""Options about the clocks of cameras, for the verbs that solve recorded captures."""
+"""Options for camera clocks, shared by the verbs that solve recorded captures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from panoptic_ros.running.arguments import output_file, within
 
 
 def add_saved_option(parser: argparse.ArgumentParser) -> None:
-    """Offsets that were found before."""
+    """Add the option for saved clock offsets."""
     parser.add_argument(
         "--offsets",
         type=Path,
@@ -19,7 +19,7 @@ def add_saved_option(parser: argparse.ArgumentParser) -> None:
 
 
 def add_apart_option(parser: argparse.ArgumentParser) -> None:
-    """How far apart microphones are."""
+    """Add the option for the largest distance between microphones."""
     parser.add_argument(
         "--apart",
         type=within(float, 0.0, 1000.0),
@@ -30,7 +30,7 @@ def add_apart_option(parser: argparse.ArgumentParser) -> None:
 
 
 def add_offset_options(parser: argparse.ArgumentParser) -> None:
-    """The options of a verb that solves a recording."""
+    """Add the clock options of a verb that solves a recording."""
     add_saved_option(parser)
     parser.add_argument(
         "--offsets-from-motion",

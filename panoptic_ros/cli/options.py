@@ -1,4 +1,4 @@
-"""Options that several verbs share."""
+"""Options and parsers that several verbs share."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from panoptic_ros.errors import UsageError
 
 
 def add_occluder_option(parser: argparse.ArgumentParser) -> None:
-    """What stands between cameras and people."""
+    """Add the option for occluders between cameras and people."""
     parser.add_argument(
         "--occluders",
         type=Path,
@@ -21,7 +21,7 @@ def add_occluder_option(parser: argparse.ArgumentParser) -> None:
 
 
 def program_shown() -> str:
-    """How a person calls this program here: by its name where the shell finds it, else by its path."""
+    """Return the command that calls this program: its name if the shell finds it, else its path."""
     path = Path(sys.argv[0]).absolute()
     if shutil.which(path.name) == str(path):
         return path.name
@@ -29,7 +29,10 @@ def program_shown() -> str:
 
 
 def add_parameter_options(parser: argparse.ArgumentParser) -> None:
-    """--preset NAME, --config FILE and --set stage.name=value; of the three the last counts most."""
+    """Add --preset NAME, --config FILE and --set stage.name=value.
+
+    --set overrides --config, which overrides --preset.
+    """
     parser.add_argument(
         "--preset",
         metavar="NAME",
@@ -53,10 +56,10 @@ def add_parameter_options(parser: argparse.ArgumentParser) -> None:
 
 
 def pairs(texts: list[str], option: str) -> dict[str, str]:
-    """{camera: ...} of an option that is given once per camera.
+    """Parse an option that is given once per camera to {camera: value}.
 
     Raises:
-        UsageError: if one is not of that form, or a camera is named twice.
+        UsageError: if the form is wrong, or a camera is named twice.
     """
     found: dict[str, str] = {}
     for text in texts:
@@ -70,5 +73,5 @@ def pairs(texts: list[str], option: str) -> dict[str, str]:
 
 
 def names(text: str | None) -> list[str] | None:
-    """Names separated by commas; None if none are given."""
+    """Split names separated by commas; None for an empty text."""
     return text.split(",") if text else None

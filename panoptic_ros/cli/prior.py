@@ -1,4 +1,4 @@
-"""`panoptic prior train MOTION ... --out FILE`: what poses look like, from recorded motion."""
+"""`panoptic prior train MOTION ... --out FILE`: train a pose prior from recorded motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from panoptic_ros.view.progress import PassBar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("action", choices=("train",), help="from motion to a pose prior")
     parser.add_argument(
         "motion", type=Path, nargs="+", help=".bvh, .c3d, .npz of clips, or kinematics.json.gz of our own"
@@ -33,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Train, write, and print what on."""
-    from panoptic_ros.running.prior_training import train_from_files  # only now: --help must be quick
+    """Train and write the prior, and print a summary of the training data."""
+    from panoptic_ros.running.prior_training import train_from_files  # imported here to keep --help fast
 
     with PassBar("prior") as bar:
         lines = train_from_files(args.motion, args.out, args.leave_out, args.unit, bar.show, args.segments)

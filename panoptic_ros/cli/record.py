@@ -1,4 +1,4 @@
-"""`panoptic record`: a live graph to a self-contained bag."""
+"""`panoptic record`: record a live graph to a self-contained bag."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb."""
+    """Add the options of the verb."""
     parser.add_argument(
         "--out",
         type=Path,
@@ -58,13 +58,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Record, or tell others to."""
+    """Record, or ask the recorders of all hosts to start or stop."""
     if sum((args.start, args.stop, args.out is not None)) != 1:
         raise UsageError("give one of --out BAG, --start and --stop; --standby goes with --out FOLDER")
-    prepare_shared_memory()  # before ROS is loaded, which a full one ends
+    prepare_shared_memory()  # before the import of ROS, which terminates if shared memory is full
     if args.start or args.stop:
         return _ask(args.start)
-    # only now: --help must be quick
+    # imported here to keep --help fast
     from panoptic_ros.io.bag_split import split_of
     from panoptic_ros.running.recordings.options import RecordOptions, Selection
     from panoptic_ros.running.recordings.record import record, stand_by
@@ -90,7 +90,7 @@ def _tell(line: str) -> None:
 
 
 def _ask(start: bool) -> int:
-    """Exit code 2 if a host did not do it."""
+    """Ask the recorders of all hosts to start or stop; return exit code 2 if a host did not."""
     from panoptic_ros.running.recordings.control import ask_all
 
     answers = ask_all(start)

@@ -1,4 +1,4 @@
-"""`panoptic replay`: a bag onto the live graph."""
+"""`panoptic replay`: replay a bag onto the live graph."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb."""
+    """Add the options of the verb."""
     parser.add_argument("bag", nargs="+", type=Path, metavar="BAG", help="a rosbag2; several are merged")
     parser.add_argument(
         "--from",
@@ -61,9 +61,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Replay to the end."""
-    prepare_shared_memory()  # before ROS is loaded
-    from panoptic_ros.running.recordings.replay import ReplayOptions, replay  # only now: --help must be quick
+    """Replay the bags to the end."""
+    prepare_shared_memory()  # must precede the import of ROS
+    # imported here to keep --help fast
+    from panoptic_ros.running.recordings.replay import ReplayOptions, replay
 
     options = ReplayOptions(
         args.rate,

@@ -1,4 +1,4 @@
-"""`panoptic rig`: check whether the views of a calibration agree, convert between formats."""
+"""`panoptic rig`: check the consistency of a calibration's views, or convert between formats."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from panoptic_ros.io.rigs import WRITABLE, write_rig
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb."""
+    """Add the options of the verb."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     check = actions.add_parser("check", help="say in plain words whether the views agree")
     check.add_argument("rig", type=Path, help="calibration file, or a folder with one")
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Check or convert."""
+    """Check or convert a calibration."""
     return _check(args) if args.action == "check" else _convert(args)
 
 
@@ -46,7 +46,7 @@ def _read(args: argparse.Namespace, path: Path, cameras: list[str] | None = None
         panels = [int(word) for word in _words(args.panels)]
     except ValueError:
         raise UsageError(f"--panels {args.panels!r} is no list of whole numbers") from None
-    from panoptic_ros.running.plans.rig_files import read_rig_at  # only now: --help must be quick
+    from panoptic_ros.running.plans.rig_files import read_rig_at  # imported here to keep --help fast
 
     rig = read_rig_at(path, unit=args.unit, types=_words(args.types), panels=panels, cameras=cameras)
     for line in rig.notices:
@@ -70,7 +70,11 @@ def _convert(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> int:
-    """Exit code 2 if there is a warning: the user can mend it."""
+    """Check a calibration.
+
+    Returns:
+        the exit code: 2 if there is a warning, which the user can correct, else 0.
+    """
     from panoptic_ros.running.plans.rig_files import check_views
     from panoptic_ros.view.rig_table import rig_document, rig_table
 

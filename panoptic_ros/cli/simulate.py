@@ -1,4 +1,4 @@
-"""`panoptic simulate SCENE`: 2D people or a capture folder, with exact truth."""
+"""`panoptic simulate SCENE`: simulate 2D poses or a capture folder, with exact truth."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from panoptic_ros.running.simulations.takes import scene_lines, write_take
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the verb."""
+    """Add the arguments of the verb."""
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="name of a scene, see --list")
     parser.add_argument("--list", action="store_true", help="list the scenes and end")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="another take (default 0)")
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write a take of a scene, whole or not at all."""
+    """Write a take of a scene, completely or not at all."""
     bodies = BODY_SCENES | OTHER_BODY_SCENES
     if args.list:
         print("\n".join(f"{name:<20}{line}" for name, line in (scene_lines() | bodies).items()))
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _progress(camera: str, done: int, total: int) -> None:
-    """A line that the next one replaces, if somebody is watching; the last leaves none."""
+    """Print a progress line on a terminal; each line replaces the previous one, and the last clears it."""
     if sys.stderr.isatty():
         text = f"rendered {camera}, {done} of {total} cameras" if done < total else ""
         print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""`panoptic solve`: 2D people to skeletons, with the stages of the graph but without ROS."""
+"""`panoptic solve`: solve 3D poses from 2D poses, with the stages of the graph but without ROS."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from panoptic_ros.running.solve import Solution, SolveTask
 
 
-TOLD = ("sync.clock_off", "result.nobody")  # notices whose text is printed, others are counted
+TOLD = ("sync.clock_off", "result.nobody")  # notices that are printed in full; others are only counted
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb."""
+    """Add the options of the verb."""
     parser.add_argument("--rig", type=Path, required=True, help="calibration, any format that `rig` reads")
     parser.add_argument("--detections", type=Path, required=True, help="detections.json(.gz)")
     parser.add_argument(
@@ -43,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Solve a file."""
-    from panoptic_ros.io.plain_formats import write_skeletons  # only now: --help must be quick
+    """Solve a file and write the 3D poses."""
+    from panoptic_ros.io.plain_formats import write_skeletons  # imported here to keep --help fast
     from panoptic_ros.io.recorded_people import AUTO
     from panoptic_ros.running.plans.parameters import read_parameters
     from panoptic_ros.running.plans.presets import read_preset
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _corrected(task: SolveTask, args: argparse.Namespace) -> SolveTask:
-    """The task with corrected stamps, if that is asked for; prints what was done."""
+    """Return the task with corrected timestamps, if an option asks for it; print a summary."""
     asked = (args.offsets, args.offsets_from_motion, args.offsets_from_sound)
     if not any((*asked, args.offsets_out, args.trusted_camera)):
         return task

@@ -1,4 +1,4 @@
-"""`panoptic study NAME`: accuracy, time and memory of this code beside baselines."""
+"""`panoptic study NAME`: measure accuracy, time and memory of this code against baselines."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from panoptic_ros.view.progress import PassBar
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments of the verb; each study has options of its own."""
+    """Add the arguments of the verb; each study has further options of its own."""
     parser.add_argument("name", nargs="?", metavar="NAME", help="of a study; without it all are listed")
     parser.add_argument(
         "rest", nargs=argparse.REMAINDER, metavar="OPTION", help="see `panoptic study NAME --help`"
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure and print; without a name, list all studies."""
+    """Run a study and print the result; without a name, list all studies."""
     if args.name is None:
         width = max(map(len, STUDIES))
         print("\n".join(f"{name:<{width}}  {about}" for name, (_, about) in STUDIES.items()))

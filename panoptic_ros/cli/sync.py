@@ -1,4 +1,4 @@
-"""`panoptic sync`: what the clocks of a capture do, and how its frames belong together."""
+"""`panoptic sync`: report the clocks of a capture, and match its frames."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from panoptic_ros.view.sync_table import sync_table
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb's actions."""
+    """Add the options of the verb's actions."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     for name, (text, add, _) in ACTIONS.items():
         sub = actions.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _report_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the action."""
+    """Add the options of `report`."""
     parser.add_argument(
         "source",
         type=Path,
@@ -43,8 +43,12 @@ def _report_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _report(args: argparse.Namespace) -> int:
-    """Exit code 2 if there is a warning: the user can mend it."""
-    from panoptic_ros.running.sync_report.report import (  # only now: --help must be quick
+    """Report the clocks of a capture.
+
+    Returns:
+        the exit code: 2 if there is a warning, which the user can correct, else 0.
+    """
+    from panoptic_ros.running.sync_report.report import (  # imported here to keep --help fast
         report_clocks,
         write_report,
     )
@@ -57,7 +61,7 @@ def _report(args: argparse.Namespace) -> int:
 
 
 def _sound_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the action."""
+    """Add the options of `sound`."""
     parser.add_argument(
         "source",
         type=Path,
@@ -79,8 +83,8 @@ def _sound_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _sound(args: argparse.Namespace) -> int:
-    """Exit code 2 if the clock of a camera is not known."""
-    from panoptic_ros.running.sound.clocks import folder_clocks  # only now: --help must be quick
+    """Estimate camera clocks from sound; return exit code 2 if a camera's clock remains unknown."""
+    from panoptic_ros.running.sound.clocks import folder_clocks  # imported here to keep --help fast
 
     with PassBar("clocks from sound") as bar:
         found = folder_clocks(
@@ -93,7 +97,7 @@ def _sound(args: argparse.Namespace) -> int:
 
 
 def _kinects_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the action."""
+    """Add the options of `kinects`."""
     parser.add_argument(
         "tables",
         type=Path,

@@ -1,4 +1,4 @@
-"""`panoptic view`: results, a bag, or the live graph in a page of any browser."""
+"""`panoptic view`: show results, a bag, or the live graph in a browser page."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb."""
+    """Add the options of the verb."""
     parser.add_argument(
         "path",
         nargs="?",
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve until Ctrl-C."""
+    """Serve the page until Ctrl-C."""
     if bool(args.path) == args.live:
         raise UsageError("give the results of a run, a bag, a capture folder, or --live")
     if args.live and (args.rig or args.skeleton or args.truth):
@@ -48,11 +48,12 @@ def run(args: argparse.Namespace) -> int:
 
     def ready(address: str) -> None:
         print(f"open {address} in a browser; Ctrl-C ends it", flush=True)
-        if not args.no_browser and any(map(os.environ.get, SCREENS)):  # else it may take the terminal
+        # without a screen, a text browser may take over the terminal
+        if not args.no_browser and any(map(os.environ.get, SCREENS)):
             webbrowser.open(address)
 
     if args.live:
-        prepare_shared_memory()  # before ROS is loaded
+        prepare_shared_memory()  # must precede the import of ROS
         from panoptic_ros.running.viewer.live import view_live  # needs ROS
 
         view_live(args.host, args.port, ready, args.namespace.strip("/"))

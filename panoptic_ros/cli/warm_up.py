@@ -1,4 +1,4 @@
-"""`panoptic warm-up`: compile everything ahead."""
+"""`panoptic warm-up`: compile all kernels in advance."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ import time
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+    """Add the arguments of the verb."""
     parser.add_argument("--processes", type=int, metavar="N", help="default: one per processor, at most 4")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Compile what is missing."""
+    """Compile the missing modules and kernels."""
     from panoptic_ros.errors import UsageError
     from panoptic_ros.running.compiling.modules import compile_modules
-    from panoptic_ros.running.compiling.warm_up import is_warm, warm_up  # numba is slow to load
+    from panoptic_ros.running.compiling.warm_up import is_warm, warm_up  # numba is slow to import
     from panoptic_ros.view.progress import PassBar
 
     if args.processes is not None and args.processes < 1:

@@ -1,4 +1,4 @@
-"""`panoptic watch`: how a live graph is, from another shell."""
+"""`panoptic watch`: show the state of a live graph from another shell."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HOME, REST, CLEAR = "\x1b[H", "\x1b[K", "\x1b[J"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments."""
+    """Add the arguments of the verb."""
     parser.add_argument("--namespace", metavar="NAME", help="of one graph; default: all in this ROS domain")
     parser.add_argument("--once", action="store_true", help="print how it is now, and end")
     parser.add_argument("--json", action="store_true", help="one JSON document for each look")
@@ -24,8 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show until interrupted, or once."""
-    prepare_shared_memory()  # before ROS is loaded
+    """Show the state until interrupted, or once."""
+    prepare_shared_memory()  # must precede the import of ROS
     from panoptic_ros.running.watching import watched  # needs ROS
 
     drawn = sys.stdout.isatty() and not args.once and not args.json
@@ -45,6 +45,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _screen(lines: list[str]) -> str:
-    """The lines from the top of the terminal on, cut to its size."""
+    """Return the lines with terminal codes that draw them from the top, cut to the terminal's size."""
     width, height = shutil.get_terminal_size()
     return HOME + "\n".join(line[:width] + REST for line in lines[: height - 1]) + CLEAR

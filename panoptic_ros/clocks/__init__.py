@@ -1,23 +1,26 @@
-"""From timecode to clocks: for every device a line that turns its stamps into master time.
+"""Estimate a clock model per device from timecode: a line that converts device timestamps to master time.
 
-In: the `TimecodeReading`s of any number of devices. Out: a `ClockModel` per device, renewed while
-readings come. The master time line is that of the timecode: real time since its midnight, which is the
-count of frames over the exact rate (labels are not seconds at 23.976 and 29.97 Hz). It continues over
-midnight. Where the timecode itself jumps (a generator that is set anew), master time runs on.
+Input: the `TimecodeReading`s of any number of devices. Output: a `ClockModel` per device, updated while
+readings arrive. The master time line is that of the timecode: real time since the timecode's midnight. It
+equals the frame count divided by the exact rate, because labels are not seconds at 23.976 and 29.97 Hz.
+Master time continues over midnight. It also continues where the timecode jumps, for example if a generator is
+set again.
 
-How: a straight line with its covariance is fitted to the readings of a sliding window by iteratively
-reweighted least squares (Huber, then the inliers alone). If transport delays make stamps late, the lower
-envelope of the points is taken instead (`envelope`). A reading off the line is an outlier and is kept aside.
-When several outliers agree, one of three has jumped: label, stamp or count of samples. If only the labels
-jumped, master time is corrected for all devices that hear the jump (`timeline`). Otherwise the clock of the
-device has jumped, and a new line begins with the old drift as its prior (`device`). After the last reading a
-model is held over, and its uncertainty grows. `stereo` aligns two timecodes on the channels of one recording
-without any clock (Joo et al. 2017, 3.3). `frames` finds the clock of a camera from the stamps of its frames
-alone.
+A line with its covariance is fitted to the readings of a sliding window. The fit is iteratively reweighted
+least squares (Huber), followed by least squares on the inliers alone. If transport delays make timestamps
+late, the lower envelope of the points is used instead (`envelope`). A reading off the line is an outlier and
+is kept separately. If several outliers agree, the label, the timestamp or the sample count has jumped. If
+only the labels jumped, master time is corrected for all devices that receive the jump (`timeline`). Otherwise
+the device clock has jumped. A new line then begins, with the old drift as its prior (`device`). After the
+last reading the model is held over, and its uncertainty grows. `stereo` aligns two timecodes on the channels
+of one recording without any other clock (Joo et al. 2017, 3.3). `report` estimates the clock of a camera from
+its frame timestamps alone.
 
-Limits: a constant delay between a sample and its stamp is not visible (parameter `delays_ms`). A tape that
-runs backwards gives no clock. Jumps below `jump_s`, or below eight times the scatter of the stamps, are not
-detected.
+Limits:
+
+* A constant delay between a sample and its timestamp is not observable (parameter `delays_ms`).
+* A tape that runs backwards gives no clock.
+* Small jumps are not detected. The limit is eight times the timestamp scatter, but at most `jump_s`.
 """
 
 from panoptic_ros.clocks.config import ClocksConfig

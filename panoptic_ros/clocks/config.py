@@ -9,7 +9,7 @@ from panoptic_ros.params import Config, named_numbers, param
 
 @dataclass(frozen=True, kw_only=True)
 class ClocksConfig(Config):
-    """Clock models from timecode."""
+    """Parameters of the estimation of clock models from timecode."""
 
     window_s: float = param(
         20.0,

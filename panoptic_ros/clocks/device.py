@@ -1,4 +1,4 @@
-"""The clock of one device: which readings are on its line, and what has jumped where they are not."""
+"""Estimate the clock line of one device from its readings, detect outliers, and find the cause of jumps."""
 
 from __future__ import annotations
 
@@ -16,37 +16,41 @@ from panoptic_ros.domain import ClockModel, FrameRate, Timecode, TimecodeReading
 from panoptic_ros.params import named_numbers, of_name
 from panoptic_ros.stage import Notice
 
-LEAST_TOLERANCE = 2e-4  # s
-LARGEST_GROWTH = 0.25  # s, of the tolerance after a gap; a stamp that is years ahead is no gap
-NOISE_FACTOR = 8.0
-UNKNOWN_DRIFT = 3e-4  # of a clock that nobody has measured
-FRAME_SHARE = 0.1  # of a frame, at most, between a jump and whole frames
-MORE_WORDS = 6  # to wait where samples tell nothing, as another device may report a jump of the timecode
-FEW_POINTS = 20  # fewer do not tell how much stamps scatter
-SURE_RATE = 4e-4  # 29.97 and 30 differ by 1e-3, and crystals by 1e-4
-LARGEST_RATE = 0.01  # of a generator that is set to another rate
-LONG_NS = 3 * SECOND  # of readings, after which tapes and generators are told apart
-NOISY_WORDS = 12  # consecutive readings off the line, on no line of their own
+LEAST_TOLERANCE = 2e-4  # s, minimum outlier tolerance
+LARGEST_GROWTH = 0.25  # s, maximum growth of the tolerance after a gap; a timestamp years ahead is not a gap
+NOISE_FACTOR = 8.0  # ratio of the outlier tolerance to the standard deviation of the readings
+UNKNOWN_DRIFT = 3e-4  # drift assumed for a clock without measurements
+FRAME_SHARE = 0.1  # frames, maximum distance of a jump from whole frames to be rounded to them
+MORE_WORDS = 6  # words to wait if samples do not show the cause: another device may report a timecode jump
+FEW_POINTS = 20  # minimum number of points to estimate the timestamp scatter
+SURE_RATE = 4e-4  # drift below which the frame rate is certain; 29.97 and 30 differ by 1e-3, crystals by 1e-4
+LARGEST_RATE = 0.01  # maximum drift of a generator that is set to another rate
+LONG_NS = 3 * SECOND  # ns of readings before the drift distinguishes tapes from generators
+# consecutive readings off the line and on no common other line: the timestamps have become noisier
+NOISY_WORDS = 12
 Cause = Literal["clock", "timecode"]
 
 
 @dataclass
 class Samples:
-    """The device's count of samples as a second axis of time."""
+    """Sample count of the device, used as a second time axis."""
 
-    last: float = -1.0  # of the newest point
-    period: float = 0.0  # s, 0 = not known
+    last: float = -1.0  # sample index of the newest point
+    period: float = 0.0  # s per sample; 0 = unknown
 
 
 class DeviceClock:
-    """The line of one device.
+    """Clock line of one device.
 
-    Three things tell time: the label, the stamp and the count of samples. A reading that is off the line is
-    an outlier and is kept aside. When several outliers agree, that one of the three has jumped which
-    disagrees with the other two.
+    Time is measured three times: by the label, the timestamp and the sample count. A reading off the line is
+    an outlier and is kept separately. If several outliers agree, the measure that disagrees with the other
+    two has jumped.
 
     Args:
-        delayed: whose delay of the configuration counts; "" = that of the name.
+        name: name of the device.
+        config: parameters of the stage.
+        timeline: master time line, shared with other devices.
+        delayed: (name) entry of `delays_ms` that gives the delay; "" = `name`.
     """
 
     def __init__(self, name: str, config: ClocksConfig, timeline: Timeline, delayed: str = ""):
@@ -57,7 +61,7 @@ class DeviceClock:
         self._delay_ns = round(1e6 * of_name(delays, delayed or name))
         self._segment = -1
         self._model: ClockModel | None = None
-        self._prior: ClockModel | None = None  # a model of other readings than the line's
+        self._prior: ClockModel | None = None  # model of readings other than those of the line
         self._noise: float | None = None
         self._usual_noise = 0.0
         self._one_way = config.stamps == "one-way"
@@ -65,32 +69,32 @@ class DeviceClock:
         self._start()
 
     def _start(self, points: list[Point] | None = None) -> None:
-        """Begin a new line."""
+        """Start a new line from the given points."""
         self._segment += 1
         self._points: deque[Point] = deque(points or [])
         self._strays: list[Point] = []
         self._samples = Samples()
         if self._points:
             self._follow_samples(self._points[0], self._points[-1])
-        self.urgent = True  # the next model is due as soon as there is one
+        self.urgent = True  # the next model is due as soon as it exists
         self.given_ns: int | None = None
 
     @property
     def newest_ns(self) -> int | None:
-        """Device time of the newest point on the line."""
+        """Return the device time (ns) of the newest point on the line; None if there is none."""
         return self._points[-1].device_ns if self._points else None
 
     @property
     def settled(self) -> bool:
-        """Whether the newest reading is on the line."""
+        """Return whether the newest reading is on the line."""
         return not self._strays
 
     @property
     def line(self) -> ClockModel | None:
-        """The newest line, once it is sure whose rate the labels have; None: there is none yet.
+        """Return the newest line; None while the frame rate of its labels is uncertain.
 
-        29.97 and 30 words a second, and 23.976 and 24, count alike. A tape that flutters, or sound of another
-        rate than it says, makes one look like the other, and then all times are off by seconds.
+        29.97 and 30 words per second have the same labels, as have 23.976 and 24. A fluttering tape, or sound
+        with a wrong sample rate, makes one look like the other. All times are then wrong by seconds.
         """
         model, rate = self._model, self._rate
         if model is None or rate is None or model.segment != self._segment:
@@ -101,18 +105,18 @@ class DeviceClock:
 
     @property
     def drift(self) -> float | None:
-        """How fast the timecode runs on the line less 1, once it was heard for some seconds."""
+        """Return the rate of the timecode minus 1; None before `LONG_NS` of readings."""
         model = self._model
         if model is None or model.segment != self._segment or model.until_ns - model.from_ns < LONG_NS:
             return None
         return model.drift
 
     def take(self, reading: TimecodeReading) -> tuple[Notice, ...]:
-        """Add a reading."""
+        """Add a reading; return notices on rate changes, jumps, noise and late readings."""
         notices = self._check_rate(reading.timecode)
         stamp = max(0, reading.stamp_ns - self._delay_ns)
         expected, tolerance = self._expect(stamp)
-        onward = bool(self._points) and stamp > self._points[-1].device_ns  # time itself does not go back
+        onward = bool(self._points) and stamp > self._points[-1].device_ns  # only then is `expected` valid
         master = self._timeline.master_ns(self._name, reading.timecode, expected if onward else None)
         noise = reading.std_samples * self._samples.period
         point = Point(stamp, master, reading.start_sample, noise)
@@ -128,7 +132,7 @@ class DeviceClock:
         return notices
 
     def model(self) -> ClockModel | None:
-        """The line so far, or None while there is too little."""
+        """Fit and return the current line; None if there are too few readings."""
         points = list(self._points)
         if len(points) < 3:
             return None
@@ -148,7 +152,7 @@ class DeviceClock:
         return self._model
 
     def _check_rate(self, label: Timecode) -> tuple[Notice, ...]:
-        """Begin anew if the rate turns out to be another one: all labels then have another meaning."""
+        """Restart the line if the frame rate changes, because all labels then have another meaning."""
         before, self._rate = self._rate, label.rate
         if before is None or before == label.rate:
             return ()
@@ -159,7 +163,7 @@ class DeviceClock:
         return (Notice("clocks.rate", "info", text, {"device": self._name}),)
 
     def _expect(self, stamp: int) -> tuple[int | None, float]:
-        """Master time that a reading of this stamp should have, and how far off it may be, s."""
+        """Return the expected master time (ns) of a reading, None if unknown, and its tolerance (s)."""
         if not self._points:
             return None, 0.0
         last = self._points[-1]
@@ -193,7 +197,7 @@ class DeviceClock:
         self._timeline.heard(self._name, point.master_ns)
 
     def _follow_samples(self, first: Point, last: Point) -> None:
-        """Measure the length of a sample by the timecode."""
+        """Measure the duration of a sample by the timecode."""
         if last.sample > first.sample and last.sample > self._samples.last:
             self._samples.period = (last.master_ns - first.master_ns) / SECOND / (last.sample - first.sample)
         self._samples.last = last.sample
@@ -220,7 +224,7 @@ class DeviceClock:
         return ()
 
     def _jump(self, strays: list[Point], jump: int, cause: Cause) -> tuple[Notice, ...]:
-        """Follow readings that agree on another line, and say what has jumped."""
+        """Continue on the line of readings that agree, and return a notice on the cause of the jump."""
         values = {"device": self._name, "step_s": jump / SECOND, "cause": cause}
         if cause == "timecode":
             self._timeline.jumped(self._name, jump)
@@ -239,14 +243,21 @@ class DeviceClock:
         return (Notice("clocks.jump", "warning", text, values),)
 
     def _whole_frames(self, jump: int, tolerance: float) -> int:
-        """The jump as whole frames if it is near that: generators are set by frames, so devices agree."""
+        """Round a jump (ns) to whole frames if it is close to them.
+
+        Generators are set by whole frames, so that the rounded jumps of several devices agree.
+        """
         rate = self._rate.exact if self._rate is not None else Fraction(1)
         whole = round(round(Fraction(jump, SECOND) * rate) * SECOND / rate)
         near = min(tolerance, FRAME_SHARE / float(rate)) * SECOND
         return whole if abs(whole - jump) <= near else jump
 
     def _cause(self, stray: Point, jump: int, tolerance: float) -> Cause | None:
-        """What has jumped: the labels if samples agree with stamps, the clock if they agree with labels."""
+        """Return the cause of a jump: the timecode or the clock; None if it is uncertain.
+
+        The timecode has jumped if samples agree with timestamps. The clock has jumped if samples agree with
+        labels.
+        """
         if self._timeline.known_jump(self._name, jump):
             return "timecode"
         last, samples = self._points[-1], self._samples
@@ -261,7 +272,10 @@ class DeviceClock:
         return likely if causes[likely] <= allowed else None
 
     def _noisier(self) -> tuple[Notice, ...]:
-        """Stamps scatter more than before: accept the outliers, about the old line or a new one."""
+        """Accept the outliers, on the old line or on a new one, because timestamps scatter more than before.
+
+        Returns: a notice on the larger scatter.
+        """
         misses = sorted(s.master_ns - (self._expect(s.device_ns)[0] or 0) for s in self._strays)
         strays, middle = self._strays, misses[len(misses) // 2] / SECOND
         self._noise = None

@@ -1,9 +1,10 @@
-"""The lower envelope under one-way delays: transport makes stamps late, never early.
+"""Fit the lower envelope of points with one-way delays: transport makes timestamps late, never early.
 
-y_k = offset + slope x_k + d_k with d_k >= 0. Least squares finds the mean delay, which changes with the
-load. The line that lies under all points and nearest to them does not. It is the edge of the lower convex
-hull below the mean of x (Moon, Skelly, Towsley, INFOCOM 1999; Zhang, Liu, Xia, INFOCOM 2002). One stamp
-that is too early would pull the line down, so outliers far below all other points are removed first.
+The model is y_k = offset + slope x_k + d_k with d_k >= 0. Least squares estimates the mean delay, which
+changes with the system load. The closest line below all points does not depend on the load. It is the edge of
+the lower convex hull below the mean of x (Moon, Skelly, Towsley, INFOCOM 1999; Zhang, Liu, Xia, INFOCOM
+2002). A single early timestamp would pull the line down. Therefore outliers far below all other points are
+removed first.
 """
 
 from __future__ import annotations
@@ -13,15 +14,17 @@ import numpy as np
 from panoptic_ros.clocks.line import Line
 
 Array = np.ndarray
-LEAST_POINTS = 8
-EARLY_SHARE = 0.01  # of the points, at most, may be too early; at least two
-EARLY_FACTOR = 6.0  # times the usual distance of the lowest points from the line
-LEAST_SHARE = 0.02  # of the delays' scatter: stamps of whole milliseconds crowd on the line
-LOW_SHARE = 0.05  # of the points, the lowest ones, which tell how dense points are near the line
+LEAST_POINTS = 8  # minimum number of points for the removal of early ones
+EARLY_SHARE = 0.01  # maximum share of points removed as early; at least two points
+# a point is early if it is farther below the line than this times the lowest points' spacing
+EARLY_FACTOR = 6.0
+# minimum ratio of the line's std to the delay scatter: whole-ms timestamps cluster on the line
+LEAST_SHARE = 0.02
+LOW_SHARE = 0.05  # share of the lowest points, which measure the point density near the line
 
 
 def fit_lower_line(x: Array, y: Array) -> Line:
-    """The line under the points; its covariance comes from their density near it.
+    """Fit the line below the points; its covariance follows from the point density near it.
 
     Args:
         x, y: (N,) N >= 2 different x, s.
@@ -48,7 +51,7 @@ def _without(x: Array, y: Array, kept: Array, point: int) -> tuple[float, float]
 
 
 def _supporting_edge(x: Array, y: Array) -> tuple[float, float]:
-    """Offset and slope of the lower hull's edge below the mean of x."""
+    """Return offset and slope of the lower hull's edge below the mean of x."""
     order = np.lexsort((y, x))
     hull: list[int] = []
     for k in order:
@@ -64,7 +67,7 @@ def _supporting_edge(x: Array, y: Array) -> tuple[float, float]:
 
 
 def _turns_down(x: Array, y: Array, a: int, b: int, c: int) -> bool:
-    """Whether b lies on or above the chord from a to c."""
+    """Return whether b lies on or above the chord from a to c."""
     return bool((y[b] - y[a]) * (x[c] - x[a]) >= (y[c] - y[a]) * (x[b] - x[a]))
 
 
@@ -73,17 +76,19 @@ def _above(line: tuple[float, float], x: Array, y: Array) -> Array:
 
 
 def _low_distance(line: tuple[float, float], x: Array, y: Array) -> float:
-    """How far above the line the lowest points reach, per point: the line's own uncertainty, s."""
+    """Return the mean spacing (s) of the lowest points above the line, which is the line's uncertainty."""
     count = max(4, int(LOW_SHARE * len(x)))
     distances = np.sort(_above(line, x, y))[: count + 2]
     return max(float(distances[-1]) / max(1, len(distances) - 2), 1e-7)
 
 
 def _with_covariance(solution: tuple[float, float], x: Array, y: Array) -> Line:
-    """The smallest of n delays with density f at zero has mean and deviation 1 / (n f).
+    """Return the line with its covariance, from the density of the lowest points.
 
-    A line rests on two of them, and short delays are rarer than that density says, so its offset at the
-    middle counts as four times that, and its slope as that over a quarter of the span.
+    The smallest of n delays with density f at zero has mean and standard deviation 1 / (n f). A line rests on
+    two of them, and short delays are rarer than that density suggests. Therefore the standard deviation of
+    the offset in the middle is taken as four times 1 / (n f). That of the slope is the same value divided by
+    a quarter of the span.
     """
     noise = float(np.std(_above(solution, x, y)))
     deviation = max(4.0 * _low_distance(solution, x, y), LEAST_SHARE * noise)

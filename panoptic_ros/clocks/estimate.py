@@ -1,4 +1,4 @@
-"""From points of device and master time to a clock model."""
+"""Fit a clock model to points of device time and master time."""
 
 from __future__ import annotations
 
@@ -13,17 +13,20 @@ from panoptic_ros.domain import ClockModel
 
 Array = np.ndarray
 SECOND = 1_000_000_000
-SKEW_POINTS = 150
-SKEW_RATIO = 2.0  # tail of late stamps over that of early ones
-PRIOR_DRIFT = 1e-6  # how much the rate of a crystal may differ after a jump of its count
+SKEW_POINTS = 150  # minimum number of points for the test of one-way delays
+SKEW_RATIO = 2.0  # ratio of the late tail to the early tail above which timestamps are one-way
+PRIOR_DRIFT = 1e-6  # standard deviation of the change of a crystal's drift at a clock jump
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A reading as a pair of times, with its place in the device's count of samples.
+    """Reading as a pair of times, with its sample index on the device.
 
     Args:
-        noise_s: standard deviation that the reading claims.
+        device_ns: device time.
+        master_ns: master time.
+        sample: fractional sample index.
+        noise_s: standard deviation stated by the reading, s.
     """
 
     device_ns: int
@@ -34,7 +37,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A model, whether its stamps were taken as one-way, and the scatter of points about it, s."""
+    """Clock model, whether its timestamps are one-way delayed, and the scatter of the points about it (s)."""
 
     model: ClockModel
     one_way: bool
@@ -49,20 +52,20 @@ def estimate(
     before: ClockModel | None,
     least_noise: float,
 ) -> Estimate:
-    """The line through the points, stated about their middle.
+    """Fit the line through the points, with the middle point as its reference.
 
     Args:
         stamps: "auto", "symmetric" or "one-way", see `ClocksConfig`.
-        one_way: what "auto" has found so far.
-        before: a model from other points; its drift helps where these points span too little time.
-        least_noise: that points have at least, s.
+        one_way: result of "auto" so far.
+        before: model of other points. Its drift serves as a prior if these points span too little time.
+        least_noise: minimum standard deviation of a point, s.
     """
     reference = points[len(points) // 2]
     base = reference.master_ns - reference.device_ns
     x = np.array([(point.device_ns - reference.device_ns) / SECOND for point in points])
     y = np.array([(point.master_ns - point.device_ns - base) / SECOND for point in points])
     noises = np.array([max(point.noise_s, least_noise) for point in points])
-    noises[noises == 0.0] = noises.max()  # of readings before the length of a sample was known
+    noises[noises == 0.0] = noises.max()  # readings from before the sample duration was known
     line = fit_line(x, y, noises)
     error = y - line.offset - line.slope * x
     if stamps == "auto" and not one_way:
@@ -94,7 +97,7 @@ def _late_more_than_early(lateness: Array) -> bool:
 
 
 def _with_drift(line: Line, before: ClockModel) -> Line:
-    """The line updated by what was known of the drift (a Kalman update)."""
+    """Update the line with the drift of an earlier model (a Kalman update)."""
     known = before.covariance[1, 1] + PRIOR_DRIFT**2
     own = line.covariance[1, 1]
     if own <= 0.01 * known:

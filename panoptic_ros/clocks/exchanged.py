@@ -1,8 +1,9 @@
-"""Channels of a recorder that are exchanged while it runs: words of another clock than the channel's.
+"""Detect channels of a recorder that are swapped while it runs: a channel carries words of another clock.
 
-Two signs tell it. A word has another frame rate than all of its clock before: no generator changes it. Or a
-word is off the line of its own clock and on that of another clock of the recorder, whose own channel has none
-of its words any more. If it has, the generator was set to the time of the other: that is a jump.
+There are two signs. First, a word has a frame rate different from all earlier words of its clock, which no
+generator changes. Second, a word is off the line of its own clock and on that of another clock of the
+recorder. The other clock's own channel must then have no words on that line any more. If it still has, the
+generator was set to the time of the other clock, which is a jump.
 """
 
 from __future__ import annotations
@@ -13,17 +14,18 @@ from panoptic_ros.clocks.timeline import day_length_ns, day_ns
 from panoptic_ros.domain import ClockModel, TimecodeReading
 from panoptic_ros.stage import Notice
 
-SURE_WORDS = 25  # in a row: a clock keeps the frame rate of its timecode
-NEAR_NS = 2_000_000  # between a word and a line that it is on; frames are ten times as long
-LONG_NS = 500_000_000  # for which words of another clock come before that is told
+SURE_WORDS = 25  # consecutive words that fix the frame rate of a clock's timecode
+NEAR_NS = 2_000_000  # ns, maximum distance of a word from its line; a frame is ten times as long
+LONG_NS = 500_000_000  # ns of words of another clock before a notice is given
 
 
 class ExchangedChannels:
-    """What the words of each channel were, to tell when they become another clock's."""
+    """History of the words of each channel, to detect when they belong to another clock."""
 
     def __init__(self) -> None:
-        # by channel: frames per second of its words and how many came in a row; when the last word was on its
-        # own line, and since when words are on another's, in ns of the count of samples
+        # All dictionaries are keyed by channel. `_counts`: frames per second, number of consecutive words at
+        # that rate. `_on_line`: last time that a word was on its own line. `_off_since`: first time that a
+        # word was on the line of another clock. Times are ns of the sample count.
         self._counts: dict[str, list[int]] = {}
         self._on_line: dict[str, int] = {}
         self._off_since: dict[str, int] = {}
@@ -36,12 +38,15 @@ class ExchangedChannels:
         lines: Mapping[str, ClockModel | None],
         shifts: Mapping[str, int],
     ) -> str | None:
-        """Whose word it may be instead; "" = nobody knows whose. None: it is taken for its own clock's.
+        """Return the clock that a word may belong to instead of its own.
 
         Args:
-            sample_ns: when it began, by the count of samples.
-            lines: of the clocks that the recorder hears, from such times to those of the clock.
-            shifts: by clock: what its time line adds to labels, ns.
+            sample_ns: (ns) start of the word by the sample count.
+            lines: lines of the clocks that the recorder receives, from sample times to times of the clock.
+                None while a line is uncertain.
+            shifts: (ns) by clock, the shift that its time line adds to labels.
+
+        Returns: the name of the other clock; "" if it is unknown; None if the word belongs to its own clock.
         """
         channel = _channel(reading)
         if self._has_other_rate(reading, channel):
@@ -58,7 +63,7 @@ class ExchangedChannels:
         return None if still else min(on)
 
     def notices(self, reading: TimecodeReading, sample_ns: int, owner: str) -> tuple[Notice, ...]:
-        """What a person should know, once for each channel."""
+        """Return the notice on swapped channels, once per channel."""
         channel = _channel(reading)
         if channel in self._told or (owner and sample_ns - self._off_since[channel] < LONG_NS):
             return ()
@@ -91,7 +96,7 @@ def _channel(reading: TimecodeReading) -> str:
 
 
 def _is_on(reading: TimecodeReading, sample_ns: int, line: ClockModel, shift_ns: int) -> bool:
-    """Whether a word says what a line expects then, on any day."""
+    """Return whether a word matches the time that a line predicts, on any day."""
     day = day_length_ns(reading.timecode)
     miss = day_ns(reading.timecode) + shift_ns - line.master_from_device(sample_ns)[0]
     return abs((miss + day // 2) % day - day // 2) < NEAR_NS

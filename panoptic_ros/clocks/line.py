@@ -1,4 +1,4 @@
-"""A straight line through points with outliers."""
+"""Fit a straight line to points with outliers."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 Array = np.ndarray
-HUBER = 1.345  # standard deviations, 95 % efficient on normal noise
-INLIER = 4.0  # standard deviations
-LEAST_NOISE = 1e-9  # s; stamps are whole nanoseconds
+HUBER = 1.345  # standard deviations; 95 % efficiency for normal noise
+INLIER = 4.0  # standard deviations, maximum residual of an inlier
+LEAST_NOISE = 1e-9  # s; timestamps are whole nanoseconds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """y = offset + slope * x with the covariance (2, 2) of the two, and the noise of one point."""
+    """Line y = offset + slope * x, with the covariance (2, 2) of offset and slope, and the noise std of one
+    point."""
 
     offset: float
     slope: float
@@ -23,11 +24,11 @@ class Line:
 
 
 def fit_line(x: Array, y: Array, noise: Array) -> Line:
-    """Huber's line, then least squares through the points near it until these no longer change.
+    """Fit a line by Huber's method, then by least squares on the inliers until they no longer change.
 
     Args:
         x, y: (N,) N >= 2 different x.
-        noise: (N,) standard deviations that the points claim; a larger scatter overrides them.
+        noise: (N,) standard deviations stated for the points. A larger scatter overrides them.
     """
     rows = np.stack([np.ones_like(x), x], axis=1)
     solution = _huber(rows, y)
@@ -45,7 +46,8 @@ def fit_line(x: Array, y: Array, noise: Array) -> Line:
     solution = _solve(rows, y, weights)
     error = y - rows @ solution
     freedom = max(1, len(y) - 2)
-    scale = max(1.0, float(weights @ error**2) / freedom)  # of the variances; never less than claimed
+    # variance factor; the variance is never below the stated one
+    scale = max(1.0, float(weights @ error**2) / freedom)
     covariance = np.linalg.pinv((rows * weights[:, None]).T @ rows, hermitian=True) * scale
     return Line(float(solution[0]), float(solution[1]), covariance, float(np.sqrt(error @ error / freedom)))
 

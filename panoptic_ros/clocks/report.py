@@ -1,10 +1,8 @@
-"""What is wrong with the clocks of a capture, in plain words, and what to do.
+"""Measure the clock of each camera from its frame timestamps, and report problems with remedies.
 
-The clock of a camera from the stamps of its frames: period, drops, jitter, and the line under them.
-
-Frames are exposed at even times, and stamps of the host are late by a transport delay. The x axis is the
-count of frames, dropped ones included. The line under the stamps (`envelope`) is the clock of the camera, up
-to a constant that stamps cannot show.
+Frames are exposed at even intervals. Timestamps of the host are late by a transport delay. The x axis is the
+frame count, including dropped frames. The line below the timestamps (`envelope`) is the clock of the camera,
+up to a constant that timestamps cannot reveal. The line gives period, drops and jitter.
 """
 
 from __future__ import annotations
@@ -21,11 +19,11 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.stage import Notice
 
 LEAST_FRAMES = 8
-FOLLOW = 0.1  # of the error of a frame, by which the expected time of the next one is moved
-LATE_RATIO = 2.0
+FOLLOW = 0.1  # gain with which the error of a frame corrects the expected time of the next frame
+LATE_RATIO = 2.0  # ratio of the late tail to the early tail above which timestamps are one-way
 Array = np.ndarray
 SECOND = 1_000_000_000
-USUAL_RATES = (
+USUAL_RATES = (  # Hz
     5.0,
     6.0,
     10.0,
@@ -48,28 +46,32 @@ USUAL_RATES = (
     200.0,
     240.0,
 )
-MANY_LOST = 0.005
-PACED = 0.6  # concentration of stamps on the host's grid
-PACED_JITTER_S = 3e-4  # hardware stamps may lie on a grid as well, but scatter less
-BEAT = 0.25  # of a period, that frames wander about an even clock
-SAME_RATE = 8e-4
-OUT_OF_PHASE = 0.1  # of a period
-SMOOTH = 15  # frames
+MANY_LOST = 0.005  # share of dropped frames above which a warning is given
+PACED = 0.6  # concentration of timestamps on the host's grid above which the host sets the pace
+PACED_JITTER_S = 3e-4  # s; hardware timestamps may lie on a grid too, but scatter less
+BEAT = 0.25  # periods, peak-to-peak deviation from an even clock above which a warning is given
+SAME_RATE = 8e-4  # maximum relative difference of two equal rates
+OUT_OF_PHASE = 0.1  # periods, phase difference above which cameras are reported as out of phase
+SMOOTH = 15  # frames, length of the moving average
 
 
 @dataclass(frozen=True, eq=False)
 class FrameTiming:
-    """What the stamps of a camera tell.
+    """Timing of a camera's frames, from their timestamps.
 
     Args:
-        rate_hz, rate_std_hz: frames per second of the clock that stamps.
-        counts: (N,) number of every frame on the camera's even grid; dropped ones are left out.
-        errors_s: (N,) stamp minus the line.
-        interval_std_s: of the steps between stamps, without drops.
-        jitter_s: robust standard deviation about the line through the stamps.
-        lost: frames that are missing between others; gaps: places where frames are missing.
-        not_later: stamps that are not later than the one before; all else is without them.
-        one_way: whether stamps are late more than early, so that the line lies under them.
+        reference_ns: (ns) timestamp of the first frame.
+        rate_hz, rate_std_hz: (Hz) frame rate by the clock that sets the timestamps, with its standard
+            deviation.
+        counts: (N,) frame number on the camera's even grid; numbers of dropped frames are absent.
+        errors_s: (N,) timestamp minus the line.
+        interval_std_s: standard deviation of the intervals between timestamps, without drops.
+        jitter_s: robust standard deviation of the timestamps about the line.
+        lost: (count) missing frames between others.
+        gaps: (count) places where frames are missing.
+        not_later: (count) timestamps not later than the previous one. All other fields ignore them.
+        one_way: True if the late tail of the timestamps is longer than the early one. The line then lies
+            below them.
     """
 
     reference_ns: int
@@ -86,14 +88,15 @@ class FrameTiming:
 
 
 def measure_frames(stamps_ns: Sequence[int], numbers: Sequence[int] | None = None) -> FrameTiming:
-    """Measure the frames of one camera.
+    """Measure the frame timing of one camera.
 
     Args:
-        stamps_ns: in the order of arrival.
-        numbers: of the frames, if the device counts those that it drops; None: found from the stamps.
+        stamps_ns: timestamps in order of arrival.
+        numbers: frame numbers, if the device counts the frames that it drops. None: derived from the
+            timestamps.
 
     Raises:
-        DataError: for fewer than 8 frames with increasing stamps.
+        DataError: fewer than 8 frames with increasing timestamps.
     """
     kept = [0] if len(stamps_ns) else []
     for k in range(1, len(stamps_ns)):
@@ -125,19 +128,23 @@ def measure_frames(stamps_ns: Sequence[int], numbers: Sequence[int] | None = Non
 
 
 def _count(times: Array) -> Array:
-    """Number of every frame: the next one is expected a period after where the last one should have been."""
+    """Return the number of every frame, including gaps for dropped frames.
+
+    Each frame is expected one period after the expected time of the previous frame.
+    """
     period = _usual_step(np.diff(times))
     counts = [0]
     expected = float(times[0])
     for time in times[1:]:
         step = round((time - expected) / period)
-        if step < 1 and len(counts) > 1 and counts[-1] - counts[-2] > 1:  # the last one was late, not dropped
+        # the previous frame was late; no frame was dropped
+        if step < 1 and len(counts) > 1 and counts[-1] - counts[-2] > 1:
             counts[-1] -= 1
             expected -= period
         step = max(1, round((time - expected) / period))
         expected += step * period
         error = float(time) - expected
-        if abs(error) > 0.75 * period:  # several late frames in a row: begin anew from here
+        if abs(error) > 0.75 * period:  # several consecutive late frames: restart here
             expected = float(time)
         else:
             expected += FOLLOW * error
@@ -146,13 +153,16 @@ def _count(times: Array) -> Array:
 
 
 def _usual_step(steps: Array) -> float:
-    """The period: the mean of the steps that are near the median, which drops do not move."""
+    """Return the period: the mean of the steps near the median, which drops do not affect."""
     middle = float(np.median(steps))
     return float(steps[np.abs(steps - middle) < 0.4 * middle].mean())
 
 
 def _line(counts: Array, times: Array) -> tuple[Line, bool]:
-    """The line of stamps over counts, and whether it lies under them as they are late more than early."""
+    """Return the line of timestamps over frame counts, and whether the timestamps are one-way delayed.
+
+    For one-way delays, the line lies below the timestamps.
+    """
     x = counts.astype(float)
     line = fit_line(x, times, np.full(len(x), 1e-9))
     error = times - line.offset - line.slope * x
@@ -168,13 +178,16 @@ def _spread(errors: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class CameraClock:
-    """What the stamps of one camera tell.
+    """Properties of a camera's clock, from its frame timestamps.
 
     Args:
-        nominal_hz: the usual rate that is nearest; off_ppm: how far the camera is from it.
-        paced: concentration in 0..1 of stamps on the grid of the seconds of the host.
-        beat_s: by how much smoothed frame times wander about an even clock, peak to peak.
-        late_p99_s: 99th percentile of how late stamps are, minus the median.
+        name: name of the camera.
+        timing: timing of its frames.
+        nominal_hz: (Hz) nearest usual rate.
+        off_ppm: (ppm) deviation of the camera from it.
+        paced: (0..1) concentration of timestamps on the grid of the host's seconds.
+        beat_s: (s) peak-to-peak deviation of smoothed frame times from an even clock.
+        late_p99_s: (s) 99th percentile of the lateness of timestamps, minus the median.
     """
 
     name: str
@@ -187,20 +200,20 @@ class CameraClock:
 
     @property
     def period_s(self) -> float:
-        """Seconds between frames."""
+        """Return the seconds between frames."""
         return 1.0 / self.timing.rate_hz
 
     @property
     def lost_share(self) -> float:
-        """Of all frames that should be there."""
+        """Return the share of dropped frames among all frames."""
         return self.timing.lost / (len(self.timing.counts) + self.timing.lost)
 
 
 def measure_camera(name: str, stamps_ns: Sequence[int], numbers: Sequence[int] | None = None) -> CameraClock:
-    """See `frames.measure_frames`.
+    """Measure the clock of one camera, see `measure_frames`.
 
     Raises:
-        DataError: for too few frames, with the camera's name.
+        DataError: too few frames; the message has the camera's name.
     """
     try:
         timing = measure_frames(stamps_ns, numbers)
@@ -224,7 +237,7 @@ def measure_camera(name: str, stamps_ns: Sequence[int], numbers: Sequence[int] |
 
 
 def phase_s(one: CameraClock, other: CameraClock) -> float:
-    """How much later frames of `other` are than the nearest ones of `one`, s; NaN if the rates differ."""
+    """Return how much later (s) frames of `other` are than the nearest ones of `one`; NaN if rates differ."""
     if abs(one.timing.rate_hz / other.timing.rate_hz - 1.0) > SAME_RATE:
         return float("nan")
     period = one.period_s
@@ -243,7 +256,7 @@ def _offset(camera: CameraClock) -> float:
 
 
 def findings(cameras: Sequence[CameraClock]) -> tuple[Notice, ...]:
-    """What a person should know, the worst first; nothing if all is well."""
+    """Return notices on problems of the cameras' clocks, warnings first; empty if there are none."""
     notices: list[Notice] = []
     for camera in cameras:
         notices += _of_camera(camera)
@@ -274,7 +287,7 @@ def _of_camera(camera: CameraClock) -> list[Notice]:
                 "was set back, or frames are stamped out of order; use a monotonic clock",
             )
         )
-        return notices  # no single line holds
+        return notices  # timestamps that go back have no common line
     if off > max(RATE_OFF, unsure):
         notices.append(
             _warning(
@@ -317,7 +330,7 @@ def _paced(cameras: Sequence[CameraClock]) -> list[Notice]:
 
 def _of_rates(cameras: Sequence[CameraClock]) -> list[Notice]:
     rates = sorted({round(camera.nominal_hz, 3) for camera in cameras})
-    sure = all(camera.timing.jitter_s < PACED_JITTER_S for camera in cameras)  # else 29.97 may be 30
+    sure = all(camera.timing.jitter_s < PACED_JITTER_S for camera in cameras)  # otherwise 29.97 may be 30
     if len(rates) < 2 or not (sure or rates[-1] > 1.01 * rates[0]):
         return []
     listed = " and ".join(f"{rate:g}" for rate in rates)
@@ -348,7 +361,7 @@ def _of_phases(cameras: Sequence[CameraClock]) -> list[Notice]:
 
 
 def timecode_findings(told: Sequence[Notice]) -> tuple[Notice, ...]:
-    """The notices of stages about timecode; equal ones of a device are one, with their number."""
+    """Return the timecode notices of the stages; equal ones of a device are merged, with their count."""
     return tuple(_each_once([notice for notice in told if notice.code != "clocks.stamp_back"]))
 
 

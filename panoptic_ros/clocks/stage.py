@@ -1,14 +1,13 @@
-"""The clocks stage: timecode readings of any number of devices to clock models.
+"""Clocks stage: convert the timecode readings of any number of devices to clock models.
 
-Clocks that are known by their timecode: several of them in the sound of one recorder.
+Readings may name the clock behind the timecode, as a recorder can receive several timecodes. The timestamps
+of a camera on such a clock equal its timecode: real time since the timecode's midnight. Two timecodes in one
+recorder share the sample index as their axis. The line from one clock to the other therefore needs no
+computer timestamps, and the recorder's own rate cancels (Joo et al. 2017, 3.3). If one recorder receives A
+and B, and another B and C, their lines are chained.
 
-A camera that is stamped by such a clock says what its timecode says: real time since its midnight. What the
-recorder hears of two timecodes has one axis, its samples. So the line from one clock to the other needs no
-stamp of any computer, and the recorder's own rate cancels (Joo et al. 2017, 3.3). Where one recorder hears A
-and B, and another B and C, the lines follow each other.
-
-A `ClockModel` is a line y = x + offset + drift (x - reference), whatever its two clocks are. Offsets stay
-whole nanoseconds, so that times since 1970 lose nothing.
+A `ClockModel` is a line y = x + offset + drift (x - reference) between any two clocks. Offsets stay whole
+nanoseconds, so that times since 1970 lose no precision.
 """
 
 from __future__ import annotations
@@ -28,39 +27,42 @@ from panoptic_ros.domain import ClockModel, FrameRate, TimecodeReading
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
-STEP_NS = 1_000_000  # between two lines of a clock, that is no noise
-STEP_SIGMAS = 8.0
-AFTER_STEP_NS = 400_000_000  # a line is there so long after the words that made it
+STEP_NS = 1_000_000  # ns, difference of two lines of a clock that noise cannot cause
+STEP_SIGMAS = 8.0  # the same in standard deviations; the larger of the two limits counts
+AFTER_STEP_NS = 400_000_000  # ns between a jump and the first model of the new line
 Models = list[ClockModel]
 FOREVER = 2**63 - 1
-RATE_OFF = 600e-6  # no crystal errs by more; 29.97 and 30 fps differ by 1000 ppm
-NO_CLOCK = 0.01  # timecode so far off its rate is no clock
+RATE_OFF = 600e-6  # no crystal deviates by more; 29.97 and 30 fps differ by 1000 ppm
+NO_CLOCK = 0.01  # drift above which timecode gives no clock
 
 
 class NamedClocks:
-    """Lines from named clocks, and from the clocks of the recorders that hear them, to a master clock.
+    """Lines from named clocks, and from the clocks of the recorders that receive them, to a master clock.
 
     Args:
-        config: of the clocks of recorders. by_samples: the same for times that are counts of samples.
-        master: name of a clock.
-        timeline: its time.
+        config: parameters for the clocks of recorders.
+        by_samples: parameters for times that are sample counts.
+        master: name of the master clock.
+        timeline: time line of the master clock.
     """
 
     def __init__(self, config: ClocksConfig, by_samples: ClocksConfig, master: str, timeline: Timeline):
         self._config, self._by_samples = config, by_samples
         self._master = master
         self._timelines = {master: timeline}
-        self._lines: dict[str, dict[str, DeviceClock]] = {}  # recorder, clock: samples to the clock's time
-        self._own: dict[str, tuple[str, DeviceClock]] = {}  # recorder: a clock, stamps to its time
+        # by recorder and clock: line from sample time to the clock's time
+        self._lines: dict[str, dict[str, DeviceClock]] = {}
+        # by recorder: a clock, and the line from timestamps to its time
+        self._own: dict[str, tuple[str, DeviceClock]] = {}
         self._given: dict[str, ClockModel] = {}
-        self._given_at: dict[str, int] = {}  # recorder: its time then
-        self._begun: dict[str, int] = {}  # clock: where its segment began
-        self._rates: dict[str, int] = {}  # recorder: samples per second, as it says
-        self._rate_off: set[str] = set()  # recorders of which that was told
+        self._given_at: dict[str, int] = {}  # by recorder: its sample time at the last models
+        self._begun: dict[str, int] = {}  # by clock: start of its current segment
+        self._rates: dict[str, int] = {}  # by recorder: nominal samples per second
+        self._rate_off: set[str] = set()  # recorders whose wrong rate has been reported
         self._exchanged = ExchangedChannels()
 
     def take(self, reading: TimecodeReading) -> tuple[Models, tuple[Notice, ...]]:
-        """Take a reading; the models that are due."""
+        """Add a reading; return the models that are due, and notices."""
         recorder, clock = reading.device, reading.clock
         timeline = self._timelines.setdefault(clock, Timeline())
         lines = self._lines.setdefault(recorder, {})
@@ -88,7 +90,7 @@ class NamedClocks:
         return self.due(recorder), notices + self._check_rate(recorder)
 
     def due(self, recorder: str) -> Models:
-        """Models by all lines, of the clocks that a recorder has heard since the last ones."""
+        """Return new models of the clocks that a recorder has received since its last models."""
         lines = self._lines[recorder]
         for line in lines.values():
             line.model()
@@ -102,13 +104,13 @@ class NamedClocks:
         return [self._counted(model) for model in found if self._is_new(model)]
 
     def flush(self) -> Models:
-        """The last models."""
+        """Return the last models."""
         return [model for recorder in self._lines for model in self.due(recorder)]
 
     # ------------------------------------------------------------------ helpers
 
     def _time(self, recorder: str) -> int:
-        """The newest time of a recorder, by its samples."""
+        """Return the newest time of a recorder by its sample count, ns."""
         return max((line.newest_ns or 0 for line in self._lines[recorder].values()), default=0)
 
     def _is_due(self, recorder: str) -> bool:
@@ -119,7 +121,7 @@ class NamedClocks:
         return not 0 <= since < self._config.period_s * SECOND or any(line.urgent for line in lines)
 
     def _to_master(self) -> dict[str, ClockModel]:
-        """Lines from the times of clocks to that of the master, of all that are connected to it."""
+        """Return the lines to master time, for all clocks connected to the master clock."""
         heard = [
             (line.newest_ns, line.line)
             for lines in self._lines.values()
@@ -136,7 +138,7 @@ class NamedClocks:
         return found
 
     def _next_to(self, known: dict[str, ClockModel]) -> Iterator[tuple[str, ClockModel]]:
-        """Clocks that a recorder hears beside one that is known."""
+        """Yield the clocks that share a recorder with a connected clock, with their lines."""
         for lines in self._lines.values():
             sure = {clock: line.line for clock, line in lines.items() if line.line and line.settled}
             through = next((clock for clock in known if clock in sure), None)
@@ -148,7 +150,7 @@ class NamedClocks:
                     yield clock, behind(inverse(line, clock), from_samples)
 
     def _named(self, clock: str, line: ClockModel) -> ClockModel:
-        """The model of a clock: from what its timecode says, which may have jumped."""
+        """Return the model of a clock that takes label times; labels may have jumped."""
         names = [(own[clock].newest_ns or 0, name) for name, own in self._lines.items() if clock in own]
         shift = self._timelines[clock].shift_of(f"{clock} in {max(names)[1]}")
         return by_labels(replace(line, device=clock), shift)
@@ -158,7 +160,7 @@ class NamedClocks:
         return before is None or model.until_ns != before.until_ns
 
     def _counted(self, model: ClockModel) -> ClockModel:
-        """The model with its segment: a new one where it is not the line of before."""
+        """Return the model with its segment number; a stepped line begins a new segment."""
         before = self._given.get(model.device)
         segment = 0 if before is None else before.segment
         if before is not None and _stepped(before, model):
@@ -170,7 +172,7 @@ class NamedClocks:
         return model
 
     def _check_rate(self, recorder: str) -> tuple[Notice, ...]:
-        """Tell once that timecodes run at another rate than the samples, by more than crystals do."""
+        """Report once if timecodes deviate from the sample rate by more than crystals do."""
         drifts = {clock: line.drift for clock, line in self._lines[recorder].items()}
         off = {clock: drift for clock, drift in drifts.items() if drift and abs(drift) > RATE_OFF}
         if not off or recorder in self._rate_off or None in drifts.values():
@@ -187,26 +189,26 @@ class NamedClocks:
 
 
 def _stepped(before: ClockModel, model: ClockModel) -> bool:
-    """Whether two lines of a clock differ by more than noise where the second was observed last."""
+    """Return whether two lines of a clock differ by more than noise at the end of the second one."""
     at = model.until_ns
     (old, old_std), (new, std) = before.master_from_device(at), model.master_from_device(at)
     return abs(new - old) > max(STEP_NS, STEP_SIGMAS * (old_std + std))
 
 
 def _sample_ns(reading: TimecodeReading) -> int:
-    """When a word began, by the count of samples; by its stamp where nobody says how many make a second."""
+    """Return the start of a word (ns) by the sample count, or its timestamp if the sample rate is unknown."""
     if not reading.sample_rate:
         return reading.stamp_ns
     return max(0, round(reading.start_sample * SECOND / reading.sample_rate))
 
 
 def standing(clock: str, from_ns: int, until_ns: int) -> ClockModel:
-    """The line from a clock to itself, observed between two of its times."""
+    """Return the identity line of a clock, valid between two of its times."""
     return ClockModel(clock, until_ns, 0, 0.0, np.zeros((2, 2)), 0.0, from_ns, until_ns)
 
 
 def inverse(line: ClockModel, clock: str) -> ClockModel:
-    """The line from y to x.
+    """Return the inverse line, from y to x.
 
     Args:
         clock: name of y.
@@ -226,11 +228,11 @@ def inverse(line: ClockModel, clock: str) -> ClockModel:
 
 
 def behind(first: ClockModel, second: ClockModel) -> ClockModel:
-    """The line from x to z, of one from x to y and one from y to z.
+    """Return the line from x to z, composed of one from x to y and one from y to z.
 
-    Their errors are taken as independent. It is observed where both are.
+    Their errors are assumed independent. The result is valid where both lines are.
     """
-    at = first.reference_ns + first.offset_ns  # y of the reference, but for the residual
+    at = first.reference_ns + first.offset_ns  # y at the reference, except for the residual
     since = at - second.reference_ns + first.residual_ns
     carry = np.array([[1.0, since * 1e-9], [0.0, 1.0]])
     seen = [
@@ -250,7 +252,7 @@ def behind(first: ClockModel, second: ClockModel) -> ClockModel:
 
 
 def by_labels(line: ClockModel, shift_ns: int) -> ClockModel:
-    """A line from times of a timecode that run on, as one from its labels: times less the shift."""
+    """Convert a line from continuous timecode time to one from label time, which is smaller by the shift."""
     return replace(
         line,
         reference_ns=max(0, line.reference_ns - shift_ns),
@@ -261,10 +263,10 @@ def by_labels(line: ClockModel, shift_ns: int) -> ClockModel:
 
 
 class ClocksStage(Stateful):
-    """See the package. Devices share the master time line and nothing else.
+    """Stage that converts timecode readings to clock models, see the package docstring.
 
-    Readings that name the clock behind the timecode are for `NamedClocks`; the master among these has the
-    time line of the others.
+    Devices share the master time line and nothing else. Readings with the name of a clock go to
+    `NamedClocks`. The master clock there has the same time line as the other devices.
     """
 
     LAYOUT = StateLayout(
@@ -300,7 +302,7 @@ class ClocksStage(Stateful):
         self.reset()
 
     def reset(self) -> None:
-        """Forget all devices."""
+        """Drop the state of all devices."""
         self._timeline = Timeline()
         self._devices: dict[str, DeviceClock] = {}
         self._silent: set[str] = set()
@@ -308,7 +310,7 @@ class ClocksStage(Stateful):
         self._named: NamedClocks | None = None
 
     def step(self, item: TimecodeReading) -> StepResult[ClockModel]:
-        """Take a reading; return the model of its device every `period_s`, and at once after a jump."""
+        """Add a reading; return its device's model every `period_s`, and immediately after a jump."""
         if item.reverse:
             text = f"the timecode of {item.device} runs backwards and is no clock"
             return StepResult((), (Notice("clocks.reverse", "warning", text, {"device": item.device}),))
@@ -327,12 +329,12 @@ class ClocksStage(Stateful):
             return StepResult((), notices)
         notices += self._check_rate(model)
         if not _usable(model):
-            self._timeline.forget(model.device)  # it must not change the time of others
+            self._timeline.forget(model.device)  # such a device must not change the time of others
             return StepResult((), notices)
         return StepResult((model,), notices)
 
     def _step_named(self, item: TimecodeReading) -> StepResult[ClockModel]:
-        """Take a reading of a named clock; return models of all clocks that its recorder hears."""
+        """Add a reading of a named clock; return the models of all clocks that its recorder receives."""
         if self._named is None:
             master = self._config.master_clock or item.clock
             self._named = NamedClocks(self._config, self._by_samples, master, self._timeline)
@@ -340,7 +342,7 @@ class ClocksStage(Stateful):
         return StepResult(tuple(model for model in models if _usable(model)), notices)
 
     def flush(self) -> StepResult[ClockModel]:
-        """The last model of every device that has readings newer than its last one."""
+        """Return the last model of every device with readings newer than its last model."""
         models = [device.model() for device in self._devices.values() if device.newest_ns != device.given_ns]
         known = [model for model in models if model is not None]
         notices = tuple(notice for model in known for notice in self._check_rate(model))
@@ -349,7 +351,7 @@ class ClocksStage(Stateful):
         return StepResult(tuple(model for model in known if _usable(model)), notices)
 
     def _check_rate(self, model: ClockModel) -> tuple[Notice, ...]:
-        """Report once that the timecode of a device runs at another rate than it says."""
+        """Report once that the timecode of a device runs at a rate other than its nominal one."""
         if _surely(model) <= RATE_OFF or model.device in self._rate_off:
             return ()
         self._rate_off.add(model.device)
@@ -362,7 +364,7 @@ class ClocksStage(Stateful):
         return (Notice("clocks.timecode_rate", "warning", text, {"device": model.device}),)
 
     def _listen(self) -> tuple[Notice, ...]:
-        """Report once that a device has fallen silent while others are heard."""
+        """Report once that a device no longer receives timecode while others do."""
         silent = set(self._timeline.silent())
         fresh = sorted(silent - self._silent)
         self._silent = silent
@@ -378,7 +380,7 @@ class ClocksStage(Stateful):
 
 
 def _surely(model: ClockModel) -> float:
-    """How large the drift is at least."""
+    """Return the lower bound of the absolute drift (3 standard deviations)."""
     return abs(model.drift) - 3.0 * float(np.sqrt(model.covariance[1, 1]))
 
 

@@ -1,10 +1,11 @@
-"""Two timecodes on the channels of one recording: they share the sample index as their axis.
+"""Align two timecodes on the channels of one recording, with the sample index as their common axis.
 
-This is how Joo et al. (2017, 3.3) align the clock of one camera system with that of another: no stamp of
-any computer is involved, and the recorder's own rate cancels. So does the speed of a tape, with its wow and
-flutter: a word of one timecode is held against the words of the other just before and after it, not against
-the recorder's samples. That also tells rates: a word does not say whether 30 labels last a second or 1.001 s,
-and a tape that swings tells it late, but the number of words of one timecode per second of the other does.
+This is how Joo et al. (2017, 3.3) align the clock of one camera system with that of another. No computer
+timestamps are involved, and the recorder's own rate cancels. The tape speed with its wow and flutter cancels
+too. A word of one timecode is compared with the words of the other just before and after it, instead of the
+recorder's samples. This also identifies frame rates. A word does not state whether 30 labels take 1 s or
+1.001 s, and a tape with varying speed reveals it late. The number of words of one timecode per second of the
+other reveals it directly.
 """
 
 from __future__ import annotations
@@ -22,23 +23,23 @@ from panoptic_ros.errors import ClockError
 
 Array = np.ndarray
 LEAST_READINGS = 3
-WIDEST_GAP = 1.5  # words of the master, between which its time is known
-OTHER_RATE = 2e-4  # of drift that is rather believed than another rate of frames; rates differ by 1e-3
+WIDEST_GAP = 1.5  # words of the master timecode across which its time is interpolated
+OTHER_RATE = 2e-4  # drift penalty of a frame rate other than that of the last word; rates differ by 1e-3
 
 
 def align_timecodes(
     master: Sequence[TimecodeReading], other: Sequence[TimecodeReading], device: str
 ) -> ClockModel:
-    """The model that turns times of the other timecode (ns since its midnight) into times of the master.
+    """Return the model that converts times of the other timecode (ns since midnight) to master times.
 
     Args:
-        master, other: readings of the two channels, in the order of the recording.
+        master, other: readings of the two channels, in recording order.
         device: name of the clock behind the other timecode, for the model.
 
     Raises:
-        ClockError: if a channel has too few readings, or the two do not overlap.
+        ClockError: a channel has too few readings, or the two do not overlap.
     """
-    from scipy.interpolate import CubicSpline  # takes long to load, which most runs do not need
+    from scipy.interpolate import CubicSpline  # imported here: it loads slowly, and most runs do not need it
 
     for name, readings in (("master", master), (device, other)):
         if len(readings) < LEAST_READINGS:
@@ -53,11 +54,11 @@ def align_timecodes(
     base, reference = times[0], own_times[len(own_times) // 2]
     of_master = CubicSpline(started, [(time - base) / SECOND for time in times])
     own = np.array([(time - reference) / SECOND for time in own_times])[inside]
-    difference = of_master(at[inside]) - own  # master less other, about base - reference
+    difference = of_master(at[inside]) - own  # master minus other, relative to base - reference
     of_masters = np.median([r.std_samples for r in masters])
     stds = np.hypot(np.array([r.std_samples for r in others])[inside], of_masters)
     found = fit_line(own, difference, stds * float(of_master(at[inside], 1).mean()))
-    few = max(1.0, len(own) / len(masters))  # words are not independent where they have the same neighbours
+    few = max(1.0, len(own) / len(masters))  # words with the same neighbours are not independent
     covariance = found.covariance * few
     return ClockModel(
         device,
@@ -72,7 +73,7 @@ def align_timecodes(
 
 
 def _between(at: Array, started: Array) -> Array:
-    """Which samples (N,) are between two words (M,) that follow each other."""
+    """Return which samples (N,) lie between two consecutive words (M,)."""
     after = np.searchsorted(started, at)
     inside = (after > 0) & (after < len(started))
     gaps = np.diff(started)[np.clip(after - 1, 0, len(started) - 2)]
@@ -83,7 +84,10 @@ def _between(at: Array, started: Array) -> Array:
 def _at_likely_rates(
     master: Sequence[TimecodeReading], other: Sequence[TimecodeReading]
 ) -> tuple[list[TimecodeReading], list[TimecodeReading]]:
-    """The readings of both at the rates at which the clocks agree best, in doubt those of the last words."""
+    """Return the readings of both at the frame rates for which the two clocks agree best.
+
+    If that is ambiguous, the rates of the last words are kept.
+    """
     ratio = _frame_ratio(master, other)
 
     def unlikely(rates: tuple[FrameRate, FrameRate]) -> float:
@@ -97,7 +101,7 @@ def _at_likely_rates(
 
 
 def _frame_ratio(master: Sequence[TimecodeReading], other: Sequence[TimecodeReading]) -> float:
-    """Frames of the master to those of the other, at the same speed of the tape."""
+    """Return the ratio of master frames to frames of the other timecode, at equal tape speed."""
     both = (master, other)
     started, at = (np.array([r.start_sample for r in readings]) for readings in both)
     frames, own = (np.array([float(r.timecode.frame_count) for r in readings]) for readings in both)
@@ -107,14 +111,14 @@ def _frame_ratio(master: Sequence[TimecodeReading], other: Sequence[TimecodeRead
 
 
 def _rates_of(rate: FrameRate) -> list[FrameRate]:
-    """The rates that have the labels of one."""
+    """Return the rates that have the same labels as a given rate."""
     if rate.nominal == 25 or rate.drop_frame:
         return [rate]
     return [FrameRate(rate.nominal, Fraction(1000 * rate.nominal, divisor)) for divisor in (1000, 1001)]
 
 
 def _with_rate(readings: Sequence[TimecodeReading], rate: FrameRate) -> Iterator[TimecodeReading]:
-    """The readings with the labels of a rate; those that have other labels are left out."""
+    """Yield the readings with their labels at a given rate; readings with other labels are dropped."""
     for reading in readings:
         label = reading.timecode
         if (label.rate.nominal, label.rate.drop_frame) == (rate.nominal, rate.drop_frame):
@@ -123,7 +127,7 @@ def _with_rate(readings: Sequence[TimecodeReading], rate: FrameRate) -> Iterator
 
 
 def _unwrapped(readings: Sequence[TimecodeReading]) -> list[int]:
-    """Times in ns, counted on over midnight."""
+    """Return times in ns that continue over midnight."""
     times: list[int] = []
     for reading in readings:
         time, day = day_ns(reading.timecode), day_length_ns(reading.timecode)

@@ -1,4 +1,4 @@
-"""Master time from timecode: it continues over midnight and where the timecode jumps."""
+"""Derive a master time line from timecode: it continues over midnight and over jumps of the timecode."""
 
 from __future__ import annotations
 
@@ -7,19 +7,23 @@ from dataclasses import dataclass
 from panoptic_ros.domain import Timecode
 
 SECOND = 1_000_000_000
-SAME_GENERATOR_NS = 10 * SECOND  # devices whose timecodes are nearer are taken to hear the same generator
-SILENT_NS = 3 * SECOND
-SAME_JUMP_NS = 100_000  # two devices that agree better heard the same jump
+# ns, maximum difference of two devices that are assumed to receive the same generator
+SAME_GENERATOR_NS = 10 * SECOND
+SILENT_NS = 3 * SECOND  # ns without timecode, while others receive it, after which a device is silent
+SAME_JUMP_NS = 100_000  # ns, maximum difference of two devices for the same jump
 
 
 def day_ns(timecode: Timecode) -> int:
-    """Real time since the timecode's midnight. Labels are not seconds at 23.976 and 29.97 Hz."""
+    """Return the real time (ns) since the timecode's midnight.
+
+    Labels are not seconds at 23.976 and 29.97 Hz, so the exact rate is used.
+    """
     rate = timecode.rate.exact
     return timecode.frame_count * SECOND * rate.denominator // rate.numerator
 
 
 def day_length_ns(timecode: Timecode) -> int:
-    """Real time from a timecode's midnight to the next: 86486.4 s at 29.97 Hz without drop-frame."""
+    """Return the real time (ns) of a timecode's day: 86486.4 s at 29.97 Hz without drop-frame."""
     rate = timecode.rate
     frames = 24 * 107_892 if rate.drop_frame else 24 * 3600 * rate.nominal
     return frames * SECOND * rate.exact.denominator // rate.exact.numerator
@@ -27,30 +31,37 @@ def day_length_ns(timecode: Timecode) -> int:
 
 @dataclass
 class Place:
-    """Where a device is: how many jumps of the timecode it has followed, and its newest time."""
+    """Position of a device on the time line.
+
+    Args:
+        jumps: (index) number of timecode jumps that the device has followed.
+        newest_ns: (master time) time of its newest reading.
+        heard_ns: (ns) accumulated time with timecode, on a scale that all devices share.
+    """
 
     jumps: int
-    newest_ns: int  # master
-    heard_ns: int  # how long it has been heard, on a scale that all devices share
+    newest_ns: int  # master time
+    heard_ns: int  # accumulated time with timecode, on a scale that all devices share
 
 
 class Timeline:
-    """The master time line that all devices share.
+    """Master time line that all devices share.
 
-    A generator that is set anew (free-running drop-frame generators often are, once a day) makes every
-    device hear the same jump, one a little later than the other. Time itself did not jump: from there on,
-    master time is the timecode minus the jump. A device that joins later takes over the jumps of the device
-    with the nearest time.
+    A generator that is set again makes every device receive the same jump, some a little later than others.
+    Free-running drop-frame generators are often set once a day. Time itself has not jumped. From then on,
+    master time is the timecode minus the jump. A device that joins later adopts the jumps of the device with
+    the nearest time.
     """
 
     def __init__(self) -> None:
-        self._shifts: list[int] = [0]  # ns, added to the timecode after so many jumps
+        self._shifts: list[int] = [0]  # ns added to the timecode, indexed by the number of jumps
         self._places: dict[str, Place] = {}
 
     def master_ns(self, device: str, timecode: Timecode, expected_ns: int | None = None) -> int:
-        """Master time of a label, on the day nearest to `expected_ns`, or to the device's newest time.
+        """Return the master time (ns) of a label, on the day nearest to `expected_ns`.
 
-        A day that no other device has reached is not expected.
+        Without `expected_ns`, the device's newest time is used. It is also used if `expected_ns` lies on a
+        day that no other device has reached.
         """
         place = self._places.get(device)
         if place is None:
@@ -61,20 +72,20 @@ class Timeline:
         return _nearest_day(raw, timecode, expected_ns)
 
     def _ahead_of_others(self, device: str, master_ns: int) -> bool:
-        """Whether there are other devices that are heard, and all of their times are before this one."""
+        """Return whether other devices are active and all of their times are before `master_ns`."""
         silent = self.silent()
         others = [p.newest_ns for n, p in self._places.items() if n != device and n not in silent]
         return bool(others) and max(others) < master_ns
 
     def heard(self, device: str, master_ns: int) -> None:
-        """A device has come to this master time."""
+        """Advance a device to a master time."""
         place, total = self._places[device], self._total_heard()
         advance = min(max(master_ns - place.newest_ns, 0), SECOND)
         place.heard_ns = total if device in self.silent() else place.heard_ns + advance
         place.newest_ns = master_ns
 
     def jumped(self, device: str, jump_ns: int) -> None:
-        """A device has heard the timecode jump by this much."""
+        """Record that the timecode of a device has jumped by `jump_ns`."""
         place = self._places[device]
         shift = self._shifts[place.jumps] - jump_ns
         for index in range(place.jumps + 1, len(self._shifts)):
@@ -85,19 +96,19 @@ class Timeline:
         place.jumps = len(self._shifts) - 1
 
     def known_jump(self, device: str, jump_ns: int) -> bool:
-        """Whether another device has heard this jump of the timecode already."""
+        """Return whether another device has already received this timecode jump."""
         place = self._places[device]
         shift = self._shifts[place.jumps] - jump_ns
         return any(abs(s - shift) <= SAME_JUMP_NS for s in self._shifts[place.jumps + 1 :])
 
     def rejoin(self, device: str, master_ns: int) -> int:
-        """Follow the jumps of the nearest other device: one whose clock jumped may have missed some.
+        """Adopt the jumps of the nearest other device: a device whose clock jumped may have missed some.
 
         Args:
-            master_ns: of its newest label.
+            master_ns: master time of the device's newest label.
 
         Returns:
-            What must be added to its times, ns.
+            Shift to add to the device's times, ns.
         """
         own = self._places[device]
         change, distance = 0, SAME_GENERATOR_NS
@@ -111,16 +122,16 @@ class Timeline:
         return change
 
     def shift_of(self, device: str) -> int:
-        """What is added to the times of a device's labels, as they jumped, ns."""
+        """Return the shift (ns) that is added to the times of a device's labels because of jumps."""
         place = self._places.get(device)
         return self._shifts[place.jumps] if place is not None else 0
 
     def forget(self, device: str) -> None:
-        """Let the device begin anew, like one that joins."""
+        """Remove a device, so that its next reading joins like that of a new device."""
         self._places.pop(device, None)
 
     def silent(self) -> list[str]:
-        """Devices that have not been heard while another one was, for `SILENT_NS`."""
+        """Return the devices without timecode for `SILENT_NS` while another device received it."""
         total = self._total_heard()
         return [name for name, place in self._places.items() if total - place.heard_ns > SILENT_NS]
 
@@ -128,7 +139,7 @@ class Timeline:
         return max((place.heard_ns for place in self._places.values()), default=0)
 
     def _join(self, device: str, timecode: Timecode) -> int:
-        """Take over days and jumps of the device with the nearest time."""
+        """Place a new device on the day, and after the jumps, of the device with the nearest time."""
         raw = day_ns(timecode)
         best, jumps = raw, 0
         distance = SAME_GENERATOR_NS

@@ -1,9 +1,9 @@
-"""Live: how much may be looked at, so that looks never hold up what is carried.
+"""Limit on the number of looks in live runs, so that looks never delay the propagation of people.
 
-What is due comes in bursts: at the start, after an alarm, where people were lost, after a time in which
-images were left out. Looked at at once, it holds up the images that follow, which are left out, and all
-cameras are due again. So every image brings its share of a look, whatever was left out before it, and looks
-take from what is there; who waits longest comes first.
+Looks fall due in bursts: at the start, after an alarm, after people were lost, after images were skipped.
+Running all at once would delay the next images. These would be skipped, and all cameras would fall due again.
+So every image earns its share of a look, even after skipped images, and looks spend these shares. The camera
+that has waited longest comes first.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import threading
 from dataclasses import dataclass
 
 SECOND = 10**9
-SPARE = 1.0  # looks beyond one round of images that may be saved
-SCAN = 0.5  # what a scan for newcomers costs, in looks
-FORGOTTEN = 4  # rounds of images after which a camera that waits and gives no more is not minded
-FIRST_PERIOD_NS = SECOND // 30  # between images, while that is not known
+SPARE = 1.0  # looks that may be saved beyond one round of images
+SCAN = 0.5  # cost of a scan for new people, in looks
+FORGOTTEN = 4  # rounds of images after which a waiting camera without images leaves the queue
+FIRST_PERIOD_NS = SECOND // 30  # assumed time between images, until it is measured
 
 
 @dataclass
@@ -26,7 +26,7 @@ class _Camera:
 
 
 class Allowance:
-    """Looks that are left for a rig of so many cameras. May be asked for several of them at a time."""
+    """Account of the looks available to a rig. Several cameras may call it concurrently."""
 
     def __init__(self, cameras: int):
         self._count = cameras
@@ -34,16 +34,16 @@ class Allowance:
         self._images = 0
         self._period_ns = FIRST_PERIOD_NS
         self._cameras: dict[str, _Camera] = {}
-        self._waiting: dict[str, int] = {}  # who waits longest is first; at which image it was there last
+        self._waiting: dict[str, int] = {}  # longest wait first; value: image count at last request
         self._asking = threading.Lock()
 
     def takes(self, camera: str, stamp_ns: int, number: int, looks_per_s: float, wanted: bool) -> bool:
-        """Whether an image may be looked at; call it once for each.
+        """Return whether the network may run on an image; call it once per image.
 
         Args:
-            number: of the frame: those that nobody took count as well.
-            looks_per_s: of each camera; 0: every image is looked at.
-            wanted: whether a look is due.
+            number: Number of the frame. Skipped frames count as well.
+            looks_per_s: Rate of each camera; 0: the network runs on every image.
+            wanted: Whether a look is due.
         """
         with self._asking:
             self._learn(camera, stamp_ns, number)
@@ -64,7 +64,7 @@ class Allowance:
             return True
 
     def scanned(self) -> None:
-        """A small whole image is looked at besides: newcomers must not wait."""
+        """Account for a scan, which runs without asking: new people must not wait."""
         with self._asking:
             self._left -= SCAN
 

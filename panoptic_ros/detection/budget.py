@@ -1,6 +1,7 @@
-"""How often, and how finely, cameras are looked at so that detection keeps within its share of the cores.
+"""Rate of looks and height of people that keep detection within its share of the processor cores.
 
-Live only: what looks cost is measured, so the choice depends on the machine. All cameras get the same.
+A look is one image that the network runs on. This is for live runs only: the cost of looks is measured, so
+the choice depends on the machine. All cameras get the same rate and height.
 """
 
 from __future__ import annotations
@@ -12,19 +13,20 @@ from typing import NamedTuple
 
 SECOND = 10**9
 DECIDED_EVERY_NS = SECOND // 2
-LEARNT = 0.05  # weight of a new cost in the mean
-FEW = 6.0  # looks per s and camera, below which people are made smaller before looks become rarer
-LEAST_HEIGHT = 160  # net px; below, accuracy falls quicker than the work
-FEWEST = 2.0  # looks per s and camera in any case
+LEARNT = 0.05  # weight of a new cost in the running mean
+FEW = 6.0  # looks per s and camera, below which people are scaled down before the rate drops further
+LEAST_HEIGHT = 160  # net px; below, accuracy falls faster than the cost
+FEWEST = 2.0  # looks per s and camera, lower limit of the rate
 STEP = 0.1  # a choice stays until another differs by more than this share
 
 
 @dataclass(frozen=True)
 class Processor:
-    """The processors that a live stage works on.
+    """Processor cores of a live stage.
 
     Args:
-        cores: how many. thread_s: processor time of the thread that asks, s.
+        cores: Number of cores.
+        thread_s: Returns the processor time of the calling thread, s.
     """
 
     cores: int
@@ -32,7 +34,7 @@ class Processor:
 
 
 class Pace(NamedTuple):
-    """What is chosen: looks per s and camera, 0 = at every image; height of people in regions, net px."""
+    """Chosen pace: looks per s and camera (0 = every image), height of people in regions (net px)."""
 
     looks_per_s: float
     region_height: int
@@ -46,28 +48,32 @@ class _Camera:
 
 
 class Budget:
-    """Learns what images cost, and chooses. Images of several cameras may be worked on at a time.
+    """Budget of processor time: measures the cost of images and chooses the pace.
+
+    Images of several cameras may be reported concurrently.
 
     Args:
-        share: of the cores that may be used. cores: how many there are.
-        tallest: net px, of people in regions, unless looks become rare.
-        begin: what counts until costs are known.
+        share: Share of the cores that may be used.
+        cores: Number of cores.
+        tallest: Height of people in regions, net px, unless looks become rare.
+        begin: Pace until costs are measured.
     """
 
     def __init__(self, share: float, cores: int, tallest: int, begin: Pace):
         self._allowed, self._tallest = share * cores, tallest
         self.pace = begin
         self._cameras: dict[str, _Camera] = {}
-        self._look_s: float | None = None  # of an image that is looked at, people being `tallest`
-        self._rest_s = 0.0  # of one that is not
+        self._look_s: float | None = None  # s, cost of a look at people of height `tallest`
+        self._rest_s = 0.0  # s, cost of an image without a look
         self._decided_ns: int | None = None
         self._lock = threading.Lock()
 
     def took(self, camera: str, stamp_ns: int, number: int, looked: bool, seconds: float) -> Pace | None:
-        """An image has cost so much processor time; gives another choice, if there is one.
+        """Report the processor time of an image in s; return the new pace if it changes.
 
         Args:
-            number: of the frame: those that nobody took count as well. looked: whether the network saw it.
+            number: Number of the frame. Skipped frames count as well.
+            looked: Whether the network ran on the image.
         """
         with self._lock:
             self._learn(camera, stamp_ns, number)
@@ -89,7 +95,7 @@ class Budget:
             return chosen
 
     def used(self) -> float:
-        """Cores that the choice keeps busy."""
+        """Return the number of cores that the chosen pace keeps busy."""
         with self._lock:
             return self._use(self.pace, self._look_s or 0.0)
 
@@ -115,7 +121,7 @@ class Budget:
         return Pace(max(looks, min(FEWEST, fastest)), height)
 
     def _looks(self, look_s: float) -> float:
-        """Looks per s and camera that there is time for, where one costs so much more than carrying."""
+        """Return the affordable looks per s and camera, if one look costs `look_s` s."""
         images = sum(known.rate_hz for known in self._cameras.values())
         left = max(self._allowed - images * self._rest_s, 0.0)
         return left / (len(self._cameras) * max(look_s - self._rest_s, 1e-6))

@@ -1,8 +1,8 @@
-"""The model card: all that the code must know about a network to feed it and to read its answer.
+"""Model card: everything that the code needs to feed a network and to decode its outputs.
 
-Two networks of one family differ in their card only. Pixels of the network ("net px") may be told
-from the corner of the image (the first pixel's centre is 0.5, 0.5) or from the centre of its first
-pixel, as OpenCV does; `CoordsCard.origin` says which one the network means.
+Two networks of one family differ in their cards only. Pixels of the network input ("net px") have one of two
+origins. The origin is the corner of the image (the first pixel's centre is 0.5, 0.5), or the centre of its
+first pixel, as in OpenCV. `CoordsCard.origin` states which one the network uses.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from panoptic_ros.errors import ConfigError, nearest, shown
 FITS = ("letterbox_topleft", "letterbox_center", "crop")
 VARIANTS: dict[str, tuple[str, ...]] = {
     "center_heads": ("",),  # MoveNet MultiPose: person centres, score maps, offsets
-    "single_heads": ("",),  # MoveNet single-pose, on crops
+    "single_heads": ("",),  # MoveNet SinglePose, on crops
     "simcc": ("",),  # RTMPose: one distribution per axis, on crops
     "heatmap": ("quarter", "dark"),  # HRNet, ViTPose: maps of one person, on crops
     "points": ("rtmo", "yolo", "yolo_end_to_end"),  # keypoints of all people at once
@@ -29,15 +29,15 @@ PERSON_DETECTORS = ("center_heads", "points", "boxes")
 
 @dataclass(frozen=True, kw_only=True)
 class InputCard:
-    """The input tensor.
+    """Description of the input tensor.
 
     Args:
         size: (height, width) net px, or () if the network takes any size.
-        multiple: sizes are multiples of this, where the network takes any.
-        mean, std: per channel in the network's order of colours, of values 0..255.
-        fit: how an image gets into the input.
-        pad: grey value of what an image does not fill.
-        crop_padding: how much larger than the person's box a crop is.
+        multiple: Sizes are multiples of this, if the network takes any size.
+        mean, std: Per channel in the network's colour order, of values 0..255.
+        fit: Method that fits an image into the input.
+        pad: Grey value of the part of the input that the image does not fill.
+        crop_padding: Size of a crop relative to the person's box.
     """
 
     name: str = "input"
@@ -69,12 +69,12 @@ class InputCard:
 
 @dataclass(frozen=True, kw_only=True)
 class CoordsCard:
-    """What the network's coordinates mean.
+    """Meaning of the network's coordinates.
 
     Args:
         origin: "corner" or "center", see the module.
-        shift_px: (x, y) net px to add to what the network says.
-        udp: sizes are counted between pixel centres, w - 1 (Huang et al. 2020), in crops and maps.
+        shift_px: (x, y) net px to add to the network's coordinates.
+        udp: Sizes are measured between pixel centres, w - 1 (Huang et al. 2020), in crops and maps.
     """
 
     origin: str = "center"
@@ -89,23 +89,25 @@ class CoordsCard:
 
 @dataclass(frozen=True, kw_only=True)
 class ModelCard:
-    """One network.
+    """Description of one network.
 
     Args:
-        family, variant: which decoder reads the outputs.
-        file: the ONNX file, relative to the card; "" = in the cache of fetched models.
-        sha256: of that file; "" = not checked.
-        output: role in the family -> name of the tensor.
-        stride: net px per cell of the score maps; split: bins per net px (simcc).
-        joints: names of the network's joints; () for boxes.
-        joint_bias: m for each joint, standard deviation per axis of constant biases against the joint
-            centres of people, as measured; () = not known.
-        person_px: people are found best between these heights, net px.
-        person_threshold: people with lower scores are dropped, where the stage does not say;
-            joint_threshold: the same for joints.
-        nms_iou: overlap from which two boxes are one person, where the network leaves that open.
-        detector: card of the network that finds the people for a family on crops; "" = none,
-            the whole image is one crop.
+        family, variant: Decoder of the outputs.
+        file: The ONNX file, relative to the card; "" = in the cache of fetched models.
+        sha256: Hash of that file; "" = not checked.
+        output: Tensor name by role in the family.
+        stride: net px per cell of the score maps.
+        split: Bins per net px (simcc).
+        joints: Names of the network's joints; () for boxes.
+        joint_bias: m for each joint, measured standard deviation per axis of the constant bias relative to
+            the joint centres of people; () = unknown.
+        person_px: Range of heights, net px, in which people are detected best.
+        person_threshold: People with lower scores are dropped, unless the stage overrides it.
+        joint_threshold: The same for joints.
+        nms_iou: Intersection over union above which two boxes are one person, if the network leaves that
+            open.
+        detector: Card of the network that detects the people for a family on crops. "" = none, the whole
+            image is one crop.
     """
 
     name: str
@@ -162,7 +164,7 @@ class ModelCard:
 
 
 def card_from_mapping(document: Mapping[str, Any]) -> ModelCard:
-    """A card from plain values, as they stand in a file.
+    """Return the card for the plain values of a file.
 
     Raises:
         ConfigError: naming the entry that is unknown, missing, of the wrong type or out of range.
@@ -184,7 +186,7 @@ def card_from_mapping(document: Mapping[str, Any]) -> ModelCard:
 
 
 def expected_shapes(card: ModelCard) -> dict[str, tuple[int | None, ...]]:
-    """Shape of each output tensor by role; None = any size."""
+    """Return the shape of each output tensor by role; None = any size."""
     joints = len(card.joints)
     heads: dict[str, tuple[int | None, ...]] = {
         "center": (None, 1, None, None),
@@ -214,7 +216,7 @@ def expected_shapes(card: ModelCard) -> dict[str, tuple[int | None, ...]]:
 
 def _construct(kind: Any, values: Mapping[str, Any], where: str) -> Any:
     fields = {item.name: item for item in dataclasses.fields(kind)}
-    known = [*fields, *(() if where else ("fetch",))]  # which tells where the model is from
+    known = [*fields, *(() if where else ("fetch",))]  # "fetch" states the source of the model
     for key in values:
         _require(key in fields, f"unknown entry {shown(where + str(key))}; {nearest(key, known)}")
     for key, item in fields.items():
@@ -224,7 +226,7 @@ def _construct(kind: Any, values: Mapping[str, Any], where: str) -> Any:
 
 
 def _convert(card: Any, where: str) -> None:
-    """Make lists tuples and ints floats where the field says so; refuse other types."""
+    """Convert lists to tuples and ints to floats where the field needs it; refuse other types."""
     for item in dataclasses.fields(card):
         value = getattr(card, item.name)
         label = f"{where}.{item.name}" if where else item.name
@@ -242,7 +244,7 @@ def _convert(card: Any, where: str) -> None:
 
 
 def _scalar(kind: type, value: Any, label: str) -> Any:
-    if kind is float and type(value) is int and value.bit_length() < 1024:  # which a float can hold
+    if kind is float and type(value) is int and value.bit_length() < 1024:  # a float can hold it
         value = float(value)
     _require(type(value) is kind, f"{label} = {shown(value)} is not a {kind.__name__}")
     return value

@@ -10,7 +10,7 @@ from panoptic_ros.params import Config, param
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionConfig(Config):
-    """How people are found in one image."""
+    """Configuration of person detection in one image."""
 
     model: str = param(
         "movenet-multipose",
@@ -113,17 +113,17 @@ class DetectionConfig(Config):
 
     @property
     def guided(self) -> bool:
-        """Whether tracking tells where to look."""
+        """Return whether tracks decide which regions the network runs on."""
         return self.regions == "on" or (self.regions == "auto" and self.rationed)
 
     @property
     def rationed(self) -> bool:
-        """Whether some images are not looked at."""
+        """Return whether the network skips some images."""
         return self.looks_per_s > 0.0 or self.budget > 0.0
 
 
 def with_card_thresholds(config: DetectionConfig, card: ModelCard) -> DetectionConfig:
-    """The configuration with the card's thresholds where it leaves them open."""
+    """Return the configuration with the card's thresholds where it leaves them open."""
     person, joint = config.person_threshold, config.joint_threshold
     return replace(
         config,

@@ -1,4 +1,4 @@
-"""What a network's coordinates mean in pixels, and where the cells of its maps lie."""
+"""Affine maps from a network's coordinates to pixels, and from pixels to cells of its maps."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ Array = np.ndarray
 
 
 def net_from_model(card: ModelCard) -> Array:
-    """The (2, 3) affine map from what the network says to px told from the first pixel's centre."""
+    """Return the (2, 3) map from the network's coordinates to px with the first pixel's centre as origin."""
     half = 0.5 if card.coords.origin == "corner" else 0.0
     x, y = card.coords.shift_px
     return np.array([[1.0, 0.0, x - half], [0.0, 1.0, y - half]])
 
 
 def grid_from_net(card: ModelCard, net_size: tuple[int, int], grid_size: tuple[int, int]) -> Array:
-    """The (2, 3) affine map from net px (centre of the first pixel = 0) to cells of the score maps.
+    """Return the (2, 3) affine map from net px (centre of the first pixel = 0) to cells of the score maps.
 
     Args:
         net_size, grid_size: (height, width).

@@ -1,4 +1,4 @@
-"""Networks that look at one person at a time: crops round the people that another network found."""
+"""Networks that see one person at a time: crops round the people that another network detected."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from panoptic_ros.detection.score_maps import (
 )
 
 Array = np.ndarray
-LONGEST_GRID = 640  # cells; the common grid of an image's maps is not finer
+LONGEST_GRID = 640  # cells: greatest longer side of the common grid of an image's maps
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """One crop: the network's outputs for it and net_from_image."""
+    """Network outputs for one crop, and net_from_image (2, 3)."""
 
     outputs: Mapping[str, Array]
     net_from_image: Array
 
 
 class CropNetwork:
-    """A network on crops; the people are found by another one, else the image is one crop."""
+    """Network on crops. Another network detects the people; without it, the whole image is one crop."""
 
     def __init__(self, model: DetectorModel, config: DetectionConfig):
         self.card = model.card
@@ -56,7 +56,11 @@ class CropNetwork:
         self.person_px = self.finder.person_px if self.finder is not None else model.card.person_px
 
     def find(self, image: Array, side: int) -> Finding:
-        """The people in an image (H, W, 3) uint8 BGR; `side` as for the network that finds them."""
+        """Detect the people in an image (H, W, 3) uint8 BGR.
+
+        Args:
+            side: Longer side of the input of the network that detects the people, net px.
+        """
         boxes, box_scores, scale = self._boxes(image, side)
         looks = self._look(image, boxes)
         parts = [self._person(look, score) for look, score in zip(looks, box_scores)]
@@ -71,7 +75,7 @@ class CropNetwork:
     def _boxes(self, image: Array, side: int) -> tuple[Array, Array, float]:
         height, width = image.shape[:2]
         if self.finder is None:
-            padding = self.card.input.crop_padding  # the crop itself shall be the image
+            padding = self.card.input.crop_padding  # makes the crop equal to the image
             centre = np.array([0.5 * (width - 1), 0.5 * (height - 1)])
             half = 0.5 * np.array([width, height]) / padding
             scale = min(self.card.input.size[0] / height, self.card.input.size[1] / width)
@@ -80,7 +84,7 @@ class CropNetwork:
         return found.people.boxes, found.people.person_scores, found.scale
 
     def _look(self, image: Array, boxes: Array) -> list[Look]:
-        """Run the network on the surroundings of boxes (P, 4), all at once if it takes so many."""
+        """Run the network on the surroundings of boxes (P, 4), in batches as large as it takes."""
         card = self.card
         cuts = [crop(image, box, card.input, card.coords) for box in boxes]
         step = self.session.batch_limit or max(len(cuts), 1)
@@ -88,7 +92,7 @@ class CropNetwork:
         for start in range(0, len(cuts), step):
             batch = cuts[start : start + step]
             pictures = [picture for picture, _ in batch]
-            pictures += [pictures[-1]] * (step - len(batch))  # a fixed batch is always full
+            pictures += [pictures[-1]] * (step - len(batch))  # fixed batch sizes must be filled
             outputs = activated(card, self.session.run(input_tensor(pictures, card.input)))
             for index, (_, net_from_image) in enumerate(batch):
                 own = {role: values[index] for role, values in outputs.items()}
@@ -96,9 +100,10 @@ class CropNetwork:
         return looks
 
     def _person(self, look: Look, box_score: float) -> People:
-        """The one person of a crop, in image px; his score is that of the box times the joints'.
+        """Decode the one person of a crop, in image px.
 
-        The threshold for people applies to the box only: a weak look at a sure person is still one.
+        The person score is the box score times the mean score of the joints above the threshold.
+        The person threshold applies to the box alone, so that low joint scores do not drop a sure person.
         """
         points, scores = decode_crop(self.card, look.outputs)
         counted = scores >= self.config.joint_threshold
@@ -112,7 +117,7 @@ class CropNetwork:
         return people.transformed(inverted(look.net_from_image))
 
     def _patches(self, image: Array, people: People, looks: list[Look]) -> PatchSet:
-        """Everybody's maps on one common grid, about as fine as the finest crop's."""
+        """Return the maps of all people on one common grid, about as fine as that of the finest crop."""
         height, width = image.shape[:2]
         grids = [composed(self._grid_from_net(look), look.net_from_image) for look in looks]
         finest = max([grid[0, 0] for grid in grids], default=0.125)
@@ -126,7 +131,7 @@ class CropNetwork:
         for person, look in enumerate(looks):
             corner, maps = self._resampled(look, common, size)
             levels = quantised(maps, self.config.map_cut)
-            if self.card.family == "single_heads":  # its maps show everybody in the crop
+            if self.card.family == "single_heads":  # its maps show all people in the crop
                 own = cells.points[person] - corner
                 levels = gated(levels, own, seen[person], radius[person])
             patches += person_patches(levels, person, corner)
@@ -141,7 +146,7 @@ class CropNetwork:
         return grid_from_net(self.card, (height, width), grid)
 
     def _resampled(self, look: Look, common: Array, size: tuple[int, int]) -> tuple[tuple[int, int], Array]:
-        """The maps (K, rows, columns) of one crop on the common grid, and their first column and row."""
+        """Return the maps (K, rows, columns) of a crop on the common grid, and their first column and row."""
         height, width = self.card.input.size
         common_from_net = composed(common, inverted(look.net_from_image))
         low = np.floor(common_from_net[:, 2]).astype(int)
@@ -169,7 +174,10 @@ class CropNetwork:
 
 
 def decode_crop(card: ModelCard, outputs: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Joints (K, 2) in px of the crop told from its first pixel's centre, and scores (K,)."""
+    """Decode joints (K, 2) and scores (K,) of a crop.
+
+    The joints are in px of the crop; the centre of its first pixel is the origin.
+    """
     if card.family == "single_heads":
         points, scores = decode_single_heads(outputs, card.stride)
     elif card.family == "simcc":

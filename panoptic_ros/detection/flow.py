@@ -1,7 +1,7 @@
-"""2D people carried from image to image by optical flow, where the network does not look.
+"""Propagation of 2D poses from image to image by optical flow, where the network does not run.
 
-A joint that does not come back to where it began is lost, see `geometry.optical_flow`. Over 100 ms a carried
-joint is off by 0.8 % of the person's height; the network itself by 1.8 %.
+A joint is lost if the backward flow does not lead to its start, see `geometry.optical_flow`. Over 100 ms the
+error of a propagated joint is 0.8 % of the person's height; the error of the network itself is 1.8 %.
 """
 
 from __future__ import annotations
@@ -15,22 +15,24 @@ from panoptic_ros.detection.people import People, no_people
 from panoptic_ros.geometry.optical_flow import there_and_back
 
 Array = np.ndarray
-WIDTH, COARSE = 320, 40  # px, of the grey images: where people are carried, and where cuts are told alone
-ITERATIONS = 12  # of flow per level
-RETURN = 1.0  # px of the grey image, by which a joint may miss its beginning
-FEWEST = 3  # joints that a carried person has
-KEPT = 0.4  # of the joints that must come along; of fewer, the image is another
-CUT_LEVELS = 30.0  # mean difference of grey values between two images of different scenes
+WIDTH, COARSE = 320, 40  # px, widths of the grey images: for propagation, and for cut detection alone
+ITERATIONS = 12  # optical-flow iterations per pyramid level
+RETURN = 1.0  # px of the grey image, greatest forward-backward error of a joint
+FEWEST = 3  # least number of joints of a propagated person
+KEPT = 0.4  # least share of joints that must be followed; below it, the image counts as unrelated
+CUT_LEVELS = 30.0  # mean difference of grey values that separates two scenes
 
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """An image as flow needs it, and the people in it.
+    """Grey image for optical flow, with the people in it.
 
     Args:
-        grey: (h, w) uint8. scale: px of the image per px of it.
-        people: in px of the image, or None if nobody carries them on.
-        stamp_ns: of the image. look_ns: of the image in which the network saw the people.
+        grey: (h, w) uint8.
+        scale: px of the image per px of the grey image.
+        stamp_ns: Timestamp of the image.
+        people: People in px of the image. None: people were lost and cannot be propagated.
+        look_ns: Timestamp of the image in which the network detected the people.
     """
 
     grey: Array
@@ -41,17 +43,17 @@ class Memory:
 
 
 def remembered(image: Array, stamp_ns: int, wide: int = WIDTH) -> Memory:
-    """An image (H, W, 3) uint8 BGR, made grey and small: at most so `wide`, px."""
+    """Return an image (H, W, 3) uint8 BGR as a grey image of at most `wide` px width, without people."""
     height, width = image.shape[:2]
     shrink = max(1.0, width / wide)
-    # first smaller, then grey: a quarter of the pixels to convert
+    # shrink before the grey conversion: it converts a quarter of the pixels
     method = cv2.INTER_AREA if shrink == 2.0 else cv2.INTER_LINEAR
     small = cv2.resize(image, (round(width / shrink), max(round(height / shrink), 1)), interpolation=method)
     return Memory(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), width / small.shape[1], stamp_ns)
 
 
 def is_cut(before: Memory, now: Memory) -> bool:
-    """Whether two images are of different scenes."""
+    """Return whether two images show different scenes."""
     if before.grey.shape != now.grey.shape:
         return True
     step = max(1, before.grey.shape[1] // COARSE)
@@ -60,7 +62,7 @@ def is_cut(before: Memory, now: Memory) -> bool:
 
 
 def carried(before: Memory, now: Memory) -> People | None:
-    """The people of an image where they are in the next one; None if they cannot be followed."""
+    """Return the people of one image at their positions in the next; None if flow cannot follow them."""
     people = before.people
     if people is None or before.grey.shape != now.grey.shape:
         return None
@@ -81,7 +83,7 @@ def carried(before: Memory, now: Memory) -> People | None:
 
 
 def _followed(before: Array, now: Array, points: Array) -> tuple[Array, Array]:
-    """Where points (N, 2) px of an image are in the next one, and which of them come back (N,)."""
+    """Follow points (N, 2) px into the next image; return them and which (N,) the backward flow confirms."""
     moved, missed, found = there_and_back(before, now, points, points, ITERATIONS, back_from_begins=False)
     height, width = now.shape
     inside = (moved >= 0.0).all(axis=1) & (moved < (width, height)).all(axis=1)
@@ -89,7 +91,7 @@ def _followed(before: Array, now: Array, points: Array) -> tuple[Array, Array]:
 
 
 def _small(points: Array, scale: float) -> Array:
-    """Px of the image as px of the grey one; both told from the centre of the first."""
+    """Convert px of the image to px of the grey image. The first pixel's centre is the origin in both."""
     return (points + 0.5) / scale - 0.5
 
 

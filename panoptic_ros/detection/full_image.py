@@ -1,4 +1,4 @@
-"""Networks that take the whole image: preprocessing, session, decoder, and back to its pixels."""
+"""Networks on whole images: preprocessing, inference, decoding, and the map back to image pixels."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ from panoptic_ros.detection.regions import Region
 from panoptic_ros.detection.score_maps import PatchSet, gate_radius, merged_patches, quantised
 
 Array = np.ndarray
-REGION_VARIANCE = 36.0  # cells^2 of the search for a joint, where the map does not tell the image's size
-Further = Callable[[People], People]  # who else is there, where these were found
+REGION_VARIANCE = 36.0  # cells^2, search width for a joint in a region: the image size is unknown there
+Further = Callable[[People], People]  # returns further people, given those already detected
 
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """What a network finds in one image.
+    """People that a network detects in one image.
 
     Args:
-        people: in image px, each with at least one joint above the threshold (boxes: none needed).
-        patches: score maps, None if there are none.
-        scale: net px per image px of the network that finds the people.
+        people: People in image px, each with at least one joint above the threshold. Boxes are optional.
+        patches: Score maps, None if there are none.
+        scale: net px per image px of the network that detects the people.
     """
 
     people: People
@@ -48,7 +48,7 @@ class Finding:
 
 
 class FullImageNetwork:
-    """A network that takes the whole image and finds everybody at once."""
+    """Network that takes the whole image and detects all people at once."""
 
     def __init__(self, model: DetectorModel, config: DetectionConfig):
         self.card = model.card
@@ -59,9 +59,9 @@ class FullImageNetwork:
         self.person_px = model.card.person_px
 
     def find(self, image: Array, side: int, maps: bool = True) -> Finding:
-        """The people in an image (H, W, 3) uint8 BGR, with `side` net px on its longer side.
+        """Detect the people in an image (H, W, 3) uint8 BGR, with `side` net px on its longer side.
 
-        Networks of a fixed size ignore `side`; without `maps` none are carried.
+        Networks of a fixed input size ignore `side`. Without `maps` the finding has no score maps.
         """
         card = self.card
         size = card.input.size or self.size_of(side, image)
@@ -77,13 +77,17 @@ class FullImageNetwork:
         return Finding(people.transformed(image_from_net), patches, float(net_from_image[1, 1]))
 
     def size_of(self, side: int, image: Array) -> tuple[int, int]:
-        """(height, width) net px of an image with `side` net px on its longer side."""
+        """Return the (height, width) net px of an image with `side` net px on its longer side."""
         return input_size(side, (image.shape[1], image.shape[0]), self.card.input.multiple)
 
     def find_in(self, image: Array, regions: Sequence[Region], further: Further | None = None) -> Finding:
-        """The people in some regions of an image; for networks that take any size.
+        """Detect the people in some regions of an image; for networks that take any input size.
 
-        The scale is that of the finest region, 0 if there is none.
+        Args:
+            further: Returns further people, given those already detected.
+
+        Returns:
+            the people of all regions. `scale` is that of the finest region, 0 if there is no region.
         """
         card, parts, maps = self.card, [], []
         for region in regions:
@@ -102,7 +106,7 @@ class FullImageNetwork:
         return Finding(people, patches, scale)
 
     def people_in(self, image: Array, region: Region) -> People:
-        """The people in a region of an image, best first, without maps."""
+        """Detect the people in a region of an image, best first, without maps."""
         return self._best_first(self._region(image, region)[0])
 
     def _best_first(self, people: People) -> People:
@@ -110,7 +114,7 @@ class FullImageNetwork:
         return seen_people(people.select(order), self.config)[0]
 
     def _region(self, image: Array, region: Region) -> tuple[People, dict[str, Array], Array]:
-        """The people in a region in px of the image, the outputs, and net_from_image."""
+        """Return the people in a region in px of the image, the outputs by role, and net_from_image."""
         left, top, right, bottom = region.box
         outputs, net_from_cut = self._run(image[top:bottom, left:right], region.net_size, quick=True)
         net_from_image = composed(net_from_cut, np.array([[1.0, 0.0, -left], [0.0, 1.0, -top]]))
@@ -123,7 +127,11 @@ class FullImageNetwork:
     def _run(
         self, image: Array, size: tuple[int, int], quick: bool = False
     ) -> tuple[dict[str, Array], Array]:
-        """Outputs by role for an image that is fitted into (height, width), and net_from_image."""
+        """Run the network on an image fitted into (height, width).
+
+        Returns:
+            outputs by role, and net_from_image (2, 3).
+        """
         picture, net_from_image = letterbox(image, size, self.card.input, quick)
         outputs = activated(self.card, self.session.run(input_tensor([picture], self.card.input)))
         return {role: values[0] for role, values in outputs.items()}, net_from_image
@@ -138,7 +146,7 @@ class FullImageNetwork:
     ) -> PatchSet:
         grid = grid_from_net(self.card, (net_size[0], net_size[1]), heat.shape[1:])
         grid_from_image = composed(grid, net_from_image)
-        # Cells beyond the image's right and lower border show padding: they are not part of the grid.
+        # Cells beyond the right and lower image border show padding and are not part of the grid.
         border = grid_from_image[:, :2] @ (image_shape[1] - 0.5, image_shape[0] - 0.5) + grid_from_image[:, 2]
         columns, rows = np.minimum(np.ceil(border + 0.5).astype(int), heat.shape[:0:-1])
         on_grid = people.transformed(grid)
@@ -149,7 +157,7 @@ class FullImageNetwork:
 
 
 def activated(card: ModelCard, outputs: Mapping[str, Array]) -> dict[str, Array]:
-    """Outputs with the card's activation on those that are scores."""
+    """Apply the card's activation to the outputs that are scores."""
     if card.activation == "none":
         return dict(outputs)
     return {
@@ -165,7 +173,11 @@ def decode_image(
     threshold: float,
     variance: float | None = None,
 ) -> People:
-    """The people of one image in the network's own coordinates; variance: see `decode_center_heads`."""
+    """Decode the people of one image, in the network's own coordinates.
+
+    Args:
+        variance: See `decode_center_heads`.
+    """
     iou, most = card.nms_iou, card.max_people
     if card.family == "center_heads":
         return decode_center_heads(outputs, card.stride, most, threshold, variance)
@@ -181,9 +193,10 @@ def decode_image(
 
 
 def seen_people(people: People, config: DetectionConfig) -> tuple[People, Array]:
-    """People with joints above the threshold, each once, and their indices among those given.
+    """Return the people with joints above the threshold, without duplicates, and their input indices.
 
-    Their boxes are enlarged to hold these joints. Joints without a finite place are not there.
+    Their boxes are enlarged to contain these joints. Joints with a position that is not finite count as
+    missing.
     """
     placed = np.isfinite(people.points).all(axis=2)
     people = replace(people, scores=np.where(placed, people.scores, 0.0))

@@ -1,9 +1,9 @@
-"""Which size to give the network's input, from the size of the people that it is to find.
+"""Choice of the network's input size from the size of the people in the image.
 
-MoveNet finds people best who are 100 to 200 px tall in its input, is imprecise below 70 px, and
-does not find people above about 250 px at all: a larger input is worse then, not better. So the
-size follows the people of each camera, with hysteresis, and other sizes are tried on single
-frames while nobody is found, or while the maps show joints of people whom the list lacks.
+MoveNet works best for people of 100 to 200 px in its input. It is imprecise below 70 px and misses people
+above about 250 px, so that a larger input can be worse. The size therefore follows the people of each camera,
+with hysteresis. Single frames try other sizes while the network detects no person, or while the maps show
+joints of people it did not detect.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-START_SIDES = (256, 384, 512, 768)  # tried on the first frame where no side is given
-SURE = 0.2  # people above this score count
-PROBE_FACTORS = (0.7, 0.45, 1.5, 2.2)  # of the present side, in turn
-PROBE_AFTER, PROBE_AFTER_MOST = 3, 64  # frames; doubles with every probe in vain
-UNCLAIMED_JOINTS = 6  # so many joints of nobody are a person that is missing
+START_SIDES = (256, 384, 512, 768)  # net px, tried on the first frame if no side is configured
+SURE = 0.2  # people with higher scores count
+PROBE_FACTORS = (0.7, 0.45, 1.5, 2.2)  # factors on the present side, tried in turn
+PROBE_AFTER, PROBE_AFTER_MOST = 3, 64  # frames with missed people before a probe; doubles after vain probes
+UNCLAIMED_JOINTS = 6  # this number of joints without a person indicates a missed person
 SETTLED = 3  # frames at one side before it may follow the people
-GAIN = 0.15  # summed person scores by which another size must be better
-# What a view tells about a person, by the person's height over the seen joints in net px: the inverse
-# square of the joints' error, times the share of people who are found or whom the maps still show.
-# Measured with MoveNet MultiPose on rendered people, with the loss above 250 px as on real ones.
+GAIN = 0.15  # summed person scores by which another side must be better
+# Information that one view gives about a person, as a function of the height over the seen joints in net px.
+# It is the inverse squared joint error times the share of people who are detected or visible in the maps.
+# Measured with MoveNet MultiPose on rendered people; the loss above 250 px is that of real people.
 QUALITY_PX = (0.0, 40.0, 70.0, 100.0, 130.0, 160.0, 200.0, 220.0, 240.0, 260.0, 300.0, 350.0, 400.0)
 QUALITY = (0.0, 0.12, 0.30, 0.53, 0.80, 1.00, 1.10, 1.09, 1.05, 0.98, 0.80, 0.52, 0.30)
 SHRINK_GAIN, ENLARGE_GAIN = 1.03, 1.2  # ratio of expected quality; enlarging costs time
@@ -31,12 +31,13 @@ SHRINK_GAIN, ENLARGE_GAIN = 1.03, 1.2  # ratio of expected quality; enlarging co
 
 @dataclass(frozen=True)
 class Answer:
-    """What one run of the network tells about its input's size.
+    """Result of one run of the network, as far as it concerns the input size.
 
     Args:
-        side: longer side of the input, net px.
-        scores, heights: (P,) person scores; heights in image px, over the joints that are seen.
-        unclaimed: joints with peaks in the maps that belong to nobody.
+        side: Longer side of the input, net px.
+        scores: (P,) person scores.
+        heights: (P,) image px, over the seen joints.
+        unclaimed: Number of joints with a peak in the maps that belongs to no person.
     """
 
     side: int
@@ -46,24 +47,24 @@ class Answer:
 
     @property
     def sure(self) -> np.ndarray:
-        """Which people count (P,)."""
+        """Return which people count (P,)."""
         return self.scores >= SURE
 
     @property
     def value(self) -> float:
-        """Sum of the scores of those who count."""
+        """Return the sum of the scores of the people who count."""
         return float(self.scores[self.sure].sum())
 
 
 @dataclass
 class SideChooser:
-    """The longer side of the network's input for one camera.
+    """Chooser of the longer side of the network input for one camera.
 
     Args:
-        start: 0 = try several on the first frame.
-        least, most: limits of the side.
-        multiple: sides are multiples of this.
-        window: frames whose people count.
+        start: Side at the start, net px; 0 = try several on the first frame.
+        least, most: Limits of the side, net px.
+        multiple: Sides are multiples of this.
+        window: Number of frames whose people count.
         adaptive: False = `start` stays.
     """
 
@@ -81,11 +82,11 @@ class SideChooser:
 
     @property
     def now(self) -> int:
-        """The present side; before the first frame the one that is tried first."""
+        """Return the present side; before the first frame, the side that is tried first."""
         return self.side or self.plan()[0]
 
     def plan(self) -> tuple[int, ...]:
-        """Sides to run the next frame with; the first is the present one."""
+        """Return the sides to run the next frame with; the first is the present one."""
         if not self.side:
             sides: Sequence[float] = START_SIDES
             if self.start:
@@ -99,7 +100,7 @@ class SideChooser:
         return (self.side,)
 
     def learn(self, answers: Sequence[Answer], image_side: int) -> int:
-        """Take the answers for the planned sides; gives the index of the best of them."""
+        """Update with the results for the planned sides; return the index of the best."""
         best = 0
         for index, answer in enumerate(answers):
             if answer.value > answers[best].value + GAIN:
@@ -117,12 +118,12 @@ class SideChooser:
         return best
 
     def saw(self, answer: Answer, image_side: int) -> None:
-        """Take an answer for another side than the present one: it tells how tall people are."""
+        """Update with the result for another side than the present one: it gives the height of people."""
         if self.adaptive:
             self._follow(answer, image_side)
 
     def _follow(self, answer: Answer, image_side: int) -> None:
-        """Count what is missing, and move to the side that suits the people of the last frames."""
+        """Count frames with missed people, and change to the side that suits the people of recent frames."""
         lost = not answer.sure.any() or answer.unclaimed >= UNCLAIMED_JOINTS
         self._missing = self._missing + 1 if lost else 0
         if not lost:
@@ -148,13 +149,18 @@ class SideChooser:
 
 
 def expected_quality(heights: np.ndarray, sides: np.ndarray) -> np.ndarray:
-    """Summed quality (S,) of people with heights (P,), as shares of the image's side, for sides (S,)."""
+    """Return the summed quality (S,) of people for input sides (S,).
+
+    Args:
+        heights: (P,) heights of people, as shares of the image's longer side.
+        sides: (S,) longer sides of the input, net px.
+    """
     quality: np.ndarray = np.interp(sides[:, None] * heights[None, :], QUALITY_PX, QUALITY).sum(axis=1)
     return quality
 
 
 def input_size(side: int, image_size: tuple[int, int], multiple: int) -> tuple[int, int]:
-    """(height, width) of the input that holds an image (width, height) with that longer side."""
+    """Return the (height, width) of the input for an image (width, height), with longer side `side`."""
     width, height = image_size
     scale = side / max(width, height)
     rows, columns = (max(math.ceil(round(extent * scale) / multiple), 1) for extent in (height, width))

@@ -1,9 +1,10 @@
-"""When a camera looks, and whether at all of its image.
+"""Schedule of the network: on which images it runs, and whether on the whole image or on regions.
 
-Looks are spread over the rig by stamps: camera i of N looks when its stamps pass (m - i / N) / looks_per_s, m
-being whole numbers. So the cameras of one trigger look in turn. Small whole images go round the rig for
-newcomers; somebody whom nobody explains makes all cameras look at whole images.
-Live, an `Allowance` bounds how much is looked at with every instant.
+A look is one image that the network runs on. Timestamps spread the looks over the rig: camera i of N looks
+when its timestamps pass (m - i / N) / looks_per_s, for whole numbers m. So the cameras of one trigger look in
+turn. Scans for new people run on small whole images and rotate over the rig. A detection that no track
+explains raises an alarm: all cameras then look at whole images. In live runs an `Allowance` limits the looks
+per instant.
 """
 
 from __future__ import annotations
@@ -18,19 +19,19 @@ from panoptic_ros.detection.allowance import Allowance
 
 Array = np.ndarray
 SECOND = 10**9
-LONGEST_GAP_NS = 150_000_000  # between two images, over which nobody is carried
-SCANS_PER_S = 12  # small whole images, of all cameras together
-WHOLE_IMAGES = 2  # of every camera after an alarm
-WHOLE_IMAGES_LIVE = 1  # the same where looks are not allowed without end
-QUIET_LIVE_NS = SECOND  # there, after an alarm: its whole images come first
-FIRST_WAIT_NS = SECOND // 2  # until the same stranger raises another alarm; doubles each time
+LONGEST_GAP_NS = 150_000_000  # longest gap between two images that people are propagated over
+SCANS_PER_S = 12  # scans (small whole images) of all cameras together
+WHOLE_IMAGES = 2  # whole images of every camera after an alarm
+WHOLE_IMAGES_LIVE = 1  # the same where an allowance limits looks
+QUIET_LIVE_NS = SECOND  # pause between alarms with an allowance: whole images of the last alarm come first
+FIRST_WAIT_NS = SECOND // 2  # until the same unexplained person may raise the next alarm; doubles each time
 LONGEST_WAIT_NS = 32 * SECOND
-MOST_VAIN = 4  # closer looks after which the wait, 2, 4, ... 16 looks, grows no more
-SAME_PLACE = 0.3  # intersection over union of the boxes of a stranger who has not moved
+MOST_VAIN = 4  # unsuccessful closer looks up to which the wait grows: 2, 4, ... 16 looks
+SAME_PLACE = 0.3  # least intersection over union of two boxes of the same unexplained person
 
 
 class Look(Enum):
-    """What is done with an image."""
+    """Processing of one image: network on the whole image, network on regions, or optical flow only."""
 
     WHOLE = "whole"
     REGIONS = "regions"
@@ -39,12 +40,15 @@ class Look(Enum):
 
 @dataclass
 class CameraLooks:
-    """What is known of one camera's looks.
+    """Schedule state of one camera.
 
     Args:
-        last_ns: stamp of its newest image. answered_ns: of the alarm that it answers; left: whole images
-            that it still looks at for it. whole_ns: stamp of the newest of these.
-        vain: closer looks one after the other that showed nobody else. wait: looks until the next closer one.
+        last_ns: Timestamp of its newest image.
+        answered_ns: Timestamp of the alarm that it answers.
+        left: Number of whole images still to process for this alarm.
+        whole_ns: Timestamp of the newest whole image processed for it.
+        vain: Number of consecutive closer looks that found no further person.
+        wait: Number of looks until the next closer one.
     """
 
     last_ns: int
@@ -55,19 +59,25 @@ class CameraLooks:
     wait: int = 0
 
     def closer(self) -> bool:
-        """Whether it may look more closely now; call it once where it should."""
+        """Return whether a closer look may run now; call it once for each closer look that is due."""
         self.wait = max(self.wait - 1, 0)
         return self.wait == 0
 
     def looked_closer(self, others: bool) -> None:
-        """A closer look showed others, or nobody else: then the next one waits, longer each time."""
+        """Update the wait for the next closer look: none after a new detection, else longer each time."""
         self.vain = 0 if others else min(self.vain + 1, MOST_VAIN)
         self.wait = 0 if others else 2**self.vain
 
 
 @dataclass
 class Ignored:
-    """A stranger who raised an alarm: box (4,) px of a camera, until when nobody minds, and for how long."""
+    """Unexplained person who raised an alarm.
+
+    Args:
+        box: (4,) px in the image of the camera.
+        until_ns: Timestamp until which the person raises no further alarm.
+        wait_ns: Length of this pause.
+    """
 
     camera: str
     box: Array
@@ -77,13 +87,13 @@ class Ignored:
 
 @dataclass
 class Lookout:
-    """Decides for every image of every camera, by stamps alone.
+    """Scheduler that decides for every image of every camera, from timestamps alone.
 
     Args:
-        names: of the cameras, in the order of the rig.
-        looks_per_s: of each camera; 0 = at every image.
-        guided: whether regions are looked at, where anybody is known.
-        allowance: of looks; None: as many as are due.
+        names: Names of the cameras, in the order of the rig.
+        looks_per_s: Rate of each camera; 0 = every image.
+        guided: Whether the network runs on regions where tracks exist.
+        allowance: Limit of looks; None: no limit.
     """
 
     names: tuple[str, ...]
@@ -96,16 +106,17 @@ class Lookout:
     _raising: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
 
     def reset(self) -> None:
-        """Forget all cameras and strangers."""
+        """Forget all cameras and unexplained people."""
         self.cameras.clear()
         self.alarm_ns, self.ignored = -1, []
 
     def look(self, camera: str, stamp_ns: int, nobody: bool, door: bool = False) -> tuple[Look, bool]:
-        """What to do with an image, and whether to scan it for newcomers besides; call it once for each.
+        """Return how to process an image, and whether to scan it for new people; call it once per image.
 
         Args:
-            nobody: whether nobody is known. door: whether newcomers are likely; it is scanned twice as often,
-                unless looks are few.
+            nobody: True if there are no tracks.
+            door: Whether new people are likely here. Such a camera scans twice as often, unless looks are
+                limited.
         """
         known = self.cameras.get(camera)
         step = stamp_ns - known.last_ns if known is not None else -1
@@ -125,10 +136,12 @@ class Lookout:
         return (Look.WHOLE if due else Look.CARRY), False
 
     def allowed(self, camera: str, stamp_ns: int, number: int, wish: Look) -> Look:
-        """What may be done with an image, where `wish` should be: what is put off is made up for later.
+        """Return what the allowance permits for an image, where `wish` is due.
+
+        A later image makes up for a postponed whole image of an alarm.
 
         Args:
-            number: of the frame.
+            number: Number of the frame.
         """
         if self.allowance is None:
             return wish
@@ -140,12 +153,13 @@ class Lookout:
         return Look.CARRY
 
     def raise_alarm(self, camera: str, boxes: Array, stamp_ns: int) -> bool:
-        """All cameras shall look at whole images, for strangers with boxes (N, 4) px in one of them. May be
-        called for several cameras at a time.
+        """Raise an alarm for unexplained people with boxes (N, 4) px: all cameras look at whole images.
+
+        May be called for several cameras concurrently.
 
         Returns:
-            whether anybody is heard: the same stranger at the same place is not, for longer each time; nor is
-            somebody in an image that answers an alarm.
+            whether an alarm was raised. The same person at the same place raises none for some time, longer
+                each time. People in an image that answers an alarm raise none either.
         """
         with self._raising:
             return self._raise_alarm(camera, boxes, stamp_ns)
@@ -182,12 +196,12 @@ class Lookout:
         return heard
 
     def _phase(self, place: int, stamp_ns: int) -> int:
-        """How many looks a camera has had since stamp 0; whole numbers, so that nothing is rounded."""
+        """Return the number of looks of a camera since timestamp 0; integer arithmetic avoids rounding."""
         rate, count = round(1000 * self.looks_per_s), len(self.names)
         return (stamp_ns * rate * count + place * 1000 * SECOND) // (1000 * SECOND * count)
 
     def _scans(self, place: int, before_ns: int, stamp_ns: int, door: bool) -> bool:
-        """Whether this camera's turn to scan came between two of its images."""
+        """Return whether this camera's turn to scan came between two of its images."""
         times = 1 + (door and self.allowance is None)
         first, last = (stamp * times * SCANS_PER_S // SECOND for stamp in (before_ns, stamp_ns))
         count = len(self.names)
@@ -198,7 +212,7 @@ class Lookout:
 
 
 def _overlap(one: Array, other: Array) -> float:
-    """Intersection over union of two boxes."""
+    """Return the intersection over union of two boxes."""
     low, high = np.maximum(one[:2], other[:2]), np.minimum(one[2:], other[2:])
     shared = float(np.prod(np.maximum(high - low, 0.0)))
     total = float(np.prod(one[2:] - one[:2]) + np.prod(other[2:] - other[:2])) - shared

@@ -1,4 +1,4 @@
-"""A network as it is handed to the stage: its card, its bytes and the one that finds people for it."""
+"""Network as the stage receives it: its card, its bytes, and the network that detects people for it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from panoptic_ros.detection.card import ModelCard
 
 @dataclass(frozen=True, eq=False)
 class DetectorModel:
-    """A checked card and the ONNX file's content.
+    """Checked model card and the contents of its ONNX file.
 
     Args:
-        person_detector: finds the people for a family that works on crops; None = the whole image
-            is one crop.
+        person_detector: Network that detects the people for a family that works on crops. None: the whole
+            image is one crop.
     """
 
     card: ModelCard

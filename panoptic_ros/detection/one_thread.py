@@ -1,4 +1,4 @@
-"""OpenCV on the thread that calls it: where processor time of one thread is told."""
+"""OpenCV limited to the calling thread, so that processor time per thread can be measured."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import cv2
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """OpenCV starts no threads meanwhile."""
+    """Run the body of the `with` statement without further OpenCV threads."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:

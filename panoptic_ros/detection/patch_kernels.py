@@ -1,4 +1,4 @@
-"""The compiled loops of `score_maps`. They call nothing outside of this file."""
+"""Compiled loops of `score_maps`. They call no function outside this file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NOBODY = -1
 
 @_jit
 def levels_of(maps, cut):
-    """Maps (K, h, w) float32 in 0..1 as uint8, 0 below `cut`."""
+    """Quantise maps (K, h, w) float32 in 0..1 to uint8 in 0..255; values below `cut` become 0."""
     levels = np.zeros(maps.shape, np.uint8)
     one, whole = np.float32(1.0), np.float32(255.0)
     for joint in range(maps.shape[0]):
@@ -26,9 +26,10 @@ def levels_of(maps, cut):
 
 @_jit
 def patches_of(levels, cells, seen, radius):
-    """What people claim of maps, then one patch for each connected blob (8 neighbours) of the rest.
+    """Cut maps into patches: the cells of each person, then the connected blobs of the rest (8 neighbours).
 
-    Args and returns: as of `claimed`, which keeps no maps; person -1: nobody's.
+    Args and returns are those of `claimed`, but the maps stay unchanged. Blobs have person -1: they belong to
+    no person.
     """
     rest = levels.copy()
     rows, data = claimed(rest, cells, seen, radius)
@@ -40,7 +41,7 @@ def patches_of(levels, cells, seen, radius):
 
 @_jit
 def _blobs(levels):
-    """Rows and data of the blobs of maps (K, h, w); the maps are 0 afterwards."""
+    """Return the rows and data of the connected blobs of maps (K, h, w), and set the maps to 0."""
     joints, height, width = levels.shape
     most = 0
     cells = levels.reshape(-1)
@@ -87,15 +88,18 @@ def _blobs(levels):
 
 @_jit
 def claimed(levels, cells, seen, radius):
-    """What people claim of maps: each cell goes to the nearest joint in whose gate it lies.
+    """Cut the cells of each person out of the maps. A cell goes to the nearest joint whose gate contains it.
 
     Args:
-        levels: (K, h, w) uint8; claimed cells are 0 afterwards.
-        cells: (P, K, 2) column and row of joints. seen: (P, K) whether they count. radius: (P,) cells.
+        levels: (K, h, w) uint8. Assigned cells are set to 0.
+        cells: (P, K, 2) column and row of each joint.
+        seen: (P, K) which joints count.
+        radius: (P,) gate radius in cells.
 
     Returns:
-        rows (N, 7): joint, person, left, top, width, height, and where its values begin in the data; by
-        person, then joint. Data uint8, of one window after the other.
+        rows: (N, 7) joint, person, left, top, width, height, index of the first value in the data. Sorted by
+            person, then by joint.
+        data: uint8 values, one window after the other.
     """
     people, joints = seen.shape
     owners = np.full(levels.shape, NOBODY, np.int16)
@@ -151,7 +155,7 @@ def claimed(levels, cells, seen, radius):
 
 @_jit
 def _window(place, radius, shape):
-    """Left, top, right, bottom of the cells within `radius` of a place, inside the map (K, h, w)."""
+    """Return left, top, right, bottom of the cells within `radius` of `place` in the map (K, h, w)."""
     left, top = max(np.int64(np.ceil(place[0] - radius)), 0), max(np.int64(np.ceil(place[1] - radius)), 0)
     right = min(np.int64(np.floor(place[0] + radius)) + 1, shape[2])
     bottom = min(np.int64(np.floor(place[1] + radius)) + 1, shape[1])
@@ -160,17 +164,18 @@ def _window(place, radius, shape):
 
 @_jit
 def raise_levels(levels, corner, maps, used, places, cut):
-    """Raise levels (K, H, W) uint8 to those of maps (K, h, w) float32.
+    """Raise levels (K, H, W) uint8 to those of maps (K, h, w) float32 that are resampled bilinearly.
 
     Args:
-        corner: row and column of the first level that may rise. used: rows and columns of the maps that
-            count; bilinear between these, 0 beyond them. places: rows and columns of the maps for the rows
-            and columns of levels from the corner on. cut: values below are 0.
+        corner: Row and column of the first level that may rise.
+        used: Number of rows and columns of the maps that count. Values beyond them are 0.
+        places: Rows and columns in the maps of the rows and columns of levels from the corner on.
+        cut: Values below it become 0.
     """
     rows, row_shares = _neighbours(places[0], used[0])
     columns, column_shares = _neighbours(places[1], used[1])
     above, below = np.zeros(used[1] + 2, np.float32), np.zeros(used[1] + 2, np.float32)
-    least, peaks = np.float32(cut), np.zeros(used[0] + 2, np.float32)  # of rows, with one before and behind
+    least, peaks = np.float32(cut), np.zeros(used[0] + 2, np.float32)  # row peaks, padded
     for joint in range(maps.shape[0]):
         for row in range(used[0]):
             peaks[row + 1] = _peak(maps[joint, row], used[1])
@@ -195,7 +200,7 @@ def raise_levels(levels, corner, maps, used, places, cut):
 
 @_jit
 def _peak(row, count):
-    """The largest of the first `count` values of a row float32, or 0 if that is larger."""
+    """Return the largest of the first `count` values of a row float32, or 0 if all are negative."""
     peak = np.float32(0.0)
     for x in range(count):
         peak = max(peak, row[x])
@@ -204,8 +209,13 @@ def _peak(row, count):
 
 @_jit
 def _neighbours(places, count):
-    """Of places (N,) in a row of so many cells with one more before and behind it: the cell before, and the
-    share (N,) float32 of the next one."""
+    """Return the left neighbour and the interpolation weight of places (N,) in a row of `count` cells.
+
+    The row is padded with one cell on each side.
+
+    Returns:
+        index (N,) of the cell before each place, in the padded row; weight (N,) float32 of the cell after it.
+    """
     before, shares = np.empty(len(places), np.int64), np.empty(len(places), np.float32)
     for i in range(len(places)):
         inside = min(max(places[i], -1.0), np.float64(count)) + 1.0

@@ -1,4 +1,4 @@
-"""What a decoder gives: people in the pixels of the network's input, and score maps on its grid."""
+"""People that a decoder returns, and the suppression of overlaps and duplicates."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class People:
-    """P people with K joints each, best first; in px told from the first pixel's centre.
+    """P people with K joints each, best first. Coordinates are px with the first pixel's centre as origin.
 
     Args:
-        points: (P, K, 2); scores: (P, K) in 0..1, 0 = not found.
+        points: (P, K, 2) joints.
+        scores: (P, K) in 0..1, 0 = not found.
         person_scores: (P,) in 0..1.
         boxes: (P, 4) left, top, right, bottom.
     """
@@ -30,28 +31,28 @@ class People:
         return len(self.person_scores)
 
     def select(self, index: Array) -> People:
-        """Some of the people, in the given order."""
+        """Return the people at the given indices, in that order."""
         return People(self.points[index], self.scores[index], self.person_scores[index], self.boxes[index])
 
     def transformed(self, affine: Array) -> People:
-        """Points and boxes under a (2, 3) affine map that does not turn or mirror."""
+        """Apply a (2, 3) affine map without rotation or mirroring to points and boxes."""
         corners = self.boxes.reshape(-1, 2) @ affine[:, :2].T + affine[:, 2]
         points = self.points @ affine[:, :2].T + affine[:, 2]
         return People(points, self.scores, self.person_scores, corners.reshape(-1, 4))
 
     def heights(self) -> Array:
-        """Longer side (P,) of each person's box: a person's length whatever way he lies or stands."""
+        """Return the longer side (P,) of each box: the length of a person, whether lying or standing."""
         sizes: Array = np.maximum(self.boxes[:, 2] - self.boxes[:, 0], self.boxes[:, 3] - self.boxes[:, 1])
         return sizes
 
 
 def no_people(joint_count: int) -> People:
-    """Nobody."""
+    """Return an empty instance."""
     return People(np.zeros((0, joint_count, 2)), np.zeros((0, joint_count)), np.zeros(0), np.zeros((0, 4)))
 
 
 def concatenate(parts: list[People], joint_count: int) -> People:
-    """The people of several answers, in their order."""
+    """Concatenate the people of several parts, in their order."""
     if not parts:
         return no_people(joint_count)
     return People(
@@ -63,16 +64,20 @@ def concatenate(parts: list[People], joint_count: int) -> People:
 
 
 def boxes_of_points(points: Array, seen: Array) -> Array:
-    """Boxes (P, 4) round the seen (P, K) points (P, K, 2); everybody must show at least one."""
+    """Return boxes (P, 4) round the seen (P, K) points (P, K, 2); each person needs at least one."""
     low = np.where(seen[..., None], points, np.inf).min(axis=1)
     high = np.where(seen[..., None], points, -np.inf).max(axis=1)
     return np.concatenate([low, high], axis=1)
 
 
 def suppress_overlaps(boxes: Array, scores: Array, iou: float) -> Array:
-    """Indices of the boxes (N, 4) that stay, best first, after dropping those that overlap a better one.
+    """Return indices of the boxes (N, 4) that remain, best first, without those that overlap a better one.
 
-    Greedy non-maximum suppression; equal scores keep their order.
+    This is greedy non-maximum suppression; equal scores keep their order.
+
+    Args:
+        scores: (N,) score of each box.
+        iou: Intersection over union above which the worse box is dropped.
     """
     order = np.argsort(-scores, kind="stable")
     area = np.prod(np.maximum(boxes[:, 2:] - boxes[:, :2], 0.0), axis=1)
@@ -89,14 +94,16 @@ def suppress_overlaps(boxes: Array, scores: Array, iou: float) -> Array:
 
 
 def without_duplicates(people: People, seen: Array, overlap: float) -> Array:
-    """Indices of the people whose joints do not coincide with the joints of a better one.
+    """Return the indices of people whose joints do not coincide with those of a better person.
 
-    Two people's likeness is the mean over the joints that both show of exp(-d^2 / 2 s^2), with s
-    5 % of the better one's height (as object keypoint similarity, COCO, with one width for all).
+    The similarity of two people is the mean of exp(-d^2 / 2 s^2) over the joints that both have. The distance
+    of the joints is d. The width s is 5 % of the height of the better person. This is object keypoint
+    similarity (COCO) with one width for all joints.
 
     Args:
-        people: best first; seen: (P, K) which joints count, at least one of each person.
-        overlap: likeness above which the second is dropped; 1 = never.
+        people: Best first.
+        seen: (P, K) which joints count, at least one of each person.
+        overlap: Similarity above which the worse person is dropped; 1 = never.
     """
     if overlap >= 1.0 or len(people) < 2:
         return np.arange(len(people))

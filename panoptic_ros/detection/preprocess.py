@@ -1,6 +1,6 @@
-"""Images into network inputs, with the exact affine map between their pixels.
+"""Conversion of images to network inputs, with the exact affine map between their pixels.
 
-All maps are between pixels told from the centre of the first pixel, as in OpenCV.
+All maps use pixel coordinates with the origin at the centre of the first pixel, as in OpenCV.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from panoptic_ros.detection.card import CoordsCard, InputCard
 Array = np.ndarray
 
 
-LEAST_LINEAR = 0.5  # scale from which on bilinear sampling reads every pixel, at a seventh of the cost
-BLURRED = 1000  # px of the longer side: larger images are made smaller later, which hides bilinear blur
-QUARTER_TURNS = (cv2.ROTATE_90_COUNTERCLOCKWISE, cv2.ROTATE_180, cv2.ROTATE_90_CLOCKWISE)  # 1, 2, 3
+LEAST_LINEAR = 0.5  # scale from which bilinear sampling reads every pixel, at a seventh of the cost
+BLURRED = 1000  # px, longer side above which bilinear rotation suffices: later shrinking hides its blur
+QUARTER_TURNS = (cv2.ROTATE_90_COUNTERCLOCKWISE, cv2.ROTATE_180, cv2.ROTATE_90_CLOCKWISE)  # 1, 2, 3 turns
 
 
 def letterbox(
     image: Array, size: tuple[int, int], card: InputCard, quick: bool = False
 ) -> tuple[Array, Array]:
-    """An image fitted into (height, width) keeping its shape, and net_from_image (2, 3).
+    """Fit an image into (height, width), keeping its aspect ratio; return it and net_from_image (2, 3).
 
-    The two axes have their own scale, as the fitted sizes are whole pixels.
+    The two axes have separate scales, because the fitted sizes are whole pixels.
 
     Args:
-        quick: bilinear down to half of the size, in place of the mean over areas.
+        quick: Sample bilinearly down to half the size, instead of averaging over areas.
     """
     height, width = image.shape[:2]
     scale = min(size[0] / height, size[1] / width)
@@ -52,10 +52,10 @@ def letterbox(
 
 
 def crop(image: Array, box: Array, card: InputCard, coords: CoordsCard) -> tuple[Array, Array]:
-    """The surroundings of a box (left, top, right, bottom), and net_from_image (2, 3).
+    """Cut out the surroundings of a box (left, top, right, bottom); return them and net_from_image (2, 3).
 
-    The box is enlarged by the card's padding and to the shape of the input. As in MMPose
-    (TopdownAffine): its left edge lies at net px 0 and its right edge at w, or w - 1 with UDP.
+    The box is enlarged by the card's padding and to the aspect ratio of the input. As in MMPose
+    (TopdownAffine), its left edge lies at net px 0 and its right edge at w, or at w - 1 with UDP.
     """
     height, width = card.size
     centre = 0.5 * (box[:2] + box[2:])
@@ -79,9 +79,9 @@ def crop(image: Array, box: Array, card: InputCard, coords: CoordsCard) -> tuple
 
 
 def input_tensor(images: Sequence[Array], card: InputCard) -> Array:
-    """The network's input of N images (H, W, 3) uint8 BGR of its size."""
+    """Return the input tensor of N images (H, W, 3) uint8 BGR that have the size of the network input."""
     if card.color == "RGB":
-        images = [cv2.cvtColor(image, cv2.COLOR_BGR2RGB) for image in images]  # much quicker than numpy
+        images = [cv2.cvtColor(image, cv2.COLOR_BGR2RGB) for image in images]  # much faster than in numpy
     batch = np.stack(images) if len(images) > 1 else images[0][None]
     if card.mean != (0.0, 0.0, 0.0) or card.std != (1.0, 1.0, 1.0):
         mean, std = np.array(card.mean, np.float32), np.array(card.std, np.float32)
@@ -93,11 +93,13 @@ def input_tensor(images: Sequence[Array], card: InputCard) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """The way from px of a camera's image to px of the upright image, which holds all of it.
+    """Rotation from px of a camera's image to px of the upright image, which contains the whole image.
 
     Args:
-        degrees: counter-clockwise. size: (width, height) px of the upright image.
-        upright_from_image: (2, 3). enlarged: how much longer the longer side is than that of the image.
+        degrees: Rotation, counter-clockwise.
+        size: (width, height) px of the upright image.
+        upright_from_image: (2, 3) affine map.
+        enlarged: Ratio of the longer side of the upright image to that of the camera's image.
     """
 
     degrees: float
@@ -106,10 +108,10 @@ class Turn:
     enlarged: float
 
     def image(self, image: Array, pad: int) -> Array:
-        """Turn an image (H, W, 3) uint8; quarter turns keep all pixels as they are.
+        """Rotate an image (H, W, 3) uint8; quarter turns copy all pixels without resampling.
 
         Args:
-            pad: grey value beyond the borders of the image.
+            pad: Grey value beyond the borders of the image.
         """
         quarters, rest = divmod(self.degrees, 90.0)
         sampling = cv2.INTER_CUBIC if max(image.shape) <= BLURRED else cv2.INTER_LINEAR
@@ -128,20 +130,20 @@ class Turn:
         return turned
 
     def pixels(self, points: Array) -> Array:
-        """Turn points (..., 2) of the image."""
+        """Map points (..., 2) of the image to the upright image."""
         return moved(points, self.upright_from_image)
 
     def back(self, points: Array) -> Array:
-        """Turn points (..., 2) of the upright image back."""
+        """Map points (..., 2) of the upright image back to the image."""
         return moved(points, inverted(self.upright_from_image))
 
 
 @lru_cache(maxsize=1024)
 def turn_by(degrees: float, image_size: tuple[int, int]) -> Turn:
-    """Return the turn of images (width, height) px by degrees counter-clockwise."""
+    """Return the rotation of images (width, height) px by `degrees` counter-clockwise."""
     angle = math.radians(degrees)
     cosine, sine = math.cos(angle), math.sin(angle)
-    if degrees % 90.0 == 0.0:  # exactly
+    if degrees % 90.0 == 0.0:  # exact sine and cosine
         cosine, sine = float(round(cosine)), float(round(sine))
     turn = np.array([[cosine, sine], [-sine, cosine]])
     width, height = np.ceil(np.abs(turn) @ image_size - 1e-6).astype(int).tolist()
@@ -151,13 +153,13 @@ def turn_by(degrees: float, image_size: tuple[int, int]) -> Turn:
 
 
 def moved(points: Array, affine: Array) -> Array:
-    """Move points (..., 2) by a (2, 3) affine map."""
+    """Map points (..., 2) by a (2, 3) affine map."""
     places: Array = points @ affine[:, :2].T + affine[:, 2]
     return places
 
 
 def inverted(affine: Array) -> Array:
-    """The inverse of a (2, 3) affine map."""
+    """Return the inverse of a (2, 3) affine map."""
     (a, b, x), (c, d, y) = affine.tolist()
     det = a * d - b * c
     a, b, c, d = d / det, -b / det, -c / det, a / det
@@ -165,7 +167,7 @@ def inverted(affine: Array) -> Array:
 
 
 def composed(outer: Array, inner: Array) -> Array:
-    """The (2, 3) affine map that applies `inner`, then `outer`."""
+    """Return the (2, 3) affine map that applies `inner`, then `outer`."""
     (a, b, x), (c, d, y) = outer.tolist()
     (e, f, u), (g, h, v) = inner.tolist()
     return np.array(

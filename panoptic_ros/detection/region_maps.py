@@ -1,4 +1,4 @@
-"""The score maps of several regions of an image as patches on one grid."""
+"""Merging of the score maps of several image regions into patches on one grid."""
 
 from __future__ import annotations
 
@@ -18,9 +18,12 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class RegionMaps:
-    """Maps (K, h, w) of a region, the (2, 3) map to their cells from px of the image, and the region's end.
+    """Score maps of one region.
 
-    Cells beyond the end (right, bottom) show padding.
+    Args:
+        maps: (K, h, w) score maps.
+        grid_from_image: (2, 3) affine map from px of the image to cells.
+        end: Right and bottom px of the region. Cells beyond it show padding.
     """
 
     maps: Array
@@ -29,7 +32,7 @@ class RegionMaps:
 
     @property
     def cells(self) -> tuple[int, int]:
-        """Columns and rows that show the image."""
+        """Return the number of columns and rows of cells that show the image."""
         grid = self.grid_from_image
         border = grid[:, :2] @ (self.end[0] - 0.5, self.end[1] - 0.5) + grid[:, 2]
         columns, rows = np.minimum(np.ceil(border + 0.5).astype(int), self.maps.shape[:0:-1])
@@ -37,10 +40,10 @@ class RegionMaps:
 
 
 def merged_maps(parts: Sequence[RegionMaps], people: People, config: DetectionConfig) -> PatchSet:
-    """Patches of one or more regions; people in px of the image.
+    """Merge the maps of one or more regions into patches; people are in px of the image.
 
-    One region keeps its grid. Of several, the finest grid goes on over all of them, and the others are
-    resampled; where they overlap the larger value counts.
+    One region keeps its grid. For several regions, the finest grid is extended over all of them, and the
+    other maps are resampled on it. Where regions overlap, the larger value counts.
     """
     finest = max(parts, key=lambda part: float(part.grid_from_image[0, 0]))
     if len(parts) == 1:
@@ -55,7 +58,7 @@ def merged_maps(parts: Sequence[RegionMaps], people: People, config: DetectionCo
 
 
 def _common(parts: Sequence[RegionMaps], grid: Array, cut: float) -> tuple[Array, Array]:
-    """Levels (K, h, w) uint8 on a grid that holds all parts, and its (2, 3) map from the image."""
+    """Return levels (K, h, w) uint8 on a grid that covers all parts, and its (2, 3) map from image px."""
     windows = []
     for part in parts:
         ours = composed(grid, inverted(part.grid_from_image))
@@ -77,6 +80,6 @@ def _common(parts: Sequence[RegionMaps], grid: Array, cut: float) -> tuple[Array
 
 
 def warm_up() -> None:
-    """Compile what maps of several regions need."""
+    """Compile the kernels for maps of several regions."""
     levels, maps = np.zeros((1, 2, 2), np.uint8), np.zeros((1, 2, 2), np.float32)
     raise_levels(levels, (0, 0), maps, (1, 1), (np.zeros(1), np.zeros(1)), 0.1)

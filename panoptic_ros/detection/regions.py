@@ -1,8 +1,9 @@
-"""Where to look in an image: one region for each group of people who overlap, at the scale that it needs.
+"""Image regions that the network runs on: one per group of overlapping people, at the scale they need.
 
-A network costs by the pixel. People fill a small part of an image, and where they are is known from the
-instant before. Groups of their own scale cost half of whole images; people who overlap stay together, as a
-network that sees half of a second person in a cut finds a person too many.
+The cost of a network grows with the number of pixels. People fill a small part of an image, and their
+positions are known from the previous instant. Regions with a scale of their own cost half as much as whole
+images. People who overlap share one region, because a network that sees half of a second person in a cut
+reports an extra person.
 """
 
 from __future__ import annotations
@@ -13,20 +14,20 @@ from dataclasses import dataclass
 import numpy as np
 
 Array = np.ndarray
-MARGIN = 0.10  # of a person's height, round the joints
-ABOVE = 0.05  # more above: the top of the head is no joint
-LEAST_SCALE = 0.9  # of the scale that suits the people
-LEAST_SHARE = 0.15  # of a person's box that must lie in the image
-SIGMAS = 1.5  # of what a prediction may be off
+MARGIN = 0.10  # margin round the joints, share of a person's height
+ABOVE = 0.05  # extra margin above, share of the height: the top of the head is no joint
+LEAST_SCALE = 0.9  # least scale of a region, relative to the scale that suits its people
+LEAST_SHARE = 0.15  # least share of a person's box that must lie in the image
+SIGMAS = 1.5  # margin for prediction errors, in standard deviations
 
 
 @dataclass(frozen=True)
 class Region:
-    """A part of an image, and the size of the network's input for it.
+    """Part of an image, and the size of the network input for it.
 
     Args:
-        box: left, top, right, bottom px; the last two are not part of it.
-        net_size: (height, width) net px.
+        box: Left, top, right, bottom px; right and bottom are exclusive.
+        net_size: (height, width) net px (pixels of the network input).
     """
 
     box: tuple[int, int, int, int]
@@ -34,19 +35,22 @@ class Region:
 
     @property
     def cost(self) -> int:
-        """Net px."""
+        """Return the number of net px."""
         return self.net_size[0] * self.net_size[1]
 
 
 def person_boxes(
     pixels: Array, there: Array, doubts: Array, image_size: tuple[int, int]
 ) -> tuple[Array, Array, Array]:
-    """Boxes (N, 4) px of the image that show those of P people who are in it, their heights (N,) px, and who
-    they are (N,).
+    """Return the boxes of those of P people who are in the image.
 
     Args:
-        pixels: (P, J, 2) of the joints. there: (P, J) which of them are known and before the camera.
-        doubts: (P,) px, standard deviation of where they are.
+        pixels: (P, J, 2) px of the joints.
+        there: (P, J) which joints are known and in front of the camera.
+        doubts: (P,) px, standard deviation of the positions.
+
+    Returns:
+        boxes (N, 4) px clipped to the image, heights (N,) px, and indices (N,) of the people.
     """
     limits = np.array(image_size, float)
     low = np.where(there[..., None], pixels, np.inf).min(axis=1, initial=np.inf)
@@ -64,14 +68,20 @@ def person_boxes(
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """People whose boxes touch: a box (4,) px round these, the height px of the tallest, and who they are."""
+    """Group of people whose boxes touch.
+
+    Args:
+        box: (4,) px, bounding box of their boxes.
+        tallest: px, height of the tallest.
+        people: Indices of the people.
+    """
 
     box: Array
     tallest: float
     people: tuple[int, ...]
 
     def joined(self, other: Group) -> Group:
-        """Both as one."""
+        """Return the union of both groups."""
         low, high = np.minimum(self.box[:2], other.box[:2]), np.maximum(self.box[2:], other.box[2:])
         return Group(
             np.concatenate([low, high]), max(self.tallest, other.tallest), self.people + other.people
@@ -80,17 +90,19 @@ class Group:
     def region(
         self, image_size: tuple[int, int], tallest: float, multiple: int, enlarged: float = 1.0
     ) -> Region:
-        """Where to look for them.
+        """Return the region of the image that shows this group.
 
         Args:
-            tallest: net px that the tallest has; the image is enlarged so much at most.
-            multiple: sides of the network's input are multiples of it.
+            tallest: Height of the tallest person in the network input, net px, unless `enlarged` limits the
+                scale.
+            multiple: Sides of the network input are multiples of it.
+            enlarged: Greatest scale from image px to net px.
         """
         return _region(self.box, min(enlarged, tallest / max(self.tallest, 1.0)), image_size, multiple)
 
 
 def groups_of(boxes: Array, heights: Array, people: Array) -> list[Group]:
-    """Groups of people (N,) with boxes (N, 4) px and heights (N,) px."""
+    """Merge people (N,) with boxes (N, 4) px and heights (N,) px into groups with touching boxes."""
     groups = [Group(box, tall, (who,)) for box, tall, who in zip(boxes, heights.tolist(), people.tolist())]
     merged = True
     while merged:
@@ -109,10 +121,10 @@ def groups_of(boxes: Array, heights: Array, people: Array) -> list[Group]:
 
 
 def _region(box: Array, scale: float, image_size: tuple[int, int], multiple: int) -> Region:
-    """A box at about a scale, enlarged by what the image has round it until the input's sides are multiples.
+    """Return a region round a box at about the given scale, enlarged until the input's sides fit `multiple`.
 
-    The scale may be lower by a little, where sides then need not be rounded up so far: the one that costs the
-    fewest net px at equal resolution is taken.
+    The enlargement shows more of the image round the box. A slightly lower scale can avoid rounding a side
+    up. The function takes the scale with the fewest net px at equal resolution.
     """
     extent = box[2:] - box[:2]
     low = [max(math.floor(side * LEAST_SCALE * scale / multiple), 1) for side in extent]

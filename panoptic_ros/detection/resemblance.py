@@ -1,4 +1,4 @@
-"""How far 2D people are from each other, and from where people are expected, joint by joint."""
+"""Distances between 2D poses, and between 2D poses and expected people, over their joints."""
 
 from __future__ import annotations
 
@@ -7,16 +7,20 @@ import numpy as np
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
-COMMON = 3  # joints that must be known of both
+COMMON = 3  # least number of joints that both must have
 
 
 def apart(points: Array, scores: Array, others: Array, there: Array) -> Array:
-    """Median distances (N, P) of the joints of 2D people, as shares of the height of the taller.
+    """Return the median joint distances (N, P) of 2D poses, as shares of the height of the taller.
 
-    Infinite where they have few joints in common. Heights are the longer sides of the boxes round the joints.
+    The distance is infinite for pairs with fewer than `COMMON` joints in common. Heights are the longer sides
+    of the boxes round the joints.
 
     Args:
-        points: (N, J, 2) px, scores: (N, J), 0 = missing. others: (P, J, 2) px, there: (P, J), 0 = missing.
+        points: (N, J, 2) px.
+        scores: (N, J), 0 = missing.
+        others: (P, J, 2) px.
+        there: (P, J), 0 = missing.
     """
     places, elsewhere = (np.array(part, np.float64, order="C") for part in (points, others))
     shares: Array = median_distances(places, scores > 0.0, elsewhere, there > 0.0)
@@ -25,7 +29,7 @@ def apart(points: Array, scores: Array, others: Array, there: Array) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def median_distances(points, seen, others, known):
-    """The loops of `apart`, with which joints are seen (N, J) and known (P, J)."""
+    """Compute `apart`, given which joints are seen (N, J) and known (P, J)."""
     shares = np.full((len(points), len(others)), np.inf)
     own, theirs = _extents(points, seen), _extents(others, known)
     gaps = np.empty(points.shape[1])
@@ -46,7 +50,7 @@ def median_distances(points, seen, others, known):
 
 @njit(cache=True, error_model="numpy")
 def _extents(points, there):
-    """Longer sides (P,) of the boxes round points (P, J, 2); 0 of none."""
+    """Return the longer sides (P,) of the boxes round points (P, J, 2); 0 without points."""
     extents = np.zeros(len(points))
     for p in range(len(points)):
         for axis in range(2):
@@ -60,9 +64,13 @@ def _extents(points, there):
 
 @njit(cache=True, error_model="numpy")
 def distinct(points, seen, overlap):
-    """Which of 2D people (P, J, 2), seen (P, J), best first, do not coincide with a better one (P,).
+    """Return which (P,) of the 2D poses (P, J, 2), best first, do not coincide with a better one.
 
     See `people.without_duplicates`.
+
+    Args:
+        seen: (P, J) which joints count.
+        overlap: Similarity above which the worse pose is dropped.
     """
     kept = np.ones(len(points), np.bool_)
     sizes = _extents(points, seen)
@@ -85,6 +93,6 @@ def distinct(points, seen, overlap):
 
 
 def warm_up() -> None:
-    """Compile what distances need."""
+    """Compile the kernels for distances."""
     distinct(np.zeros((1, COMMON, 2)), np.ones((1, COMMON), np.bool_), 0.5)
     apart(np.zeros((1, COMMON, 2)), np.ones((1, COMMON)), np.zeros((1, COMMON, 2)), np.ones((1, COMMON)))

@@ -1,9 +1,9 @@
-"""Sparse score maps: what is left of a network's maps after cutting small values, as patches.
+"""Sparse score maps: a network's maps without their small values, as patches.
 
-Networks that find all people at once have one map per joint for everybody. Cells near a person's
-joint become that person's patch: within a gate that grows with the person's size, each cell goes
-to the nearest joint. Blobs that belong to nobody are kept with person -1: the maps outlive the
-list of people, and voting can find there whom the network's person head missed.
+Networks that detect all people at once have one map per joint for all of them. Cells near a person's joint
+become a patch of that person. A gate that grows with the person's size limits the patch, and each cell goes
+to the nearest joint. Blobs that belong to no person keep person -1: voting can find people there whom the
+network's person head missed.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from panoptic_ros.domain import JointMap, ScoreMaps
 
 Array = np.ndarray
 GATE_PER_HEIGHT = 0.15  # radius of the gate; a blob's sigma is about 0.04 of the person's height
-GATE_CELLS = (3.0, 14.0)  # at least, at most
+GATE_CELLS = (3.0, 14.0)  # least and greatest radius
 
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A window of one joint's map, all cells that are not its owner's being 0."""
+    """Window of one joint's map, with 0 in all cells of other owners."""
 
-    joint: int  # of the network
+    joint: int  # network's joint index
     person: int
     corner: tuple[int, int]  # column, row
     values: Array  # (rows, columns) uint8
@@ -36,9 +36,11 @@ class Patch:
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """N patches: rows (N, 7) of joint, person, left, top, width, height, and where values begin in `data`.
+    """N patches in two arrays.
 
-    The values (D,) uint8 lie one window after the other.
+    Args:
+        rows: (N, 7) joint, person, left, top, width, height, index of the first value in `data`.
+        data: (D,) uint8 values, one window after the other.
     """
 
     rows: Array
@@ -46,7 +48,7 @@ class Patches:
 
     @classmethod
     def of(cls, patches: Sequence[Patch]) -> Patches:
-        """Single patches together."""
+        """Combine single patches."""
         begins = np.cumsum([0] + [patch.values.size for patch in patches])
         rows = [
             (patch.joint, patch.person, *patch.corner, *patch.values.shape[::-1], begin)
@@ -64,7 +66,7 @@ class Patches:
             yield Patch(joint, person, (left, top), values)
 
     def chosen(self, index: Array) -> Patches:
-        """Some of them (M,), in this order."""
+        """Return the patches at the indices (M,), in this order."""
         if np.array_equal(index, np.arange(len(self))):
             return self
         kept = list(self)
@@ -80,7 +82,7 @@ class PatchSet:
     patches: Patches
 
     def score_maps(self, joint_map: JointMap) -> ScoreMaps:
-        """The record, in the joints of the working skeleton; joints that are means have no maps."""
+        """Return the record in the joints of the working skeleton; joints that are means have no maps."""
         joints = self.patches.rows[:, 0]
         targets, counts, begins = _targets(joint_map)
         times = counts[joints]
@@ -100,7 +102,7 @@ class PatchSet:
         )
 
     def unclaimed_joints(self, least: float) -> int:
-        """How many different joints have a peak of at least `least` that belongs to nobody."""
+        """Return the number of joints with a peak of at least `least` that belongs to no person."""
         level, rows = least * 255.0, self.patches.rows
         if not len(rows):
             return 0
@@ -110,8 +112,12 @@ class PatchSet:
 
 @lru_cache(maxsize=64)
 def _targets(joint_map: JointMap) -> tuple[Array, Array, Array]:
-    """Working joints that are taken from one joint of the network, one network joint (K) after the other, and
-    how many each of these has and where they begin (K,)."""
+    """Return the working joints that copy one network joint, grouped by network joint.
+
+    Returns:
+        the working joints, their number (K,) for each network joint, and the index (K,) of the first of each
+            group.
+    """
     lists: list[list[int]] = [[] for _ in range(joint_map.source_count)]
     for working, sources in enumerate(joint_map.sources):
         if len(sources) == 1:
@@ -122,22 +128,23 @@ def _targets(joint_map: JointMap) -> tuple[Array, Array, Array]:
 
 
 def quantised(maps: Array, cut: float) -> Array:
-    """Maps in 0..1 as uint8, 0 below `cut`."""
+    """Quantise maps in 0..1 to uint8 in 0..255; values below `cut` become 0."""
     levels: Array = levels_of(np.ascontiguousarray(maps, np.float32), np.float32(cut))
     return levels
 
 
 def gate_radius(heights: Array) -> Array:
-    """Radius of each person's gates in cells, from his height (P,) in cells."""
+    """Return the gate radius of each person in cells, from the height (P,) in cells."""
     return np.clip(GATE_PER_HEIGHT * heights, *GATE_CELLS)
 
 
 def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> Patches:
-    """Patches of maps (K, h, w) uint8 that all people share.
+    """Cut maps (K, h, w) uint8 that all people share into patches.
 
     Args:
-        cells: (P, K, 2) column and row of the people's joints; seen: (P, K) whether they count.
-        radius: (P,) cells.
+        cells: (P, K, 2) column and row of the people's joints.
+        seen: (P, K) which joints count.
+        radius: (P,) gate radius in cells.
     """
     places = np.array(cells, np.float64).reshape(len(radius), len(levels), 2)
     return Patches(
@@ -146,7 +153,7 @@ def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> P
 
 
 def person_patches(levels: Array, person: int, corner: tuple[int, int] = (0, 0)) -> list[Patch]:
-    """Patches of maps (K, h, w) uint8 of one person alone that start at a column and row."""
+    """Cut maps (K, h, w) uint8 of one person alone into patches; they start at column and row `corner`."""
     patches: list[Patch] = []
     for joint, values in enumerate(levels):
         patches += _trimmed(joint, person, corner, values)
@@ -154,13 +161,13 @@ def person_patches(levels: Array, person: int, corner: tuple[int, int] = (0, 0))
 
 
 def gated(levels: Array, cells: Array, seen: Array, radius: float) -> Array:
-    """Maps (K, h, w) with 0 outside of the gates round one person's joints (K, 2)."""
+    """Return maps (K, h, w) with 0 outside the gates round one person's joints (K, 2)."""
     owners = _owners(levels, cells[None], seen[None], np.array([radius]))
     return np.where(owners == NOBODY, 0, levels)
 
 
 def _owners(levels: Array, cells: Array, seen: Array, radius: Array) -> Array:
-    """The person (K, h, w) that each cell belongs to, or NOBODY."""
+    """Return the person (K, h, w) that each cell belongs to; `NOBODY` for cells without one."""
     owners = np.full(levels.shape, NOBODY, np.int16)
     nearest = np.full(levels.shape, np.inf, np.float32)
     for person, joint in zip(*np.nonzero(seen)):
@@ -177,7 +184,7 @@ def _owners(levels: Array, cells: Array, seen: Array, radius: Array) -> Array:
 
 
 def _window(x: float, y: float, radius: float, shape: tuple[int, ...]) -> tuple[int, int, int, int]:
-    """Left, top, right, bottom of the cells within `radius` of a place, inside the map."""
+    """Return left, top, right, bottom of the cells within `radius` of a place, clipped to the map."""
     _, rows, columns = shape
     left, right = max(math.ceil(x - radius), 0), min(math.floor(x + radius) + 1, columns)
     top, bottom = max(math.ceil(y - radius), 0), min(math.floor(y + radius) + 1, rows)
@@ -185,7 +192,7 @@ def _window(x: float, y: float, radius: float, shape: tuple[int, ...]) -> tuple[
 
 
 def _trimmed(joint: int, person: int, corner: tuple[int, int], values: Array) -> list[Patch]:
-    """The patch without its empty margins; none if nothing is in it."""
+    """Return the patch without its empty margins, or no patch if all values are 0."""
     left, top, width, height = cv2.boundingRect(values) if values.size else (0, 0, 0, 0)
     if not width:
         return []
@@ -194,6 +201,6 @@ def _trimmed(joint: int, person: int, corner: tuple[int, int], values: Array) ->
 
 
 def warm_up() -> None:
-    """Compile what patches need."""
+    """Compile the kernels for patches."""
     quantised(np.zeros((1, 2, 2), np.float32), 0.1)
     merged_patches(np.zeros((1, 2, 2), np.uint8), np.zeros((1, 1, 2)), np.ones((1, 1), bool), np.ones(1))

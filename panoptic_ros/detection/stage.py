@@ -1,4 +1,4 @@
-"""The stage: images in, 2D people and score maps in the joints of the working skeleton out."""
+"""Detection stage: from images to 2D poses and score maps in the joints of the working skeleton."""
 
 from __future__ import annotations
 
@@ -37,27 +37,27 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 Array = np.ndarray
-DEPTHS = 8  # maps of a camera that wait at most, while its images fail
-MARGIN = 1.1  # people may leave the good range by this factor without a notice
-PATIENCE = 15  # frames in which people are too small or too large before it is said
-SAME_NS = 8_000_000  # an image and a depth map whose stamps differ no more belong together
-SMALL = 0.57  # of the side that suits a camera: people are found as surely, less precisely, for a third
-UNCLAIMED_PEAK = 0.3  # peaks of nobody in the maps count from here
+DEPTHS = 8  # greatest number of depth maps of a camera that wait, while its images fail
+MARGIN = 1.1  # factor by which people may leave the good range of heights without a notice
+PATIENCE = 15  # frames with people who are too small or too large before the notice
+SAME_NS = 8_000_000  # greatest difference of timestamps between an image and its depth map
+SMALL = 0.57  # side of a small whole image / usual side: less precise, same detection rate, third of the cost
+UNCLAIMED_PEAK = 0.3  # least map peak without a person that counts
 
 
 class DetectionStage(Stateful):
-    """Finds people in the images of any number of cameras, each camera on its own.
+    """Stage that detects people in the images of any number of cameras, each camera on its own.
 
-    Images of cameras on their side or upside down are turned upright for the network; records are in px of
+    Images of cameras on their side or upside down are rotated upright for the network. Records are in px of
     the cameras.
 
-    `context.extras` holds "detector", a DetectorModel, and "joint_map", the JointMap from its
-    joints to those of the context's skeleton; live also "processor", a Processor, by which it keeps within
-    `budget`, and by which it knows that looks must not hold up images. Images of different cameras, and what
-    tracking knows, may be stepped through at a time.
+    `context.extras` holds "detector", a DetectorModel, and "joint_map", the JointMap from its joints to those
+    of the context's skeleton. In live runs it also holds "processor", a Processor. The stage uses it to stay
+    within `budget`. Its presence marks a live run, where looks must not delay images. Images of different
+    cameras, and tracks, may be stepped through concurrently.
 
     Raises:
-        BackendError: if the network cannot be run here or is not what its card says.
+        BackendError: if the network cannot run here or differs from its card.
     """
 
     LAYOUT = StateLayout(
@@ -102,7 +102,7 @@ class DetectionStage(Stateful):
             self.network = FullImageNetwork(model, config)
         warm_up()
         self._rolls = rolls_of(context.rig or NO_CAMERAS, config.up)
-        self._enlarged = {  # by being turned; inputs are larger by as much, so that people are as tall
+        self._enlarged = {  # by the rotation; inputs grow by this factor, to keep the height of people
             name: turn_by(degrees, context.rig.camera(name).image_size).enlarged
             for name, degrees in self._rolls.degrees.items()
         }
@@ -114,7 +114,7 @@ class DetectionStage(Stateful):
         processor = context.extras.get("processor")
         live = isinstance(processor, Processor)
         self._hurried = live and config.rationed
-        self._watch: Watch | None = None  # None: all of every image is looked at
+        self._watch: Watch | None = None  # None: the network runs on the whole of every image
         if config.guided or config.rationed:
             self._watch = Watch(
                 self.config,
@@ -133,11 +133,13 @@ class DetectionStage(Stateful):
             self._budget = budget, processor
 
     def step(self, item: ViewFrame | DepthFrame | TrackSet) -> StepResult[ViewDetections]:
-        """The people in one image; takes depth maps before images of their stamps, and what tracking knows.
+        """Detect the people in one image, or accept a depth map or tracks.
+
+        A depth map must come before the image of its timestamp.
 
         Raises:
-            DataError: if the depth map of an image has another shape; the next image goes without it. If
-                tracks are of another skeleton.
+            DataError: if the depth map of an image has another shape (the next image goes without it), or if
+                tracks have another skeleton.
         """
         if isinstance(item, DepthFrame):
             self._depths.setdefault(item.camera, deque(maxlen=DEPTHS)).append(item)
@@ -165,7 +167,7 @@ class DetectionStage(Stateful):
         return StepResult((record,), (*self._up_notice(), *told, *self._size_notice(item.camera, finding)))
 
     def _upright(self, item: ViewFrame) -> tuple[Turn | None, ViewFrame]:
-        """Turn an image upright; None and the image itself if it is."""
+        """Rotate an image upright; return None and the image itself if it is upright already."""
         degrees = self._rolls.degrees.get(item.camera)
         if degrees is None:
             return None, item
@@ -173,17 +175,17 @@ class DetectionStage(Stateful):
         return turn, replace(item, image=turn.image(item.image, self.network.card.input.pad))
 
     def _up_notice(self) -> tuple[Notice, ...]:
-        """Tell once which images are turned, or why none is."""
+        """Return the notice about rotated images, or about why none is rotated, on the first call only."""
         if self._said_up or self._rolls.notice is None:
             return ()
         self._said_up = True
         return (self._rolls.notice,)
 
     def _paced(self, item: ViewFrame, watch: Watch, finding: Finding, start: float) -> tuple[Notice, ...]:
-        """Choose a pace that what images cost allows.
+        """Report the cost of an image, and apply the new pace if the budget changes it.
 
         Args:
-            start: processor time of the thread, s, before the image.
+            start: Processor time of the thread, s, before the image.
         """
         if self._budget is None:
             return ()
@@ -203,7 +205,7 @@ class DetectionStage(Stateful):
         return (Notice("detection.pace", "info", text, values),)
 
     def _whole(self, item: ViewFrame) -> Finding:
-        """The people in all of an image, at the size that suits its camera."""
+        """Detect the people in the whole image, at the input size that suits its camera."""
         if not self.network.any_size:
             return self.network.find(item.image, 0)
         chooser = self._chooser(item)
@@ -215,19 +217,19 @@ class DetectionStage(Stateful):
         return findings[chooser.learn(answers, max(item.image_size))]
 
     def _small(self, item: ViewFrame, chooser: SideChooser, side: int) -> Finding:
-        """The people in a smaller whole image: live, where looks are rationed, it serves to find them."""
+        """Detect the people in a smaller whole image: enough to find them, in live runs with few looks."""
         multiple = self.network.multiple
         finding = self.network.find(item.image, multiple * max(round(SMALL * side / multiple), 1))
         chooser.saw(self._answer(finding, side), max(item.image_size))
         return finding
 
     def flush(self) -> StepResult[ViewDetections]:
-        """Nothing is buffered."""
+        """Reset the stage; it buffers no records."""
         self.reset()
         return StepResult()
 
     def reset(self) -> None:
-        """Forget the sizes of the people, and depth maps that wait."""
+        """Forget people's sizes, waiting depth maps, notices, and the state of guided detection."""
         self._sides.clear()
         self._outside.clear()
         self._noticed.clear()
@@ -255,7 +257,7 @@ class DetectionStage(Stateful):
         return Answer(side, finding.people.person_scores, self._heights(finding), unclaimed)
 
     def _heights(self, finding: Finding) -> Array:
-        """Longer side (P,) of the box round the joints that are seen, image px."""
+        """Return the longer side (P,) of the box round the seen joints, image px."""
         people = finding.people
         boxes = boxes_of_points(people.points, people.scores >= self.config.joint_threshold)
         sizes: Array = (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)
@@ -282,7 +284,7 @@ class DetectionStage(Stateful):
         )
 
     def _limit(self, item: ViewFrame) -> VisibilityLimit | None:
-        """How far the camera sees, if it measures depth."""
+        """Return the visibility limit of the camera, if it measures depth."""
         found = self._depth_of(item)
         if found is None:
             return None
@@ -290,7 +292,7 @@ class DetectionStage(Stateful):
         return VisibilityLimit.of_depths(found.depth, self.config.depth_margin)
 
     def _depth_of(self, item: ViewFrame) -> DepthFrame | None:
-        """The first depth map that belongs to an image; it and those before it are taken out."""
+        """Remove and return the first depth map that belongs to an image; drop those before it."""
         depths = self._depths.get(item.camera, ())
         while depths and depths[0].stamp_ns < item.stamp_ns - SAME_NS:
             depths.popleft()
@@ -299,7 +301,7 @@ class DetectionStage(Stateful):
         return None
 
     def _size_notice(self, camera: str, finding: Finding) -> tuple[Notice, ...]:
-        """A notice when people stay too small or too large for the network, once each time."""
+        """Return a notice when people stay too small or too large for the network, once each time."""
         sure = finding.people.person_scores >= SURE
         if not finding.scale or not sure.any():
             return ()
@@ -307,7 +309,8 @@ class DetectionStage(Stateful):
         smallest, largest = self.network.person_px
         outside = bool(((heights < smallest / MARGIN) | (heights > largest * MARGIN)).any())
         count = self._outside.get(camera, 0)
-        # Counts up to the notice while people are outside, and down again while they are not.
+        # The count rises up to the notice while people are outside the range, and falls while they are
+        # inside.
         self._outside[camera] = min(count + 1, PATIENCE) if outside else max(count - 1, 0)
         if not outside or count != PATIENCE - 1 or camera in self._noticed:
             if self._outside[camera] == 0:
@@ -323,19 +326,19 @@ class DetectionStage(Stateful):
 
 
 def _back(finding: Finding, turn: Turn) -> Finding:
-    """Turn people and score maps of an upright image back; no record holds boxes, so they stay."""
+    """Map people and score maps of an upright image back. Boxes stay, as no record holds them."""
     people, patches = finding.people, finding.patches
     people = replace(people, points=turn.back(people.points))
-    if patches is not None:  # the cells stay where they are
+    if patches is not None:  # the cells stay, only their map from image px changes
         grid = composed(patches.grid_from_image, turn.upright_from_image)
         patches = replace(patches, grid_from_image=grid)
     return replace(finding, people=people, patches=patches)
 
 
 def warm_up() -> None:
-    """Compile what looks at images need, whatever the detector and the setting.
+    """Compile all kernels of detection, for any detector and configuration.
 
-    All kernels: of the decoder, of maps, and of how far 2D people are apart.
+    These are the kernels of the decoder, of the maps, and of the distances between 2D poses.
     """
     for part in (center_heads, score_maps, region_maps, resemblance):
         part.warm_up()

@@ -1,7 +1,7 @@
-"""How cameras are rolled about their optical axes, by the rig's up direction.
+"""Rotation that makes each camera's images upright, from the rig's up direction.
 
-Networks find upright people. Images of rolled cameras are turned as they come (`preprocess.Turn`), and
-everything in detection is in px of the upright image. Records are in px of the camera.
+Networks detect upright people. So the images of rolled cameras are rotated on arrival (`preprocess.Turn`),
+and all coordinates inside detection are px of the upright image. Records are in px of the camera.
 """
 
 from __future__ import annotations
@@ -17,22 +17,24 @@ from panoptic_ros.errors import ConfigError, shown
 from panoptic_ros.stage import Notice, Severity
 
 QUARTER = 90.0  # deg
-UPRIGHT = 30.0  # deg up to which images stay as they are: to turn them less than a quarter doubles their px
-LEVEL = 10.0  # deg off a quarter turn up to which images are turned by that quarter turn
+UPRIGHT = 30.0  # deg, largest roll left uncorrected: rotating by less than a quarter turn may double the px
+LEVEL = 10.0  # deg, largest distance from a quarter turn at which the exact quarter turn is used
 CONTRARY = 0.5  # cosine of the angle between two up axes, below which one of them is wrong
-SURE = 0.7  # cosine of the angle between up and the tops of images, above which these tell up
-AROUND, FEWEST = 0.25, 3  # spread and number of cameras, below which images tell no up: all may be rolled
-NOT_KNOWN = (0.0, 0.0, 0.0)  # `DetectionConfig.up` where no file states it
+SURE = 0.7  # least cosine of the angle between up and the tops of images, for images to define up
+# Least spread of image rows, and least number of cameras, for images to define up: otherwise all of them may
+# be rolled.
+AROUND, FEWEST = 0.25, 3
+NOT_KNOWN = (0.0, 0.0, 0.0)  # value of `DetectionConfig.up` if no file states up
 FINDING = "`panoptic rig check RIG --detections FILE` finds from people which way is up"
 
 
 @dataclass(frozen=True)
 class Rolls:
-    """How the images of a rig are turned.
+    """Rotations of the images of a rig.
 
     Args:
-        degrees: counter-clockwise, by camera; cameras whose images stay as they are, are left out.
-        notice: what a person should know of it, None: nothing.
+        degrees: Counter-clockwise rotation by camera. Cameras whose images stay unchanged are left out.
+        notice: Message for the user; None: no message.
     """
 
     degrees: Mapping[str, float]
@@ -40,15 +42,17 @@ class Rolls:
 
 
 def rolls_of(rig: Rig, up: Sequence[float] = ()) -> Rolls:
-    """Tell by how much images of the cameras of a rig must be turned to be upright.
+    """Return the rotations that make the images of a rig's cameras upright.
 
-    Nothing is turned where up is not known, nor where all images are upright along another axis than up.
+    No image is rotated in two cases: if up is unknown, or if all images are upright along another axis than
+    up.
 
     Args:
-        up: of the world; it replaces the rig's and is not questioned. `NOT_KNOWN`: no file states it.
+        up: up direction of the world. It overrides the rig's and is not questioned. `NOT_KNOWN`: no file
+            states it.
 
     Raises:
-        ConfigError: if `up` is no direction.
+        ConfigError: if `up` does not have 0 or 3 finite numbers.
     """
     if len(up) not in (0, 3) or not np.isfinite(up).all():
         raise ConfigError(f"DetectionConfig.up = {shown(tuple(up))}, expected three finite numbers, or none")
@@ -79,7 +83,7 @@ def rolls_of(rig: Rig, up: Sequence[float] = ()) -> Rolls:
 
 
 def _turns(rig: Rig, up: Direction) -> dict[str, float]:
-    """Return degrees by camera, of those that are turned; almost a quarter turn is one."""
+    """Return degrees by camera, of the rotated cameras; a near quarter turn becomes an exact one."""
     found = {}
     for camera in rig.cameras:
         degrees = roll_of(camera, up)
@@ -91,7 +95,7 @@ def _turns(rig: Rig, up: Direction) -> dict[str, float]:
 
 
 def _up_of_untouched(rig: Rig) -> Direction | None:
-    """Find the direction along which all images are upright as they are, if that is sure."""
+    """Find the direction along which all unrotated images are upright; None if that is not sure."""
     up = up_of_images(rig.cameras, [0] * len(rig), AROUND) if len(rig) >= FEWEST else None
     if up is None or min(-camera.cam_from_world.rotation[1] @ up for camera in rig.cameras) < SURE:
         return None

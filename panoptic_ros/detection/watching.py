@@ -1,6 +1,8 @@
-"""What is done with each image where not all of every image is looked at: looks, regions, scans, carrying.
+"""Detection guided by tracks, where the network does not run on all of every image.
 
-Whom tracking follows, and where a camera should see them.
+`Watch` decides for each image between the whole image, regions, a scan for new people and propagation by
+optical flow. `KnownPeople` holds the tracks. `Expected` holds the image positions at which a camera should
+see them.
 """
 
 from __future__ import annotations
@@ -26,34 +28,36 @@ from panoptic_ros.domain import Camera, JointMap, Rig, TrackSet, ViewFrame
 from panoptic_ros.errors import ConfigError
 
 Array = np.ndarray
-Joints = tuple[Array, Array]  # of N 2D people: points (N, J, 2) px, scores (N, J), 0 = missing
-MEMORY = 2.0  # s, how long people who are not seen are looked for
-FARTHEST = 0.5  # s, over which motion is predicted
-STRAY = 0.7  # m/s, at which those who are not seen may have gone anywhere
-NEAREST = 0.1  # m, depth before a camera
-DOORS = 8  # places where people appeared that are remembered
-SAME_DOOR = 1.0  # m
+Joints = tuple[Array, Array]  # points (N, J, 2) px and scores (N, J) of N 2D poses, 0 = missing
+MEMORY = 2.0  # s, how long regions are kept for people who are not seen
+FARTHEST = 0.5  # s, longest prediction of motion
+STRAY = 0.7  # m/s, growth of the position uncertainty of people who are not seen
+NEAREST = 0.1  # m, least depth in front of a camera
+DOORS = 8  # number of entry places (where people appeared) that are remembered
+SAME_DOOR = 1.0  # m, distance within which two entry places are the same
 BEGINNING_NS = 1_000_000_000
-EXPLAINED = 0.2  # of a person's height: the median distance of one person's joints, seen and predicted
-IN_A_CROWD = 0.1  # the same where people stand so close that one would explain another
-SURE_STRANGER = 0.25  # score from which somebody whom nobody explains raises an alarm
-SCAN_HEIGHT = 90.0  # net px of a person of middling height in a small whole image
-LEAST_SCAN = 128  # net px of its longer side
-CLOSER = 1.36  # times as tall as in regions are people in a closer look at a crowd
-ENLARGED = 2.0  # scale to which its image is enlarged, at most
-UNKNOWN_SCAN = 0.45  # of the side that suits the camera, where nobody tells how tall people are
+EXPLAINED = 0.2  # median joint distance between detection and prediction of one person, share of the height
+IN_A_CROWD = 0.1  # the same for people so close that one track would explain another's detection
+SURE_STRANGER = 0.25  # person score from which an unexplained detection raises an alarm
+SCAN_HEIGHT = 90.0  # net px, height of a median person in a scan (small whole image)
+LEAST_SCAN = 128  # net px, least longer side of a scan
+CLOSER = 1.36  # height of people in a closer look at a crowd, relative to that in regions
+ENLARGED = 2.0  # greatest scale of a closer look, net px per image px
+UNKNOWN_SCAN = 0.45  # side of a scan relative to the camera's usual side, where no heights are known
 
-Whole = Callable[[ViewFrame], Finding]  # finds the people in all of an image
-Side = Callable[[ViewFrame], int]  # longer side of the network's input that suits a camera
+Whole = Callable[[ViewFrame], Finding]  # detects the people in the whole image
+Side = Callable[[ViewFrame], int]  # longer side of the network input that suits a camera
 
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """Where a camera should see P people.
+    """Image positions at which a camera should see P people.
 
     Args:
-        pixels: (P, J, 2). there: (P, J) which of them are known and before the camera.
-        doubts: (P,) px, standard deviation.
+        pixels: (P, J, 2) px of the joints.
+        there: (P, J) which joints are known and in front of the camera.
+        doubts: (P,) px, standard deviation of the positions.
+        image_size: (width, height) px.
     """
 
     pixels: Array
@@ -63,11 +67,11 @@ class Expected:
 
     @classmethod
     def of_nobody(cls, image_size: tuple[int, int]) -> Expected:
-        """Nobody is expected."""
+        """Return an instance without people."""
         return cls(np.zeros((0, 1, 2)), np.zeros((0, 1), bool), np.zeros(0), image_size)
 
     def turned(self, turn: Turn) -> Expected:
-        """Move the people to the upright image."""
+        """Map the people to the upright image."""
         return replace(self, pixels=turn.pixels(self.pixels), image_size=turn.size)
 
     @cached_property
@@ -76,35 +80,36 @@ class Expected:
 
     @property
     def heights(self) -> Array:
-        """Of those (N,) px who are in the image."""
+        """Return the heights (N,) px of the people who are in the image."""
         return self._boxes[1]
 
     @cached_property
     def groups(self) -> list[Group]:
-        """Those who are in the image, by who overlaps whom."""
+        """Return the people who are in the image, grouped by overlap."""
         return groups_of(*self._boxes)
 
     def regions(self, tallest: float, multiple: int) -> list[Region]:
-        """Where to look for those who are in the image; see `Group.region`."""
+        """Return one region for each group of people in the image; see `Group.region`."""
         return [group.region(self.image_size, tallest, multiple) for group in self.groups]
 
     @property
     def crowds(self) -> list[Group]:
-        """Groups of several."""
+        """Return the groups of two or more people."""
         return [group for group in self.groups if len(group.people) > 1]
 
     def lacking(self, points: Array, scores: Array) -> list[Group]:
-        """Crowds of which somebody is not among the 2D people (N,) of an image; see `apart`."""
+        """Return the crowds with a person who is missing among the 2D poses (N,) of an image; see `apart`."""
         if not self.crowds:
             return []
         found = {who for _, who in self._pairs(points, scores)}
         return [crowd for crowd in self.crowds if not found.issuperset(crowd.people)]
 
     def further(self, first: Joints, second: Joints) -> Array:
-        """Which of the second 2D people (N,) the first lack, all being of the same image.
+        """Return indices of those of the second 2D poses (N,) that the first lack; both are of one image.
 
-        People who are found twice differ a little. So of the second those count who show somebody who is
-        expected and not among the first, each once; and those who are near nobody.
+        Two detections of one person differ a little. So a second pose counts in two cases only. Either it
+        matches an expected person whom no first pose matches; each such person counts once. Or it is near no
+        expected person and near no first pose.
         """
         distances = apart(*second, self.pixels, self.there)
         new = np.asarray((distances > IN_A_CROWD).all(axis=1))
@@ -114,17 +119,17 @@ class Expected:
         return np.flatnonzero(new)
 
     def strangers(self, points: Array, scores: Array) -> Array:
-        """Which of the 2D people (N,) nobody explains who is expected; see `apart`."""
+        """Return which of the 2D poses (N,) no expected person explains; see `apart`."""
         distances = apart(points, scores, self.pixels, self.there)
         return np.asarray((distances > EXPLAINED).all(axis=1))
 
     def _pairs(self, points: Array, scores: Array) -> list[tuple[int, int]]:
-        """2D people and those who are expected, whom they show; each once."""
+        """Return pairs of a 2D pose and the expected person that it shows, one to one."""
         return _paired(apart(points, scores, self.pixels, self.there))
 
 
 def _paired(distances: Array) -> list[tuple[int, int]]:
-    """Rows and columns of distances (N, P) that belong together, each once, the closest first."""
+    """Match rows and columns of distances (N, P) greedily one to one, the closest first."""
     pairs: list[tuple[int, int]] = []
     left = distances.copy()
     while left.size:
@@ -138,12 +143,13 @@ def _paired(distances: Array) -> list[tuple[int, int]]:
 
 @dataclass
 class KnownPeople:
-    """Everybody who is followed, and the places where people appeared.
+    """People who are tracked, and the places where people appeared.
 
     Args:
-        tracks: the newest; None: none have come.
-        places: (J, 3) m, where each identity was seen last. doors: (3,) m, the newest last.
-        begin_ns: stamp of the first tracks; who is there at the beginning came through no door.
+        tracks: The newest tracks; None before the first.
+        places: (J, 3) m by identity, last known position of each joint.
+        doors: (3,) m each, entry places, the newest last.
+        begin_ns: Timestamp of the first tracks. People present at the beginning define no entry place.
     """
 
     tracks: TrackSet | None = None
@@ -152,7 +158,7 @@ class KnownPeople:
     begin_ns: int = 0
 
     def take(self, tracks: TrackSet) -> None:
-        """What tracking says of an instant."""
+        """Update with the tracks of an instant."""
         if self.tracks is None:
             self.begin_ns = tracks.stamp_ns
         self.tracks = tracks
@@ -175,20 +181,20 @@ class KnownPeople:
         self.doors = [*others, place][-DOORS:]
 
     def is_door(self, camera: Camera) -> bool:
-        """Whether a camera sees a place where people appeared."""
+        """Return whether a camera sees an entry place."""
         return bool(self.doors) and bool(camera.sees(np.array(self.doors)).any())
 
     @property
     def nobody(self) -> bool:
-        """Whether nobody is followed."""
+        """Return whether there are no tracks."""
         return self.tracks is None or not len(self.tracks.ids)
 
     def seen_by(self, camera: Camera, stamp_ns: int) -> Expected:
-        """Whom a camera should see.
+        """Return the people whom a camera should see.
 
         Args:
-            stamp_ns: of an image. One that is far from that of the tracks is on another clock, or after a
-                gap: nobody is moved then.
+            stamp_ns: Timestamp of an image. If it is far from that of the tracks, it is on another clock or
+                after a gap: no motion is predicted then.
         """
         tracks = self.tracks
         if tracks is None or not len(tracks.ids):
@@ -200,7 +206,7 @@ class KnownPeople:
         places = tracks.states[..., :3] + np.where(moving, dt * tracks.states[..., 3:], 0.0)
         for k, number in enumerate(tracks.ids.tolist()):
             last = self.places.get(number)
-            if last is not None:  # joints that are forgotten are looked for where they were
+            if last is not None:  # joints without a state are expected at their last known position
                 places[k] = np.where(np.isfinite(places[k]), places[k], last)
         places = places[wanted]
         known = np.isfinite(tracks.states[wanted, :, 0])
@@ -213,7 +219,7 @@ class KnownPeople:
 
 
 def _median(values: Array) -> Array:
-    """Median (P,) of what is not NaN in each row (P, J); 0 where all is."""
+    """Return the median (P,) of the finite values in each row (P, J); 0 for rows without any."""
     found = np.isfinite(values)
     ordered = np.sort(np.where(found, values, np.inf), axis=1)
     middle = np.maximum(found.sum(axis=1) - 1, 0) // 2
@@ -222,14 +228,16 @@ def _median(values: Array) -> Array:
 
 
 class Watch:
-    """Where and when to look in the upright images of a rig; between looks people are carried.
+    """Detection on the upright images of a rig, with propagation by optical flow between looks.
 
     Args:
-        rolls: degrees counter-clockwise, by which images of cameras are turned to be upright.
-        whole: looks at all of an image. side: net px, of that. allowance: see `Lookout`.
+        rolls: Degrees counter-clockwise by camera, which turn its images upright.
+        whole: Detects the people in the whole image.
+        side: Returns the longer side of the network input for the whole image, net px.
+        allowance: See `Lookout`.
 
     Raises:
-        ConfigError: if regions are asked for that the network cannot take.
+        ConfigError: if regions are configured and the network takes one input size only.
     """
 
     def __init__(
@@ -254,27 +262,30 @@ class Watch:
         self._whole, self._side = whole, side
         self._region_height = config.region_height
         self.known = KnownPeople()
-        self._learning = threading.Lock()  # images may be looked at while tracks come
+        self._learning = threading.Lock()  # images may be processed while tracks arrive
         self.lookout = Lookout(rig.names, config.looks_per_s, config.guided and self._regions, allowance)
         self.memories: dict[str, Memory] = {}
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Forget all tracks, schedules and images."""
         self.known = KnownPeople()
         self.lookout.reset()
         self.memories.clear()
 
     def keep(self, pace: Pace) -> None:
-        """Look so often and so finely from now on."""
+        """Set the rate of looks and the height of people in regions from now on."""
         self.lookout.looks_per_s, self._region_height = pace
 
     def take(self, tracks: TrackSet) -> None:
-        """What tracking says of an instant."""
+        """Update with the tracks of an instant."""
         with self._learning:
             self.known.take(tracks)
 
     def find(self, item: ViewFrame) -> tuple[Finding, Array | None]:
-        """The people in an image, and for how long each was carried (P,) s; None: all are seen there."""
+        """Return the people in an image, and the time (P,) s since the network detected each.
+
+        The times are None if the network detected all of them in this image.
+        """
         before = self.memories.get(item.camera)
         with self._learning:
             nobody = self.known.nobody
@@ -298,7 +309,7 @@ class Watch:
             people = finding.people
         elif people is not None and before is not None:
             finding, look_ns = Finding(people, None, 0.0), before.look_ns
-        else:  # lost, until it is looked at
+        else:  # people are lost until the network runs again
             finding = Finding(no_people(self._joint_map.source_count), None, 0.0)
         ages = np.full(len(finding.people), 1e-9 * (item.stamp_ns - look_ns))
         if self.lookout.guided and expected is not None:
@@ -309,7 +320,7 @@ class Watch:
         return finding, ages if ages.any() else None
 
     def _expected(self, item: ViewFrame) -> Expected:
-        """Whom the camera should see."""
+        """Return the people whom the camera should see."""
         if not self.lookout.guided:
             return Expected.of_nobody(item.image_size)
         camera, degrees = self._rig.camera(item.camera), self._rolls.get(item.camera)
@@ -318,7 +329,7 @@ class Watch:
         return expected if degrees is None else expected.turned(turn_by(degrees, camera.image_size))
 
     def _look(self, item: ViewFrame, look: Look, expected: Expected) -> Finding:
-        """At regions if they cost less than all of the image; at crowds more closely where they need it."""
+        """Detect people in the regions, or in the whole image if that costs less; look closer at crowds."""
         if look is Look.WHOLE or not self.lookout.guided or self.known.nobody:
             finding = self._whole(item)
             further = self._closer(item, expected, expected.crowds, finding.people)
@@ -333,7 +344,7 @@ class Watch:
         return self._network.find_in(item.image, regions, lambda seen: self._missing(item, expected, seen))
 
     def _missing(self, item: ViewFrame, expected: Expected, people: People) -> People:
-        """Who of a crowd is not among the people that were found, if a closer look may show him."""
+        """Return those people of crowds whom `people` lacks, from a closer look if one is due."""
         crowds, known = expected.lacking(*self._joints(people)), self.lookout.cameras[item.camera]
         if not crowds or not known.closer():
             return people.select(np.zeros(0, int))
@@ -342,7 +353,7 @@ class Watch:
         return others
 
     def _closer(self, item: ViewFrame, expected: Expected, crowds: list[Group], people: People) -> People:
-        """Whom a closer look at these crowds shows besides the people that were found."""
+        """Return the people that a closer look at these crowds finds in addition to `people`."""
         joint_count, parts = people.scores.shape[1], []
         for crowd in crowds:
             assert isinstance(self._network, FullImageNetwork)
@@ -354,17 +365,18 @@ class Watch:
         return concatenate(parts, joint_count)
 
     def _joints(self, people: People) -> tuple[Array, Array]:
-        """Points (P, J, 2) and scores (P, J) of people in the joints of the skeleton."""
+        """Return points (P, J, 2) and scores (P, J) of people in the joints of the skeleton."""
         scores = np.where(people.scores >= self._config.joint_threshold, people.scores, 0.0)
         return self._joint_map.apply(people.points, scores)
 
     def _with_strangers(
         self, item: ViewFrame, expected: Expected, finding: Finding, scan: bool, new: bool
     ) -> Finding:
-        """The finding with people in a small whole image whom nobody explains; they raise an alarm.
+        """Add the unexplained people of a scan to the finding, and raise an alarm for all unexplained people.
 
         Args:
-            new: whether the people of the finding were looked at now.
+            scan: Whether to scan the image for new people.
+            new: Whether the network detected the people of the finding in this image.
         """
         people = finding.people
         strange = self._strangers(people, expected) if new else np.zeros(len(people), bool)
@@ -379,7 +391,7 @@ class Watch:
         return replace(finding, people=people)
 
     def _strangers(self, people: People, expected: Expected) -> Array:
-        """Which 2D people (P,) are surely there and nobody who is known."""
+        """Return which 2D poses (P,) have a high score and are explained by no track."""
         if not len(people):
             return np.zeros(0, bool)
         points, scores = self._joints(people)
@@ -388,7 +400,7 @@ class Watch:
         return strange
 
     def _scan(self, item: ViewFrame, heights: Array) -> People:
-        """The people in all of an image, at a scale that is small for people of these heights (P,) px."""
+        """Detect people in a small version of the whole image, scaled for people of these heights (P,) px."""
         assert isinstance(self._network, FullImageNetwork)
         side, image_side = self._side(item), max(item.image_size)
         wanted = UNKNOWN_SCAN * side
@@ -400,7 +412,7 @@ class Watch:
 
 
 def _others(found: People, people: People) -> People:
-    """Those found whose boxes do not lie on one of the people."""
+    """Return the people found whose box centres lie in no box of `people`."""
     if not len(found) or not len(people):
         return found
     seen = people.scores > 0.0

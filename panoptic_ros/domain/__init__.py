@@ -1,8 +1,8 @@
-"""Things with identity, all frozen: cameras, rigs, skeleton models, and the records between stages.
+"""Frozen records with identity: cameras, rigs, skeleton models, and the records that travel between stages.
 
-Letters of array shapes: C cameras, J joints, P people, N proposals, M parts, H W pixels.
-Records check shapes and values when they are made and hold read-only copies (images: read-only
-views; association: the arrays as they are, made read-only). Missing joints are NaN with score 0.
+Letters of array shapes: C cameras, J joints, P people, N proposals, M parts, H W pixels. Records check shapes
+and values on construction. They hold read-only arrays: copies, unless an array is read-only already. Images
+and depth maps are read-only views instead. Missing joints are NaN with score 0.
 """
 
 from panoptic_ros.domain.appearance import ViewAppearance

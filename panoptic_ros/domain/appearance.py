@@ -1,4 +1,4 @@
-"""What the people of an image wear."""
+"""Appearance of the people of an image: colours of their clothes."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from panoptic_ros.errors import DataError
 
 Array = np.ndarray
 REGIONS = ("torso", "legs")
-CHANNELS = 3  # of a colour: see `ViewAppearance`
-LARGEST = 10.0  # of a colour
+CHANNELS = 3  # numbers per colour, see `ViewAppearance`
+LARGEST = 10.0  # greatest absolute value of such a number
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewAppearance:
-    """Colours of the clothes of the P people of an image.
+    """Clothing colours of the P people of an image.
 
     Args:
-        camera, stamp_ns, frame_number: those of the image.
-        colours: (P, 2, 3) of torso and legs (`REGIONS`): logarithm of green, and of red and of blue
-            against green, as the image has them, so light changes the first alone; NaN = not seen. P are the
-            people of the image's `ViewDetections`.
+        camera, stamp_ns, frame_number: Those of the image.
+        colours: (P, 2, 3) of torso and legs (`REGIONS`): log green, log (red / green), log (blue / green) of
+            the image values. A change of light affects only the first. NaN = not seen. The people are those
+            of the image's `ViewDetections`.
 
     Raises:
         DataError: on shapes that do not fit, and colours that no image has.

@@ -1,5 +1,6 @@
-"""Which 2D people of several views are one person, and who is followed over time; what voting gives for them:
-node proposals and part scores.
+"""Association of the 2D poses of several views with people, the tracks over time, and voting proposals.
+
+The proposals are 3D nodes (putative joint positions) and parts with scores.
 """
 
 from __future__ import annotations
@@ -24,16 +25,19 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """All 2D people of a set as flat arrays: V views in the order of the rig, D people ordered by view.
+    """All 2D poses of a set as flat arrays: V views in the order of the rig, D poses ordered by view.
 
     Args:
-        cameras: (V,) index into the rig. slots: (V,) index into `DetectionSet.views`.
-        starts: (V + 1,) first person of each view. view: (D,) view of each person.
-        rows: (D,) index of the person in its `ViewDetections`.
+        cameras: (V,) index into the rig.
+        slots: (V,) index into `DetectionSet.views`.
+        starts: (V + 1,) first pose of each view.
+        view: (D,) view of each pose.
+        rows: (D,) index of the pose in its `ViewDetections`.
         plane: (D, J, 2) undistorted normalised points, 0 where missing.
-        magnification: (D, J) scale of the image there, relative to the optical axis; 1 for Brown lenses.
+        magnification: (D, J) image scale at the point, relative to the optical axis; 1 for Brown lenses of up
+            to five terms.
         scores: (D, J), 0 where missing.
-        delays: (V,) s, stamp of the view minus stamp of the set; 0 where motion in between does not count.
+        delays: (V,) s, timestamp of the view minus that of the set; 0 where motion in between is neglected.
 
     Raises:
         DataError: if the arrays do not fit each other.
@@ -60,22 +64,26 @@ class Evidence:
 
     @property
     def views(self) -> int:
-        """Number of views."""
+        """Return the number of views."""
         return len(self.cameras)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """Where K people who are followed should be at an instant.
+    """Predicted joints of K tracked people at an instant.
 
     Args:
-        positions: (K, J, 3) m, NaN = unknown. velocities: (K, J, 3) m/s, 0 where unknown.
-        ages: (K, J) s since measured. variances: (K, J, 3), see `identity.motion`.
-        firm: (K, J) whether three or more views agreed on the joint a moment ago.
-        lengths: (K, B) m, learnt lengths of the skeleton's bones, NaN = not known; (K, 0) = of none.
+        positions: (K, J, 3) m, NaN = unknown.
+        velocities: (K, J, 3) m/s, 0 where unknown.
+        ages: (K, J) s since measured.
+        variances: (K, J, 3) per axis: position variance, position-velocity covariance, velocity variance; see
+            `identity.motion`.
+        firm: (K, J) whether three or more views agreed on the joint recently (within
+            `identity.motion.FIRM_TIME`).
+        lengths: (K, B) m, learnt lengths of the skeleton's bones, NaN = unknown; (K, 0) = no lengths.
 
     Raises:
-        DataError: if the arrays do not fit each other, or places are infinite.
+        DataError: if the arrays do not fit each other, or positions are infinite.
     """
 
     positions: Array
@@ -94,18 +102,18 @@ class Prediction:
 
     @classmethod
     def of_nobody(cls, joints: int) -> Prediction:
-        """Nobody is followed."""
+        """Return a prediction without people."""
         places, numbers = np.zeros((0, joints, 3)), np.zeros((0, joints))
         return cls(places, places, numbers, places, numbers > 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Groups:
-    """Which 2D person each of P people has in each of V views.
+    """2D pose of each of P people in each of V views.
 
     Args:
         member: (P, V) row of the evidence, -1 = none.
-        mirrored: (P, V) whether the sides of that 2D person are exchanged.
+        mirrored: (P, V) whether left and right of that 2D pose are exchanged.
     """
 
     member: Array
@@ -116,30 +124,31 @@ class Groups:
 
     @classmethod
     def empty(cls, people: int, views: int) -> Groups:
-        """Nothing is associated."""
+        """Return groups without any association."""
         return cls(np.full((people, views), -1, np.int64), np.zeros((people, views), bool))
 
     def joined(self, other: Groups) -> Groups:
-        """The rows of both."""
+        """Return the rows of both groups."""
         return Groups(
             np.concatenate([self.member, other.member]), np.concatenate([self.mirrored, other.mirrored])
         )
 
     def rows(self, which: Array) -> Groups:
-        """Some of the people."""
+        """Return the people with these indices."""
         return Groups(self.member[which], self.mirrored[which])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AssociationSet:
-    """The people of one instant before their joints are solved.
+    """People of one instant before their joints are solved.
 
     Args:
-        detections: what they were made from. evidence: the same as flat arrays.
-        groups: the 2D people of P people.
+        detections: The detections that they were made from.
+        evidence: The same as flat arrays.
+        groups: 2D poses of P people.
         who: (P,) row of the prediction that each person continues, -1 = new.
-        places: (P, J, 3) m, where their joints are roughly: predicted, or triangulated; NaN = unknown.
-        prediction: everybody who is followed, also those who were not found.
+        places: (P, J, 3) m, rough joint positions: predicted, or triangulated; NaN = unknown.
+        prediction: All tracked people, also those who were not found.
 
     Raises:
         DataError: if the arrays do not fit each other.
@@ -170,29 +179,32 @@ class AssociationSet:
 
     @property
     def index(self) -> int:
-        """Index of the detection set."""
+        """Return the index of the detection set."""
         return self.detections.index
 
     @property
     def stamp_ns(self) -> int:
-        """Stamp of the detection set."""
+        """Return the timestamp of the detection set."""
         return self.detections.stamp_ns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackSet:
-    """Everybody who is followed, as they were at one instant: T tracks, confirmed or not.
+    """T tracks at one instant, confirmed or not.
 
     Args:
-        index, stamp_ns, skeleton_hash: those of the skeletons that were taken last.
+        index, stamp_ns, skeleton_hash: Those of the newest skeletons that tracking received.
         ids: (T,) public identities, -1 = not confirmed yet.
-        states (T, J, 6) m and m/s, NaN = unknown, and variances (T, J, 3): see `identity.motion`.
-        ages: (T, J) s since each joint was measured. unagreed: (T, J) s since three views agreed on it.
+        states: (T, J, 6) position m and velocity m/s, NaN = unknown.
+        variances: (T, J, 3) per axis: position variance, position-velocity covariance, velocity variance; see
+            `identity.motion`.
+        ages: (T, J) s since each joint was measured.
+        unagreed: (T, J) s since three views agreed on it.
         unseen: (T,) s since the person was seen.
-        lengths: (T, B) m, learnt lengths of the skeleton's bones, NaN = not known; (T, 0) = of none.
+        lengths: (T, B) m, learnt lengths of the skeleton's bones, NaN = unknown; (T, 0) = no lengths.
 
     Raises:
-        DataError: if the arrays do not fit each other, or places are infinite.
+        DataError: if the arrays do not fit each other, or states are infinite.
     """
 
     index: int
@@ -218,7 +230,11 @@ class TrackSet:
 
 
 def _fit_lengths(record: Prediction | TrackSet, people: int) -> None:
-    """Lengths of bones (people, B), of none where they are not given, read-only."""
+    """Store the bone lengths (people, B) read-only, with B = 0 if they are not given.
+
+    Raises:
+        DataError: if their shape does not fit, or a length is infinite.
+    """
     if record.lengths is None:
         object.__setattr__(record, "lengths", np.zeros((people, 0)))
     _fit(record, "lengths", (people, *record.lengths.shape[1:2]))
@@ -226,7 +242,11 @@ def _fit_lengths(record: Prediction | TrackSet, people: int) -> None:
 
 
 def _fit(record: object, names: str, shape: tuple[int, ...]) -> None:
-    """Store read-only copies of the arrays of these names, and raise DataError unless they have the shape."""
+    """Store read-only copies of the named arrays and check their shape.
+
+    Raises:
+        DataError: if a shape differs.
+    """
     for name in names.split():
         array = own_copy(getattr(record, name))
         object.__setattr__(record, name, array)
@@ -239,7 +259,7 @@ class ProposalSet:
     """3D node proposals and scored parts of one instant (Joo et al. 2017, 5.1 and 5.2).
 
     Args:
-        association: the people that were known, so that assembly needs nothing else.
+        association: The known people, so that assembly needs no other input.
         nodes: (N, 3) m, putative joint positions in the world.
         node_joints: (N,) joint of each node.
         node_scores: (N,) in 0..1, the vote of eq. 1.
@@ -274,26 +294,26 @@ class ProposalSet:
 
     @classmethod
     def of_nothing(cls, association: AssociationSet) -> ProposalSet:
-        """No proposals: nothing but what is known from 2D people."""
+        """Return a set without proposals, which only holds the association."""
         none = np.zeros(0)
         return cls(association, np.zeros((0, 3)), none, none, none, np.zeros((0, 2)), none, none)
 
     @property
     def of_maps(self) -> bool:
-        """Whether the nodes say more than the 2D people that they came with."""
+        """Return whether the nodes add information from score maps to the 2D poses."""
         return len(self.nodes) > 0 and any(view.maps is not None for view in self.detections.views)
 
     @property
     def detections(self) -> DetectionSet:
-        """The detection set behind them."""
+        """Return the detection set behind the proposals."""
         return self.association.detections
 
     @property
     def index(self) -> int:
-        """Index of the detection set."""
+        """Return the index of the detection set."""
         return self.detections.index
 
     @property
     def stamp_ns(self) -> int:
-        """Stamp of the detection set."""
+        """Return the timestamp of the detection set."""
         return self.detections.stamp_ns

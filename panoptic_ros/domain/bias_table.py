@@ -1,4 +1,4 @@
-"""Where a detector's joints lie beside those of a skeleton's definition, constant in the torso frame."""
+"""Offsets of a detector's joints from those of a skeleton's definition, constant in the torso frame."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ Array = np.ndarray
 class BiasTable:
     """Offsets to add to the joints of a skeleton, after Malleson et al. 2020, 3.3.2.
 
-    Detectors learn joints from pictures: their shoulders and hips are not the centres of rotation. As all
-    views agree on that, triangulation cannot see it; a comparison with a reference can.
+    Detectors learn joints from pictures, so their shoulders and hips are not the centres of rotation. All
+    views share this error, so triangulation cannot reveal it. A comparison with a reference can.
 
     Args:
-        name: of the table.
-        offsets: (J, 3) from the detector's joint to the reference's: forward, left, up, in torso lengths.
-        torso: left shoulder, right shoulder, left hip, right hip: indices of joints.
+        name: Name of the table.
+        offsets: (J, 3) from the detector's joint to the reference joint: forward, left, up, in torso lengths.
+        torso: Joint indices of left shoulder, right shoulder, left hip, right hip.
 
     Raises:
-        ConfigError: if an offset is not finite or as long as a torso.
+        ConfigError: if an offset is not finite or is as long as a torso.
     """
 
     name: str
@@ -39,14 +39,14 @@ class BiasTable:
             raise ConfigError(f"bias table {self.name}: an offset is not below one torso length")
 
     def corrected(self, positions: Array) -> Array:
-        """Joints (P, J, 3) m with the offsets added. Missing joints stay so."""
+        """Return joints (P, J, 3) m with the offsets added. Missing joints stay missing."""
         corrected: Array = positions + self.corrections(positions)
         return corrected
 
     def corrections(self, positions: Array) -> Array:
-        """The offsets (P, J, 3) m of joints (P, J, 3) m.
+        """Return the offsets (P, J, 3) m of joints (P, J, 3) m.
 
-        They are 0 for people whose torso is not whole: their frame is not known.
+        They are 0 for people with an incomplete torso, because the torso frame is then unknown.
         """
         axes, lengths = torso_frames(positions[:, list(self.torso)])
         shifts = np.einsum("pik,jk->pji", axes, self.offsets) * lengths[:, None, None]

@@ -1,4 +1,4 @@
-"""Samples of IMUs, and solved bodies as they travel between stages."""
+"""IMU samples, and solved bodies as they travel between stages."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from panoptic_ros.domain.checks import Shapes, check_magnitude, check_not_infini
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
-FASTEST, HARDEST = 1e3, 1e5  # rad/s and m/s^2 that no IMU measures
-UNIT = 0.05  # by which the length of a quaternion may differ from 1
-_MEASURED = (  # of a sample: how many numbers, and what none is beyond
+FASTEST, HARDEST = 1e3, 1e5  # rad/s and m/s^2, limits that no IMU exceeds
+UNIT = 0.05  # largest deviation of a quaternion's length from 1
+_MEASURED = (  # fields of a sample: name, number of values, greatest absolute value, unit
     ("orientation", "4", 1.0 + UNIT, ""),
     ("rate", "3", FASTEST, "rad/s"),
     ("force", "3", HARDEST, "m/s^2"),
@@ -24,16 +24,17 @@ _MEASURED = (  # of a sample: how many numbers, and what none is beyond
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImuSample:
-    """What an IMU measured at an instant; NaN = not measured, all numbers of a vector together.
+    """Measurement of an IMU at an instant. A vector that was not measured is NaN in all its numbers.
 
     Args:
-        device: name. stamp_ns: on the device's clock.
-        orientation: (4,) w x y z, the device's inertial frame (z up, a heading of its own) from the device.
+        device: Name of the device.
+        stamp_ns: Timestamp on the device's clock.
+        orientation: (4,) w x y z, the device's inertial frame (z up, arbitrary heading) from the device.
         rate: (3,) rad/s, angular velocity in the device's frame.
         force: (3,) m/s^2, specific force in the device's frame: 9.81 upwards at rest.
 
     Raises:
-        DataError: if the orientation is no unit quaternion, or a number is beyond what IMUs measure.
+        DataError: if the orientation is no unit quaternion, or a number exceeds what IMUs measure.
     """
 
     device: str
@@ -47,22 +48,24 @@ class ImuSample:
         shapes = Shapes(self)
         for name, size, limit, unit in _MEASURED:
             values = shapes.store(name, np.float64, size)
-            numbers = values.tolist()  # quicker to look at than arrays, and there are thousands a second
+            numbers = values.tolist()  # lists are faster to check, at thousands of samples a second
             if not all(map(math.isfinite, numbers)) or max(map(abs, numbers)) > limit:
                 what = f"ImuSample.{name} of {self.device}"
                 check_magnitude(what, values, limit, unit)
                 _check_whole(what, values)
                 check_not_infinite(self, name)
         length = math.hypot(*self.orientation.tolist())
-        if abs(length - 1.0) > UNIT:  # false for NaN
+        if abs(length - 1.0) > UNIT:  # False for NaN
             raise DataError(f"ImuSample.orientation of {self.device} has the length {length:.3g}, expected 1")
 
 
 def is_sound(values: Sequence[float]) -> bool:
-    """Whether the orientation, rate and force (10,) of a sample pass its checks; at the limits it may say no
-    though they do."""
+    """Return whether the orientation, rate and force (10,) of a sample surely pass its checks.
+
+    Close to the limits it may return False for values that pass.
+    """
     w, x, y, z, p, q, r, a, b, c = values
-    return (  # false for NaN
+    return (  # False for NaN
         abs(math.hypot(w, x, y, z) - 1.0) <= UNIT
         and math.hypot(p, q, r) <= FASTEST
         and math.hypot(a, b, c) <= HARDEST
@@ -76,33 +79,38 @@ def _check_whole(what: str, values: Array) -> None:
 
 
 class BodySource(IntEnum):
-    """What a body was solved from at its instant, besides its IMUs."""
+    """Data that a body was solved from at its instant, in addition to its IMUs."""
 
-    PREDICTED = 0  # its motion before
-    IMUS = 1  # no camera: its place is unknown, and drifts; what is relative to the root holds
-    TRACK = 2  # the 2D people of the views that its track holds
-    VIEWS = 3  # 2D people nearest to where it was expected, as there is no track
-    JOINTS = 4  # joints in space
+    PREDICTED = 0  # its earlier motion
+    IMUS = 1  # no camera: its position is unknown and drifts; positions relative to the root are valid
+    TRACK = 2  # 2D poses of the views that belong to its track
+    VIEWS = 3  # without a track: the 2D poses nearest to the predicted body
+    JOINTS = 4  # 3D joints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BodyStateSet:
-    """Bodies of B people at one instant, of S segments; see `domain.segments.SegmentModel`.
+    """Bodies of B people at one instant, with S segments; see `domain.segments.SegmentModel`.
 
     Args:
-        index: counts the instants from 0. newest_ns: stamp of the newest sample that was taken before.
-        skeleton_hash: of the skeleton whose J joints `keypoints` are.
-        segment_names: (S,), parents before children; parents: (S,) indices, -1 = the root.
-        ids: (B,) of the subjects, which are those of their skeletons.
-        sources: (B,) `BodySource`. views, devices: (B,) cameras and IMUs behind them at this instant.
+        index: Counts the instants from 0.
+        newest_ns: Timestamp of the newest sample received before this set.
+        skeleton_hash: Hash of the skeleton whose J joints `keypoints` are.
+        segment_names: (S,), parents before children.
+        parents: (S,) indices, -1 = the root.
+        ids: (B,) ids of the subjects, equal to those of their skeletons.
+        sources: (B,) `BodySource`.
+        views, devices: (B,) number of cameras and IMUs used at this instant.
         offsets: (B, S, 3) m, joints in the frames of their parents: lengths of the body.
-        freedoms: (B, 3 + 3 S) degrees of freedom: place of the root, m, and rotation vectors, rad, of every
-            segment in its parent's frame (of the root: in the world).
-        positions: (B, S, 3) m of the proximal joints. orientations: (B, S, 4) w x y z, world from segment.
+        freedoms: (B, 3 + 3 S) degrees of freedom: position of the root, m, and rotation vectors, rad, of
+            every segment in its parent's frame (of the root: in the world).
+        positions: (B, S, 3) m of the proximal joints.
+        orientations: (B, S, 4) w x y z, world from segment.
         velocities: (B, S, 6) m/s and rad/s in the world.
-        covariances: (B, S, 6, 6) of position, m, and rotation, rad, both in the world; NaN = not known.
-        keypoints: (B, J, 3) m, NaN where the body has no such joint; keypoint_covariances: (B, J, 3, 3) m^2.
-            Of places both hold the detector's constant biases (`SkeletonModel.bias_floors`).
+        covariances: (B, S, 6, 6) of position, m, and rotation, rad, both in the world; NaN = unknown.
+        keypoints: (B, J, 3) m, NaN where the body has no such joint.
+        keypoint_covariances: (B, J, 3, 3) m^2. Position covariances, also those of segments, include the
+            detector's constant biases (`SkeletonModel.bias_floors`).
     """
 
     index: int

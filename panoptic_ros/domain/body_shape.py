@@ -1,4 +1,4 @@
-"""How thick bodies are, for drawings: tapered capsules on the segments."""
+"""Body thickness for drawings: tapered capsules on the segments."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ Array = np.ndarray
 
 
 class Capsule(NamedTuple):
-    """A tapered capsule in the frame of a segment.
+    """Tapered capsule in the frame of a segment.
 
     Args:
-        segment: index. begin, end: (3,) m, centres of the balls at its ends; radii: m, of these.
-        wide: how many times it is wider along y than across.
+        segment: Index of the segment.
+        begin, end: (3,) m, centres of the end spheres.
+        radii: m, radii of the end spheres.
+        wide: Ratio of the width along y to the width across.
     """
 
     segment: int
@@ -31,18 +33,18 @@ class Capsule(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BodyShape:
-    """Capsules of any person, lengths as shares of the stature.
+    """Capsules of a generic person, lengths as shares of the stature.
 
     Args:
-        model: of the segments.
-        rows: (segment, from, to, radii, wide); an end is a point (3,) or the index of a segment below.
+        model: Model of the segments.
+        rows: (segment, from, to, radii, wide). An end is a point (3,), or the index of a segment below.
     """
 
     model: SegmentModel
     rows: tuple[tuple[int, Array | int, Array | int, tuple[float, float], float], ...]
 
     def capsules(self, offsets: Array) -> list[Capsule]:
-        """Those of a person.
+        """Return the capsules of a person.
 
         Args:
             offsets: (S, 3) m, joints in the frames of their parents.
@@ -60,14 +62,19 @@ class BodyShape:
 
 
 def stature_of(model: SegmentModel, offsets: Array) -> float:
-    """The stature, m, that joints (S, 3) in the frames of their parents go with."""
+    """Return the stature, m, for joints (S, 3) m in the frames of their parents."""
     lengths, shares = (np.linalg.norm(rows[1:], axis=-1).sum() for rows in (offsets, model.shares))
     return float(lengths / shares)
 
 
 def offsets_of(model: SegmentModel, places: Array, frames: Array) -> Array:
-    """Joints (S, 3) m in the frames of their parents: the medians over instants of places (N, S, 3) m and
-    frames (N, S, 3, 3); 0 of the root.
+    """Return the joints (S, 3) m in the frames of their parents; 0 for the root.
+
+    They are medians over instants.
+
+    Args:
+        places: (N, S, 3) m, joint positions.
+        frames: (N, S, 3, 3) orientations of the segments.
     """
     arms = (places - places[:, model.parents])[..., None]
     found: Array = np.median((frames[:, model.parents].swapaxes(-1, -2) @ arms)[..., 0], axis=0)
@@ -76,11 +83,12 @@ def offsets_of(model: SegmentModel, places: Array, frames: Array) -> Array:
 
 
 def read_shape(document: Mapping[str, Any], model: SegmentModel) -> BodyShape:
-    """A shape from a YAML document, see `config/bodies/shape21.yaml`; without capsules of segments that the
-    skeleton lacks.
+    """Return the shape from a YAML document, see `config/bodies/shape21.yaml`.
+
+    Capsules of segments that the skeleton lacks are left out.
 
     Raises:
-        DataError: naming the segment and what is wrong.
+        DataError: naming the segment and the error.
     """
     rows = []
     for name, capsules in document.items():

@@ -11,28 +11,28 @@ from panoptic_ros.geometry import Intrinsics, Rigid, brown
 
 Array = np.ndarray
 POSE_AND_MATRIX = 10  # rotation, translation, fx, fy, cx, cy: rows of a covariance before the distortion
-FARTHEST = 1e6  # m of t; earth-centred coordinates are larger, and no float of 32 bits holds them to a mm
+FARTHEST = 1e6  # m, limit of t: earth-centred coordinates are larger, and float32 cannot hold them to 1 mm
 BROWN_SHAPES = tuple((POSE_AND_MATRIX + count, POSE_AND_MATRIX + count) for count in brown.KEPT)
 SYMMETRY = 1e-6  # relative to the standard deviations: files may round
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Camera:
-    """A name, an image size (width, height) px, intrinsics and a pose in the world.
+    """Camera with a name, image size (width, height) px, intrinsics and a pose in the world.
 
     Args:
-        type: the kind of camera, e.g. "vga", "hd", "kinect"; "" = not stated.
-        panel: the panel or host that it belongs to; "" = not stated.
-        clock: name of the clock that stamps its images; "" = the common one.
-        line_delay_us: rolling shutter, from one row to the next: the stamp is the exposure of the first row.
-            0 = global shutter: the stamp is mid-exposure.
+        type: Kind of camera, e.g. "vga", "hd", "kinect"; "" = not stated.
+        panel: Panel or host of the camera; "" = not stated.
+        clock: Name of the clock that stamps its images; "" = the common one.
+        line_delay_us: Rolling shutter, delay from one row to the next: the timestamp is the exposure of the
+            first row. 0 = global shutter: the timestamp is mid-exposure.
         covariance: (N, N) of the calibration: rotation vector of R (rad, perturbs R from the left), t (m),
-            fx, fy, cx, cy (px), the terms of the distortion: N is 15 with a Brown lens of five terms, 14 with
-            a fisheye. Rows of terms that are 0 and cut from the lens are cut too. None = unknown. A read-only
-            copy is kept.
+            fx, fy, cx, cy (px), distortion terms. N is 15 with a Brown lens of five terms, 14 with a fisheye.
+            Rows of terms that are 0 and cut from the lens are cut too. None = unknown. A read-only copy is
+            kept.
 
     Raises:
-        CalibrationError: on an empty name, a size that is not positive, an impossible place, delay or
+        CalibrationError: on an empty name, a size that is not positive, or an impossible position, delay or
             covariance.
     """
 
@@ -67,7 +67,7 @@ class Camera:
             object.__setattr__(self, "covariance", self._checked_covariance())
 
     def _checked_covariance(self) -> Array:
-        """A read-only copy, if it can be the covariance of this camera."""
+        """Return a read-only copy of the covariance, after checking that it fits this camera."""
         covariance = np.array(self.covariance, np.float64)
         size = POSE_AND_MATRIX + len(self.intrinsics.distortion)
         if self.intrinsics.lens == "brown" and covariance.shape in BROWN_SHAPES:
@@ -89,20 +89,22 @@ class Camera:
 
     @property
     def centre(self) -> Array:
-        """Optical centre (3,) m in the world."""
+        """Return the optical centre (3,) m in the world."""
         centre: Array = -self.cam_from_world.rotation.T @ self.cam_from_world.translation
         return centre
 
     def resized(
         self, image_size: tuple[int, int], scale: tuple[float, float], shift: tuple[float, float] = (0.0, 0.0)
     ) -> Camera:
-        """Return the camera of images that were scaled, then moved.
+        """Return the camera of images that were scaled, then shifted.
 
-        Scaling keeps the upper left border of the image, which lies half a pixel outside of the first pixel's
-        centre. The sensor reads its rows as before, so the delay from row to row of the image changes.
+        Scaling keeps the upper left border of the image, which lies half a pixel outside the first pixel's
+        centre. The sensor reads its rows as before, so the delay between rows of the image changes.
 
         Args:
-            image_size: (width, height) px afterwards. scale: along x and y. shift: px, along x and y.
+            image_size: (width, height) px afterwards.
+            scale: Factors along x and y.
+            shift: px, along x and y.
         """
         half = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
         move = np.array([[scale[0], 0.0, shift[0]], [0.0, scale[1], shift[1]], [0.0, 0.0, 1.0]])
@@ -121,26 +123,29 @@ class Camera:
         )
 
     def project(self, points_world: Array) -> tuple[Array, Array]:
-        """Pixels (..., 2) of world points (..., 3) m and whether they can be seen (...).
+        """Return pixels (..., 2) of world points (..., 3) m, and whether the points are visible (...).
 
-        As `Intrinsics.project`: the image's borders are not tested, see `contains`.
+        The image borders are not tested, as in `Intrinsics.project`; see `contains`.
         """
         return self.intrinsics.project(self.cam_from_world.apply(points_world))
 
     def sees(self, points_world: Array) -> Array:
-        """Whether world points (..., 3) m project into the image (...)."""
+        """Return whether world points (..., 3) m project into the image (...)."""
         pixels, seen = self.project(points_world)
         visible: Array = seen & self.contains(pixels)
         return visible
 
     def contains(self, pixels: Array) -> Array:
-        """Whether pixels (..., 2) are on the sensor (...); its border lies half a pixel outside."""
+        """Return whether pixels (..., 2) are on the sensor (...).
+
+        The border of the sensor lies half a pixel outside the outer pixel centres.
+        """
         width, height = self.image_size
         x, y = pixels[..., 0], pixels[..., 1]
         return (x >= -0.5) & (x <= width - 0.5) & (y >= -0.5) & (y <= height - 0.5)
 
     def rays(self, pixels: Array) -> Array:
-        """Unit viewing rays (..., 3) in the world of pixels (..., 2)."""
+        """Return the unit viewing rays (..., 3) in the world of pixels (..., 2)."""
         plane = self.intrinsics.undistort(pixels)
         rays = np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1)
         rays = rays @ self.cam_from_world.rotation

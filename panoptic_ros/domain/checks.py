@@ -1,4 +1,4 @@
-"""Checks that records run on their content."""
+"""Checks that records run on their contents."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ NOT_GIVEN: Any = None  # default of a record's field that `__post_init__` replac
 
 
 def known_good(kind: type[Record], values: dict[str, Any]) -> Record:
-    """A record without its checks, for the one place where its content is known to pass them.
+    """Return a record without running its checks, for callers whose contents always pass them.
 
     Args:
-        values: of all fields, as the record would hold them: its arrays become read-only and are not copied.
+        kind: Class of the record.
+        values: All fields, in the form that the record holds. Arrays become read-only and are not copied.
     """
     record = object.__new__(kind)
     for name, value in values.items():
@@ -29,7 +30,7 @@ def known_good(kind: type[Record], values: dict[str, Any]) -> Record:
 
 
 class Shapes:
-    """Checks the shapes of one record's arrays against letters: equal letters are equal sizes."""
+    """Shape checks of one record's arrays against letters: equal letters are equal sizes."""
 
     def __init__(self, record: Any):
         self.record = record
@@ -64,7 +65,7 @@ class Shapes:
 
 
 def own_copy(value: Any, dtype: Any = None) -> Array:
-    """Return a read-only array of this type (None = its own): a copy, unless the value is read-only."""
+    """Return a read-only array of this dtype (None = its own): a copy, unless the value is read-only."""
     if (
         type(value) is np.ndarray
         and dtype in (None, value.dtype)
@@ -80,12 +81,12 @@ def own_copy(value: Any, dtype: Any = None) -> Array:
 
 @cache
 def _letters(text: str) -> tuple[str | int, ...]:
-    """The sizes of "P J 2": letters, and numbers as such."""
+    """Return the sizes in "P J 2": letters as text, numbers as ints."""
     return tuple(int(letter) if letter.isdigit() else letter for letter in text.split())
 
 
 def check_scores(record: Any, name: str, scores: Array) -> None:
-    """Scores are in [0, 1].
+    """Check that scores are in [0, 1].
 
     Raises:
         DataError: otherwise.
@@ -95,7 +96,7 @@ def check_scores(record: Any, name: str, scores: Array) -> None:
 
 
 def check_missing(record: Any, name: str, values: Array, scores: Array) -> None:
-    """Values (..., k) are finite where scores (...) are positive, and all NaN or finite elsewhere.
+    """Check that values (..., k) are finite where scores (...) are positive, and nowhere infinite.
 
     Raises:
         DataError: otherwise.
@@ -107,13 +108,13 @@ def check_missing(record: Any, name: str, values: Array, scores: Array) -> None:
 
 
 def check_magnitude(what: str, values: Array, limit: float, unit: str = "") -> None:
-    """No finite value is beyond what anybody can have measured: its square would spoil all that follows.
+    """Check that no finite value exceeds what can be measured: its square would spoil later results.
 
     Raises:
         DataError: naming the largest value and the limit.
     """
     if values.dtype.kind == "f" and np.vdot(values, values) <= limit * limit:
-        return  # as nearly always: quicker than the largest; false for NaN
+        return  # the usual case: faster than finding the largest value; False for NaN
     if values.size and max(-np.fmin.reduce(values, None), np.fmax.reduce(values, None)) > limit:
         largest = float(np.abs(np.where(np.isfinite(values), values, 0.0)).max())
         if largest > limit:
@@ -122,7 +123,7 @@ def check_magnitude(what: str, values: Array, limit: float, unit: str = "") -> N
 
 
 def check_not_infinite(record: Any, names: str) -> None:
-    """Values are finite, or NaN where nothing is known.
+    """Check that values are finite, or NaN where unknown.
 
     Raises:
         DataError: otherwise.
@@ -133,7 +134,7 @@ def check_not_infinite(record: Any, names: str) -> None:
 
 
 def check_stamp(record: Any, stamp_ns: Any, name: str = "stamp_ns") -> int:
-    """A stamp is a non-negative int of nanoseconds that fits 63 bits.
+    """Return a timestamp as int, after checking that it is a non-negative int of ns below 2**63.
 
     Raises:
         DataError: otherwise.

@@ -11,15 +11,15 @@ from panoptic_ros.errors import CalibrationError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DepthSensor:
-    """A depth sensor with intrinsics, a pose and a clock of its own.
+    """Depth sensor with intrinsics, a pose and a clock of its own.
 
     Args:
-        camera: name, size of the depth maps, intrinsics, pose and clock of the sensor.
-        colour_camera: name of the camera of the rig that it is built together with; "" = it has none.
-        unit_m: metres per count where its maps are stored as whole numbers.
+        camera: Name, size of the depth maps, intrinsics, pose and clock of the sensor.
+        colour_camera: Name of the camera of the rig that it is built together with; "" = none.
+        unit_m: Metres per count, if its maps are stored as integers.
 
     Raises:
-        CalibrationError: on a unit that is not positive, or a sensor that names itself.
+        CalibrationError: on a unit that is not positive, or a sensor that names itself as its colour camera.
     """
 
     camera: Camera
@@ -37,5 +37,5 @@ class DepthSensor:
 
     @property
     def name(self) -> str:
-        """Name of the sensor."""
+        """Return the name of the sensor."""
         return self.camera.name

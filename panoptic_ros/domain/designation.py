@@ -1,4 +1,4 @@
-"""Who is designated among the people that cameras see."""
+"""Designation of subjects among the people that cameras see."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ from panoptic_ros.domain.checks import NOT_GIVEN, Shapes, check_not_infinite, ch
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
-FIRST = -1  # in place of a time: the first instant at which anybody is seen
+FIRST = -1  # value of `times` for the first instant at which a person is seen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SubjectSet:
-    """The designated people; everybody else is a bystander. Empty: nobody is designated.
+    """Designated people (subjects); all other people are bystanders. An empty set designates no person.
 
-    A subject is the track that is named, else who is at the place at that time, else whoever is seen first.
+    A subject is the track that is named. Without a track it is the person at the given place and time.
+    Without a place it is the person seen first.
 
     Args:
-        stamp_ns: when this was said. It replaces what was said before.
-        ids: (S,) public identities that the subjects have, distinct and not negative.
-        places: (S, 3) m, where the pelvis is, NaN = not said.
-        times: (S,) ns, when it is there; `FIRST` = when the first people are seen.
-        tracks: (S,) identities that tracking has given to them until now, -1 = not said.
+        stamp_ns: Time of this designation, which replaces all earlier ones.
+        ids: (S,) public identities of the subjects, distinct and not negative.
+        places: (S, 3) m, pelvis position, NaN = not stated.
+        times: (S,) ns, time at which the pelvis is there; `FIRST` = when the first people are seen.
+        tracks: (S,) identities that tracking has assigned to them until now, -1 = not stated.
 
     Raises:
-        DataError: if the arrays do not fit each other, or ids are negative or stand twice.
+        DataError: if the arrays do not fit each other, or ids are negative or repeat.
     """
 
     stamp_ns: int
@@ -57,5 +58,5 @@ class SubjectSet:
 
     @classmethod
     def of_nobody(cls) -> SubjectSet:
-        """Nobody is designated."""
+        """Return a set that designates no person."""
         return cls(0, np.zeros(0, np.int64))

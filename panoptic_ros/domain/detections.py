@@ -1,4 +1,4 @@
-"""Images, depth maps and small pictures of cameras, and what detectors see in images."""
+"""Images, depth maps and previews of cameras, and detections in images."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from panoptic_ros.domain.visibility import VisibilityLimit
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
-FARTHEST = 1000  # times its larger side: beyond any image in which somebody may stand beside the camera
+FARTHEST = 1000  # limit of points in larger image sides: no person beside the camera projects farther
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -19,8 +19,8 @@ class ViewFrame:
     """One image of one camera.
 
     Args:
-        stamp_ns: mid-exposure, on the camera's clock.
-        frame_number: counts the frames that the device gave, so gaps are visible.
+        stamp_ns: Mid-exposure, on the camera's clock.
+        frame_number: Counts the frames that the device gave, so that gaps are visible.
         image: (H, W, 3) uint8, BGR. Not copied; a read-only view is kept.
     """
 
@@ -40,7 +40,7 @@ class ViewFrame:
 
     @property
     def image_size(self) -> tuple[int, int]:
-        """Width, height in px."""
+        """Return width, height in px."""
         return self.image.shape[1], self.image.shape[0]
 
 
@@ -52,18 +52,19 @@ def _read_only(array: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreMaps:
-    """Score maps as sparse patches on the network's grid; 0 outside of the patches.
+    """Score maps as sparse patches on the network's grid; 0 outside the patches.
 
-    Several patches may belong to one joint; where they overlap the largest value counts
-    (h_j = max_i h_ij, Joo et al. 2017, 5.1).
+    Several patches may belong to one joint. Where they overlap, the largest value counts (h_j = max_i h_ij,
+    Joo et al. 2017, 5.1).
 
     Args:
         grid_size: (width, height) in cells.
-        grid_from_image: (2, 3), cell coordinates (centre of the first cell is 0, 0) of pixels:
-            cell = A[:, :2] @ pixel + A[:, 2]. Bilinear sampling there gives the score.
+        grid_from_image: (2, 3) affine map A from pixels to cell coordinates (the centre of the first cell is
+            0, 0): cell = A[:, :2] @ pixel + A[:, 2]. Bilinear sampling there gives the score.
         joints: (N,) joint of each patch, index into the working skeleton.
         persons: (N,) index into the view's persons, -1 = merged over people.
-        corners: (N, 2) first column and row; sizes: (N, 2) columns and rows.
+        corners: (N, 2) first column and row.
+        sizes: (N, 2) number of columns and rows.
         data: (B,) uint8, the patches' rows one after another; value / 255 is the score.
     """
 
@@ -102,7 +103,7 @@ class ScoreMaps:
             raise DataError(f"ScoreMaps.data has {data.size} bytes, its patches need {expected}")
 
     def dense(self, joint_count: int) -> Array:
-        """Merged maps (J, height, width) uint8, the maximum over the patches of each joint.
+        """Return merged maps (J, height, width) uint8: the maximum over the patches of each joint.
 
         Raises:
             DataError: if a patch belongs to a joint beyond `joint_count`.
@@ -121,20 +122,21 @@ class ScoreMaps:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewDetections:
-    """The people that a detector found in one image, in the joints of the working skeleton.
+    """2D poses that a detector found in one image, in the joints of the working skeleton.
 
     Args:
-        stamp_ns, frame_number: those of the image.
+        stamp_ns, frame_number: Those of the image.
         image_size: (width, height) px.
         skeleton_hash: `SkeletonModel.hash`.
         points: (P, J, 2) px, NaN where the joint is missing.
         scores: (P, J) in 0..1, 0 where missing.
         person_scores: (P,) in 0..1.
-        maps: score maps, or None if the detector has none.
-        limit: how far the view sees, or None if only its image limits that.
-        carried: (P,) s over which each person was carried here from an image in which the detector saw
-            him, by motion between the images; 0 = seen here. None = all are. Carried people say where
-            somebody is who is known, never that somebody is there.
+        maps: Score maps, or None if the detector has none.
+        limit: Depth limit of the view, or None if only the image borders limit it.
+        carried: (P,) s, time since the image in which the detector found the person. Motion between the
+            images propagated the 2D pose since then. 0 = detected in this image. None = all were detected in
+            this image. Propagated poses state the position of a known person, but are no evidence that a
+            person is there.
     """
 
     camera: str
@@ -176,19 +178,19 @@ class ViewDetections:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EndOfStream:
-    """No more frames will come from this camera (replay only)."""
+    """Marker that no more frames will come from this camera (replay only)."""
 
     camera: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DetectionSet:
-    """The views of one instant; a camera without an image is absent.
+    """Views of one instant. A camera without an image is absent.
 
     Args:
-        index: counts the sets from 0.
-        stamp_ns: the instant, on the master clock.
-        views: in the order of the rig, each camera at most once; every view keeps its own stamp.
+        index: Counts the sets from 0.
+        stamp_ns: The instant, on the master clock.
+        views: Views in the order of the rig, each camera at most once. Every view keeps its own timestamp.
     """
 
     index: int
@@ -212,11 +214,11 @@ class DetectionSet:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Preview:
-    """One image of one camera, made small: for people who look on, never for a stage.
+    """Small preview image of one camera: for display to users, never for a stage.
 
     Args:
-        stamp_ns: that of the image, on the camera's clock.
-        jpeg: the whole image, with the lens's distortion; pixels scale with its size.
+        stamp_ns: Timestamp of the image, on the camera's clock.
+        jpeg: The whole image, with the lens's distortion; pixels scale with its size.
     """
 
     camera: str
@@ -234,10 +236,10 @@ class DepthFrame:
     """One depth map of a depth sensor, or of a camera to which depth is registered.
 
     Args:
-        camera: name of the depth sensor or of the camera.
-        stamp_ns: mid-exposure, on the clock of that sensor or camera.
-        frame_number: counts the maps that the device gave, so gaps are visible.
-        depth: (h, w) float32 m along the z axis of the sensor or camera; 0 and what is not finite =
+        camera: Name of the depth sensor or of the camera.
+        stamp_ns: Mid-exposure, on the clock of that sensor or camera.
+        frame_number: Counts the maps that the device gave, so that gaps are visible.
+        depth: (h, w) float32 m along the z axis of the sensor or camera; 0 and values that are not finite =
             unknown (REP 118). Not copied; a read-only view is kept.
 
     Raises:
@@ -263,14 +265,17 @@ class DepthFrame:
 
     @property
     def image_size(self) -> tuple[int, int]:
-        """Width, height in px."""
+        """Return width, height in px."""
         return self.depth.shape[1], self.depth.shape[0]
 
     def check_image(self, image_size: tuple[int, int]) -> None:
-        """Whether it can be registered to an image: it has the proportions of width and height (px).
+        """Check that the map can be registered to an image: both have the same aspect ratio.
+
+        Args:
+            image_size: (width, height) px of the image.
 
         Raises:
-            DataError: if not.
+            DataError: if the aspect ratios differ.
         """
         (width, height), (columns, rows) = image_size, self.image_size
         if abs(columns * height - rows * width) > max(width, height):

@@ -1,4 +1,4 @@
-"""Fixed things in the room that hide people from cameras: walls, tables, pillars."""
+"""Fixed objects in the room that hide people from cameras: walls, tables, pillars."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ _SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Occluders:
-    """Surfaces in the world, seen from both sides; they need not be closed.
+    """Two-sided surfaces in the world; they need not be closed.
 
     Args:
-        vertices: (N, 3) m. triangles: (M, 3) indices of vertices.
+        vertices: (N, 3) m.
+        triangles: (M, 3) indices of vertices.
     """
 
     vertices: Array
@@ -37,14 +38,14 @@ class Occluders:
 
     @classmethod
     def box(cls, size: Array, rotation: Array, centre: Array) -> Occluders:
-        """A box of edges `size` (3,) m along its own axes, which are the columns of `rotation` (3, 3)."""
+        """Return a box of edges `size` (3,) m along its own axes, the columns of `rotation` (3, 3)."""
         corners = (_CORNERS * size) @ np.asarray(rotation).T + centre
         halves = [half for a, b, c, d in _SIDES for half in ((a, b, c), (a, c, d))]
         return cls(corners, np.array(halves))
 
     @classmethod
     def joined(cls, parts: Iterable[Occluders]) -> Occluders:
-        """All of them together."""
+        """Return the union of several occluders."""
         vertices, triangles, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
         for part in parts:
             vertices.append(part.vertices)

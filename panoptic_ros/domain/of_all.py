@@ -1,4 +1,4 @@
-"""The same done to every array of a record of named fields, which may hold such records; rows are people."""
+"""Functions applied to all arrays of a record of named fields, also of nested records; rows are people."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Record = TypeVar("Record", bound=tuple[Any, ...])
 
 
 def of_all(function: Callable[..., Array], record: Record, *others: Record) -> Record:
-    """The record with a function applied to each of its arrays, and the same ones of others."""
+    """Return the record with a function applied to each of its arrays, and to the same arrays of `others`."""
 
     def one(value: Any, *more: Any) -> Any:
         if isinstance(value, tuple):
@@ -23,10 +23,10 @@ def of_all(function: Callable[..., Array], record: Record, *others: Record) -> R
 
 
 def selected(record: Record, rows: Array) -> Record:
-    """Some of the people."""
+    """Return the people with these rows."""
     return of_all(lambda array: array[rows], record)
 
 
 def joined(record: Record, more: Record) -> Record:
-    """The people of both, those of the first record first."""
+    """Return the people of both records, those of the first one first."""
     return of_all(lambda *arrays: np.concatenate(arrays), record, more)

@@ -1,8 +1,8 @@
-"""The parts of a body that move rigidly, from the names of a skeleton's joints.
+"""Rigid parts of a body, from the names of a skeleton's joints.
 
-Bones between the joints of the torso are one part, those of the head another; every other bone between
-shoulder and wrist or hip and ankle is one of its own. Sizes are those of an adult (Winter 2009, table 4.1,
-and anthropometry of girths); they say where the surface is to be looked for, and no more.
+The joints of the torso form one part, those of the head another. Every other bone between shoulder and wrist
+or between hip and ankle is a part of its own. Sizes are those of an adult (Winter 2009, table 4.1, and
+anthropometry of girths). They serve only to start the search for the surface.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from panoptic_ros.domain.skeleton import SkeletonModel
 
 TORSO_WORDS = ("neck", "shoulder", "hip", "bodycenter")
 HEAD_WORDS = ("nose", "eye", "ear", "head")
-# Radius and length m of limbs between joints of these names.
+# radius and length in m of limbs between joints with these names
 LIMBS = {
     ("shoulder", "elbow"): (0.05, 0.29),
     ("elbow", "wrist"): (0.04, 0.26),
@@ -24,7 +24,14 @@ TORSO_RADIUS, HEAD_RADIUS, HEAD_LENGTH = 0.12, 0.09, 0.2  # m
 
 
 class Part(NamedTuple):
-    """One part: its name and joints, the two that span a limb, radius m and length m (0 = not known)."""
+    """One rigid part of the body.
+
+    Args:
+        name: Name of the part.
+        joints: Its joints; a limb has the two that span it.
+        radius: m.
+        length: m, 0 = unknown.
+    """
 
     name: str
     joints: tuple[int, ...]
@@ -33,12 +40,12 @@ class Part(NamedTuple):
 
     @property
     def is_limb(self) -> bool:
-        """Whether it is spanned by its two joints."""
+        """Return whether the part is a limb, spanned by two joints."""
         return self.name not in ("torso", "head")
 
 
 def rigid_parts(skeleton: SkeletonModel) -> tuple[Part, ...]:
-    """The parts of a skeleton: torso, head and limbs, as far as it has their joints."""
+    """Return the parts of a skeleton: torso, head and limbs, as far as the skeleton has their joints."""
     names = [name.lower() for name in skeleton.joint_names]
     torso = tuple(j for j, name in enumerate(names) if any(word in name for word in TORSO_WORDS))
     head = tuple(j for j, name in enumerate(names) if any(word in name for word in HEAD_WORDS))

@@ -1,4 +1,4 @@
-"""What is seen of the surface of people: its motion in one image, and in 3D."""
+"""Surface patches on people: their motion in one image, and in 3D."""
 
 from __future__ import annotations
 
@@ -10,24 +10,26 @@ from panoptic_ros.domain.checks import Shapes, check_magnitude, check_stamp
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
-FARTHEST_PX = 1e6  # beyond any image
+FARTHEST_PX = 1e6  # px, beyond any image
 FARTHEST_M = 1e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PatchTracks:
-    """Where N points on the people of an image are in the next image of the same camera.
+    """Motion of N points on the people of an image to the next image of the same camera.
 
     Args:
-        camera, stamp_ns, frame_number: of the newer image. before_ns, before_number: of the older one.
-        skeleton_hash: `SkeletonModel.hash`, of the parts.
+        camera: Name of the camera.
+        stamp_ns, frame_number: Timestamp and number of the newer image.
+        before_ns, before_number: Those of the older image.
+        skeleton_hash: `SkeletonModel.hash` of the skeleton that defines the parts.
         begins, ends: (N, 2) px in the older and in the newer image.
         information: (N, 3) px^-2: xx, xy, yy of the inverse covariance of an end.
         persons: (N,) index into the people of the older image's `ViewDetections`.
         parts: (N,) index into `domain.parts.rigid_parts` of the skeleton.
 
     Raises:
-        DataError: on shapes that do not fit, points that are not finite, information that is not positive.
+        DataError: on shapes that do not fit, points that are not finite, or negative information (xx or yy).
     """
 
     camera: str
@@ -65,14 +67,18 @@ class PatchTracks:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartMotions:
-    """How M rigid parts of people moved since the instant before: x becomes o + t + R (x - o).
+    """Motion of M rigid parts of people since the previous instant: x becomes o + t + R (x - o).
 
     Args:
-        people: (M,) ids. parts: (M,) index into `domain.parts.rigid_parts` of the skeleton.
-        centres: (M, 3) m, o. rotations: (M, 3) rad, rotation vectors of R. translations: (M, 3) m, t.
+        people: (M,) ids.
+        parts: (M,) index into `domain.parts.rigid_parts` of the skeleton.
+        centres: (M, 3) m, o.
+        rotations: (M, 3) rad, rotation vectors of R.
+        translations: (M, 3) m, t.
         covariances: (M, 6, 6) of (rotation from the left, translation).
-        tracks: (M,) 2D tracks that agree with the motion. residuals: (M,) their root mean square, in standard
-            deviations of the tracks: the quality of the part at this instant.
+        tracks: (M,) number of 2D tracks that agree with the motion.
+        residuals: (M,) root mean square residual of these, in standard deviations of the tracks: the quality
+            of the part at this instant.
     """
 
     people: Array
@@ -100,17 +106,23 @@ class PartMotions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PatchTrajectories:
-    """N patches of the surface of people at one instant, and how parts moved since the instant before.
+    """N surface patches of people at one instant, and the motion of parts since the previous instant.
 
     Args:
-        index, stamp_ns: those of the skeletons. before_ns: of the instant before; its own at the first.
+        index, stamp_ns: Those of the skeletons.
+        before_ns: Timestamp of the previous instant; the first instant has its own.
         skeleton_hash: `SkeletonModel.hash`.
-        ids: (N,) the same number is the same patch over time. ages: (N,) instants that it has been followed.
-        people: (N,) id of the person. parts: (N,) index into `domain.parts.rigid_parts`.
-        positions: (N, 3) m. normals: (N, 3) unit, out of the body. sigmas: (N,) m, of the last displacement.
-        cameras: (C,) names. visible: (N, C) in 0..1, how likely the camera sees the patch.
-        motions: of parts. A part that is not in it could not be followed.
-        free: (F, 2) id of a person and a joint that depth says is in free space.
+        ids: (N,) patch ids; one id is the same patch over time.
+        ages: (N,) number of instants that the patch has been tracked.
+        people: (N,) id of the person.
+        parts: (N,) index into `domain.parts.rigid_parts`.
+        positions: (N, 3) m.
+        normals: (N, 3) unit vectors, pointing out of the body.
+        sigmas: (N,) m, standard deviation of the last displacement.
+        cameras: (C,) names.
+        visible: (N, C) in 0..1, probability that the camera sees the patch.
+        motions: Motions of parts. Parts without an entry could not be tracked.
+        free: (F, 2) person id and joint, for joints that lie in free space according to depth.
 
     Raises:
         DataError: on shapes that do not fit and values that are not finite.

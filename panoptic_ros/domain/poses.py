@@ -1,4 +1,4 @@
-"""Skeletons in 3D: without identity, tracked, refined."""
+"""3D poses (skeletons): without identity, tracked, refined."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = np.ndarray
 
 
 class JointState(IntEnum):
-    """Where a joint's position comes from."""
+    """Source of a joint's position."""
 
     MISSING = 0
     MEASURED = 1  # from this instant's images
@@ -27,29 +27,29 @@ class JointState(IntEnum):
     FILLED = 3  # from earlier and later instants, or from the rest of the body
 
 
-_MISSING, _LAST = int(JointState.MISSING), int(max(JointState))  # members are slow to look up
+_MISSING, _LAST = int(JointState.MISSING), int(max(JointState))  # enum members are slow to look up
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseSet:
-    """The skeletons of one instant.
+    """Skeletons of one instant.
 
     Args:
-        index, stamp_ns: those of the detection set.
+        index, stamp_ns: Those of the detection set.
         skeleton_hash: `SkeletonModel.hash`.
         positions: (P, J, 3) m in the world, NaN where missing.
         covariances: (P, J, 3, 3) m^2, NaN where missing.
         scores: (P, J) in 0..1, 0 where missing.
-        views: (P, J) number of views that the position rests on.
+        views: (P, J) number of views behind the position.
         states: (P, J) `JointState`.
         person_scores: (P,) in 0..1.
-        newest_ns: stamp of the newest view behind them, `stamp_ns` if negative.
-        time_shift: how they depend on motion; None where all views have the same stamp.
-        sources: the views of the instant and the 2D people in them; None where they are not known.
-        side_votes: (P, G) views that see each of the skeleton's G limbs with its sides exchanged, minus those
-            that do not (see `solving.limbs`); None where nobody counted.
-        corrections: (P, J, 3) m that were added because the detector is known to err, 0 where nothing was;
-            None = nowhere. What is compared with images, as predictions are, must do without.
+        newest_ns: Timestamp of the newest view behind the skeletons, `stamp_ns` if negative.
+        time_shift: Dependence of the positions on motion; None if all views have the same timestamp.
+        sources: The views of the instant and their 2D poses; None if unknown.
+        side_votes: (P, G) number of views that see each of the skeleton's G limbs with sides exchanged, minus
+            the number that do not (see `solving.limbs`); None if not counted.
+        corrections: (P, J, 3) m added against known detector errors, 0 where none was; None = nowhere.
+            Positions compared with images, such as predictions, must exclude them.
     """
 
     index: int
@@ -104,7 +104,11 @@ class PoseSet:
             raise DataError("PoseSet.corrections is not finite")
 
     def _check_missing(self, there: Array) -> None:
-        """Joints (P, J) that are there are finite, the others NaN."""
+        """Check that present joints (P, J) are finite and missing ones NaN.
+
+        Raises:
+            DataError: otherwise.
+        """
         check_missing(self, "positions", self.positions, self.scores)
         finite = np.isfinite(self.positions)
         known = finite.all(axis=-1) & np.isfinite(self.covariances).all(axis=(-2, -1))
@@ -114,7 +118,11 @@ class PoseSet:
             raise DataError("a missing joint has a position; missing is NaN")
 
     def _check_sources(self, sources: ViewSources) -> None:
-        """The sources are those of these people; without a view they say nothing."""
+        """Check that the sources have one row per person, and drop them if they have no view.
+
+        Raises:
+            DataError: if the number of people differs.
+        """
         if len(sources.persons) != len(self.positions):
             raise DataError(f"2D people of {len(sources.persons)} people for {len(self.positions)}")
         if not sources.cameras:
@@ -122,12 +130,14 @@ class PoseSet:
 
 
 class Person(NamedTuple):
-    """A person of one instant; arrays as in `PoseSet`, of J joints.
+    """Person of one instant; arrays as in `PoseSet`, for J joints.
 
     Args:
-        id: the same number is the same person over time.
-        positions: (J, 3) m. covariances: (J, 3, 3) m^2. scores: (J,). views: (J,). states: (J,).
-        score: in 0..1.
+        id: The same number is the same person over time.
+        positions: (J, 3) m.
+        covariances: (J, 3, 3) m^2.
+        scores, views, states: (J,).
+        score: Person score in 0..1.
     """
 
     id: int
@@ -161,7 +171,7 @@ class TrackedPoseSet(PoseSet):
 
     @property
     def people(self) -> tuple[Person, ...]:
-        """Return the people one by one."""
+        """Return the people as a tuple of `Person`."""
         joints = self.positions, self.covariances, self.scores, self.views, self.states
         return tuple(map(Person, self.ids.tolist(), *joints, self.person_scores.tolist()))
 

@@ -1,4 +1,4 @@
-"""The cameras of a capture."""
+"""Cameras and depth sensors of a capture."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ from panoptic_ros.geometry import ProjectionStack
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rig:
-    """Cameras with different names, in a fixed order, in the world frame `frame_id` (z up, metres).
+    """Cameras with distinct names, in a fixed order, in the world frame `frame_id` (z up, metres).
+
+    Readers of rig files require cameras. A rig without cameras (`NO_CAMERAS`) is for bodies solved from IMUs
+    alone.
 
     Args:
-        occluders: fixed things between which the cameras look, None = none are known.
-        depth_sensors: sensors with maps of their own, in a fixed order. A camera whose depth is registered
-            to its images needs none.
-        left_out: why each camera of the file is not in the rig, by its name; "" = it was not chosen.
-        notices: one line each about what the file lacks and what was assumed.
-        up: direction of the world that points up, of any length; None: no file states it. Detection turns
-            images by it. Everything else takes +z for up.
-
-    Whoever reads a rig wants cameras; one without any is for bodies that IMUs alone tell of (`NO_CAMERAS`).
+        occluders: Fixed objects that hide people from cameras, None = none are known.
+        depth_sensors: Sensors with maps of their own, in a fixed order. A camera whose depth is registered to
+            its images needs no entry.
+        left_out: Reason why each camera of the file is not in the rig, by its name; "" = it was not chosen.
+        notices: One line each about missing entries of the file and assumed values.
+        up: Direction of the world that points up, of any length; None: no file states it. Detection rotates
+            images by it. Everything else assumes that +z is up.
 
     Raises:
-        CalibrationError: with two cameras or sensors of one name, with a sensor whose colour camera is
-            not there, or with an up direction that is none.
+        CalibrationError: if two cameras or sensors share a name, a sensor's colour camera is missing, or the
+            up direction is invalid.
     """
 
     cameras: tuple[Camera, ...]
@@ -58,7 +59,11 @@ class Rig:
                 )
 
     def _check_names(self) -> None:
-        """Names differ, those of sensors from those of cameras too: both name topics and folders."""
+        """Check that all names of cameras and sensors differ: both name topics and folders.
+
+        Raises:
+            CalibrationError: if a name repeats.
+        """
         counts = Counter(self.names)
         for name, count in counts.items():
             if count > 1:
@@ -72,17 +77,17 @@ class Rig:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the cameras, in order."""
+        """Return the names of the cameras, in order."""
         return tuple(camera.name for camera in self.cameras)
 
     def __len__(self) -> int:
         return len(self.cameras)
 
     def index(self, name: str) -> int:
-        """Index of a camera.
+        """Return the index of a camera.
 
         Raises:
-            CalibrationError: if the rig has none of that name.
+            CalibrationError: if the rig has no camera of that name.
         """
         for i, camera in enumerate(self.cameras):
             if camera.name == name:
@@ -92,14 +97,14 @@ class Rig:
         raise CalibrationError(f"the rig has no camera {name!r}; it has {', '.join(self.names)}")
 
     def camera(self, name: str) -> Camera:
-        """The camera of that name; see `index`."""
+        """Return the camera of that name; see `index`."""
         return self.cameras[self.index(name)]
 
     def depth_sensor(self, name: str) -> DepthSensor:
-        """The depth sensor of that name.
+        """Return the depth sensor of that name.
 
         Raises:
-            CalibrationError: if the rig has none of that name.
+            CalibrationError: if the rig has no sensor of that name.
         """
         for sensor in self.depth_sensors:
             if sensor.name == name:
@@ -108,8 +113,9 @@ class Rig:
         raise CalibrationError(f"the rig has no depth sensor {name!r}; it has {there}")
 
     def clock_of(self, owner: str) -> str:
-        """Whose clock stamps what a camera or depth sensor gives, "" = the common one; other devices have
-        their own.
+        """Return the name of the clock that stamps the data of a camera or depth sensor, "" = the common one.
+
+        For any other device it returns `owner`: such a device has its own clock.
         """
         for camera in (*self.cameras, *(sensor.camera for sensor in self.depth_sensors)):
             if camera.name == owner:
@@ -117,9 +123,13 @@ class Rig:
         return owner
 
     def subset(self, names: Iterable[str]) -> Rig:
-        """A rig of some of the cameras, in the order of this rig.
+        """Return a rig of some of the cameras, in the order of this rig.
 
-        Depth sensors stay: they measure without any camera. One whose colour camera is left out has none.
+        Depth sensors stay, because they measure without any camera. A sensor whose colour camera is left out
+        then has none.
+
+        Raises:
+            CalibrationError: if `names` is empty or holds an unknown name.
         """
         wanted = {self.index(name) for name in names}
         if not wanted:
@@ -133,7 +143,7 @@ class Rig:
         return replace(self, cameras=cameras, depth_sensors=sensors)
 
     def stack(self) -> ProjectionStack:
-        """All cameras as arrays."""
+        """Return the rotations, translations and focal lengths of all cameras as arrays."""
         return ProjectionStack(
             np.stack([c.cam_from_world.rotation for c in self.cameras]),
             np.stack([c.cam_from_world.translation for c in self.cameras]),
@@ -145,7 +155,7 @@ def lines_of(told: Iterable[tuple[str, str]]) -> tuple[str, ...]:
     """Return lines about cameras, one for all cameras with the same text.
 
     Args:
-        told: names of cameras and texts; empty texts are left out.
+        told: Pairs of a camera name and a text. Empty texts are left out.
     """
     names: dict[str, list[str]] = {}
     for name, text in told:

@@ -1,4 +1,4 @@
-"""The cameras of a rig as arrays, as kernels take them."""
+"""Cameras of a rig as arrays for compiled kernels."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from panoptic_ros.domain.rig import Rig
 from panoptic_ros.geometry import Intrinsics, brown
 
 Array = np.ndarray
-EDGE_POINTS = 33  # sampled points of each image border
-FARTHEST = 1e3  # undistorted radius beyond which no point is believed
+EDGE_POINTS = 33  # number of points sampled on each image border
+FARTHEST = 1e3  # undistorted radius beyond which no point is used
 _NUMBERS = (
     "r00 r01 r02 r10 r11 r12 r20 r21 r22 tx ty tz ox oy oz fx skew cx fy cy k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 "
     "s4 h00 h01 h02 h10 h11 h12 h20 h21 h22 fisheye many fold limit width height left right top bottom "
@@ -24,12 +24,17 @@ CAMERA = np.dtype([(name, np.float64) for name in _NUMBERS])  # see `camera_reco
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RigArrays:
-    """The cameras of a rig as arrays, C cameras.
+    """Cameras of a rig as arrays, C cameras.
 
     Args:
-        rotations (C, 3, 3), translations (C, 3) m: cam_from_world; centres (C, 3) m in the world.
-        focals: (C,) px. lenses: (C,) see `camera_records`.
-        diagonals: (C,) px. index: row of each camera by its name. cameras: the cameras of the rig.
+        rotations: (C, 3, 3) of cam_from_world.
+        translations: (C, 3) m of cam_from_world.
+        centres: (C, 3) m in the world.
+        focals: (C,) px.
+        lenses: (C,) records, see `camera_records`.
+        diagonals: (C,) px, image diagonals.
+        index: Row of each camera by name.
+        cameras: The cameras of the rig.
     """
 
     rotations: Array
@@ -43,7 +48,7 @@ class RigArrays:
 
     @classmethod
     def of(cls, rig: Rig) -> RigArrays:
-        """The arrays of a rig."""
+        """Return the arrays of a rig."""
         stack = rig.stack()
         return cls(
             np.ascontiguousarray(stack.rotations),
@@ -59,14 +64,22 @@ class RigArrays:
 
 @lru_cache(maxsize=256)
 def camera_records(cameras: tuple[Camera, ...]) -> Array:
-    """Cameras (C,) as kernels take them, not to be changed.
+    """Return records (C,) of cameras for kernels. The array is cached: do not change it.
 
-    Records `CAMERA`: rotation r00 to r22 and translation tx ty tz of cam_from_world; centre ox oy oz; matrix
-    fx skew cx fy cy; terms of the lens k1 to s4 as in `geometry.brown`, of a fisheye k1 k2 k3 k4; homography
-    h00 to h22 of a tilted sensor; fisheye, 1 or 0; many, 1 if a Brown lens has more than five terms, else 0;
-    the undistorted radius at which the distortion folds back, squared (fold), and up to which points are
-    undistorted (limit); width and height, px. Points of the plane between left, right, top and bottom are in
-    the image; NaN where a lens shows no such rectangle. The others are of score maps, see `VoteScene`, and 0.
+    Fields of a record `CAMERA`:
+        r00 to r22, tx ty tz: rotation and translation of cam_from_world.
+        ox oy oz: optical centre.
+        fx skew cx fy cy: camera matrix.
+        k1 to s4: lens terms as in `geometry.brown`; a fisheye uses k1 k2 k3 k4.
+        h00 to h22: homography of a tilted sensor.
+        fisheye: 1 or 0.
+        many: 1 if a Brown lens has more than five terms, else 0.
+        fold: squared undistorted radius at which the distortion folds back.
+        limit: undistorted radius up to which points are undistorted.
+        width, height: px.
+        left, right, top, bottom: rectangle of the plane at 1 m whose points are all in the image; NaN for
+            lenses that have none.
+        others: fields of score maps, see `VoteScene`; 0 here.
     """
     records = np.zeros(len(cameras), CAMERA)
     for record, camera in zip(records, cameras):
@@ -108,7 +121,7 @@ def _rectangle(camera: Camera) -> tuple[float, float, float, float]:
 
 
 def _terms(lens: Intrinsics) -> tuple[float, ...]:
-    """Return the 12 terms of a lens and the 9 numbers of its homography, as in the records."""
+    """Return the 12 terms of a lens and the 9 numbers of its homography, in the order of the records."""
     if lens.lens == "fisheye":
         k1, k2, k3, k4 = lens.distortion
         return (k1, k2, 0.0, 0.0, k3, k4, *(6 * (0.0,)), *np.eye(3).ravel())

@@ -1,5 +1,4 @@
-"""The skeleton as data: segments, their order, lengths and limits, and where a detector's joints are on
-them."""
+"""Segment skeleton as data: segments, their order, lengths and limits, and the detector joints on them."""
 
 from __future__ import annotations
 
@@ -15,13 +14,17 @@ from panoptic_ros.geometry.segment_chain import Chain
 
 Array = np.ndarray
 USUAL_ORDER = "yxz"  # flexion, abduction, rotation about an upright bone
-SHORTEST, TALLEST = 0.4, 2.6  # m, statures that can be
+SHORTEST, TALLEST = 0.4, 2.6  # m, limits of possible statures
 
 
 @dataclass(frozen=True)
 class JointOffset:
-    """Where a detector sees a joint (Malleson et al. 2020, 3.3.2): so far, m, from where the skeleton of
-    segments has it, in the frame of a segment."""
+    """Offset from a joint of the segments to where a detector sees it (Malleson et al. 2020, 3.3.2).
+
+    Args:
+        frame: Name of the segment in whose frame the offset is.
+        offset: m.
+    """
 
     frame: str
     offset: tuple[float, float, float]
@@ -29,24 +32,24 @@ class JointOffset:
 
 @dataclass(frozen=True, eq=False)
 class SegmentModel:
-    """Segments of any person, lengths as shares of the stature.
+    """Segments of a generic person, lengths as shares of the stature.
 
     In the reference posture, a T facing +x, every segment's frame equals the world's: x forward, y left, z
-    up.
-    A segment's position is its proximal joint. There are 3 + 3 S degrees of freedom: the root's position and
-    for each segment the rotation vector of its frame in its parent's.
+    up. A segment's position is its proximal joint. There are 3 + 3 S degrees of freedom: the root's position,
+    and for each segment the rotation vector of its frame in its parent's frame.
 
     Args:
         names: (S) parents before children, the root first.
         parents: (S,) indices, -1 = root.
-        shares: (S, 3) joint in the parent's frame, of the stature.
+        shares: (S, 3) joint in the parent's frame, as shares of the stature.
         lower, upper: (S, 3) limits of the rotation vectors, rad; the root's are not used.
-        keypoints: {name of a detector's joint: (segment, (3,) share of the stature in its frame)}.
-        ground: segments that stand on the floor when the body stands, e.g. feet and toes.
+        keypoints: Mapping {name of a detector's joint: (segment, (3,) share of the stature in its frame)}.
+        ground: Segments that touch the floor when the body stands, e.g. feet and toes.
         joints: (S) names of the joints at which segments begin, see `joint_names`.
         orders: (S) order of each joint's three angles, e.g. "yxz": see `geometry.euler`.
-        hinges: {segment: "x", "y" or "z"}, the axis of the parent about which the joint bends.
-        offsets: {name of a detector's joint: where the detector in use sees it}, as far as that was measured.
+        hinges: Mapping {segment: "x", "y" or "z"}, the axis of the parent about which the joint bends.
+        offsets: Mapping {name of a detector's joint: its `JointOffset`}. It holds the joints measured for the
+            detector in use.
     """
 
     names: tuple[str, ...]
@@ -63,8 +66,11 @@ class SegmentModel:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names (3 S - 3) of the angles of all joints but the root's, in their orders: roll about x, pitch
-        about y, yaw about z, of a left or right joint; as REP 155 has them: "l_y_shoulder", "r_head"."""
+        """Return the names (3 S - 3) of the angles of all joints except the root's, in their orders.
+
+        An angle is roll about x, pitch about y or yaw about z, of a left, right or middle joint. Names follow
+        REP 155: "l_y_shoulder", "r_head".
+        """
         found = []
         for joint, order in zip(self.joints[1:], self.orders[1:]):
             side, rest = (joint[:2], joint[2:]) if joint[:2] in ("l_", "r_") else ("", joint)
@@ -72,7 +78,7 @@ class SegmentModel:
         return tuple(found)
 
     def joint_angles(self, frames: Array) -> Array:
-        """Angles (..., 3 S - 3) rad of the joints, as `joint_names`, of frames (..., S, 3, 3)."""
+        """Return the joint angles (..., 3 S - 3) rad, as in `joint_names`, of frames (..., S, 3, 3)."""
         found = np.empty((*frames.shape[:-3], len(self.names) - 1, 3))
         for s in range(1, len(self.names)):
             local = frames[..., self.parents[s], :, :].swapaxes(-1, -2) @ frames[..., s, :, :]
@@ -80,10 +86,10 @@ class SegmentModel:
         return found.reshape(*frames.shape[:-3], -1)
 
     def index(self, name: str) -> int:
-        """Index of a segment.
+        """Return the index of a segment.
 
         Raises:
-            DataError: if there is none of this name.
+            DataError: if there is no segment of this name.
         """
         if name not in self.names:
             raise DataError(f"there is no segment {shown(name)}; the skeleton has {', '.join(self.names)}")
@@ -91,14 +97,14 @@ class SegmentModel:
 
     @property
     def freedoms(self) -> int:
-        """Degrees of freedom."""
+        """Return the number of degrees of freedom."""
         return 3 + 3 * len(self.names)
 
     def body(self, stature: float) -> Body:
-        """The body of a person of this stature, m.
+        """Return the body of a person of this stature, m.
 
         Raises:
-            DataError: if nobody is so tall.
+            DataError: if the stature is not between `SHORTEST` and `TALLEST`.
         """
         if not SHORTEST <= stature <= TALLEST:
             raise DataError(f"height_m = {stature} is no stature; expected {SHORTEST} to {TALLEST} m")
@@ -106,11 +112,11 @@ class SegmentModel:
         return Body(self, stature * self.shares, points)
 
     def with_joint_offsets(self, offsets: Mapping[str, JointOffset]) -> SegmentModel:
-        """With what was measured of a detector.
+        """Return the model with the measured offsets of a detector's joints.
 
         Raises:
             DataError: if there is no such joint, or an offset is in the frame of another segment than
-                `frames_of` says.
+                `frames_of` lists.
         """
         for name, found in offsets.items():
             if name not in self.keypoints:
@@ -122,8 +128,10 @@ class SegmentModel:
         return replace(self, offsets=dict(offsets))
 
     def frames_of(self, joint: str) -> tuple[int, ...]:
-        """Segments in whose frames an offset of a detector's joint can be: its own, and where it is the joint
-        between two, the one before it."""
+        """Return the segments in whose frames an offset of a detector's joint can be.
+
+        These are its own segment, and for a joint at that segment's origin also the parent.
+        """
         segment, share = self.keypoints[joint]
         own = self.index(segment)
         parent = int(self.parents[own])
@@ -132,10 +140,13 @@ class SegmentModel:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """One person's segments: offsets (S, 3) m, and {joint of the detector: (segment, offset (3,) m)}.
+    """Segments of one person.
 
     Args:
-        own: joints whose keypoints were measured on this person.
+        model: Model of the segments.
+        offsets: (S, 3) m, joints in the frames of their parents.
+        keypoints: Mapping {joint of the detector: (segment, offset (3,) m)}.
+        own: Joints whose keypoints were measured on this person.
     """
 
     model: SegmentModel
@@ -145,12 +156,15 @@ class Body:
 
     @property
     def chain(self) -> Chain:
-        """For compiled code."""
+        """Return the chain for compiled code."""
         return Chain(self.model.parents, np.ascontiguousarray(self.offsets, np.float64))
 
     @property
     def seen(self) -> Mapping[str, tuple[int, Array]]:
-        """Where the detector sees its joints, as `keypoints`: as measured on this person, else on anybody."""
+        """Return the keypoints at the positions where the detector sees them.
+
+        A position measured on this person comes first; otherwise the model's measured offset is added.
+        """
         found = dict(self.keypoints)
         for name, measured in self.model.offsets.items():
             if name in self.own:
@@ -162,7 +176,7 @@ class Body:
         return found
 
     def with_offsets(self, offsets: Mapping[str, Array]) -> Body:
-        """With these joints, in their parents' frames, in place of the scaled ones.
+        """Return the body with these joints, in their parents' frames, instead of the scaled ones.
 
         Raises:
             DataError: on unknown segments.
@@ -174,16 +188,16 @@ class Body:
         return replace(self, offsets=own)
 
     def with_keypoints(self, keypoints: Mapping[str, tuple[str, Array]]) -> Body:
-        """With these joints of the detector in place of the nominal ones."""
+        """Return the body with these detector joints instead of the nominal ones."""
         own = {name: (self.model.index(segment), offset) for name, (segment, offset) in keypoints.items()}
         return replace(self, keypoints={**self.keypoints, **own}, own=self.own | own.keys())
 
 
 def read_model(document: Mapping[str, Any]) -> SegmentModel:
-    """A skeleton of segments from a YAML document, see `config/bodies/segments21.yaml`.
+    """Return the segment skeleton of a YAML document, see `config/bodies/segments21.yaml`.
 
     Raises:
-        DataError: naming what is missing or wrong.
+        DataError: naming the entry that is missing or wrong.
     """
     names: list[str] = []
     joints, orders, hinges = [], [], {}

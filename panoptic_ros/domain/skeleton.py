@@ -1,4 +1,4 @@
-"""Which joints a skeleton has, how they hang together, and which joints of a detector fill them."""
+"""Joints of a skeleton, its tree of bones, and the detector joints that fill them."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ class SkeletonModel:
     Args:
         name: e.g. "panoptic19".
         joint_names: J names.
-        root: the joint at the root of the tree.
-        bones: J - 1 pairs (parent, child); a parent stands in the list before its children.
-        head: the joint that stands for the head (association over time, Joo et al. 2017, 5.3).
-        left_right: pairs (left, right).
-        derived: (joint, sources): joints that the detector does not see, defined as the mean of
-            others in 3D, e.g. BodyCenter = mean of the hips.
+        root: Joint at the root of the tree.
+        bones: J - 1 pairs (parent, child); a parent is listed before its children.
+        head: Joint that represents the head (association over time, Joo et al. 2017, 5.3).
+        left_right: Pairs (left, right).
+        derived: (joint, sources): joints that the detector does not see, defined as the mean of others in 3D,
+            e.g. BodyCenter = mean of the hips.
         bias_floors: m for each joint, standard deviation per axis of the detector's constant biases, which
-            no view contradicts; () = not known. No part of the identity (`hash`).
+            all views share; () = unknown. Not part of the identity (`hash`).
 
     Raises:
-        ConfigError: if the bones are not a tree over all joints, names repeat, an index is no joint's, or a
-            floor is no length.
+        ConfigError: if the bones are no tree over all joints, a name repeats, or an index or floor is out of
+            range.
     """
 
     name: str
@@ -66,10 +66,10 @@ class SkeletonModel:
         return len(self.joint_names)
 
     def joint(self, name: str) -> int:
-        """Index of a joint.
+        """Return the index of a joint.
 
         Raises:
-            ConfigError: if there is none of that name.
+            ConfigError: if there is no joint of that name.
         """
         if name not in self.joint_names:
             raise ConfigError(f"skeleton {self.name} has no joint {shown(name)}")
@@ -77,7 +77,7 @@ class SkeletonModel:
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """Parent of every joint, -1 for the root."""
+        """Return the parent of every joint, -1 for the root."""
         table = [-1] * len(self.joint_names)
         for parent, child in self.bones:
             table[child] = parent
@@ -85,7 +85,7 @@ class SkeletonModel:
 
     @property
     def mirror(self) -> tuple[int, ...]:
-        """The joint on the other side for every joint; itself in the middle."""
+        """Return the opposite-side joint of every joint; joints in the middle map to themselves."""
         table = list(range(len(self.joint_names)))
         for left, right in self.left_right:
             table[left], table[right] = right, left
@@ -93,7 +93,7 @@ class SkeletonModel:
 
     @property
     def hash(self) -> str:
-        """Eight hex digits that stand for this model in messages."""
+        """Return eight hex digits that identify this model in messages."""
         text = repr((self.joint_names, self.root, self.bones, self.head, self.left_right, self.derived))
         return hashlib.sha256(text.encode()).hexdigest()[:8]
 
@@ -103,24 +103,24 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True)
 class JointMap:
-    """For each of J working joints the detector's joints it is made of.
+    """Detector joints that each of J working joints is made from.
 
     Args:
-        source_count: number of joints of the detector.
-        sources: J tuples: one index = taken as it is; several = their mean in the image (a start
-            only: the final position of such a joint is derived in 3D); none = never seen.
+        source_count: Number of joints of the detector.
+        sources: J tuples. One index = copied. Several = their mean in the image (a start only: the final
+            position of such a joint is derived in 3D). An empty tuple = never seen.
     """
 
     source_count: int
     sources: tuple[tuple[int, ...], ...]
 
     def apply(self, points: Array, scores: Array) -> tuple[Array, Array]:
-        """Points (P, J, 2) and scores (P, J) from the detector's (P, K, 2) and (P, K).
+        """Return points (P, J, 2) and scores (P, J) from the detector's (P, K, 2) and (P, K).
 
         A mean needs all of its sources and gets the lowest of their scores.
 
         Raises:
-            DataError: if the detector gave another number of joints.
+            DataError: if the detector has another number of joints.
         """
         if points.shape[1] != self.source_count:
             raise DataError(f"{points.shape[1]} joints from a detector of {self.source_count}")
@@ -137,7 +137,7 @@ class JointMap:
 
 @lru_cache(maxsize=64)
 def _plan(sources: tuple[tuple[int, ...], ...]) -> tuple[Array, Array, list[tuple[int, Array]]]:
-    """Joints that are taken as they are, what they are taken from, and the means with their parts."""
+    """Return the copied joints, their source joints, and the joints that are means with their sources."""
     alone = [(joint, own[0]) for joint, own in enumerate(sources) if len(own) == 1]
     means = [(joint, np.array(own)) for joint, own in enumerate(sources) if len(own) > 1]
     return np.array([a for a, _ in alone], int), np.array([b for _, b in alone], int), means

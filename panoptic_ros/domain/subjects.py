@@ -1,4 +1,4 @@
-"""Designated people: their bodies, the IMUs on them, their data, and what is solved."""
+"""Designated people (subjects): their bodies, their IMUs, their data, and the solved body states."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Device:
-    """An IMU on a segment.
+    """IMU on a segment.
 
     Args:
-        segment: index. position: (3,) m in its frame.
-        mount: (3, 3), segment from device; None = unknown, a T-pose tells it.
+        name: Name of the device.
+        segment: Index of the segment.
+        position: (3,) m in the segment's frame.
+        mount: (3, 3), segment from device; None = unknown, a T-pose determines it.
     """
 
     name: str
@@ -29,7 +31,7 @@ class Device:
 
 @dataclass(frozen=True, eq=False)
 class TPose:
-    """When the subject stands in a T, from and to in ns, and where it faces then, (3,) or None."""
+    """T-pose of the subject: times from and to in ns, and its facing direction (3,) then, or None."""
 
     from_ns: int
     to_ns: int
@@ -41,11 +43,11 @@ class Subject:
     """One designated person.
 
     Args:
-        start: (3,) m, where the pelvis is at the first instant; None = only one person is there.
-        heading_known: whether the IMUs' inertial frame is the world's.
-        measured: whether lengths were measured; else they are those of the stature.
-        stature: m; 0 = not known.
-        assumed: how what its file leaves open is taken.
+        start: (3,) m, pelvis position at the first instant; None = only one person is present.
+        heading_known: Whether the IMUs' inertial frame is the world frame.
+        measured: Whether segment lengths were measured; otherwise they follow from the stature.
+        stature: m; 0 = unknown.
+        assumed: The values assumed for entries that its file leaves open.
     """
 
     id: int
@@ -66,7 +68,7 @@ class Subject:
 
 
 class ViewPeople(NamedTuple):
-    """2D people of a view on the plane at distance 1: points (P, K, 2), NaN = missing; scores (P, K)."""
+    """2D poses of a view on the plane at distance 1: points (P, K, 2), NaN = missing; scores (P, K)."""
 
     points: Array
     scores: Array
@@ -74,7 +76,7 @@ class ViewPeople(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """2D people of one instant by the index of the camera."""
+    """2D poses of one instant, by camera index."""
 
     stamp_ns: int
     views: dict[int, ViewPeople]
@@ -82,13 +84,15 @@ class Instant:
 
 @dataclass(frozen=True, eq=False)
 class BodyState:
-    """A solved body, everything in the world.
+    """Solved body, in the world frame.
 
     Args:
-        places: (S, 3) m of the joints. frames: (S, 3, 3), world from segment.
-        velocities: (S, 3) m/s of the joints. spins: (S, 3) rad/s, angular velocities of the segments.
-        covariances: (S, 6, 6) of place, m, and of a small rotation from the left, rad, of each segment.
-            None = not known, as where every instant is solved alone.
+        places: (S, 3) m of the joints.
+        frames: (S, 3, 3), world from segment.
+        velocities: (S, 3) m/s of the joints.
+        spins: (S, 3) rad/s, angular velocities of the segments.
+        covariances: (S, 6, 6) of each segment's position, m, and of a small rotation from the left, rad. None
+            = unknown, as where every instant is solved separately.
     """
 
     stamp_ns: int
@@ -102,11 +106,13 @@ class BodyState:
 
 @dataclass(frozen=True, eq=False)
 class ImuSeries:
-    """Samples of a device by time.
+    """Samples of an IMU over time.
 
     Args:
-        stamps: (N,) ns, rising. quaternions: (N, 4) w x y z, inertial frame from device; rates: (N, 3) rad/s;
-            forces: (N, 3) m/s^2; NaN = not there.
+        stamps: (N,) ns, rising.
+        quaternions: (N, 4) w x y z, inertial frame from device.
+        rates: (N, 3) rad/s.
+        forces: (N, 3) m/s^2. NaN = missing, in all three arrays.
     """
 
     stamps: Array
@@ -115,13 +121,13 @@ class ImuSeries:
     forces: Array
 
     def shifted(self, offset_ns: int) -> ImuSeries:
-        """With stamps that are later by so much."""
+        """Return the series with `offset_ns` added to its timestamps."""
         return ImuSeries(self.stamps + offset_ns, self.quaternions, self.rates, self.forces)
 
 
 @dataclass(frozen=True, eq=False)
 class ViewSeries:
-    """2D people of a camera by time: stamps (N,) ns, rising."""
+    """2D poses of a camera over time: stamps (N,) ns, rising."""
 
     stamps: Array
     people: tuple[ViewPeople, ...]

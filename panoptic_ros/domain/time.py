@@ -1,6 +1,6 @@
-"""Clocks, timecode and audio; a line that corrects the stamps of a camera.
+"""Clocks, timecode and audio, and a linear correction of a camera's timestamps.
 
-Stamps are int nanoseconds of the clock that the record names.
+Timestamps are int nanoseconds of the clock that the record names.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from panoptic_ros.domain.checks import Shapes, check_stamp
 from panoptic_ros.errors import ClockError, DataError, shown
 
 Array = np.ndarray
-LOWEST_RATE, HIGHEST_RATE = 1000, 400_000  # Hz, of sound
+LOWEST_RATE, HIGHEST_RATE = 1000, 400_000  # Hz, limits of audio sample rates
 MOST_SAMPLES = 2**53  # a float has no fractions beyond
 
 
 @dataclass(frozen=True, slots=True)
 class FrameRate:
-    """A timecode rate: labels count `nominal` frames per second, real time runs at `exact`.
+    """Timecode rate: labels count `nominal` frames per second, real time runs at `exact`.
 
     Raises:
-        ClockError: for a rate that timecode does not know.
+        ClockError: for a rate that timecode does not define.
     """
 
     nominal: int  # 24, 25 or 30
@@ -48,7 +48,7 @@ class FrameRate:
 
 @dataclass(frozen=True, slots=True)
 class Timecode:
-    """A label HH:MM:SS:FF of SMPTE 12M.
+    """Timecode label HH:MM:SS:FF of SMPTE 12M.
 
     Raises:
         ClockError: for labels that do not exist (out of range, or dropped in drop-frame).
@@ -77,14 +77,14 @@ class Timecode:
 
     @property
     def frame_count(self) -> int:
-        """Frames since 00:00:00:00."""
+        """Return the number of frames since 00:00:00:00."""
         minutes = 60 * self.hours + self.minutes
         count = (60 * minutes + self.seconds) * self.rate.nominal + self.frames
         return count - 2 * (minutes - minutes // 10) if self.rate.drop_frame else count
 
     @classmethod
     def from_frame_count(cls, count: int, rate: FrameRate) -> Timecode:
-        """The label of the count-th frame of the day; counts wrap at midnight."""
+        """Return the label of the count-th frame of the day; counts wrap at midnight."""
         if rate.drop_frame:
             count %= 24 * 107892
             tens, rest = divmod(count, 17982)
@@ -99,16 +99,16 @@ class Timecode:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AudioBlock:
-    """Consecutive samples of a device, of all of its channels.
+    """Consecutive audio samples of all channels of a device.
 
     Args:
-        stamp_ns: instant of the first sample, on the device's clock.
-        first_sample: index of the first sample since the device started; gaps are visible. A sample is an
-            instant: one value of each channel.
+        stamp_ns: Timestamp of the first sample, on the device's clock.
+        first_sample: Index of the first sample since the device started, so that gaps are visible. One sample
+            holds one value per channel.
         sample_rate: Hz.
         samples: (N, C) float32 in -1..1; (N,) is one channel.
-        clocks: names of the clocks whose timecode the channels carry, one for each; "" = none. Empty: nobody
-            says. A channel that is named as its device hears timecode on the device's own clock.
+        clocks: Clock name per channel, whose timecode the channel carries; "" = none. Empty tuple: unknown.
+            The device's own name: timecode of the device's own clock.
     """
 
     device: str
@@ -138,22 +138,22 @@ class AudioBlock:
 
     @property
     def end_ns(self) -> int:
-        """Where the next sample is, by the sample rate."""
+        """Return the timestamp after the last sample, from the sample rate."""
         return self.stamp_ns + len(self.samples) * 1_000_000_000 // self.sample_rate
 
 
 @dataclass(frozen=True, slots=True)
 class TimecodeReading:
-    """One timecode word that was heard.
+    """One timecode word decoded from audio.
 
     Args:
-        stamp_ns: start of the word (first edge of bit 0), on the device's clock.
-        start_sample: the same in samples since the device started, fractional.
-        std_samples: standard deviation of start_sample.
-        reverse: the tape ran backwards; the first edge of bit 0 then lies at the word's end.
+        stamp_ns: Start of the word (first edge of bit 0), on the device's clock.
+        start_sample: The same in samples since the device started, fractional.
+        std_samples: Standard deviation of start_sample.
+        reverse: The tape ran backwards; the first edge of bit 0 then lies at the word's end.
         user_bits: 32 bits.
-        clock: whose timecode it is; "": that of the master, which nobody needs to name.
-        sample_rate: Hz, as the device says; 0: not known.
+        clock: Name of the clock whose timecode it is; "" = the master's.
+        sample_rate: Hz, as the device states; 0: unknown.
     """
 
     device: str
@@ -179,22 +179,22 @@ class TimecodeReading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClockModel:
-    """A line from a device's clock to the master clock.
+    """Linear model from a device's clock to the master clock.
 
     master = device + offset_ns + residual_ns + drift * (device - reference_ns)
 
     Args:
-        device: a camera's name, or that of the clock or device that stamps its frames.
-        reference_ns: device time about which the line is stated.
-        offset_ns: at the reference, whole ns; stamps since 1970 need more digits than a float has. A float
-            is split into whole and rest.
-        drift: dimensionless, 1e-6 = 1 ppm.
+        device: Name of a camera, or of the clock or device that stamps its frames.
+        reference_ns: Device time at which the offset holds.
+        offset_ns: Offset at the reference, whole ns, because timestamps since 1970 have more digits than a
+            float. A float is split into its whole part and the rest.
+        drift: Dimensionless, 1e-6 = 1 ppm.
         covariance: (2, 2) of (offset in s, drift).
-        residual_ns: what offset_ns lacks; whole ns of it are moved there.
-        from_ns, until_ns: device times of the first and the last observation behind the line. After the
-            last one the line is held over.
-        wander: s of uncertainty that each second of holdover adds, from the crystal (1e-7 is usual).
-        segment: counts the lines of a device; a new one begins where a clock has jumped.
+        residual_ns: Rest of the offset; whole ns of it are moved to offset_ns.
+        from_ns, until_ns: Device times of the first and the last observation behind the line. After the last
+            one the line is extrapolated (holdover).
+        wander: Uncertainty in s that each second of holdover adds, from the crystal (1e-7 is usual).
+        segment: Counts the lines of a device; a new one begins at a jump of the clock.
     """
 
     device: str
@@ -224,13 +224,13 @@ class ClockModel:
             raise DataError(f"clock model of {self.device} has numbers out of range")
 
     def master_from_device(self, stamp_ns: int) -> tuple[int, float]:
-        """The master time of a device time, and its standard deviation, both in ns."""
+        """Return the master time of a device time, and its standard deviation, both in ns."""
         since = int(stamp_ns) - self.reference_ns
         master = int(stamp_ns) + self.offset_ns + round(self.residual_ns + self.drift * since)
         return master, 1e9 * self._deviation(since * 1e-9, int(stamp_ns))
 
     def _deviation(self, since: float, stamp_ns: int) -> float:
-        """Standard deviation, s: the line's own, and the crystal's wandering outside of its observations."""
+        """Return the standard deviation, s: that of the line, and the crystal's wander in holdover."""
         line = np.array([1.0, since]) @ self.covariance @ np.array([1.0, since])
         beyond = 1e-9 * max(0, stamp_ns - self.until_ns, self.from_ns - stamp_ns)
         return float(np.sqrt(max(0.0, float(line)) + (self.wander * beyond) ** 2))
@@ -238,10 +238,10 @@ class ClockModel:
 
 @dataclass(frozen=True, slots=True)
 class StampLine:
-    """What is added to stamps: offset_ns + drift (stamp - reference_ns).
+    """Linear correction that is added to timestamps: offset_ns + drift (stamp - reference_ns).
 
     Args:
-        drift: dimensionless, 1e-6 = 1 ppm.
+        drift: Dimensionless, 1e-6 = 1 ppm.
     """
 
     reference_ns: int
@@ -250,10 +250,10 @@ class StampLine:
 
     @classmethod
     def from_words(cls, words: Mapping[str, Any]) -> StampLine:
-        """The line of plain words, as `words` gives them.
+        """Return the line for plain values, as `words` returns them.
 
         Raises:
-            DataError: if these are no such numbers.
+            DataError: if values are missing or are no numbers.
         """
         try:
             return cls(int(words["reference_ns"]), int(words["offset_ns"]), float(words["drift"]))
@@ -261,9 +261,9 @@ class StampLine:
             raise DataError(f"{shown(words)} is no correction of stamps") from None
 
     def words(self) -> dict[str, Any]:
-        """Plain words that a file can hold."""
+        """Return plain values that a file can hold."""
         return asdict(self)
 
     def corrected(self, stamp_ns: int) -> int:
-        """The corrected stamp, ns; it may lie before 0."""
+        """Return the corrected timestamp, ns; it may be negative."""
         return stamp_ns + self.offset_ns + round(self.drift * (stamp_ns - self.reference_ns))

@@ -1,4 +1,4 @@
-"""How joints depend on motion, where the views of an instant have stamps of their own."""
+"""Dependence of joint positions on motion, where the views of an instant have different timestamps."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TimeShift:
-    """What P people of J joints rest on when their views were not taken at the same time.
+    """First-order dependence of the joints of P people on their velocity, if views differ in time.
 
-    Each view was moved to the set's instant by an assumed velocity. To first order, a stated position is
-    true position + delays (true velocity - assumed), with noise of the stated covariance; and the
-    views say `velocities` of the velocity by themselves, independent of the position. All 0 where
-    a joint is missing. With this, a filter can use every view at its own stamp.
+    Each view was moved to the set's instant with an assumed velocity. To first order, a stated position is
+    true position + delays (true velocity - assumed), with noise of the stated covariance. The views also
+    measure `velocities`, independently of the position. All arrays are 0 where a joint is missing. A filter
+    can use this to take every view at its own timestamp.
 
     Args:
-        delays: (P, J, 3, 3) s, mean of the views' stamps minus the instant, weighted by what each view
-            says in which direction.
-        assumed: (P, J, 3) m/s.
-        velocities: (P, J, 3) m/s. information: (P, J, 3, 3) s^2/m^2, inverse of their covariance, may
-            be singular.
+        delays: (P, J, 3, 3) s, mean of the views' timestamps minus the instant, weighted by each view's
+            information in each direction.
+        assumed: (P, J, 3) m/s, assumed velocity.
+        velocities: (P, J, 3) m/s, measured velocity.
+        information: (P, J, 3, 3) s^2/m^2, inverse covariance of `velocities`, may be singular.
     """
 
     delays: Array
@@ -45,7 +45,7 @@ class TimeShift:
                 raise DataError(f"TimeShift.{name} is not finite")
 
     def rows(self, which: Array | list[int]) -> TimeShift:
-        """Some of the people."""
+        """Return the people with these indices."""
         return TimeShift(
             self.delays[which], self.assumed[which], self.velocities[which], self.information[which]
         )

@@ -1,4 +1,4 @@
-"""Which way is up in images: how cameras are rolled about their optical axes."""
+"""Up direction in images: the roll of cameras about their optical axes."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from panoptic_ros.domain.camera import Camera
 from panoptic_ros.errors import CalibrationError, shown
 
 Array = np.ndarray
-Direction = tuple[float, float, float]  # of unit length
+Direction = tuple[float, float, float]  # unit vector
 Z_UP: Direction = (0.0, 0.0, 1.0)
 STEEP = 0.25  # sine of the angle between optical axis and vertical, below which an image has no top
-SPREAD = 0.05  # mean square of the cameras' rows across their main axis, below which they are parallel
+SPREAD = 0.05  # mean square of the image rows across their main axis, below which the rows are parallel
 
 
 def direction(up: Sequence[float]) -> Direction:
-    """Return an up direction at unit length; one that has it to 1e-9 is kept to the bit.
+    """Return an up direction at unit length; one whose length is 1 to 1e-9 is kept bit for bit.
 
     Raises:
-        CalibrationError: if it is not three finite numbers, or has no length.
+        CalibrationError: if it is not three finite numbers, or has length 0.
     """
     values = [float(value) for value in up]
     length = math.hypot(*values)
@@ -32,12 +32,12 @@ def direction(up: Sequence[float]) -> Direction:
 
 
 def roll_of(camera: Camera, up: Sequence[float]) -> float:
-    """Return the turn, degrees counter-clockwise in (-180, 180], that makes the image of a camera upright.
+    """Return the rotation, degrees counter-clockwise in (-180, 180], that makes a camera's image upright.
 
     It is 0 for a camera that looks almost straight up or down.
 
     Args:
-        up: unit vector (3,) of the world.
+        up: Unit vector (3,) of the world.
     """
     across, down, _ = (camera.cam_from_world.rotation @ np.asarray(up, np.float64)).tolist()
     if math.hypot(across, down) < STEEP:
@@ -51,11 +51,12 @@ def up_of_images(
 ) -> Direction | None:
     """Find the world's up direction from images that quarter turns make upright.
 
-    It is +z where +z agrees with all images. Otherwise it is the direction at right angles to the rows of the
-    turned images, as level cameras have horizontal rows.
+    It is +z if +z agrees with all images. Otherwise it is the direction at right angles to the rows of the
+    turned images, because level cameras have horizontal rows.
 
     Args:
-        clockwise: quarter turns of the image of each camera. spread: see `SPREAD`.
+        clockwise: Quarter turns of the image of each camera.
+        spread: See `SPREAD`.
 
     Returns:
         None if the cameras agree on no direction, or if their rows are parallel.
@@ -76,6 +77,9 @@ def up_of_images(
 
 
 def _agree(rows: Array, tops: Array, up: Array) -> bool:
-    """Tell whether images with rows and tops (C, 3) in the world are upright within 45 degrees."""
+    """Return whether images with rows and tops (C, 3) in the world are upright within 45 degrees.
+
+    Cameras that look almost along `up` always count as upright.
+    """
     across, along = rows @ up, tops @ up
     return bool(((along > np.abs(across)) | (np.hypot(across, along) < STEEP)).all())

@@ -1,4 +1,4 @@
-"""Which 2D people of which images the people of an instant were made of."""
+"""2D poses that the people of an instant were made from, by image."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Array = np.ndarray
 
 
 class OfFrame(Protocol):
-    """What belongs to one image of a camera."""
+    """Record that belongs to one image of a camera."""
 
     @property
     def frame_number(self) -> int:
-        """That of the image."""
+        """Return the frame number of the image."""
 
 
 Record = TypeVar("Record", bound=OfFrame)
@@ -28,15 +28,16 @@ Record = TypeVar("Record", bound=OfFrame)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewSources:
-    """The V views of an instant, and the 2D person that P people have in each.
+    """The V views of an instant, and the 2D pose of each of P people in each view.
 
-    A camera and a frame number name one `ViewDetections`, also after a correction of its stamp.
+    A camera and a frame number identify one `ViewDetections`, also after a correction of its timestamp.
 
     Args:
-        cameras: (V,) names, each once. frames: (V,) `ViewDetections.frame_number`.
-        persons: (P, V) index into the people of that `ViewDetections`, -1 = none. It is the one that
-            gave most joints where a person was put together from several 2D people of one view, and two
-            people may share one that a detector has melted together.
+        cameras: (V,) names, each once.
+        frames: (V,) `ViewDetections.frame_number`.
+        persons: (P, V) index into the people of that `ViewDetections`, -1 = none. A person may be made from
+            several 2D poses of one view: the index is that of the pose with most joints. Two people may share
+            one pose that a detector has merged.
     """
 
     cameras: tuple[str, ...]
@@ -58,7 +59,10 @@ class ViewSources:
             raise DataError(f"ViewSources.persons has the index {persons.min()}; -1 = no 2D person")
 
     def taken_from(self, waiting: Mapping[str, deque[Record]]) -> dict[str, Record]:
-        """What waits, by camera, of these views, also by camera; it and older ones are taken out."""
+        """Remove the records of these views from the queues `waiting`, and return them by camera.
+
+        Older records are discarded.
+        """
         found: dict[str, Record] = {}
         for camera, frame in zip(self.cameras, self.frames.tolist()):
             own = waiting.get(camera, deque())
@@ -69,7 +73,7 @@ class ViewSources:
         return found
 
     def rows(self, which: Array | list[int]) -> ViewSources:
-        """Some of the people, by index; -1 = somebody whom no view shows."""
+        """Return the people with these indices; index -1 gives a person without any 2D pose."""
         nobody = np.full((1, len(self.cameras)), -1, np.int32)
         persons = np.concatenate([self.persons, nobody])
         return ViewSources(self.cameras, self.frames, persons[np.asarray(which, np.int64)])

@@ -1,4 +1,4 @@
-"""How far a view sees: which views see a place, V(Z) of Joo et al. 2017, 5.1, beyond fields of view."""
+"""Visibility of places in views, V(Z) of Joo et al. 2017, 5.1: depth limits beside the field of view."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from panoptic_ros.domain.checks import Shapes
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
-FARTHEST = 65.535  # m; what is farther counts as unlimited
-LONGER_SIDE = 160  # cells, at most, of limits that are made here
+FARTHEST = 65.535  # m; larger depths count as unlimited
+LONGER_SIDE = 160  # cells, greatest longer side of limits that are computed here
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VisibilityLimit:
-    """The depth up to which a view sees joints, from depth maps and known occluders.
+    """Depth up to which a view sees joints, from depth maps and known occluders.
 
-    The cells divide the image evenly: pixel (u, w) of an image of width x height px lies in column
-    floor((u + 0.5) W / width) and row floor((w + 0.5) H / height); the image's right and lower borders
-    belong to the last ones. A view sees a point of its image if the point's depth is not above the limit of
-    its cell. Whatever a joint may lie behind a measured surface is part of the limit.
+    The cells divide the image evenly. Pixel (u, w) of an image of width x height px lies in column floor((u +
+    0.5) W / width) and row floor((w + 0.5) H / height). The image's right and lower borders belong to the
+    last column and row. A view sees a point of its image if the point's depth is at most the limit of its
+    cell. The limit includes the distance that a joint may lie behind a measured surface.
 
     Args:
         cells: (H, W) uint16, mm along the camera's z axis; 0 = no limit.
@@ -37,14 +37,14 @@ class VisibilityLimit:
 
     @classmethod
     def of_depths(cls, depths: Array, margin: float) -> VisibilityLimit:
-        """The limit that surfaces set which divide the image as cells do.
+        """Return the limit for surfaces with the given depths; the depths divide the image as cells do.
 
-        Cells that are smaller than needed are put together, and the farthest surface counts; where one is
-        unknown there is no limit.
+        Cells that are smaller than needed are merged, and the farthest surface counts. A cell with an unknown
+        depth has no limit.
 
         Args:
             depths: (h, w) m along z; 0, NaN and infinite = unknown.
-            margin: m that a joint may lie behind a surface.
+            margin: Distance in m that a joint may lie behind a surface.
 
         Raises:
             DataError: on another shape, or a negative depth.
@@ -67,11 +67,11 @@ class VisibilityLimit:
 
     @property
     def metres(self) -> Array:
-        """The limits (H, W) float64 m, infinite where there are none."""
+        """Return the limits (H, W) float64 m, infinite where there are none."""
         return np.where(self.cells, self.cells * 1e-3, np.inf)
 
     def sees(self, pixels: Array, depths: Array, image_size: tuple[int, int]) -> Array:
-        """Whether points at pixels (..., 2) of the image and depths (...) m are within the limit (...)."""
+        """Return whether points at pixels (..., 2) and depths (...) m are within the limit (...)."""
         shape = np.array(self.cells.shape[::-1])
         at = np.floor((np.asarray(pixels) + 0.5) * (shape / np.array(image_size))).astype(np.int64)
         at = np.clip(at, 0, shape - 1)
@@ -79,14 +79,14 @@ class VisibilityLimit:
         return seen
 
     def combined(self, other: VisibilityLimit) -> VisibilityLimit:
-        """The nearer of two limits of one view everywhere, on the finer of their cells."""
+        """Return the smaller of two limits of one view in every cell, at the finer resolution of both."""
         height, width = np.maximum(self.cells.shape, other.cells.shape)
         one, two = self._spread(height, width), other._spread(height, width)
-        nearer = np.minimum(one - 1, two - 1)  # uint16: 0, no limit, becomes the largest
+        nearer = np.minimum(one - 1, two - 1)  # uint16: 0 (no limit) wraps to the largest value
         return VisibilityLimit(nearer + np.uint16(1))
 
     def _spread(self, height: int, width: int) -> Array:
-        """The cells (height, width) that contain the middles of so many."""
+        """Resample the cells to (height, width): each new cell takes the value at its centre."""
         rows = (2 * np.arange(height) + 1) * self.cells.shape[0] // (2 * height)
         columns = (2 * np.arange(width) + 1) * self.cells.shape[1] // (2 * width)
         return self.cells[np.ix_(rows, columns)]

@@ -1,18 +1,18 @@
-"""Scores of estimated skeletons against the truth, and their reports.
+"""Scores of estimated skeletons against the ground truth, and their reports.
 
-In: two `SkeletonSequence`s (truth and result). Out: a `Report` (`evaluate`), or the share of right
-limbs under one of the two rules that the literature uses (`evaluate_pcp`). Pure functions.
+Input: two `SkeletonSequence`s, truth and result. Output: a `Report` (`evaluate`), or the share of correct
+limbs (PCP) under one of the two rules in the literature (`evaluate_pcp`). All functions are pure.
 
-How it is done: truth and result frames are paired by stamp, the truth is moved to the result's
-instant (cubic spline per person), and people are assigned one to one by mean joint distance
-(`pairing`). Everything else is counted on these pairs: position errors, PCK, joint recall and
-precision (`joint_scores`), person recall and precision, identity switches, MOTA (Bernardin and
-Stiefelhagen 2008), IDF1 (Ristani et al. 2016) (`identity_scores`), acceleration error and the
-consistency of reported covariances (`motion_scores`). PCP follows Belagiannis et al. 2014 with
-the head rules of VoxelPose and of 4D Association (`pcp`).
+Method: truth and result frames are paired by timestamp. The truth is interpolated to the result's instant by
+a cubic spline per person. People are assigned one to one by mean joint distance (`pairing`). All other scores
+are computed on these pairs. `joint_scores` has position errors, PCK, joint recall and precision.
+`identity_scores` has person recall and precision, identity switches, MOTA (Bernardin and Stiefelhagen 2008)
+and IDF1 (Ristani et al. 2016). `motion_scores` has the acceleration error and the consistency of reported
+covariances. PCP follows Belagiannis et al. 2014 with the head rules of VoxelPose and of 4D Association
+(`pcp`).
 
-Limits: a person is matched anew in each frame; long exchanges of two people at the same place
-show in the identity scores only. A result frame serves at most one truth frame.
+Limits: people are matched independently in each frame, so a long exchange of two people at the same place
+shows in the identity scores only. A result frame is paired with at most one truth frame.
 """
 
 from panoptic_ros.evaluation.limits import Limit, failures, parse_limit

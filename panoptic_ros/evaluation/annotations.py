@@ -1,8 +1,8 @@
-"""Hand-made 3D annotation of Shelf and Campus, as a JSON document.
+"""Manual 3D annotation of the Shelf and Campus data sets, as a JSON document.
 
     {"unit": "m", "joint_names": [...], "frames": {"300": [{"id": 0, "joints": [[x, y, z], ...]}]}}
 
-Frames carry numbers and no stamps; somebody who is not listed may still be there.
+Frames have numbers and no timestamps. A person who is not listed in a frame may still be present.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ SHELF_PERIOD_NS = 40_000_000  # 25 Hz
 
 
 def is_annotation(document: Any) -> bool:
-    """Whether a JSON document looks like this."""
+    """Return whether a JSON document looks like an annotation."""
     return isinstance(document, dict) and isinstance(document.get("frames"), dict)
 
 
 def parse_annotation(document: Any, where: str, frame_period_ns: int = SHELF_PERIOD_NS) -> SkeletonSequence:
-    """The annotated people; the stamp of a frame is its number times `frame_period_ns`.
+    """Return the annotated people; the timestamp of a frame is its number times `frame_period_ns`.
 
     Raises:
-        DataError: naming `where` and what is wrong.
+        DataError: If the document is invalid. The message names `where` and the fault.
     """
     if document.get("unit") != "m":
         raise DataError(f"{where}: the unit is {shown(document.get('unit'))}, expected 'm'")

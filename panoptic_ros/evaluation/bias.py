@@ -1,8 +1,9 @@
-"""A detector's constant biases against a reference, and what taking them out is worth.
+"""Constant biases of a detector against a reference, and the benefit of removing them.
 
-Malleson et al. 2020, 3.3.2: the offset of a joint is the per-axis median over all frames, here in the frame
-of the estimated torso, scaled by its length, and the same on both sides. It is a property of the detector
-AND of what the reference calls a joint; so it is measured on some people and judged on others.
+After Malleson et al. 2020, 3.3.2, the offset of a joint is the per-axis median over all frames. Here it is
+expressed in the frame of the estimated torso, scaled by the torso length, and mirrored between the sides. The
+offset depends on the detector AND on the joint definition of the reference. So it is measured on some people
+and evaluated on others.
 """
 
 from __future__ import annotations
@@ -21,26 +22,38 @@ from panoptic_ros.stage import Progress, Recording, StageContext, each, part_of,
 
 Array = np.ndarray
 
-PCK_DISTANCE = 0.05  # m
-PAIRED = 0.6  # share of the time that pairing people takes
+PCK_DISTANCE = 0.05  # m; error threshold of PCK
+PAIRED = 0.6  # share of the running time for pairing people
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MatchedPeople:
-    """M estimated people with their truth: ids (M,) of the truth, truth and result (M, J, 3) m."""
+    """M estimated people matched with their ground truth.
+
+    Args:
+        ids: Truth ids (M,).
+        truth: True joints (M, J, 3) m.
+        result: Estimated joints (M, J, 3) m.
+    """
 
     ids: Array
     truth: Array
     result: Array
 
     def rows(self, which: Array) -> MatchedPeople:
-        """Some of them."""
+        """Return the rows selected by an index or mask."""
         return MatchedPeople(self.ids[which], self.truth[which], self.result[which])
 
 
 @dataclass(frozen=True, slots=True)
 class Benefit:
-    """Joint errors of one person before and after: medians in mm, PCK at 5 cm in 0..1 of true joints."""
+    """Joint errors of one person before and after removing the biases.
+
+    Args:
+        person: Truth id.
+        median_before, median_after: Median error in mm.
+        pck_before, pck_after: Share (0..1) of true joints with an error below 5 cm.
+    """
 
     person: int
     median_before: float
@@ -51,11 +64,13 @@ class Benefit:
 
 @dataclass(frozen=True, slots=True)
 class BiasConfig:
-    """What `BiasPass` needs to know.
+    """Configuration of `BiasPass`.
 
     Args:
-        joint_names: of truth and result. torso: see `torso_frames`. mirror: see `measure_offsets`.
-        leave_out: people of the truth on whom nothing is measured.
+        joint_names: Joint names of truth and result.
+        torso: Joint indices, see `torso_frames`.
+        mirror: Index of each joint's opposite joint, see `measure_offsets`.
+        leave_out: Truth ids of people who are excluded from the measurement.
     """
 
     joint_names: tuple[str, ...]
@@ -66,13 +81,14 @@ class BiasConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredBiases:
-    """The biases of J joints.
+    """Measured biases of J joints.
 
     Args:
-        offsets: (J, 3), see `measure_offsets`.
-        found: ids of the people of the truth who are in the result. measured: of those who were measured.
-        skeletons: how many of theirs were measured.
-        benefits: what offsets measured on all others are worth for each person; none for one person alone.
+        offsets: Offsets (J, 3), see `measure_offsets`.
+        found: Truth ids of the people who are found in the result.
+        measured: Truth ids of the people who were measured.
+        skeletons: Number of measured skeletons.
+        benefits: Benefit for each person of the offsets measured on all others; empty with only one person.
     """
 
     offsets: Array
@@ -83,13 +99,16 @@ class MeasuredBiases:
 
 
 class BiasPass:
-    """A detector's biases from a recording of "truth" and "skeletons" (`SkeletonFrame`s): a `stage.Pass`."""
+    """Pass (`stage.Pass`) that measures a detector's biases.
+
+    It reads the topics "truth" and "skeletons" (`SkeletonFrame`s) of a recording.
+    """
 
     def __init__(self, config: BiasConfig, context: StageContext | None = None):
         self._config = config
 
     def run(self, recording: Recording, progress: Progress) -> MeasuredBiases:
-        """The biases; NaN where nobody is found."""
+        """Return the biases; offsets are NaN where no person is found."""
         config, mirror = self._config, np.array(self._config.mirror)
         truth, result = (
             SkeletonSequence(config.joint_names, tuple(recording.records(topic)))
@@ -112,7 +131,7 @@ class BiasPass:
 
 
 def matched_people(pairs: Sequence[FramePair]) -> MatchedPeople:
-    """All matches of all frames."""
+    """Return all matches of all frames."""
     joints = pairs[0].truth.shape[1] if pairs else 0
     empty = np.empty((0, joints, 3))
     return MatchedPeople(
@@ -123,14 +142,14 @@ def matched_people(pairs: Sequence[FramePair]) -> MatchedPeople:
 
 
 def measure_offsets(people: MatchedPeople, torso: tuple[int, int, int, int], mirror: Array) -> Array:
-    """Offsets (J, 3) from result to truth: forward, left, up, in torso lengths; NaN = never seen.
+    """Return offsets (J, 3) from result to truth: forward, left, up, in torso lengths; NaN = never observed.
 
     Args:
-        mirror: (J,) the joint on the other side, itself in the middle.
+        mirror: Index (J,) of the joint on the other side, or of the joint itself on the midline.
     """
     axes, lengths = torso_frames(people.result[:, list(torso)])
     local = np.einsum("mik,mji->mjk", axes, people.truth - people.result) / lengths[:, None, None]
-    flipped = local[:, mirror] * (1.0, -1.0, 1.0)  # what the other side says
+    flipped = local[:, mirror] * (1.0, -1.0, 1.0)  # measurements of the opposite joint, mirrored
     both = np.concatenate([local, flipped])
     seen = np.isfinite(both).all(axis=2).any(axis=0)
     offsets = np.full((people.truth.shape[1], 3), np.nan)
@@ -142,7 +161,10 @@ def measure_offsets(people: MatchedPeople, torso: tuple[int, int, int, int], mir
 def leave_one_out(
     people: MatchedPeople, torso: tuple[int, int, int, int], mirror: Array, progress: Progress = untold
 ) -> list[Benefit]:
-    """For every person, what the offsets measured on all others are worth; nothing for one person alone."""
+    """Return each person's benefit from the offsets measured on all others.
+
+    The list is empty with only one person.
+    """
     persons = np.unique(people.ids).tolist()
     benefits = []
     for person in each(persons if len(persons) > 1 else (), len(persons), progress, "judging the biases"):
@@ -153,14 +175,18 @@ def leave_one_out(
 
 
 def benefit(people: MatchedPeople, offsets: Array, torso: tuple[int, int, int, int]) -> Benefit:
-    """What offsets (J, 3) are worth for people, all of one id."""
+    """Return the benefit of offsets (J, 3) for people who all have the same id."""
     table = BiasTable("measured", np.nan_to_num(offsets), torso)
     person = int(people.ids[0])
     return Benefit(person, *scores_of(people.truth, people.result, table.corrected(people.result)))
 
 
 def scores_of(truth: Array, before: Array, after: Array) -> tuple[float, float, float, float]:
-    """Median errors, mm, and PCK at 5 cm of joints (M, J, 3) m before and after, in this order."""
+    """Return scores of joints (M, J, 3) m before and after a correction.
+
+    Returns:
+        Median error (mm) before, median error after, PCK at 5 cm before, PCK at 5 cm after.
+    """
     errors = [np.linalg.norm(truth - result, axis=-1) for result in (before, after)]
     known = int(np.isfinite(truth[..., 0]).sum())
     medians = [1e3 * float(np.nanmedian(e)) if np.isfinite(e).any() else NAN for e in errors]

@@ -1,4 +1,7 @@
-"""What bodies of a run rest on: instants of every subject by source, and how much was behind them."""
+"""Statistics of the body states of a run.
+
+They count the instants of every subject by source, and the views and IMUs behind them.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +14,12 @@ from panoptic_ros.domain import BodySource, BodyStateSet
 
 @dataclass
 class BodyTally:
-    """Counts the bodies of a run as they come.
+    """Running counts of the body states of a run.
 
     Args:
-        instants: sets of bodies. sources: by subject and `BodySource`; views, devices: by subject, summed.
+        instants: Number of body state sets.
+        sources: Number of instants by subject and `BodySource`.
+        views, devices: Sum over instants of the views and IMUs used, by subject.
     """
 
     instants: int = 0
@@ -23,7 +28,7 @@ class BodyTally:
     devices: Counter[int] = field(default_factory=Counter)
 
     def add(self, item: BodyStateSet) -> None:
-        """One more instant."""
+        """Add one body state set."""
         self.instants += 1
         rows = zip(item.ids.tolist(), item.sources.tolist(), item.views.tolist(), item.devices.tolist())
         for number, source, views, devices in rows:
@@ -32,7 +37,7 @@ class BodyTally:
             self.devices[number] += devices
 
     def document(self) -> dict[str, Any]:
-        """{"instants", "subjects": [{id, instants, sources {name: count}, views, devices: means}]}."""
+        """Return {"instants", "subjects": [{id, instants, sources {name: count}, views, devices: means}]}."""
         subjects = []
         for number, own in sorted(self.sources.items()):
             count = own.total()

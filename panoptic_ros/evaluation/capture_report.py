@@ -1,7 +1,7 @@
-"""What can be said about the result on a real capture, where there is no truth.
+"""Quality measures of a result on a real capture without ground truth.
 
-People and their joints, the reprojection error against the detector's 2D people, and how steady
-the lengths of bones are. Pure functions on the records of a run.
+They describe people and their joints, the reprojection error against the detector's 2D poses, and the
+constancy of bone lengths. All functions are pure and work on the records of a run.
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ from scipy.optimize import linear_sum_assignment
 from panoptic_ros.domain import DetectionSet, JointState, Rig, SkeletonModel, TrackedPoseSet
 
 Array = np.ndarray
-LIMB_JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")  # ends of joint names, both sides
-FARTHEST = 0.1  # of the image's longer side: mean distance beyond which a 2D person is another one
-LEAST_JOINTS = 3  # common joints that a match needs
-LONGEST_STEP_S = 0.2  # between frames from which accelerations are told
+LIMB_JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")  # endings of joint names, both sides
+# share of the image's longer side; a 2D pose with a larger mean distance belongs to another person
+FARTHEST = 0.1
+LEAST_JOINTS = 3  # smallest number of common joints for a match
+LONGEST_STEP_S = 0.2  # s; largest frame interval from which accelerations are computed
 
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Median and 90th percentile of `count` values; NaN without any."""
+    """Median and 90th percentile of `count` values; NaN without values."""
 
     count: int
     median: float
@@ -33,9 +34,13 @@ class Spread:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReprojectionErrors:
-    """N distances between a solved joint's projection and the 2D joint that the detector saw.
+    """N distances between the projection of a 3D joint and the detected 2D joint.
 
-    cameras: (N,) index into the rig; ids: (N,) person; joints: (N,); px: (N,).
+    Args:
+        cameras: Index (N,) into the rig.
+        ids: Person (N,).
+        joints: Joint index (N,).
+        px: Distance (N,) px.
     """
 
     cameras: Array
@@ -46,19 +51,22 @@ class ReprojectionErrors:
 
 @dataclass(frozen=True, slots=True)
 class PersonSummary:
-    """One identity.
+    """Quality measures of one person.
 
     Args:
-        identity: the id.
-        frames: in how many frames it is there; first_ns, last_ns: the first and the last of them.
-        joints_found: share of the skeleton's joints that are not missing, over these frames.
-        limb_joints_found: the same for shoulders, elbows, wrists, hips, knees, ankles; NaN without.
-        measured: share of the joints found that were measured, not predicted or filled.
-        reprojection_px: of the measured joints.
-        bone_length_cm, bone_std_cm: by bone ("parent-child"), mean and standard deviation over
-            frames; bones that were there in fewer than two frames are left out.
-        limbs: names of the bones of arms and legs among them.
-        acceleration: m/s^2, median over joints and frames; mostly noise, as people accelerate seldom.
+        identity: Person id.
+        frames: Number of frames with the person.
+        first_ns, last_ns: Timestamps of the first and the last of them.
+        joints_found: Share of the skeleton's joints that are not missing, over these frames.
+        limb_joints_found: The same for shoulders, elbows, wrists, hips, knees, ankles; NaN without such
+            joints.
+        measured: Share of the found joints that were measured, not predicted or filled.
+        reprojection_px: Reprojection error of the measured joints.
+        bone_length_cm, bone_std_cm: Mean and standard deviation over frames by bone ("parent-child"). Bones
+            present in fewer than two frames are left out.
+        limbs: Names of those of these bones that belong to arms and legs.
+        acceleration: Median over joints and frames, m/s^2. It is mostly noise, because people seldom
+            accelerate.
     """
 
     identity: int
@@ -76,16 +84,21 @@ class PersonSummary:
 
     @property
     def limb_std_cm(self) -> tuple[float, float]:
-        """Median and largest standard deviation of the lengths of limbs; NaN without limbs."""
+        """Return the median and the largest standard deviation (cm) of limb lengths; NaN without limbs."""
         stds = [self.bone_std_cm[limb] for limb in self.limbs]
         return (float(np.median(stds)), max(stds)) if stds else (math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
 class CaptureSummary:
-    """All that is measured; people in the order of their number of frames.
+    """Summary of a run; people are sorted by decreasing number of frames.
 
-    frames: sets of poses; frames_with_people: those that are not empty.
+    Args:
+        frames: Number of pose sets.
+        frames_with_people: Number of pose sets that are not empty.
+        people: Quality measures of each person.
+        reprojection_px: Reprojection error of all people and cameras.
+        reprojection_by_camera: Reprojection error by camera.
     """
 
     frames: int
@@ -101,11 +114,11 @@ def summarise_capture(
     poses: Sequence[TrackedPoseSet],
     detections: Iterable[DetectionSet],
 ) -> CaptureSummary:
-    """Summary of a run.
+    """Return the summary of a run.
 
     Args:
-        poses: in the order of time.
-        detections: what they were made from; sets are paired with poses of the same index.
+        poses: Tracked poses sorted by time.
+        detections: Detection sets behind the poses, paired with them by index.
     """
     errors = reprojection_errors(rig, skeleton, poses, detections)
     identities = sorted({int(i) for pose in poses for i in pose.ids})
@@ -127,10 +140,10 @@ def reprojection_errors(
     poses: Iterable[TrackedPoseSet],
     detections: Iterable[DetectionSet],
 ) -> ReprojectionErrors:
-    """Distances in px for all measured joints of people who are matched to a 2D person.
+    """Return reprojection errors (px) of all measured joints of people who are matched to a 2D pose.
 
-    Within a view people and 2D people are matched one to one, so that the sum of mean distances over
-    common joints is least. Joints that no detector sees (`SkeletonModel.derived`) do not count.
+    Within a view, people and 2D poses are matched one to one with the smallest sum of mean distances over
+    common joints. Joints that no detector sees (`SkeletonModel.derived`) do not count.
     """
     by_index = {found.index: found for found in detections}
     counts = np.ones(len(skeleton), bool)
@@ -155,7 +168,7 @@ def reprojection_errors(
 
 
 def bone_lengths(skeleton: SkeletonModel, poses: Iterable[TrackedPoseSet], identity: int) -> Array:
-    """Lengths (F, B) m of a person's bones in the F frames where it is there, NaN where an end is missing."""
+    """Return a person's bone lengths (F, B) m in the F frames with it, NaN where an end is missing."""
     parents, children = (list(side) for side in zip(*skeleton.bones))
     rows = [
         np.linalg.norm(positions[children] - positions[parents], axis=-1)
@@ -165,10 +178,12 @@ def bone_lengths(skeleton: SkeletonModel, poses: Iterable[TrackedPoseSet], ident
 
 
 def typical_acceleration(stamps_ns: Array, positions: Array) -> float:
-    """Median acceleration, m/s^2, of joints (F, J, 3) m over three frames in a row; NaN where there are none.
+    """Return the median acceleration (m/s^2) of joints (F, J, 3) m over three consecutive frames; NaN if
+    none.
 
     Args:
-        stamps_ns: (F,), growing. positions: NaN where a joint is missing.
+        stamps_ns: Timestamps (F,), increasing.
+        positions: Joints (F, J, 3) m, NaN where missing.
     """
     steps = 1e-9 * np.diff(stamps_ns)
     speeds = np.diff(positions, axis=0) / steps[:, None, None]
@@ -180,7 +195,7 @@ def typical_acceleration(stamps_ns: Array, positions: Array) -> float:
 
 
 def spread(values: Array) -> Spread:
-    """Median and p90 of the values that are finite."""
+    """Return count, median and 90th percentile of the finite values."""
     finite = np.asarray(values, float)
     finite = finite[np.isfinite(finite)]
     if not finite.size:
@@ -190,7 +205,7 @@ def spread(values: Array) -> Spread:
 
 
 def limb_joints(skeleton: SkeletonModel) -> tuple[int, ...]:
-    """The joints of arms and legs: shoulders, elbows, wrists, hips, knees and ankles of both sides."""
+    """Return the joints of arms and legs: shoulders, elbows, wrists, hips, knees and ankles of both sides."""
     paired = {joint for pair in skeleton.left_right for joint in pair}
     names = (name.lower() for name in skeleton.joint_names)
     return tuple(i for i, name in enumerate(names) if i in paired and name.endswith(LIMB_JOINTS))
@@ -199,7 +214,14 @@ def limb_joints(skeleton: SkeletonModel) -> tuple[int, ...]:
 def _matched(
     distances: Array, camera: int, ids: Array, farthest: float
 ) -> list[tuple[Array, Array, Array, Array]]:
-    """Columns of `ReprojectionErrors` for one view, from distances (P, D, J) px, NaN = not comparable."""
+    """Return columns of `ReprojectionErrors` for one view.
+
+    Args:
+        distances: Distances (P, D, J) px between projected and detected joints, NaN = not comparable.
+        camera: Index of the camera.
+        ids: Ids (P,) of the people.
+        farthest: Largest mean distance of a match, px.
+    """
     common = np.isfinite(distances)
     count = common.sum(-1)
     mean = np.where(common, distances, 0.0).sum(-1) / np.maximum(count, 1)
@@ -220,7 +242,7 @@ def _matched(
 
 
 def _frames_of(poses: Iterable[TrackedPoseSet], identity: int) -> list[Array]:
-    """Positions (J, 3) of one person in every frame where it is."""
+    """Return the positions (J, 3) m of one person in every frame with it."""
     return [pose.positions[i] for pose in poses for i in np.flatnonzero(pose.ids == identity)]
 
 
@@ -254,7 +276,7 @@ def _person(
 
 
 def limb_bones(skeleton: SkeletonModel) -> tuple[int, ...]:
-    """The bones of arms and legs."""
+    """Return the bones of arms and legs."""
     ends = set(limb_joints(skeleton))
     return tuple(
         b for b, bone in enumerate(skeleton.bones) if set(bone) <= ends and not _is_across(skeleton, b)
@@ -262,7 +284,7 @@ def limb_bones(skeleton: SkeletonModel) -> tuple[int, ...]:
 
 
 def _is_across(skeleton: SkeletonModel, bone: int) -> bool:
-    """Whether a bone is part of the trunk: between the sides, or from shoulder to hip."""
+    """Return whether a bone belongs to the trunk: it connects shoulders, hips, or a shoulder and a hip."""
     parent, child = (skeleton.joint_names[joint].lower() for joint in skeleton.bones[bone])
     trunk = ("shoulder", "hip")
     return parent.endswith(trunk) and child.endswith(trunk)

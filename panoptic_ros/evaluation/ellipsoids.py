@@ -1,4 +1,4 @@
-"""Whether errors of joints lie in the ellipsoids that their covariances state, by how many views see them."""
+"""Consistency of joint covariances: share of errors inside the 95 % ellipsoids, by number of views."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from panoptic_ros.evaluation.pairing import FramePair
 
 Array = np.ndarray
 
-ELLIPSOID_95 = 7.815  # squared Mahalanobis distance in space within which 95 % of errors lie
+ELLIPSOID_95 = 7.815  # 95 % quantile of the squared Mahalanobis distance in 3D (chi2, 3 degrees of freedom)
 ALL = "all"
-SEEN_BY = (("two views and more", 2, 1000), ("one view", 1, 1), ("no view", 0, 0))  # from and up to
+# (name, smallest and largest number of views)
+SEEN_BY = (("two views and more", 2, 1000), ("one view", 1, 1), ("no view", 0, 0))
 
 
 def squared_distances(gaps: Array, covariances: Array) -> Array:
-    """Squared Mahalanobis distances (...,) of errors (..., 3) m; NaN = no error."""
+    """Return squared Mahalanobis distances (...,) of errors (..., 3) m; NaN where the error is NaN."""
     squares = np.full(gaps.shape[:-1], np.nan)
     there = np.isfinite(gaps[..., 0])
     own = gaps[there][..., None]
@@ -28,15 +29,19 @@ def squared_distances(gaps: Array, covariances: Array) -> Array:
 
 @dataclass
 class EllipsoidTally:
-    """Joints of people, instant after instant, some of them given."""
+    """Running collection of joint errors over instants, with covariances and numbers of views."""
 
-    asked: int = 0  # joints that are true
-    errors: list[Array] = field(default_factory=list)  # (N,) m of the joints that are given
+    asked: int = 0  # number of true joints
+    errors: list[Array] = field(default_factory=list)  # (N,) m; errors of estimated joints
     squares: list[Array] = field(default_factory=list)  # (N,) squared Mahalanobis distances
-    views: list[Array] = field(default_factory=list)  # (N,) that measured them
+    views: list[Array] = field(default_factory=list)  # (N,) number of views that measured each joint
 
     def take(self, pair: FramePair, people: Collection[int] | None = None) -> None:
-        """One more instant; people: true ids who alone count, None = everybody."""
+        """Add one instant.
+
+        Args:
+            people: Truth ids of the people who count; None = all.
+        """
         ids = pair.truth_ids.tolist()
         counted = [row for row, number in enumerate(ids) if people is None or number in people]
         self.asked += int(np.isfinite(pair.truth[counted, :, 0]).sum())
@@ -50,10 +55,10 @@ class EllipsoidTally:
             self.views.append(pair.views[r, there])
 
     def rows(self) -> dict[str, Mapping[str, Any]]:
-        """Of all joints, and of those that so many views see, where there are any.
+        """Return scores of all joints, and of joints by number of views, where there are any.
 
-        given: their share of the true joints. mean_mm, p95_mm; in_ellipsoid: share of them that lie in their
-        own 95 % ellipsoid.
+        given: number of these joints / number of true joints. mean_mm, p95_mm: Mean and 95th percentile of
+        the error. in_ellipsoid: Share of errors inside the joint's own 95 % ellipsoid.
         """
         errors, squares, views = (_whole(found) for found in (self.errors, self.squares, self.views))
         masks = {ALL: np.ones(len(errors), bool)}

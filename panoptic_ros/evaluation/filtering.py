@@ -1,4 +1,4 @@
-"""Usual filters of skeletons, to compare with."""
+"""Standard skeleton filters, as baselines."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ Array = np.ndarray
 
 
 def savitzky_golay(raw: Sequence[TrackedPoseSet], frames: int = 7, order: int = 2) -> list[SkeletonFrame]:
-    """Every person's joints under the filter of Savitzky and Golay 1964 over so many frames.
+    """Filter every person's joints over `frames` frames after Savitzky and Golay 1964.
 
-    Where a joint is missing it is put in by a line, filtered over, and missing again.
+    Gaps of a joint are filled by linear interpolation for the filter and are missing again in the result. A
+    person with fewer instants than `frames` is not filtered.
     """
-    from scipy.signal import savgol_filter  # takes a second to load, which most runs do not need
+    from scipy.signal import savgol_filter  # takes a second to load, and most runs do not need it
 
     found: list[dict[int, Array]] = [{} for _ in raw]
     for number, rows in _by_person(raw).items():
@@ -37,12 +38,14 @@ def savitzky_golay(raw: Sequence[TrackedPoseSet], frames: int = 7, order: int = 
 def one_euro(
     raw: Sequence[TrackedPoseSet], cutoff: float = 3.0, beta: float = 4.0, speed_cutoff: float = 1.0
 ) -> list[SkeletonFrame]:
-    """Every person's joints under the filter of Casiez et al. 2012, which looks at the past only.
+    """Filter every person's joints with the causal filter of Casiez et al. 2012.
 
-    A joint that is missing is held where it was.
+    A missing joint keeps its last position.
 
     Args:
-        cutoff, speed_cutoff: Hz. beta: Hz per m/s, by which the cutoff grows with the speed.
+        cutoff: Smallest cut-off frequency of the positions, Hz.
+        beta: Increase of the cut-off frequency with speed, Hz per m/s.
+        speed_cutoff: Cut-off frequency of the speed, Hz.
     """
     found: list[dict[int, Array]] = [{} for _ in raw]
     for number, rows in _by_person(raw).items():
@@ -64,7 +67,7 @@ def one_euro(
 
 
 def _by_person(raw: Sequence[TrackedPoseSet]) -> dict[int, list[tuple[int, Array]]]:
-    """Instants and joints (J, 3) m of every person."""
+    """Return the frame indices and joints (J, 3) m of every person."""
     people: dict[int, list[tuple[int, Array]]] = {}
     for k, item in enumerate(raw):
         for number, points in zip(item.ids.tolist(), item.positions):

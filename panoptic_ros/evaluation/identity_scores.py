@@ -1,10 +1,10 @@
-"""Whether people are found, and whether they keep their identity.
+"""Scores of finding people and of keeping their identity.
 
-All counts are on found pairs. Switch: a truth person is found under another id than when last found;
-over a gap if the truth has no frame for `GAP` in between (nobody can follow people through cuts).
-Fragment: a truth person is found again after frames in which it was not (frames in which it is to
-be ignored do not count). MOTA = 1 - (missed + false + switches) / truth. IDF1 = 2 * found pairs under the
-best one-to-one map of identities / (truth + result).
+All counts are on found pairs. A switch occurs when a truth person is found under another id than last time.
+It is a switch over a gap if the truth has no frame for `GAP` in between, since no tracker can follow people
+through cuts. A fragment occurs when a truth person is found again after frames in which it was missed. Frames
+in which the person is ignored do not count. MOTA = 1 - (missed + false + switches) / truth. IDF1 = 2 * found
+pairs under the best one-to-one map of identities / (truth + result).
 """
 
 from __future__ import annotations
@@ -19,14 +19,16 @@ from scipy.optimize import linear_sum_assignment
 from panoptic_ros.evaluation.joint_scores import ratio
 from panoptic_ros.evaluation.pairing import FramePair
 
-GAP = 1.0  # s
+GAP = 1.0  # s; shortest interval without truth frames that counts as a gap
 
 
 @dataclass(frozen=True, slots=True)
 class PersonScores:
-    """Skeletons counted over all frames; recall and precision are shares of found ones.
+    """Counts of skeletons over all frames; recall and precision are shares of found skeletons.
 
-    unmatched_per_frame: skeletons of the result that are nobody's (of a truth that may not list everybody).
+    Args:
+        truth, result, found: Number of skeletons in the truth, in the result, and found.
+        unmatched_per_frame: Result skeletons per frame without a match. The truth may not list all people.
     """
 
     truth: int
@@ -42,19 +44,19 @@ class IdentityScores:
     """Counts of identity errors, and MOTA and IDF1 (at most 1)."""
 
     switches: int
-    switches_over_gaps: int  # of these
+    switches_over_gaps: int  # part of `switches`
     fragments: int
     mota: float
     idf1: float
 
 
 def found_ids(pair: FramePair) -> dict[int, int]:
-    """Result id of every truth person who is found in this frame."""
+    """Return the result id of every truth person who is found in this frame, by truth id."""
     return {who: name for (who, name), found in zip(pair.match_ids, pair.found) if found}
 
 
 def score_people(pairs: Sequence[FramePair]) -> PersonScores:
-    """Person recall and precision."""
+    """Return person recall and precision."""
     truth = sum(len(pair.truth_ids) for pair in pairs)
     result = sum(len(pair.result_ids) for pair in pairs)
     found = sum(int(pair.found.sum()) for pair in pairs)
@@ -65,9 +67,10 @@ def score_people(pairs: Sequence[FramePair]) -> PersonScores:
 
 
 def score_identities(pairs: Sequence[FramePair]) -> IdentityScores:
-    """Switches, fragments, MOTA and IDF1; pairs in the order of time."""
-    last: dict[int, tuple[int, int]] = {}  # truth person -> id when last found, stretch without gap
-    lost: set[int] = set()  # found before, missed since
+    """Return switches, fragments, MOTA and IDF1; pairs must be sorted by time."""
+    # truth person -> (id when last found, number of the stretch without gaps)
+    last: dict[int, tuple[int, int]] = {}
+    lost: set[int] = set()  # people found before and missed since
     together: Counter[tuple[int, int]] = Counter()
     switches = over_gaps = fragments = stretch = 0
     before = pairs[0].stamp_ns if pairs else 0
@@ -95,7 +98,7 @@ def score_identities(pairs: Sequence[FramePair]) -> IdentityScores:
 
 
 def _best_overlap(together: Counter[tuple[int, int]]) -> int:
-    """Largest number of found pairs under a one-to-one map of identities."""
+    """Return the largest number of found pairs under a one-to-one map of identities."""
     if not together:
         return 0
     whos = sorted({who for who, _ in together})

@@ -1,9 +1,9 @@
-"""Where a detector sees joints, in the frames of the segments of a body.
+"""Offsets of a detector's joints in the frames of body segments.
 
-Malleson et al. 2020, 3.3.2: per-axis medians over all frames, in metres in the frame of a segment, the same
-on both sides. A joint sits where two segments meet: its offset is taken in the frame of the one that it
-varies less in. It is a property of the detector AND of what the reference calls a joint; so it is measured on
-some people and judged on others.
+After Malleson et al. 2020, 3.3.2, the offsets are per-axis medians over all frames, in metres in a segment's
+frame, mirrored between the sides. A joint lies where two segments meet. Its offset is expressed in the frame
+of the segment in which it varies less. The offset depends on the detector AND on the joint definition of the
+reference. So it is measured on some people and evaluated on others.
 """
 
 from __future__ import annotations
@@ -17,12 +17,18 @@ from panoptic_ros.domain.segments import JointOffset, SegmentModel
 from panoptic_ros.evaluation.bias import Benefit, scores_of
 
 Array = np.ndarray
-FEWEST = 10  # looks at a joint
+FEWEST = 10  # smallest number of observations of a joint
 
 
 class PosedPeople(NamedTuple):
-    """M skeletons with what is true of them: ids (M,) of the truth; joints of the truth and of the detector
-    (M, J, 3) m; frames (M, S, 3, 3) of their bodies, world from segment."""
+    """M detected skeletons with their ground truth.
+
+    Args:
+        ids: Truth ids (M,).
+        truth: True joints (M, J, 3) m.
+        seen: Detected joints (M, J, 3) m.
+        frames: Segment rotations (M, S, 3, 3) of the bodies, world from segment.
+    """
 
     ids: Array
     truth: Array
@@ -30,12 +36,18 @@ class PosedPeople(NamedTuple):
     frames: Array
 
     def rows(self, which: Array) -> PosedPeople:
-        """Some of them."""
+        """Return the rows selected by an index or mask."""
         return PosedPeople(*(values[which] for values in self))
 
 
 class Kept(NamedTuple):
-    """A joint's offset m in the frame of a segment, and how far looks are off it in the mean, m."""
+    """Offset of a joint in the frame of one segment.
+
+    Args:
+        frame: Name of the segment.
+        offset: Median offset (3,) m.
+        spread: Mean distance of the observations from it, m.
+    """
 
     frame: str
     offset: Array
@@ -45,7 +57,7 @@ class Kept(NamedTuple):
 def measure_joint_offsets(
     people: PosedPeople, joint_names: Sequence[str], model: SegmentModel
 ) -> dict[str, JointOffset]:
-    """Offsets of the joints of both sides that are seen in enough frames, by their names."""
+    """Return the offsets by joint name, for all joints observed in enough frames on both sides together."""
     columns = {name: j for j, name in enumerate(joint_names)}
     found: dict[str, JointOffset] = {}
     for name in model.keypoints:
@@ -78,7 +90,7 @@ def measure_joint_offsets(
 def corrected_joints(
     people: PosedPeople, joint_names: Sequence[str], model: SegmentModel, offsets: Mapping[str, JointOffset]
 ) -> Array:
-    """The detector's joints (M, J, 3) m with these offsets taken out."""
+    """Return the detected joints (M, J, 3) m with these offsets removed."""
     found = people.seen.copy()
     for j, name in enumerate(joint_names):
         if name in offsets:
@@ -89,7 +101,10 @@ def corrected_joints(
 def judge_joint_offsets(
     people: PosedPeople, joint_names: Sequence[str], model: SegmentModel
 ) -> tuple[Benefit, ...]:
-    """For every person, what the offsets measured on all others are worth; nothing for one person alone."""
+    """Return each person's benefit from the offsets measured on all others.
+
+    The tuple is empty with only one person.
+    """
     persons = np.unique(people.ids).tolist()
     found = []
     for person in persons if len(persons) > 1 else ():
@@ -101,13 +116,13 @@ def judge_joint_offsets(
 
 
 def _looks(people: PosedPeople, joint: int, segment: int) -> Array:
-    """How far off the truth the detector sees a joint (M, 3) m, in the frames of a segment."""
+    """Return the offsets (M, 3) m of a detected joint from its true position, in a segment's frame."""
     apart = people.seen[:, joint] - people.truth[:, joint]
     found: Array = (people.frames[:, segment].swapaxes(1, 2) @ apart[..., None])[..., 0]
     return found
 
 
 def _other(name: str, names: Sequence[str] | Mapping[str, object]) -> str:
-    """What is on the other side; itself in the middle."""
+    """Return the name on the other side, or the name itself on the midline."""
     other = {"l": "r", "r": "l"}.get(name[:1], "") + name[1:]
     return other if other in names else name

@@ -1,4 +1,4 @@
-"""How far joints are off, and how many were found."""
+"""Position errors of joints, and shares of found joints."""
 
 from __future__ import annotations
 
@@ -11,31 +11,32 @@ from panoptic_ros.evaluation.pairing import FramePair
 
 Array = np.ndarray
 
-HIT = 0.10  # m, a joint within this distance counts for recall and precision
-PCK_THRESHOLDS = (0.02, 0.05, 0.10, 0.15)  # m
+HIT = 0.10  # m; a joint within this distance counts for recall and precision
+PCK_THRESHOLDS = (0.02, 0.05, 0.10, 0.15)  # m; error thresholds of PCK
 NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
 class JointScore:
-    """One joint over all matches; errors in mm."""
+    """Scores of one joint over all matches; errors in mm."""
 
     name: str
     mean_mm: float
     median_mm: float
     p90_mm: float
-    recall: float  # within HIT, of all truth joints of this name
+    recall: float  # share of all truth joints of this name that are within HIT
 
 
 @dataclass(frozen=True, slots=True)
 class JointScores:
     """Position errors over all matched joints, and recall and precision over all joints.
 
-    mpjpe_mm, median_mm: distance over all joints of all matches.
-    pck: (threshold in m, share of the truth joints of matched people that are closer); a missing
-        joint is wrong.
-    pck_of_everybody: the same, where all joints of people whom nothing matches are wrong, too.
-    recall, precision: joints within `HIT`, of all truth joints and of all result joints.
+    Args:
+        mpjpe_mm, median_mm: Mean and median distance over all joints of all matches.
+        pck: (threshold in m, share of the truth joints of matched people that are closer). A missing joint
+            counts as wrong.
+        pck_of_everybody: The same over all truth people. All joints of unmatched people count as wrong, too.
+        recall, precision: Joints within `HIT`, as shares of all truth joints and of all result joints.
     """
 
     mpjpe_mm: float
@@ -48,17 +49,17 @@ class JointScores:
 
 
 def ratio(part: float, whole: float) -> float:
-    """part / whole, NaN if the whole is 0."""
+    """Return part / whole, NaN if the whole is 0."""
     return float(part / whole) if whole else NAN
 
 
 def matched_distances(pairs: Sequence[FramePair], joints: int) -> Array:
-    """Distances (M, J) m of all matches of all frames, NaN where a joint is missing."""
+    """Return distances (M, J) m of all matches of all frames, NaN where a joint is missing."""
     return np.concatenate([np.empty((0, joints)), *(pair.distances for pair in pairs)])
 
 
 def pck_curve(pairs: Sequence[FramePair], joints: int, thresholds: Array, everybody: bool = False) -> Array:
-    """PCK (N,) at thresholds (N,) m: of the joints of matched people, or of everybody's."""
+    """Return PCK (N,) at thresholds (N,) m, over the joints of matched people or of all truth people."""
     distances = matched_distances(pairs, joints)
     errors = np.sort(distances[~np.isnan(distances)])
     whole = sum(_count(pair.truth if everybody else pair.truth[pair.matches[:, 0]]) for pair in pairs)
@@ -67,7 +68,7 @@ def pck_curve(pairs: Sequence[FramePair], joints: int, thresholds: Array, everyb
 
 
 def score_joints(pairs: Sequence[FramePair], joint_names: Sequence[str]) -> JointScores:
-    """Position errors, PCK, recall and precision of all joints."""
+    """Return position errors, PCK, recall and precision of all joints."""
     distances = matched_distances(pairs, len(joint_names))
     errors = distances[~np.isnan(distances)]
     hits = int((errors < HIT).sum())
@@ -100,5 +101,5 @@ def _score_joint(name: str, errors: Array, truth_count: int) -> JointScore:
 
 
 def _count(positions: Array) -> int:
-    """Number of joints (..., 3) that are not missing."""
+    """Return the number of joints (..., 3) that are not missing."""
     return int((~np.isnan(positions[..., 0])).sum())

@@ -1,5 +1,8 @@
-"""Errors of solved bodies against the truth: positions and orientations, global, root-relative,
-Procrustes (4.1)."""
+"""Errors of solved bodies against the ground truth.
+
+Positions and orientations are compared in the global frame, relative to the root, and after Procrustes
+alignment (4.1).
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from panoptic_ros.evaluation.ellipsoids import ELLIPSOID_95, squared_distances
 from panoptic_ros.geometry.rotations import mean_rotation, vectors_of
 
 Array = np.ndarray
-STANDING_SPEED = 0.1  # m/s
+STANDING_SPEED = 0.1  # m/s; speed below which a joint stands
 
 
 def score_bodies(
@@ -24,15 +27,21 @@ def score_bodies(
     skip_s: float,
     ground: Sequence[int] = (),
 ) -> dict[str, Any]:
-    """Errors of one subject at the stamps that both have, after the first seconds, of the segments that the
-    truth has (others are NaN there).
+    """Return the errors of one subject at common timestamps, after the first `skip_s` seconds.
 
-    mm: of the joints, global, relative to the root, after the best rigid motion of each frame (procrustes),
-    and without one constant offset of each joint in its segment's frame (aligned); deg: of the segments'
-    orientations, global, after the same motion, without one constant rotation of each segment, and
-    relative to the parent; of all of these mean, median, std and MAD (4.1). acc: m/s^2, of the joints'
-    accelerations. drift_m: farthest that the root goes from where it was off at first; standing_drift_m:
-    the same, of what is added while one of the joints `ground` truly stands.
+    Only segments that the truth has count; the other truth segments are NaN.
+
+    mm: Joint position errors, global. They are also given relative to the root (relative) and after the best
+    rigid motion of each frame (procrustes). A further variant removes one constant offset of each joint in
+    its segment's frame (aligned).
+
+    deg: Segment orientation errors, global. They are also given after the same rigid motion (procrustes),
+    without one constant rotation of each segment (aligned), and relative to the parent (joint). All of these
+    have mean, median, standard deviation and MAD (4.1).
+
+    acc: Mean error of the joint accelerations, m/s^2. drift_m: Largest distance of the root error from its
+    initial value. standing_drift_m: The same for the part of the error added while one of the joints `ground`
+    truly stands.
     """
     theirs = {state.stamp_ns: state for state in found}
     begin = truth[0].stamp_ns + round(skip_s * 1e9)
@@ -75,8 +84,12 @@ def score_bodies(
 def score_joint_angles(
     truth: Sequence[BodyState], found: Sequence[BodyState], model: SegmentModel, skip_s: float
 ) -> dict[str, float]:
-    """`angle_deg`: errors of all joint angles at the stamps that both have, after the first seconds: mean,
-    median, std, MAD. Where the middle one of three is near 90 deg, the other two are hardly defined."""
+    """Return the errors `angle_deg` of all joint angles at common timestamps, after the first `skip_s`
+    seconds.
+
+    They are given as mean, median, standard deviation and MAD. Where the middle one of three angles is near
+    90 deg, the other two are hardly defined.
+    """
     begin, theirs = truth[0].stamp_ns + round(skip_s * 1e9), {state.stamp_ns: state for state in found}
     pairs = [(s, theirs[s.stamp_ns]) for s in truth if s.stamp_ns >= begin and s.stamp_ns in theirs]
     if not pairs:
@@ -87,7 +100,7 @@ def score_joint_angles(
 
 
 def _whole(states: Sequence[BodyState]) -> list[int]:
-    """Segments that are there at all instants."""
+    """Return the segments that are finite at all instants."""
     places, frames = (np.array([getattr(s, name) for s in states]) for name in ("places", "frames"))
     kept = np.isfinite(places).all((0, 2)) & np.isfinite(frames).all((0, 2, 3))
     found: list[int] = np.flatnonzero(kept).tolist()
@@ -95,7 +108,7 @@ def _whole(states: Sequence[BodyState]) -> list[int]:
 
 
 def inside(found: Sequence[BodyState], truth: Sequence[BodyState]) -> float:
-    """Share of true joints that lie in the ellipsoids that are to hold 95 % of them; NaN without any."""
+    """Return the share of true joints inside the estimated 95 % ellipsoids; NaN without any."""
     true, shares = {state.stamp_ns: state for state in truth}, []
     for state in found:
         if state.covariances is not None and state.stamp_ns in true:
@@ -106,14 +119,14 @@ def inside(found: Sequence[BodyState], truth: Sequence[BodyState]) -> float:
 
 
 def _stands(joints: Array, step: float) -> Array:
-    """Whether (T,) one of the joints (T, G, 3) is slow since the instant before."""
+    """Return a mask (T,) of instants at which any joint (T, G, 3) is slow since the previous instant."""
     speeds = np.linalg.norm(np.diff(joints, axis=0, prepend=joints[:1]), axis=-1) / step
     found: Array = (speeds < STANDING_SPEED).any(-1)
     return found
 
 
 def _farthest(errors: Array, counted: Array) -> float:
-    """m, that errors (T, 3) go in the steps that are counted (T,)."""
+    """Return the largest distance (m) that errors (T, 3) cover in the counted steps (T,)."""
     steps = np.where(counted[1:, None], np.diff(errors, axis=0), 0.0)
     return float(np.linalg.norm(np.cumsum(steps, axis=0), axis=-1).max(initial=0.0))
 
@@ -135,7 +148,7 @@ def _degrees(rotations: Array) -> Array:
 
 
 def _procrustes(mine: Array, truth: Array) -> tuple[Array, Array]:
-    """Distances (T, J) after the best rotation and shift of each frame, and these rotations (T, 3, 3)."""
+    """Return distances (T, J) after the best rigid motion of each frame, and its rotations (T, 3, 3)."""
     a, b = mine - mine.mean(1, keepdims=True), truth - truth.mean(1, keepdims=True)
     u, _, v = np.linalg.svd(b.swapaxes(-1, -2) @ a)
     signs = np.ones((len(a), 3))

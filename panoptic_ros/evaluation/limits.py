@@ -1,4 +1,4 @@
-"""Bars that a report has to reach, as written on a command line: `person_recall=0.98`."""
+"""Limits on scores that a report must meet, as written on a command line: `person_recall=0.98`."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from panoptic_ros.errors import UsageError
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """A score by its name in `Report.to_mapping` (dots go into nested ones) and its bar."""
+    """Limit on a score, which is named as in `Report.to_mapping`; dots address nested scores."""
 
     name: str
     bar: float
-    upper: bool = False  # the score must not be above the bar; else not below
+    upper: bool = False  # True: the score must not exceed the bar. False: it must not be below the bar.
 
 
 def parse_limit(text: str, upper: bool = False) -> Limit:
-    """`name=number`.
+    """Parse a limit `name=number`.
 
     Raises:
-        UsageError: if the text is something else.
+        UsageError: If the text has another form.
     """
     name, _, number = text.partition("=")
     try:
@@ -32,10 +32,10 @@ def parse_limit(text: str, upper: bool = False) -> Limit:
 
 
 def failures(scores: Mapping[str, Any], limits: Sequence[Limit]) -> list[str]:
-    """One phrase for every limit that the scores miss; a score that is not defined misses.
+    """Return one phrase for every limit that the scores violate; an undefined score violates its limit.
 
     Raises:
-        UsageError: if there is no score of that name.
+        UsageError: If there is no score of that name.
     """
     phrases = []
     for limit in limits:

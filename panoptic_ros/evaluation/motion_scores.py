@@ -1,4 +1,4 @@
-"""Smoothness of the motion and consistency of the reported covariances."""
+"""Acceleration error of the motion, and consistency of the reported covariances."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ Array = np.ndarray
 
 
 VIEWS = ("predicted, filled", "1 or 2 views", "3 views", "4 views", "5 views and more")
-FIRST_VIEWS = (0, 1, 3, 4, 5)  # number of views from which joints are of these kinds
-MEDIAN_OF_CHI2, COVER_OF_CHI2 = 2.3659738843753377, 7.814727903251179  # 3 degrees of freedom: 50 %, 95 %
+FIRST_VIEWS = (0, 1, 3, 4, 5)  # smallest number of views of each kind
+# 50 % and 95 % quantiles of chi2 with 3 degrees of freedom
+MEDIAN_OF_CHI2, COVER_OF_CHI2 = 2.3659738843753377, 7.814727903251179
 
 
 @dataclass(frozen=True, slots=True)
 class ConsistencyOfSome:
-    """NEES, as in `Consistency`, of the joints that a certain number of views measured."""
+    """NEES, as in `Consistency`, of the joints measured by a certain number of views."""
 
     kind: str
     mean_per_dof: float
@@ -31,11 +32,13 @@ class ConsistencyOfSome:
 class Consistency:
     """Normalised estimation error squared (NEES) of all matched joints with a covariance.
 
-    mean_per_dof: mean squared error weighted with the inverse covariance, over 3; 1 = consistent.
-    median_per_expected: its median over that of chi2 with 3 degrees of freedom; 1 = consistent.
-    cover95: share of joints within their 95 % ellipsoid.
-    joints: how many joints count.
-    by_views: of joints that so many views measured, as far as the result tells.
+    Args:
+        mean_per_dof: Mean NEES divided by its 3 degrees of freedom; 1 = consistent.
+        median_per_expected: Median NEES divided by the median of chi2 with 3 degrees of freedom; 1 =
+            consistent.
+        cover95: Share of joints within their 95 % ellipsoid.
+        joints: Number of joints that count.
+        by_views: NEES by the number of views that measured a joint, as far as the result reports it.
     """
 
     mean_per_dof: float
@@ -46,9 +49,9 @@ class Consistency:
 
 
 def acceleration_error(pairs: Sequence[FramePair]) -> float:
-    """Mean norm, m/s^2, of the second difference of result minus truth.
+    """Return the mean norm (m/s^2) of the second difference of result minus truth; NaN if there is none.
 
-    Over three consecutive truth frames in which a person is matched to the same id; NaN if none.
+    It counts three consecutive truth frames in which a person is matched to the same id.
     """
     origin = pairs[0].stamp_ns if pairs else 0
     times = np.array([(pair.stamp_ns - origin) * 1e-9 for pair in pairs])
@@ -69,7 +72,7 @@ def acceleration_error(pairs: Sequence[FramePair]) -> float:
 
 
 def score_consistency(pairs: Sequence[FramePair]) -> Consistency | None:
-    """NEES of all matched joints; None if no covariances were reported."""
+    """Return the NEES of all matched joints; None if no covariances were reported."""
     values, numbers = [np.empty(0)], [np.empty(0, np.int64)]
     for pair in pairs:
         rows, columns = pair.matches.T
@@ -92,8 +95,8 @@ def score_consistency(pairs: Sequence[FramePair]) -> Consistency | None:
 
 
 def _by_views(nees: Array, views: Array) -> Iterator[ConsistencyOfSome]:
-    """The consistency of joints (N,) that so many views (N,) measured, where there are some."""
-    kinds = np.searchsorted(FIRST_VIEWS, views, side="right") - 1  # -1 = not told
+    """Yield the NEES of joints (N,) by kind of number of views, for kinds with any joints."""
+    kinds = np.searchsorted(FIRST_VIEWS, views, side="right") - 1  # -1 = not reported
     for kind, name in enumerate(VIEWS):
         own = nees[kinds == kind]
         if own.size:
@@ -101,12 +104,12 @@ def _by_views(nees: Array, views: Array) -> Iterator[ConsistencyOfSome]:
 
 
 def _cover(nees: Array) -> float:
-    """Share within the 95 % ellipsoid."""
+    """Return the share of joints within the 95 % ellipsoid."""
     return float((nees < COVER_OF_CHI2).mean())
 
 
 def _errors(pair: FramePair) -> dict[tuple[int, int], Array]:
-    """Result minus truth (J, 3) m of every match, by its ids."""
+    """Return result minus truth (J, 3) m of every match, by its pair of ids."""
     return {
         ids: pair.result[column] - pair.truth[row] for ids, (row, column) in zip(pair.match_ids, pair.matches)
     }

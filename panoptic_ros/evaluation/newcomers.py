@@ -1,4 +1,4 @@
-"""How long it takes until somebody who comes is found."""
+"""Delay until a new person is found."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from panoptic_ros.evaluation.pairing import FramePair
 
 
 def newcomers_waits(pairs: Sequence[FramePair]) -> dict[int, float]:
-    """Time in s from the first frame of the truth with a person to the first in which they are found.
+    """Return the delay (s) by truth id from a person's first truth frame to the first frame in which it is
+    found.
 
-    Who is in the first frame has not come. Infinite: never found. Pairs in the order of time.
+    People in the first frame do not count as new. The delay is infinite for people who are never found. Pairs
+    must be sorted by time.
     """
     came: dict[int, int] = {}
     waits: dict[int, float] = {}
@@ -29,7 +31,10 @@ def newcomers_waits(pairs: Sequence[FramePair]) -> dict[int, float]:
 
 
 def newcomers_scores(pairs: Sequence[FramePair]) -> dict[str, Any]:
-    """How many come, how many of them are never found, and the longest wait (s) of the others, or None."""
+    """Return the number of new people, the number never found, and the longest delay.
+
+    The longest delay (s) is taken over the people who are found; it is None without any.
+    """
     waits = newcomers_waits(pairs).values()
     found = [wait for wait in waits if math.isfinite(wait)]
     return {

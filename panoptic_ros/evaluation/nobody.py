@@ -1,4 +1,4 @@
-"""The likely reason why few or no people were found in 3D although the views show people."""
+"""Diagnosis of the likely reason why few or no people are found in 3D although the views show people."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from panoptic_ros.domain import DetectionSet
 from panoptic_ros.evaluation.rig_agreement import LEAST_JOINTS, LEAST_SCORE
 from panoptic_ros.stage import Notice
 
-MANY = 20  # 2D people, of whom somebody should be found
-HARDLY = 0.05  # of the people whom views show at an instant
+MANY = 20  # smallest number of 2D poses from which at least one person should be found
+HARDLY = 0.05  # smallest plausible share of people found, and of instants in which two views show people
 
 
 def why_nobody(sets: Sequence[DetectionSet], found: int, warnings: Sequence[Notice]) -> list[Notice]:
-    """Return a notice if few or none of many 2D people were found.
+    """Return a notice if few or no people were found from many 2D poses.
 
     Args:
-        found: people of all instants together.
-        warnings: what the check of the rig says.
+        sets: Detection sets of the capture.
+        found: Number of people found, summed over all instants.
+        warnings: Warnings of the rig check.
     """
     counts = [[len(view.scores) for view in item.views] for item in sets]
     seen = sum(map(sum, counts))

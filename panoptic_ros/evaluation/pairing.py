@@ -1,10 +1,13 @@
-"""Who in the result is whom in the truth, frame by frame.
+"""Assignment of result people to truth people, frame by frame.
 
-Frames: every truth frame is paired with the result frame of the nearest stamp, within half a frame
-period; a result frame is used once. The truth is moved to the result's stamp by a cubic spline per
-person. People: Hungarian assignment on the mean distance over the joints that both have (at
-least `MIN_COMMON`); pairs above `GATE` are dropped. Truth that is to be ignored does not count, nor do
-results that match it, or that match nobody and are within the gate of it.
+Frames: every truth frame is paired with the result frame of the nearest timestamp, within half a frame
+period. A result frame is used once. The truth is interpolated to the result's timestamp by a cubic spline per
+person.
+
+People: they are assigned by the Hungarian method on the mean distance over common joints (at least
+`MIN_COMMON`). Pairs above `GATE` are dropped. Ignored truth people do not count. A result does not count
+either if it matches an ignored person. The same holds for a result that matches no person and is within the
+gate of an ignored one.
 """
 
 from __future__ import annotations
@@ -19,61 +22,61 @@ from panoptic_ros.evaluation.sequences import SkeletonFrame, SkeletonSequence
 
 Array = np.ndarray
 
-GATE = 0.5  # m, largest mean distance of a match
-FOUND = 0.15  # m, a match below this mean distance counts as a person found
-MIN_COMMON = 3  # joints that a match must share
-MIN_TRACK = 4  # frames that a cubic spline needs
-_LONE_FRAME_NS = 5e8  # how far apart the stamps may be if there is only one truth frame
-_FORBIDDEN = 1e3  # m, cost of a pair that is no match
+GATE = 0.5  # m; largest mean distance of a match
+FOUND = 0.15  # m; a match below this mean distance counts as a found person
+MIN_COMMON = 3  # smallest number of common joints of a match
+MIN_TRACK = 4  # smallest number of frames for a cubic spline
+_LONE_FRAME_NS = 5e8  # ns; largest timestamp difference if there is only one truth frame
+_FORBIDDEN = 1e3  # m; cost of a pair that cannot be a match
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FramePair:
-    """One truth frame with its result frame, without what is to be ignored.
+    """One truth frame with its result frame, without ignored people.
 
-    Letters: T people of the truth, R of the result, M matches.
+    Letters: T truth people, R result people, M matches.
     """
 
-    stamp_ns: int  # of the result, or of the truth if there is no result
+    stamp_ns: int  # timestamp of the result, or of the truth if there is no result
     offset_ns: int | None  # result minus truth; None if there is no result
     truth_ids: Array  # (T,)
     truth: Array  # (T, J, 3) m at stamp_ns
     result_ids: Array  # (R,)
     result: Array  # (R, J, 3) m
     covariances: Array  # (R, J, 3, 3) m^2
-    views: Array  # (R, J) that measured each joint, see `SkeletonFrame`
+    views: Array  # (R, J) number of views that measured each joint, see `SkeletonFrame`
     matches: Array  # (M, 2) rows of truth and result
     distances: Array  # (M, J) m, NaN where either joint is missing
 
     @property
     def means(self) -> Array:
-        """Mean joint distance of every match (M,), m."""
+        """Return the mean joint distance (M,) m of every match."""
         means: Array = np.nanmean(self.distances, axis=1)
         return means
 
     @property
     def found(self) -> Array:
-        """Which matches (M,) count as a person found."""
+        """Return a mask (M,) of matches that count as a found person."""
         return self.means < FOUND
 
     @property
     def match_ids(self) -> list[tuple[int, int]]:
-        """Ids (truth, result) of the matches."""
+        """Return the ids (truth, result) of the matches."""
         return [(int(self.truth_ids[t]), int(self.result_ids[r])) for t, r in self.matches]
 
 
 def pair_sequences(truth: SkeletonSequence, result: SkeletonSequence, skip: int = 0) -> list[FramePair]:
-    """All truth frames but the first `skip`, each paired with its result; see `pairs_in_turn`."""
+    """Return all truth frames but the first `skip`, each paired with its result; see `pairs_in_turn`."""
     return list(pairs_in_turn(truth, result, skip))
 
 
 def pairs_in_turn(truth: SkeletonSequence, result: SkeletonSequence, skip: int = 0) -> Iterator[FramePair]:
-    """All truth frames but the first `skip`, one after another, each paired with its result.
+    """Yield all truth frames but the first `skip` in order, each paired with its result.
 
-    The result needs joints of the truth's names; joints that it lacks are missing.
+    Joints are matched by name; joints that the result lacks are missing.
 
     Raises:
-        DataError: if truth and result have no joint in common.
+        DataError: If truth and result have no joint in common.
     """
     result = result.with_joints(truth.joint_names)
     partners = nearest_frames(
@@ -86,15 +89,15 @@ def pairs_in_turn(truth: SkeletonSequence, result: SkeletonSequence, skip: int =
 
 
 def nearest_frames(truth_stamps: Array, result_stamps: Array) -> list[int | None]:
-    """For every truth stamp (T,), in order, the index of the result stamp (R,) paired with it, or None."""
+    """Return for each truth stamp (T,), in order, the index of its paired result stamp (R,), or None."""
     if not len(truth_stamps):
         return []
     limit = np.diff(truth_stamps).min() / 2 if len(truth_stamps) > 1 else _LONE_FRAME_NS
-    best: dict[int, tuple[int, int]] = {}  # truth frame -> offset, result frame
+    best: dict[int, tuple[int, int]] = {}  # truth frame -> (offset, result frame)
     after = np.clip(np.searchsorted(truth_stamps, result_stamps), 1, max(len(truth_stamps) - 1, 1))
     around = np.stack([after - 1, np.minimum(after, len(truth_stamps) - 1)])
     offsets = np.abs(truth_stamps[around] - result_stamps)
-    nearest = offsets.argmin(axis=0)  # the earlier one of two
+    nearest = offsets.argmin(axis=0)  # the earlier of two equally near frames
     for k, side in enumerate(nearest):
         i, offset = int(around[side, k]), int(offsets[side, k])
         if offset <= limit and (i not in best or offset < best[i][0]):
@@ -103,7 +106,7 @@ def nearest_frames(truth_stamps: Array, result_stamps: Array) -> list[int | None
 
 
 class TruthMotion:
-    """The true joints of everybody as functions of time, near the truth's frames."""
+    """Spline interpolation of the true joints of all people, near the truth's frames."""
 
     def __init__(self, truth: SkeletonSequence):
         self._origin = truth.frames[0].stamp_ns if truth.frames else 0
@@ -111,7 +114,7 @@ class TruthMotion:
         for frame in truth.frames:
             for number, joints in zip(frame.ids.tolist(), frame.positions):
                 rows.setdefault(number, []).append((self._seconds(frame.stamp_ns), joints))
-        from scipy.interpolate import CubicSpline  # takes long to load, which runs do not need
+        from scipy.interpolate import CubicSpline  # takes long to load, and most runs do not need it
 
         self._splines: dict[int, CubicSpline] = {}
         for number, track in rows.items():
@@ -123,12 +126,12 @@ class TruthMotion:
         return (stamp_ns - self._origin) * 1e-9
 
     def at(self, number: int, stamp_ns: int) -> Array | None:
-        """Joints (J, 3) of a person at a stamp; None if too few frames show the whole person."""
+        """Return the joints (J, 3) m of a person at a timestamp; None without a spline for this person."""
         spline = self._splines.get(number)
         return None if spline is None else spline(self._seconds(stamp_ns))
 
     def moved(self, frame: SkeletonFrame, stamp_ns: int) -> Array:
-        """The frame's people (P, J, 3) at another stamp; unchanged if they cannot be moved."""
+        """Return the frame's people (P, J, 3) m at another timestamp; unchanged if they have no spline."""
         if stamp_ns == frame.stamp_ns:
             return frame.positions
         moved = frame.positions.copy()
@@ -140,7 +143,7 @@ class TruthMotion:
 
 
 def distance_table(truth: Array, result: Array) -> tuple[Array, Array, Array]:
-    """Distances (T, R, J) m, their means (T, R) m or inf, and how many joints are common (T, R)."""
+    """Return distances (T, R, J) m, their means (T, R) m or inf, and the number of common joints (T, R)."""
     distances = np.linalg.norm(truth[:, None] - result[None], axis=-1)
     common = (~np.isnan(distances)).sum(-1)
     means = np.nansum(distances, axis=-1) / np.maximum(common, 1)
@@ -148,7 +151,7 @@ def distance_table(truth: Array, result: Array) -> tuple[Array, Array, Array]:
 
 
 def match_people(truth: Array, result: Array) -> tuple[Array, Array]:
-    """Matches (M, 2) between people (T, J, 3) and (R, J, 3), and their distances (M, J) m."""
+    """Return matches (M, 2) between people (T, J, 3) and (R, J, 3), and their distances (M, J) m."""
     joints = truth.shape[1]
     if not len(truth) or not len(result):
         return np.empty((0, 2), np.int64), np.empty((0, joints))
@@ -198,7 +201,7 @@ def _pair(motion: TruthMotion, truth: SkeletonFrame, result: SkeletonFrame | Non
 
 
 def _near(result: Array, people: Array) -> Array:
-    """Which results (R,) are within the gate of any of the people (P, J, 3)."""
+    """Return a mask (R,) of results that are within the gate of any of the people (P, J, 3)."""
     if not len(people) or not len(result):
         return np.zeros(len(result), bool)
     near: Array = np.any(distance_table(people, result)[1] <= GATE, axis=0)
@@ -206,5 +209,5 @@ def _near(result: Array, people: Array) -> Array:
 
 
 def _renumber(kept: Array) -> Array:
-    """New row of each kept row, for a mask (N,)."""
+    """Return the new row of each kept row, for a mask (N,)."""
     return np.cumsum(kept) - 1

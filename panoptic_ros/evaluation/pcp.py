@@ -1,22 +1,21 @@
 """Percentage of correct parts (PCP) on the Shelf and Campus annotation, by two published rules.
 
-A limb is right if the mean error of its two ends is at most half of its true length (Belagiannis et
-al. 2014). Ten limbs: upper and lower arms and legs, head (bottom to top), torso (mid hip to bottom of
+A limb is correct if the mean error of its two ends is at most half of its true length (Belagiannis et al.
+2014). There are ten limbs: upper and lower arms and legs, head (bottom to top), torso (mid hip to bottom of
 the head). Actors that are not annotated in a frame do not count there.
 
-voxelpose: every annotated actor takes the nearest estimate (mean distance over the 14 joints); one
-    estimate may serve two actors, so ghosts cost nothing.
-4d-association: one-to-one assignment on the summed distance over 15 joints (mid hip added); an actor
-    without an estimate is left out of the count.
+voxelpose: every annotated actor gets the nearest estimate (mean distance over the 14 joints).
+    One estimate may serve two actors, so ghosts cost nothing.
+4d-association: estimates are assigned one to one on the summed distance over 15 joints (mid hip added).
+    An actor without an estimate is left out of the count.
 
-Published numbers are the mean over actors 1 to 3 of the frames 300 to 600. The rules take complete
-skeletons for granted; here a limb with a missing end is wrong, the distance is taken over the joints
-that are there, and one ear stands for both if the other is missing.
+Published numbers are the mean over actors 1 to 3 in frames 300 to 600. The rules assume complete skeletons.
+Here a limb with a missing end is wrong, and distances are taken over the joints that are present. One ear
+stands for both if the other is missing.
 
-The 14 joints of the Shelf and Campus annotation, made from those of a detector.
-
-The annotation marks the bottom and the top of the head, which no common detector reports; how they are
-made from nose, ears and shoulders is part of a protocol and moves its numbers by points.
+The 14 annotation joints are derived from the joints of a detector. The annotation marks the bottom and the
+top of the head, which no common detector reports. Each protocol derives them differently from nose, ears and
+shoulders, and this choice changes its numbers by points.
 """
 
 from __future__ import annotations
@@ -67,12 +66,12 @@ PARTS = (
 )
 JOINTS = (*ANNOTATION_JOINTS, "mid_hip")
 ENDS = np.array([[JOINTS.index(a), JOINTS.index(b)] for _, a, b in PARTS])  # (10, 2)
-FAR = 1e3  # m, cost of an estimate that shares no joint with an actor
-AVERAGED_ACTORS = 3  # of the four; the last one is left out of published means
+FAR = 1e3  # m; cost of an estimate that shares no joint with an actor
+AVERAGED_ACTORS = 3  # number of actors in published means, which leave out the last of four
 
 
 def plain_name(name: str) -> str:
-    """A joint's name in snake case with the side first: lShoulder and LShoulder are left_shoulder."""
+    """Return a joint's name in snake case, side first: lShoulder and LShoulder become left_shoulder."""
     sided = re.fullmatch(r"([lLrR])([A-Z][A-Za-z]*)", name)
     if sided:
         return ("left_" if sided[1] in "lL" else "right_") + sided[2].lower()
@@ -80,7 +79,7 @@ def plain_name(name: str) -> str:
 
 
 class NamedJoints:
-    """Joints (P, J, 3) m by their plain names; NaN where one is missing."""
+    """Joints (P, J, 3) m, accessed by their plain names; NaN where one is missing."""
 
     def __init__(self, joint_names: Sequence[str], positions: Array):
         self._columns = {plain_name(name): i for i, name in enumerate(joint_names)}
@@ -90,30 +89,30 @@ class NamedJoints:
         return name in self._columns
 
     def __getitem__(self, name: str) -> Array:
-        """Positions (P, 3).
+        """Return positions (P, 3) m of a joint.
 
         Raises:
-            DataError: if the skeletons have no such joint.
+            DataError: If the skeletons have no such joint.
         """
         if name not in self._columns:
             raise DataError(f"PCP needs the joint {name}, which the result does not have")
         return self._positions[:, self._columns[name]]
 
     def middle(self, name: str) -> Array:
-        """Mean (P, 3) of the left and right joint; the other one where one of them is missing."""
+        """Return the mean (P, 3) of the left and right joint, or the other one where one is missing."""
         left, right = self["left_" + name], self["right_" + name]
         both = 0.5 * (left + right)
         return np.where(np.isnan(left), right, np.where(np.isnan(right), left, both))
 
 
 def annotated_joints(joints: NamedJoints, head: Array) -> Array:
-    """The 14 annotation joints (P, 14, 3) m; `head` (P, 2, 3) is its bottom and top."""
+    """Return the 14 annotation joints (P, 14, 3) m; `head` (P, 2, 3) is the bottom and top of the head."""
     body = np.stack([joints[name] for name in BODY_JOINTS], axis=1)
     return np.concatenate([body, head], axis=1)
 
 
 def head_of_voxelpose(joints: NamedJoints) -> Array:
-    """Bottom and top of the head (P, 2, 3) m as VoxelPose's evaluation has them."""
+    """Return bottom and top of the head (P, 2, 3) m as VoxelPose's evaluation defines them."""
     shoulders, ears, nose = joints.middle("shoulder"), joints.middle("ear"), joints["nose"]
     centre = 0.5 * (shoulders + ears)
     bottom = shoulders + 0.5 * (nose - shoulders)
@@ -123,7 +122,7 @@ def head_of_voxelpose(joints: NamedJoints) -> Array:
 
 
 def head_of_association(joints: NamedJoints) -> Array:
-    """Bottom and top of the head (P, 2, 3) m as 4D Association's evaluation has them."""
+    """Return bottom and top of the head (P, 2, 3) m as 4D Association's evaluation defines them."""
     shoulders, ears = joints.middle("shoulder"), joints.middle("ear")
     neck = joints["neck"] if "neck" in joints else shoulders
     hips = joints["mid_hip"] if "mid_hip" in joints else joints.middle("hip")
@@ -136,11 +135,11 @@ def head_of_association(joints: NamedJoints) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class PcpRule:
-    """One protocol."""
+    """PCP protocol: its name, its head definition, and its assignment."""
 
     name: str
     head: Callable[[NamedJoints], Array]
-    exclusive: bool  # one estimate per actor; actors without one do not count
+    exclusive: bool  # each estimate serves one actor, and actors without an estimate do not count
 
 
 PCP_RULES: dict[str, PcpRule] = {
@@ -151,12 +150,17 @@ PCP_RULES: dict[str, PcpRule] = {
 
 @dataclass(frozen=True, slots=True)
 class PcpReport:
-    """Shares in 0..1, NaN where nothing counts.
+    """PCP shares in 0..1, NaN where nothing counts.
 
     Args:
-        actors: number of each actor, from 1; poses: how many of their poses count.
-        by_limb: per limb and actor; limb_means: over the first three actors.
-        by_actor: over the ten limbs; mean: over the first three actors that are annotated.
+        rule: Name of the protocol.
+        limbs: Limb names.
+        actors: Number of each actor, from 1.
+        poses: Number of poses that count, by actor.
+        by_limb: Share per limb and actor.
+        limb_means: Share per limb, averaged over those of the first three actors that have counted poses.
+        by_actor: Share per actor, averaged over the ten limbs.
+        mean: Mean of `by_actor` over those of the first three actors that have counted poses.
     """
 
     rule: str
@@ -169,7 +173,7 @@ class PcpReport:
     mean: float
 
     def to_mapping(self) -> dict[str, Any]:
-        """For `--json`: percent, None where nothing counts."""
+        """Return the report for `--json`, in percent, with None where nothing counts."""
 
         def percent(share: float) -> float | None:
             return None if np.isnan(share) else 100.0 * share
@@ -185,12 +189,12 @@ class PcpReport:
 
 
 def evaluate_pcp(truth: SkeletonSequence, result: SkeletonSequence, protocol: str) -> PcpReport:
-    """PCP of a result; `protocol` is a key of `PCP_RULES`.
+    """Return the PCP of a result; `protocol` is a key of `PCP_RULES`.
 
-    The truth has the 14 annotation joints and ids from 0 (actor 1). Frames are paired by stamp.
+    The truth must have the 14 annotation joints and ids from 0 (actor 1). Frames are paired by timestamp.
 
     Raises:
-        DataError: if a joint that is needed is missing.
+        DataError: If a required joint is missing.
     """
     rule = PCP_RULES[protocol]
     annotated = _truth_joints(truth)
@@ -205,7 +209,7 @@ def evaluate_pcp(truth: SkeletonSequence, result: SkeletonSequence, protocol: st
 
 
 def right_limbs(truth: Array, estimate: Array) -> Array:
-    """Which of the ten limbs (10,) are right, for joints (15, 3) m of truth and estimate."""
+    """Return a mask (10,) of correct limbs, for joints (15, 3) m of truth and estimate."""
     errors = np.linalg.norm(truth - estimate, axis=-1)
     lengths = np.linalg.norm(truth[ENDS[:, 0]] - truth[ENDS[:, 1]], axis=-1)
     right: Array = errors[ENDS].mean(axis=1) <= 0.5 * lengths  # NaN compares false
@@ -213,7 +217,7 @@ def right_limbs(truth: Array, estimate: Array) -> Array:
 
 
 def _truth_joints(truth: SkeletonSequence) -> list[Array]:
-    """Annotated joints (P, 15, 3) of every frame."""
+    """Return the annotated joints (P, 15, 3) m of every frame."""
     columns = {plain_name(name): i for i, name in enumerate(truth.joint_names)}
     missing = [name for name in ANNOTATION_JOINTS if name not in columns]
     if missing:
@@ -223,7 +227,7 @@ def _truth_joints(truth: SkeletonSequence) -> list[Array]:
 
 
 def _estimates(rule: PcpRule, joint_names: tuple[str, ...], people: Array | None) -> Array:
-    """Estimated joints (P, 15, 3) of one frame."""
+    """Return the estimated joints (P, 15, 3) m of one frame."""
     if people is None or not len(people):
         return np.empty((0, len(JOINTS), 3))
     joints = NamedJoints(joint_names, people)
@@ -234,14 +238,14 @@ def _estimates(rule: PcpRule, joint_names: tuple[str, ...], people: Array | None
 
 
 def _with_hips(joints: Array) -> Array:
-    """Joints (P, 14, 3) and the middle of the hips: (P, 15, 3)."""
+    """Return the joints (P, 14, 3) extended by the middle of the hips: (P, 15, 3)."""
     right, left = JOINTS.index("right_hip"), JOINTS.index("left_hip")
     middle = 0.5 * (joints[:, right] + joints[:, left])
     return np.concatenate([joints, middle[:, None]], axis=1)
 
 
 def _assign(rule: PcpRule, actors: Array, estimates: Array) -> list[tuple[int, Array]]:
-    """(row of the actor, joints (15, 3) of its estimate) for every actor that counts."""
+    """Return (row of the actor, joints (15, 3) of its estimate) for every actor that counts."""
     nothing = np.full((len(JOINTS), 3), np.nan)
     if not len(actors):
         return []

@@ -1,7 +1,7 @@
-"""What smoothing can change: errors that are not the same all the time, and how steady motion is.
+"""Scores that smoothing can change: time-varying errors, and smoothness of motion.
 
-A detector's joints lie elsewhere than the truth's by convention. That is a constant offset of each joint of a
-person in the frame of the torso, which no smoothing touches; here it is removed.
+A detector's joint definitions differ from those of the truth. The difference is a constant offset of each
+joint of a person in the torso frame. Smoothing does not change this offset, so these scores remove it.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from panoptic_ros.geometry.torso import torso_frames
 
 Array = np.ndarray
 TORSO = ("lShoulder", "rShoulder", "lHip", "rHip")
-FAST = 1.0  # m/s of the truth
+FAST = 1.0  # m/s; true speed above which a joint counts as fast
 PCK_M = 0.1
 
 
 def refinement_scores(pairs: Sequence[FramePair], joint_names: Sequence[str]) -> dict[str, float]:
-    """Figures of results against their truth, by name; NaN where nothing counts.
+    """Return scores of results against their truth by name; NaN where nothing counts.
 
-    acceleration_error: m/s^2, see `acceleration_error`. mpjpe_mm: mean error. offset_free_mm and
-    offset_free_p95_mm: mean and 95th percentile after a constant offset per person and joint in the truth's
-    torso frame (its mean over all pairs). fast_mm: the same of joints whose truth is faster than 1 m/s.
-    pck_10cm: share of the truth's joints that are within 10 cm.
+    acceleration_error: See `acceleration_error`, m/s^2. mpjpe_mm: Mean error. offset_free_mm,
+    offset_free_p95_mm: Mean and 95th percentile of the error without its constant offset. The offset is the
+    mean error over all pairs, per person and joint, in the truth's torso frame. fast_mm: The same mean for
+    joints whose true speed is above 1 m/s. pck_10cm: Share of the truth's joints with an error below 10 cm.
 
     Raises:
-        DataError: if the truth lacks shoulders or hips.
+        DataError: If the truth lacks shoulders or hips.
     """
     missing = [name for name in TORSO if name not in joint_names]
     if missing:
@@ -68,7 +68,10 @@ def refinement_scores(pairs: Sequence[FramePair], joint_names: Sequence[str]) ->
 
 
 def _speeds(pairs: Sequence[FramePair]) -> list[dict[int, Array]]:
-    """Speed (J,) m/s of the truth's people at every pair, by central differences; ends are left out."""
+    """Return the joint speeds (J,) m/s of the truth's people at every pair, by id.
+
+    They are central differences, so the first and the last pair have none.
+    """
     found: list[dict[int, Array]] = [{} for _ in pairs]
     places = [dict(zip(pair.truth_ids.tolist(), pair.truth)) for pair in pairs]
     for k in range(1, len(pairs) - 1):

@@ -1,4 +1,4 @@
-"""All scores of one result."""
+"""Report with all scores of one result."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from panoptic_ros.evaluation.sequences import SkeletonSequence
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Everything that `evaluate` measures; each part documents its definitions."""
+    """All scores of `evaluate`; each part documents its definitions."""
 
-    frames: int  # truth frames that count
-    paired_frames: int  # of these, with a result
-    mean_offset_ms: float  # stamp of the result minus that of the truth
+    frames: int  # number of truth frames that count
+    paired_frames: int  # number of these with a result
+    mean_offset_ms: float  # timestamp of the result minus that of the truth
     largest_offset_ms: float
     joints: JointScores
     people: PersonScores
@@ -37,7 +37,7 @@ class Report:
     consistency: Consistency | None  # None: no covariances were reported
 
     def to_mapping(self) -> dict[str, Any]:
-        """The scores under their names in `--json`; what is not defined (NaN) is None."""
+        """Return the scores under their names in `--json`, with None for undefined values (NaN)."""
         joints, people, identities = self.joints, self.people, self.identities
         scores: dict[str, Any] = _plain(
             {
@@ -77,7 +77,7 @@ def evaluate(truth: SkeletonSequence, result: SkeletonSequence, skip: int = 0) -
     """Compare a result with the truth; `skip` leaves out the first truth frames.
 
     Raises:
-        DataError: if the truth is empty, or truth and result have no joint in common.
+        DataError: If the truth is empty, or truth and result have no joint in common.
     """
     if not truth.frames:
         raise DataError("the truth has no frames")
@@ -85,7 +85,7 @@ def evaluate(truth: SkeletonSequence, result: SkeletonSequence, skip: int = 0) -
 
 
 def report_of(pairs: Sequence[FramePair], joint_names: Sequence[str]) -> Report:
-    """The scores of frames that are paired already."""
+    """Return the scores of frames that are already paired."""
     offsets = np.array([1e-6 * pair.offset_ns for pair in pairs if pair.offset_ns is not None])
     return Report(
         frames=len(pairs),
@@ -101,7 +101,7 @@ def report_of(pairs: Sequence[FramePair], joint_names: Sequence[str]) -> Report:
 
 
 def _plain(value: Any) -> Any:
-    """NaN replaced by None, recursively."""
+    """Return the value with NaN replaced by None, recursively."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     return None if isinstance(value, float) and math.isnan(value) else value

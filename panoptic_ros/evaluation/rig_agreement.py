@@ -1,13 +1,13 @@
-"""How well the rays of people meet, camera pair by camera pair, without any solver.
+"""Agreement of camera pairs, measured by how closely the rays of people meet, without any solver.
 
-For two cameras, people are matched one to one so that the rays of their joints miss each other as
-little as possible. The residual of a joint is the pixel error that both views would have to share
-for its rays to meet: e = d / (z_a / f_a + z_b / f_b), with the rays' distance d and the depths z. It does
-not depend on the unit of length, and is `BEHIND` where the rays meet behind a camera.
+For two cameras, people are matched one to one so that the rays of their joints have the smallest distances.
+The residual of a joint is the pixel error that both views would have to share for its rays to meet. It is e =
+d / (z_a / f_a + z_b / f_b), with the rays' distance d and the depths z. It does not depend on the unit of
+length, and is `BEHIND` where the rays meet behind a camera.
 
-A wrong calibration moves the residuals of one person together, smoothly over the image; noise of the
-detector scatters them. So the scatter about a plane over the person's joints measures the noise, whatever the
-calibration is.
+A wrong calibration changes the residuals of one person together, smoothly over the image; detector noise
+scatters them. So the scatter about a plane over the person's joints measures the noise, independently of the
+calibration.
 """
 
 from __future__ import annotations
@@ -23,18 +23,22 @@ from panoptic_ros.domain import Camera, Rig, ViewDetections
 from panoptic_ros.geometry import Intrinsics
 
 Array = np.ndarray
-BEHIND = 1e4  # px
-SHARE = 0.4  # of the matched people that must meet: others may be ghosts or seen once only
-LEAST_SCORE = 0.2  # of a joint that is used
-LEAST_JOINTS = 5  # of a person that is used
-LEAST_ANGLE = 0.1  # rad between two rays; flatter ones say nothing about each other's depth
-ALL_PAIRS = 10  # cameras; with more, each is compared with NEIGHBOURS others, evenly spread
+BEHIND = 1e4  # px; residual of rays that meet behind a camera
+# quantile of matched people that must agree, since others may be ghosts or visible to one camera only
+SHARE = 0.4
+LEAST_SCORE = 0.2  # smallest score of a joint that is used
+LEAST_JOINTS = 5  # smallest number of joints of a person that is used
+# rad; smallest angle between two rays, since flatter ones do not determine each other's depth
+LEAST_ANGLE = 0.1
+# largest number of cameras with all pairs compared; beyond it, each has NEIGHBOURS evenly spread partners
+ALL_PAIRS = 10
 NEIGHBOURS = 6
-EXTENTS_PER_S = 1.0  # a person walks at the speed of so many of their extents, 1.4 m/s
-LATEST_S = 0.05  # between two views of an instant, of which that is allowed for; more is a fault of clocks
+EXTENTS_PER_S = 1.0  # walking speed in body extents per second, which is 1.4 m/s
+# s; largest time difference between two views whose motion is allowed for; more is a clock fault
+LATEST_S = 0.05
 PLANE = 3  # coefficients of a plane over the image
-FEWEST_FOR_NOISE = 7  # joints, of which the plane takes three
-SIGMA = 1.4826  # standard deviations in a median absolute deviation, of the normal distribution
+FEWEST_FOR_NOISE = 7  # smallest number of joints for a noise estimate; the plane uses up three of them
+SIGMA = 1.4826  # ratio of the standard deviation to the median absolute deviation, normal distribution
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +46,12 @@ class Met:
     """People matched between two cameras, over all instants.
 
     Args:
-        pixels: (M,) median over the joints of the residual, px, without what walking explains where the two
-            images are of different times.
-        metres: (M,) median distance of the rays, in the unit of the rig.
-        points: (M, J, 3) midway between the rays, NaN where a joint is missing.
-        signed: (M, J) residual with its sign, px, NaN where a joint is missing.
-        plane: (M, J, 2) the joints in the first view, on the plane at distance 1.
+        pixels: Median residual (M,) px over the joints, less the part that walking explains where the two
+            images have different times.
+        metres: Median distance (M,) of the rays, in the unit of the rig.
+        points: Midpoints (M, J, 3) between the rays, NaN where a joint is missing.
+        signed: Signed residual (M, J) px, NaN where a joint is missing.
+        plane: Joints (M, J, 2) in the first view, on the plane at distance 1.
     """
 
     pixels: Array
@@ -63,13 +67,13 @@ class Met:
 
     @cached_property
     def typical(self) -> tuple[float, float]:
-        """The residual that a `SHARE` of the people have, px, and the distance, in the unit of the rig."""
+        """Return the `SHARE` quantile over people of the residual (px) and of the distance (rig's unit)."""
         return float(np.quantile(self.pixels, SHARE)), float(np.quantile(self.metres, SHARE))
 
     def noise(self) -> Array:
-        """Return the standard deviation (M,) of the residuals about a plane over the image, px.
+        """Return the standard deviation (M,) px of the residuals about a plane over the image.
 
-        NaN for people with too few joints.
+        It is NaN for people with too few joints.
         """
         found = np.full(len(self.signed), np.nan)
         there = np.isfinite(self.signed) & np.isfinite(self.plane).all(-1)
@@ -82,7 +86,7 @@ class Met:
 
 
 def camera_pairs(rig: Rig) -> list[tuple[int, int]]:
-    """The pairs (a, b), a < b, that are compared."""
+    """Return the camera pairs (a, b), a < b, to compare."""
     count = len(rig)
     if count <= ALL_PAIRS:
         return [(a, b) for a in range(count) for b in range(a + 1, count)]
@@ -92,13 +96,13 @@ def camera_pairs(rig: Rig) -> list[tuple[int, int]]:
 
 
 class RayCache:
-    """Undistorted points of views, so that trying other poses does not undistort again."""
+    """Cache of undistorted view points, so that trying other poses does not repeat the undistortion."""
 
     def __init__(self) -> None:
         self._rays: dict[tuple[Intrinsics, ViewDetections], Array] = {}
 
     def rays(self, camera: Camera, views: Sequence[ViewDetections]) -> Array:
-        """Return unit rays (F, P, J, 3) in the world for F views, NaN for joints of no or low score."""
+        """Return unit rays (F, P, J, 3) in the world for F views, NaN for joints with no or a low score."""
         each = self._in_camera(camera.intrinsics, views)
         people = max(len(rays) for rays in each)
         stack = np.full((len(each), people, *each[0].shape[1:]), np.nan)
@@ -108,9 +112,9 @@ class RayCache:
         return rotated
 
     def _in_camera(self, intrinsics: Intrinsics, views: Sequence[ViewDetections]) -> list[Array]:
-        """Return rays (P, J, 3) of every view in the axes of its camera."""
+        """Return the rays (P, J, 3) of every view in camera axes."""
         new = [view for view in views if (intrinsics, view) not in self._rays]
-        if new:  # all at once: undistorting takes iterations
+        if new:  # undistort all new views at once, because undistortion is iterative
             points = [np.where((view.scores >= LEAST_SCORE)[..., None], view.points, np.nan) for view in new]
             plane = intrinsics.undistort(np.concatenate(points))
             rays = np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1)
@@ -127,7 +131,7 @@ def meet(
     views: Sequence[tuple[ViewDetections, ViewDetections]],
     cache: RayCache,
 ) -> Met:
-    """The people that two cameras saw at the same instants, matched one to one."""
+    """Return the people that two cameras saw at the same instants, matched one to one."""
     if not views:
         return Met.nobody()
     rays_a = cache.rays(camera_a, [a for a, _ in views])[:, :, None]
@@ -173,7 +177,7 @@ def _scale(camera_a: Camera, camera_b: Camera, depth_a: Array, depth_b: Array) -
 
 
 def _plane(rays: Array, camera: Camera) -> Array:
-    """Return where rays (M, J, 3) of the world meet the camera's plane at distance 1, (M, J, 2)."""
+    """Return the intersections (M, J, 2) of world rays (M, J, 3) with the camera's plane at distance 1."""
     own = rays @ camera.cam_from_world.rotation.T
     with np.errstate(divide="ignore", invalid="ignore"):
         plane: Array = own[..., :2] / own[..., 2:]
@@ -181,7 +185,7 @@ def _plane(rays: Array, camera: Camera) -> Array:
 
 
 def _extent(plane: Array) -> Array:
-    """Return the size (M,) of people on the plane (M, J, 2), NaN = not seen."""
+    """Return the size (M,) of people on the plane (M, J, 2), NaN = not visible."""
     if not len(plane):
         return np.zeros(0)
     there = np.isfinite(plane)
@@ -191,7 +195,7 @@ def _extent(plane: Array) -> Array:
 
 
 def _matches(residual: Array, enough: Array) -> tuple[Array, Array, Array]:
-    """Indices (instant, person of a, person of b) of the best matching of each instant."""
+    """Return indices (instant, person of a, person of b) of the best matching of each instant."""
     found = []
     for instant, (costs, allowed) in enumerate(zip(residual, enough)):
         rows, columns = linear_sum_assignment(np.where(allowed, np.minimum(costs, BEHIND), 2 * BEHIND))
@@ -201,7 +205,7 @@ def _matches(residual: Array, enough: Array) -> tuple[Array, Array, Array]:
 
 
 def _median(values: Array, known: Array, enough: Array) -> Array:
-    """Lower median (P, Q) of the known values (P, Q, J); inf where there are not enough."""
+    """Return the lower median (P, Q) of the known values (P, Q, J); inf where there are too few."""
     ordered = np.sort(np.where(known, values, np.inf), axis=-1)
     middle = np.maximum((known.sum(-1) - 1) // 2, 0)
     median = np.take_along_axis(ordered, middle[..., None], axis=-1)[..., 0]

@@ -1,15 +1,15 @@
-"""Do the views of a rig agree? Says in plain words what is wrong, if it is one of the usual mistakes.
+"""Check that the views of a rig agree, and name the usual mistake in plain words if they do not.
 
-In: a rig and the 2D people of some instants. Out: a `RigReport`. The rays of the same person in two
-views must meet (`rig_agreement`). Where they do not, each usual mistake is undone on trial
-(`rig_mistakes`) and named if the rays meet then. Where they do, the size of the people tells the
-unit of length, and their posture which way is up. All of it works before any solver.
+Input: a rig and the 2D poses of some instants. Output: a `RigReport`. The rays of the same person in two
+views must meet (`rig_agreement`). Where they do not, each usual mistake is undone on trial (`rig_mistakes`)
+and reported if the rays then meet. Where they do, the size of the people determines the unit of length, and
+their posture the up direction. The check needs no solver.
 
-The joints of a person scatter about a smooth residual by the noise of the detector. Rays that miss by several
-times that noise do not agree, so the bounds scale with the noise that the data show.
+The residuals of a person's joints scatter about a smooth function by the detector noise. Rays that miss by
+several times that noise do not agree, so the tolerances scale with the noise in the data.
 
-Limits: a rig that is wrong by less passes (see the residuals of the report); so does one that
-agrees with itself for another reason, e.g. cameras moved one place on in a symmetric ring.
+Limits: a rig with smaller errors passes (see the residuals of the report). A rig also passes if it agrees
+with itself for another reason, e.g. with all cameras shifted by one place in a symmetric ring.
 """
 
 from __future__ import annotations
@@ -37,23 +37,27 @@ from panoptic_ros.evaluation.rig_up import check_up, directions_of_people
 from panoptic_ros.stage import Notice
 
 MOST_INSTANTS = 12
-LEAST_PEOPLE = 3  # matched, for a pair to say anything
-DROP = 0.4  # of the residual that may be left when a mistake is undone
+LEAST_PEOPLE = 3  # smallest number of matched people for a camera pair to count
+DROP = 0.4  # largest share of the residual that may remain when a mistake is undone
 MOST_MISTAKES = 4
-WORST = 300.0  # px, all larger residuals count the same
-NOISES = 3.0  # standard deviations of the noise, by which rays of views that agree may miss
-SUSPICION = 0.55  # of the tolerance
-LEAST_ROOMS = 3  # of two groups that disagree, one is probably wrong
-SURE = 0.8  # of the noise, below which residuals are no accident: noise alone gives 0.5
-BETTER = 0.99  # of the residual, by which a later suspect explains more: equal ones leave the first
+WORST = 300.0  # px; all larger residuals count as this
+NOISES = 3.0  # largest residual of views that agree, in standard deviations of the noise
+SUSPICION = 0.55  # share of the tolerance; a larger residual is suspicious
+# smallest number of groups taken as rooms; of two groups that disagree, one is probably wrong
+LEAST_ROOMS = 3
+SURE = 0.8  # share of the noise; smaller residuals prove agreement, while noise alone gives 0.5
+# a later suspect must reduce the residual below this share of the best, so that the first of equals wins
+BETTER = 0.99
 
 
 @dataclass(frozen=True)
 class CameraFit:
-    """Agreement of a camera with the others: median residual over them, px; NaN without matched people.
+    """Agreement of a camera with the others.
 
     Args:
-        noise_px: by which the residuals of one person's joints scatter; NaN if too few joints are seen.
+        residual_px: Median residual over the other cameras, px; NaN without matched people.
+        people: Number of matched people.
+        noise_px: Scatter of the residuals of one person's joints, px; NaN if too few joints are visible.
     """
 
     camera: str
@@ -64,36 +68,40 @@ class CameraFit:
 
 @dataclass(frozen=True)
 class RigReport:
-    """What was found; no warnings = the views agree, or there is nothing to tell from."""
+    """Result of a rig check. Without warnings, the views agree or there is too little data."""
 
     notices: tuple[Notice, ...]
     cameras: tuple[CameraFit, ...]
 
     @property
     def warnings(self) -> tuple[Notice, ...]:
-        """The notices that are more than information."""
+        """Return the notices that are more severe than information."""
         return tuple(notice for notice in self.notices if notice.severity != "info")
 
 
 def tolerance_px(camera: Camera, noise_px: float = np.inf) -> float:
-    """Return the residual up to which a camera counts as agreeing: noise of detectors and a slight misfit.
+    """Return the largest residual (px) of a camera that agrees, allowing for detector noise and a slight
+    misfit.
 
     Args:
-        noise_px: standard deviation of residuals that the data show.
+        noise_px: Standard deviation of the residuals in the data.
     """
     longest = max(camera.image_size)
     return min(10.0 + 0.008 * longest, max(2.0 + 0.002 * longest, NOISES * noise_px))
 
 
 def suspicion_px(camera: Camera, noise_px: float = np.inf) -> float:
-    """Return the residual from which on mistakes are looked for; naming one needs a clear drop besides."""
+    """Return the residual (px) above which mistakes are searched.
+
+    Reporting a mistake also requires a clear drop of the residual.
+    """
     return SUSPICION * tolerance_px(camera, noise_px)
 
 
 def check_rig(rig: Rig, sets: Sequence[DetectionSet], skeleton: SkeletonModel) -> RigReport:
-    """Check a rig against the 2D people of some instants (the first seconds of a capture).
+    """Check a rig against the 2D poses of some instants (the first seconds of a capture).
 
-    Without people only the numbers of the rig are looked at.
+    Without people, only the numbers of the rig are checked.
     """
     notices = list(implausible_cameras(rig))
     every: Instants = [{view.camera: view for view in s.views if view.camera in rig.names} for s in sets]
@@ -121,7 +129,7 @@ def check_rig(rig: Rig, sets: Sequence[DetectionSet], skeleton: SkeletonModel) -
 
 
 def _is_told_by(note: Notice, other: Notice) -> bool:
-    """Return whether a notice on numbers is repeated by one of the same kind that rests on people."""
+    """Return whether a notice based on numbers is repeated by one of its kind that is based on people."""
     cameras = set(note.values.get("cameras", ()))
     return note.code == other.code and bool(cameras) and cameras <= set(other.values["cameras"])
 
@@ -131,7 +139,7 @@ _NONE = "without 2D people only the numbers of the rig were checked, not whether
 
 
 def _fitted(rig: Rig, instants: Instants) -> Rig:
-    """The rig with its intrinsics scaled to the images that came, where only their size differs."""
+    """Return the rig with its intrinsics scaled to the actual image size, where only the scale differs."""
     cameras = []
     for camera in rig.cameras:
         sizes = [instant[camera.name].image_size for instant in instants if camera.name in instant]
@@ -147,10 +155,10 @@ def _fitted(rig: Rig, instants: Instants) -> Rig:
 
 @dataclass(frozen=True)
 class _Trial:
-    """A rig, its views, and how the rays of each pair of cameras meet.
+    """Rig on trial: its views, and the agreement of each camera pair.
 
     Args:
-        noise: px by camera; cameras without enough people lack it.
+        noise: Noise by camera, px; cameras without enough people are absent.
     """
 
     rig: Rig
@@ -166,7 +174,7 @@ class _Trial:
         return cls(rig, instants, met, cache, _noise_of(rig, met))
 
     def changed(self, suspect: Suspect) -> _Trial:
-        """The trial with a mistake undone; only the pairs of its cameras are computed anew."""
+        """Return the trial with a mistake undone; only the pairs of its cameras are recomputed."""
         rig, instants = suspect.undo(self.rig, self.instants)
         touched = {self.rig.index(name) for name in suspect.cameras}
         met = {
@@ -176,7 +184,7 @@ class _Trial:
         return _Trial(rig, instants, met, self.cache, self.noise)
 
     def measured(self) -> _Trial:
-        """The trial with the noise that its own residuals show."""
+        """Return the trial with the noise estimated from its own residuals."""
         return replace(self, noise=_noise_of(self.rig, self.met))
 
     def tolerance(self, name: str) -> float:
@@ -198,7 +206,11 @@ class _Trial:
     def residuals(
         self, name: str, in_metres: bool = False, others: Collection[str] | None = None
     ) -> list[float]:
-        """Return a residual, px or in the unit of the rig, for each other camera (of `others`), sorted."""
+        """Return the sorted residuals of a camera with each other camera, in px or in the unit of the rig.
+
+        Args:
+            others: Cameras to compare with. Default: all.
+        """
         at = self.rig.index(name)
         partners = {self.rig.index(other) for other in (self.rig.names if others is None else others)} - {at}
         return sorted(
@@ -208,22 +220,26 @@ class _Trial:
         )
 
     def residual(self, name: str) -> float:
-        """Lower median over the other cameras: one bad neighbour of two does no harm."""
+        """Return the lower median over the other cameras, so that one bad neighbour of two has no effect."""
         values = self.residuals(name)
         return values[(len(values) - 1) // 2] if values else float("nan")
 
     def suspicious(self) -> tuple[str, ...]:
-        """Cameras that do not meet most others, and perhaps some that others make look bad."""
+        """Return the cameras that disagree with most others.
+
+        They can include correct cameras, if wrong ones make them look bad.
+        """
         names = self.doubtful()
         return tuple(name for name in names if _upper(self.residuals(name)) > self.suspicion(name))
 
     def doubtful(self) -> list[str]:
         """Return the cameras that may be wrong.
 
-        Where most pairs disagree, but most cameras agree with others within the noise, in three groups,
-        the cameras stand in several rooms and see different people. Those in a group are right then.
+        The cameras may be in several rooms and see different people. This is assumed if most pairs disagree,
+        but most cameras form at least three groups that agree within the noise. Cameras in such a group are
+        then taken as correct.
         """
-        group = {name: name for name in self.rig.names}  # by its first camera
+        group = {name: name for name in self.rig.names}  # group of each camera, named by its first camera
         apart = spoken = 0
         for pair, met in self.met.items():
             if self.speaks(met):
@@ -240,7 +256,7 @@ class _Trial:
         return alone if in_rooms else list(self.rig.names)
 
     def blamed(self) -> list[str]:
-        """Cameras that do not agree with the others once the worse ones are left out."""
+        """Return the cameras that still disagree with the others after the worse ones are left out."""
         left = self.doubtful()
         blamed: list[str] = []
         while True:
@@ -252,14 +268,14 @@ class _Trial:
             blamed.append(worst)
             left.remove(worst)
             if len(left) < 2:
-                return blamed + left  # of two that disagree either may be wrong
+                return blamed + left  # if two cameras disagree, either may be wrong
 
     def total(self) -> float:
         values = [met.typical[0] for met in self.met.values() if self.speaks(met)]
         return float(np.mean(np.minimum(values, WORST))) if values else float("inf")
 
     def agrees(self, names: Sequence[str]) -> bool:
-        """Whether most pairs of each of these cameras agree; of two, both."""
+        """Return whether most pairs of each of these cameras agree; with two pairs, both must agree."""
         for name in names:
             values = self.residuals(name)
             if not values or _upper(values) > self.suspicion(name):
@@ -268,12 +284,15 @@ class _Trial:
 
 
 def _upper(values: Sequence[float]) -> float:
-    """Upper median: half of the others, or more, are at most this far; 0 if there is none."""
+    """Return the upper median: at least half of the values do not exceed it; 0 without values."""
     return values[len(values) // 2] if values else 0.0
 
 
 def _noise_of(rig: Rig, met: Mapping[tuple[int, int], Met]) -> dict[str, float]:
-    """Return the noise in px by camera: the least of its pairs, as a wrong pose of the other adds to it."""
+    """Return the noise (px) by camera, the minimum over its pairs.
+
+    A wrong pose of the other camera adds to the noise of a pair.
+    """
     rows: dict[str, list[float]] = {}
     for pair, own in met.items():
         noise = own.noise()
@@ -292,7 +311,7 @@ def _meet(rig: Rig, instants: Instants, pair: tuple[int, int], cache: RayCache) 
 def _explanation(
     trial: _Trial, bad: tuple[str, ...], skeleton: SkeletonModel
 ) -> tuple[Notice, _Trial] | None:
-    """The mistake that explains most, and the trial without it."""
+    """Return a notice about the mistake that explains most, and the trial without it."""
     best: tuple[float, Suspect, _Trial] | None = None
     for stage in suspects(trial.rig, bad, skeleton.mirror):
         for suspect in stage:
@@ -313,7 +332,7 @@ def _explanation(
 
 
 def _helps(trial: _Trial, other: _Trial, suspect: Suspect) -> bool:
-    """Whether the rays of the suspect's cameras meet far better without the mistake."""
+    """Return whether the rays of the suspect's cameras meet far better without the mistake."""
     before, after = (_middle(t, suspect.cameras) for t in (trial, other))
     enough = other.said() >= 0.5 * trial.said()
     return enough and after < DROP * before and other.agrees(suspect.cameras)

@@ -1,7 +1,7 @@
-"""The usual mistakes of a calibration, each as a change that would undo it.
+"""Usual mistakes of a calibration, each as a change that undoes it.
 
-`suspects` lists for a rig what may have been mixed up; applying a suspect to rig and views gives
-those that would be right if the suspicion holds. Whether it does, the meeting rays tell (`rig_check`).
+`suspects` lists the possible mistakes of a rig. Applying a suspect to rig and views returns the corrected
+ones, if the suspicion is true. `rig_check` tests this by the distances of the rays.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ Array = np.ndarray
 Instant = Mapping[str, ViewDetections]
 Instants = list[Instant]
 SCALES = (0.25, 0.5, 2.0 / 3.0, 0.75, 4.0 / 3.0, 1.5, 2.0, 4.0)
-ALL_ORDERS = 4  # suspicious cameras whose every order is tried
-ALL_TRIPLES = 8  # and of which every three are tried in turn; of more only two
+ALL_ORDERS = 4  # largest number of suspicious cameras for which every order is tried
+# largest number of suspicious cameras for which cyclic exchanges of three are tried; beyond it, only pairs
+ALL_TRIPLES = 8
 
 
 @dataclass(frozen=True)
@@ -28,10 +29,10 @@ class Suspect:
     """One possible mistake.
 
     Args:
-        code: of the notice.
-        cameras: whose residuals it would change.
-        text: what is wrong, with the cameras' names.
-        undo: rig and views without the mistake.
+        code: Code of the notice.
+        cameras: Cameras whose residuals the mistake affects.
+        text: Description of the mistake, with the cameras' names.
+        undo: Function that returns rig and views without the mistake.
     """
 
     code: str
@@ -41,10 +42,11 @@ class Suspect:
 
 
 def suspects(rig: Rig, bad: tuple[str, ...], mirror: tuple[int, ...]) -> Iterator[list[Suspect]]:
-    """What may be wrong, given the cameras that do not agree with the others; the simplest first.
+    """Yield groups of possible mistakes, the simplest first, given the cameras that disagree with the others.
 
     Args:
-        mirror: `SkeletonModel.mirror`.
+        bad: Cameras that disagree.
+        mirror: See `SkeletonModel.mirror`.
     """
     names = rig.names
     everywhere = [
@@ -61,7 +63,7 @@ def suspects(rig: Rig, bad: tuple[str, ...], mirror: tuple[int, ...]) -> Iterato
         yield everywhere
     yield [suspect for name in bad for suspect in _of_one_camera(rig.camera(name), mirror)]
     yield list(_orders(rig, bad))
-    others = [name for name in names if name not in bad]  # which may agree by chance
+    others = [name for name in names if name not in bad]  # these may agree by chance
     yield [suspect for pair in itertools.product(bad, others) for suspect in _exchanges(rig, *pair)]
 
 
@@ -130,7 +132,7 @@ def could_be_reordered(intrinsics: Intrinsics) -> bool:
 
 
 def in_our_order(camera: Camera) -> Camera:
-    """Return the camera with terms k1 k2 k3 p1 p2 that were read as k1 k2 p1 p2 k3."""
+    """Return the camera with terms k1 k2 k3 p1 p2, read as k1 k2 p1 p2 k3, put into the expected order."""
     terms = camera.intrinsics.distortion.copy()
     terms[2:5] = terms[[3, 4, 2]]
     intrinsics = replace(camera.intrinsics, distortion=terms)
@@ -145,7 +147,7 @@ def _scaled(scale: float) -> Callable[[Camera], Camera]:
 
 
 def scaled_intrinsics(intrinsics: Intrinsics, scale: float) -> Intrinsics:
-    """The intrinsics for images resized by `scale`; the corner of the image stays at -0.5, -0.5."""
+    """Return the intrinsics for images resized by `scale`; the image corner stays at -0.5, -0.5."""
     matrix = intrinsics.matrix.copy()
     matrix[:2] *= scale
     matrix[:2, 2] += 0.5 * (scale - 1.0)
@@ -165,7 +167,7 @@ def _turns(mirror: tuple[int, ...]) -> list[tuple[str, Turn]]:
         return turned(view, width - 1 - view.points[..., 0], height - 1 - view.points[..., 1], False)
 
     def mirrored(view: ViewDetections) -> ViewDetections:
-        other = list(mirror)  # a mirrored left hand is taken for a right one
+        other = list(mirror)  # a detector labels a mirrored left hand as a right hand
         points, scores = view.points[:, other], view.scores[:, other]
         x = view.image_size[0] - 1 - points[..., 0]
         return replace(view, points=np.stack([x, points[..., 1]], -1), scores=scores, maps=None)
@@ -194,15 +196,18 @@ def _turn_views(name: str, turn: Turn) -> Callable[[Rig, Instants], tuple[Rig, I
     return apply
 
 
-# --- who is who
+# --- exchanged cameras
 
 
-Order = Mapping[str, str]  # camera: whose views, intrinsics or pose are really its own
+Order = Mapping[str, str]  # camera -> camera under whose name its own views, intrinsics or pose are stored
 Undo = Callable[[Rig, Instants], tuple[Rig, Instants]]
 
 
 def _orders(rig: Rig, bad: tuple[str, ...]) -> Iterator[Suspect]:
-    """Yield exchanges of two cameras, of their intrinsics or poses; other orders, if the suspects are few."""
+    """Yield exchanges of two cameras, or of their intrinsics or poses.
+
+    With few suspects, it also yields longer permutations.
+    """
     for pair in itertools.combinations(bad, 2):
         yield from _exchanges(rig, *pair)
     for moved in _longer_orders(bad):
@@ -222,7 +227,7 @@ def _exchanges(rig: Rig, *pair: str) -> Iterator[Suspect]:
 
 
 def _longer_orders(bad: tuple[str, ...]) -> Iterator[dict[str, str]]:
-    """Orders that move three cameras or more, as {name: where its views are}."""
+    """Yield permutations that move three or more cameras, as {name: source of its views}."""
     if len(bad) <= ALL_ORDERS:
         for order in itertools.permutations(bad):
             moved = {name: other for name, other in zip(bad, order) if name != other}
@@ -235,7 +240,10 @@ def _longer_orders(bad: tuple[str, ...]) -> Iterator[dict[str, str]]:
 
 
 def _views_of(source: Order) -> Undo:
-    """Camera `name` gets the views that are called source[name]; the views themselves stay as they are."""
+    """Return a change that gives camera `name` the views of source[name].
+
+    The views themselves stay unchanged.
+    """
 
     def apply(rig: Rig, instants: Instants) -> tuple[Rig, Instants]:
         origins = {name: source.get(name, name) for name in rig.names}
@@ -248,7 +256,7 @@ def _views_of(source: Order) -> Undo:
 
 
 def _fields_of(field: str) -> Callable[[Order], Undo]:
-    """Give camera `name` a field of the camera source[name]."""
+    """Return a function that builds the change giving camera `name` a field of the camera source[name]."""
 
     def undo(source: Order) -> Undo:
         def apply(rig: Rig, instants: Instants) -> tuple[Rig, Instants]:
@@ -270,7 +278,7 @@ def _any(rig: Rig, names: Sequence[str]) -> bool:
 
 
 def _differ_within_a_size(rig: Rig, names: Sequence[str]) -> bool:
-    """Return whether cameras have images of one size and lenses of one kind, but other numbers."""
+    """Return whether cameras have one image size and one kind of lens, but different intrinsics."""
     cameras = [rig.camera(name) for name in names]
     first = cameras[0]
     return all(
@@ -283,7 +291,14 @@ def _differ_within_a_size(rig: Rig, names: Sequence[str]) -> bool:
 
 @dataclass(frozen=True)
 class _Kind:
-    """A kind of exchange: texts for two cameras and for several, how to undo it, between which it can be."""
+    """Kind of exchange.
+
+    Args:
+        pair: Message text for two cameras.
+        several: Message text for several cameras.
+        undo: Function that builds the change undoing an exchange.
+        could_be: Test whether the exchange is possible between given cameras.
+    """
 
     pair: str
     several: str
@@ -291,7 +306,7 @@ class _Kind:
     could_be: Callable[[Rig, Sequence[str]], bool] = _any
 
 
-_KINDS = (  # where two explain the same, the first is told
+_KINDS = (  # if two kinds explain the same, the first is reported
     _Kind("cameras {a} and {b} look exchanged", "cameras look mixed up", _views_of),
     _Kind(
         "the intrinsics of cameras {a} and {b} look exchanged",

@@ -1,4 +1,4 @@
-"""What can be told from the numbers of a rig, the sizes of the images and the size of people."""
+"""Plausibility checks of a rig: its numbers, the sizes of the images, and the size of people."""
 
 from __future__ import annotations
 
@@ -12,16 +12,19 @@ from panoptic_ros.stage import Notice
 
 Array = np.ndarray
 UNITS = {"feet": 3.281, "inches": 39.37, "centimetres": 100.0, "millimetres": 1000.0, "kilometres": 0.001}
-USUAL_EXTENT = 1.4  # m, largest distance of two joints of somebody, half of them hidden or sitting
-POSSIBLE_EXTENT = (0.5, 3.0)  # m
-FAR_APART = 200.0  # m
-MOST_TANGENTIAL = 0.03  # of the distance from the middle, at a corner; poor lenses shift points by 0.01
-ONE_PLACE = 1e-3  # of the rig's span, between two cameras of one pose; stereo heads are wider
-ONE_DIRECTION = np.radians(0.5)  # rad, the same for their rotations
+# m; usual largest distance between two joints of a person, who may be half hidden or sitting
+USUAL_EXTENT = 1.4
+POSSIBLE_EXTENT = (0.5, 3.0)  # m; plausible range of this distance
+FAR_APART = 200.0  # m; largest plausible span of a rig
+# largest shift of an image corner by tangential terms, as a share of its radius; poor lenses reach 0.01
+MOST_TANGENTIAL = 0.03
+# share of the rig's span; closer cameras count as one pose, since even stereo heads are wider
+ONE_PLACE = 1e-3
+ONE_DIRECTION = np.radians(0.5)  # rad; the same limit for their rotations
 
 
 def implausible_cameras(rig: Rig) -> list[Notice]:
-    """Notices on numbers that no camera has."""
+    """Return notices on values that no real camera has."""
     found = [note for camera in rig.cameras for note in (_view_angle(camera), _principal_point(camera))]
     notices = [note for note in found if note] + _reordered(rig)
     centres = np.stack([camera.centre for camera in rig.cameras])
@@ -38,7 +41,7 @@ def implausible_cameras(rig: Rig) -> list[Notice]:
 
 
 def _at_one_pose(rig: Rig, near: float) -> list[Notice]:
-    """Return notices on cameras that look the same way from centres within `near`, in the unit of the rig."""
+    """Return notices on cameras with equal orientation and centres within `near`, in the unit of the rig."""
     groups: list[list[Camera]] = []
     for camera in rig.cameras:
         group = next((own for own in groups if _is_alike(own[0], camera, near)), None)
@@ -67,7 +70,7 @@ def _is_alike(a: Camera, b: Camera, near: float) -> bool:
 def _view_angle(camera: Camera) -> Notice | None:
     focal = camera.intrinsics.matrix[0, 0]
     fisheye = camera.intrinsics.lens == "fisheye"
-    half = 0.5 * camera.image_size[0] / focal  # rad of a fisheye
+    half = 0.5 * camera.image_size[0] / focal  # half angle in rad for a fisheye lens
     angle = float(np.degrees(2.0 * (half if fisheye else np.arctan(half))))
     if 5.0 <= angle <= (230.0 if fisheye else 150.0):
         return None
@@ -79,9 +82,10 @@ def _view_angle(camera: Camera) -> Notice | None:
 
 
 def _reordered(rig: Rig) -> list[Notice]:
-    """Return a notice if tangential terms shift points more than a lens does, as radial terms there do.
+    """Return a notice if the tangential terms shift points by more than lenses do.
 
-    In the other order they must shift points less, else that order is no better explanation.
+    Radial terms stored in the place of tangential ones cause such shifts. The other order of terms must shift
+    points less, else it does not explain them better.
     """
     shares = [(_tangential_share(camera), camera) for camera in rig.cameras]
     odd = [
@@ -101,7 +105,7 @@ def _reordered(rig: Rig) -> list[Notice]:
 
 
 def _tangential_share(camera: Camera) -> float:
-    """Return the largest shift of a corner by tangential terms, as a share of its radius."""
+    """Return the largest shift of an image corner by tangential terms, as a share of its radius."""
     lens = camera.intrinsics
     if not could_be_reordered(lens):
         return 0.0
@@ -128,7 +132,7 @@ def _principal_point(camera: Camera) -> Notice | None:
 
 
 def sizes_that_differ(rig: Rig, instants: Sequence[Mapping[str, ViewDetections]]) -> list[Notice]:
-    """Notices on images of another size than the rig says."""
+    """Return notices on images whose size differs from the rig's."""
     notices = []
     for camera in rig.cameras:
         sizes = {instant[camera.name].image_size for instant in instants if camera.name in instant}
@@ -148,7 +152,11 @@ def sizes_that_differ(rig: Rig, instants: Sequence[Mapping[str, ViewDetections]]
 
 
 def check_scale(people: Array) -> list[Notice]:
-    """The unit of length, from people (M, J, 3) in the unit of the rig."""
+    """Return a notice if the size of people implies another unit of length than metres.
+
+    Args:
+        people: Joints (M, J, 3) in the unit of the rig, NaN = missing.
+    """
     extents = [_extent(points[np.isfinite(points).all(-1)]) for points in people]
     extent = float(np.median(extents))
     if POSSIBLE_EXTENT[0] <= extent <= POSSIBLE_EXTENT[1]:

@@ -1,4 +1,4 @@
-"""The up direction of a rig's world, from the posture of people or, without people, from its cameras."""
+"""Up direction of a rig's world, estimated from the posture of people or, without people, from cameras."""
 
 from __future__ import annotations
 
@@ -13,26 +13,28 @@ from panoptic_ros.stage import Notice
 
 Array = np.ndarray
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-AGREED = 0.6  # length of the mean direction of cameras, below which they do not agree
-ALIKE = np.cos(np.radians(30.0))  # between the directions of two people who are both upright
-AGREEING = 0.5  # share of the people whose directions are alike
-MOST = 1000  # directions that are compared
-LEVEL = np.cos(np.radians(45.0))  # of the world's z, up to which people may lean
-ON_AXIS = np.cos(np.radians(8.0))  # of an axis, which is meant then: people lean by so much on average
-STRAIGHT = np.cos(np.radians(30.0))  # between thigh and shin, and between legs and trunk, of who stands
+AGREED = 0.6  # smallest length of the cameras' mean up vector for which they agree
+ALIKE = np.cos(np.radians(30.0))  # cosine of the largest angle between the directions of two upright people
+AGREEING = 0.5  # share of people whose directions must be alike
+MOST = 1000  # largest number of directions that are compared
+LEVEL = np.cos(np.radians(45.0))  # cosine of the largest angle between up and the world's z
+# cosine of the largest angle at which up counts as an axis, since people lean by this much on average
+ON_AXIS = np.cos(np.radians(8.0))
+# cosine of the largest angle between thigh and shin, and between legs and trunk, of a standing person
+STRAIGHT = np.cos(np.radians(30.0))
 FEWEST_STANDING = 3
 
 
 def directions_of_people(points: Array, skeleton: SkeletonModel) -> Array:
-    """Return unit vectors along bodies.
+    """Return unit vectors (N, 3) along the bodies of people.
 
-    From the ankles to the shoulders of people who stand, if there are enough; else along the trunk.
+    They point from the ankles to the shoulders of standing people if there are enough, else along the trunk.
 
     Args:
-        points: (M, J, 3) of people, in the rig's world; NaN = missing.
+        points: Joints (M, J, 3) of people in the rig's world; NaN = missing.
 
     Returns:
-        (N, 3), of those of whom it is known.
+        Directions (N, 3) of the people for whom it is defined.
     """
     names = [name.lower() for name in skeleton.joint_names]
 
@@ -53,7 +55,7 @@ def directions_of_people(points: Array, skeleton: SkeletonModel) -> Array:
 
 
 def up_of(directions: Array) -> Array | None:
-    """Return the common direction (3,) of unit vectors (N, 3); None if half of them have none in common."""
+    """Return the common direction (3,) of unit vectors (N, 3); None if fewer than half of them agree."""
     if not len(directions):
         return None
     alike = directions[:MOST] @ directions[:MOST].T > ALIKE
@@ -66,17 +68,17 @@ def up_of(directions: Array) -> Array | None:
 
 
 def up_of_cameras(rig: Rig) -> Array | None:
-    """Return the mean direction (3,) of the tops of the images; None if it is short, as of turned cameras."""
+    """Return the mean up vector (3,) of the images; None if it is short, as for rotated cameras."""
     up = np.array([-camera.cam_from_world.rotation[1] for camera in rig.cameras]).reshape(-1, 3).mean(axis=0)
     length = float(np.linalg.norm(up))
     return None if length < AGREED else up / length
 
 
 def check_up(rig: Rig, people: Array) -> list[Notice]:
-    """Return a notice if up is not +z, with the command that turns the rig.
+    """Return a notice if up is not +z, with the command that rotates the rig.
 
     Args:
-        people: (N, 3), see `directions_of_people`; without any the cameras are asked.
+        people: Directions (N, 3), see `directions_of_people`. Without any, the cameras determine up.
     """
     by_people = len(people) > 0
     up = up_of(people) if by_people else up_of_cameras(rig)
@@ -99,7 +101,7 @@ def check_up(rig: Rig, people: Array) -> list[Notice]:
 
 
 def assumed_up(rig: Rig) -> list[str]:
-    """Return a line if the rig does not state which way is up."""
+    """Return a line if the rig does not state its up direction."""
     if rig.up is not None or not rig.cameras:
         return []
     return [
@@ -109,19 +111,19 @@ def assumed_up(rig: Rig) -> list[str]:
 
 
 def nearest_axis(up: Array) -> tuple[str, float]:
-    """Return the axis that is nearest to a direction (3,), e.g. "-y", and the cosine of their angle."""
+    """Return the axis nearest to a direction (3,), e.g. "-y", and the cosine of their angle."""
     k = int(np.argmax(np.abs(up)))
     return "+-"[int(up[k] < 0.0)] + "xyz"[k], float(abs(up[k]))
 
 
 def word_of(up: Array) -> str:
-    """Return a direction (3,) as `direction_of` reads it: an axis, if it is one."""
+    """Return a direction (3,) as text that `direction_of` reads: an axis name if it is close to one."""
     name, near = nearest_axis(up)
     return name.removeprefix("+") if near > ON_AXIS else ",".join(f"{value:.3f}" for value in up)
 
 
 def direction_of(word: str) -> Array | None:
-    """Return the unit vector (3,) of x, -y, ... or of three numbers with commas; None if it is neither."""
+    """Return the unit vector (3,) of x, -y, ... or of three comma-separated numbers; None for other text."""
     axis = AXES.get(word.lstrip("+-"))
     if axis is not None and len(word.lstrip("+-")) >= len(word) - 1:
         return (-1.0 if word.startswith("-") else 1.0) * np.array(axis)
@@ -134,8 +136,8 @@ def direction_of(word: str) -> Array | None:
 
 
 def turned_up(rig: Rig, up: Sequence[float] | Array) -> Rig:
-    """Return the rig in a world turned the shortest way so that a direction (3,) of the old one is +z."""
-    from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
+    """Return the rig in a world rotated the shortest way so that `up` (3,) of the old world becomes +z."""
+    from scipy.spatial.transform import Rotation  # takes long to load, and most runs do not need it
 
     z = np.array(AXES["z"])
     axis, cosine = np.cross(up, z), float(np.dot(up, z))

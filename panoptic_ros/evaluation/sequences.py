@@ -1,4 +1,4 @@
-"""What is compared: skeletons with identities over time."""
+"""Skeleton sequences with identities over time, the input of an evaluation."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SkeletonFrame:
-    """The people of one instant.
+    """People of one instant.
 
     Args:
-        stamp_ns: the instant.
-        ids: (P,) int64, unique within the frame.
-        positions: (P, J, 3) m, NaN where missing.
-        covariances: (P, J, 3, 3) m^2, NaN where not reported; not given: NaN everywhere.
-        ignored: (P,) bool, truth only: the person may be reported or not; not given: nobody.
-        views: (P, J) that measured each joint, 0 = predicted or filled, -1 = not told, the default.
+        stamp_ns: Timestamp.
+        ids: Ids (P,) int64, unique within the frame.
+        positions: Joints (P, J, 3) m, NaN where missing.
+        covariances: Covariances (P, J, 3, 3) m^2, NaN where not reported. Default: NaN everywhere.
+        ignored: Mask (P,) bool of truth people who may or may not be reported. Default: none.
+        views: Number (P, J) of views that measured each joint, 0 = predicted or filled. Default: -1 = not
+            reported.
 
     Raises:
-        DataError: on shapes that do not fit or ids that stand twice.
+        DataError: For inconsistent shapes or duplicate ids.
     """
 
     stamp_ns: int
@@ -61,7 +62,7 @@ class SkeletonSequence:
     """Frames of one capture, all with the same joints, in any order of time.
 
     Raises:
-        DataError: if a frame has another number of joints, or a joint name stands twice.
+        DataError: If a frame has another number of joints, or a joint name occurs twice.
     """
 
     joint_names: tuple[str, ...]
@@ -80,10 +81,10 @@ class SkeletonSequence:
                 )
 
     def with_joints(self, joint_names: Sequence[str]) -> SkeletonSequence:
-        """The same people with the joints of these names, in this order; others are missing.
+        """Return the same people with the joints of these names, in this order; absent joints are missing.
 
         Raises:
-            DataError: if no joint of that name is there.
+            DataError: If no joint of that name exists.
         """
         if tuple(joint_names) == self.joint_names:
             return self

@@ -1,8 +1,10 @@
-"""How steady somebody is where there is no truth: lengths of limbs, and accelerations that nobody makes.
+"""Smoothness of a person's motion without ground truth: constancy of limb lengths, and implausible
+accelerations.
 
-Limbs do not change their lengths. Motion below 6 Hz is taken for real (Winter 2009, 3.4.3, finds 99 % of the
-power of gait below it); the rest of what is typical of accelerations is noise, in squares, as the two are not
-correlated. Slow motion is that of the steadiest way that there is, the same for all ways.
+Limbs do not change their lengths. Motion below 6 Hz counts as real; Winter 2009, 3.4.3, finds 99 % of the
+power of gait below it. The remaining part of the typical acceleration is noise. Squares are subtracted,
+because both parts are uncorrelated. All compared methods use the same slow motion, that of the method with
+the smoothest result.
 """
 
 from __future__ import annotations
@@ -14,19 +16,20 @@ import numpy as np
 from panoptic_ros.evaluation.capture_report import typical_acceleration
 
 Array = np.ndarray
-SLOW = 6.0  # Hz
-ORDER = 4  # of Butterworth's filter, which runs forward and back
-FEWEST = 30  # instants of somebody who is told of
+SLOW = 6.0  # Hz; upper limit of real motion
+ORDER = 4  # order of the Butterworth filter, which runs forwards and backwards
+FEWEST = 30  # smallest number of instants of a person or bone
 
 
 @dataclass(frozen=True, slots=True)
 class Steadiness:
-    """Of one person; NaN where nothing tells.
+    """Smoothness of one person; NaN where it is undefined.
 
     Args:
-        instants: in which the person is there. acceleration: m/s^2, median over joints that are always there.
-        noise: m/s^2, of it what slow motion does not explain. limb_median_cm, limb_worst_cm: median and
-            largest standard deviation of the lengths of limbs.
+        instants: Number of instants with the person.
+        acceleration: Median over joints that are present at all instants, m/s^2.
+        noise: Part of the acceleration that slow motion does not explain, m/s^2.
+        limb_median_cm, limb_worst_cm: Median and largest standard deviation of limb lengths, cm.
     """
 
     instants: int
@@ -37,12 +40,14 @@ class Steadiness:
 
 
 def slow_motion(stamps_ns: Array, positions: Array) -> Array:
-    """Positions (F, J, 3) m without what is quicker than `SLOW`; joints that are missing at times are NaN.
+    """Return positions (F, J, 3) m without motion faster than `SLOW`.
+
+    Joints that are missing at any instant are NaN. All joints are NaN if the rate is at most 2 * `SLOW`.
 
     Raises:
-        ValueError: if there are fewer than `FEWEST` instants.
+        ValueError: For fewer than `FEWEST` instants.
     """
-    from scipy.signal import butter, filtfilt  # takes a second to load, which most runs do not need
+    from scipy.signal import butter, filtfilt  # takes a second to load, and most runs do not need it
 
     if len(positions) < FEWEST:
         raise ValueError(f"{len(positions)} instants are too few")
@@ -54,9 +59,13 @@ def slow_motion(stamps_ns: Array, positions: Array) -> Array:
 
 
 def steadiness(stamps_ns: Array, positions: Array, slow: Array, limbs: Array) -> Steadiness:
-    """Of joints (F, J, 3) m, NaN = missing, beside their slow motion (F, J, 3) m.
+    """Return the smoothness of one person's joints.
 
-    limbs: (L, 2) joints.
+    Args:
+        stamps_ns: Timestamps (F,), increasing.
+        positions: Joints (F, J, 3) m, NaN = missing.
+        slow: Their slow motion (F, J, 3) m, see `slow_motion`.
+        limbs: Joint pairs (L, 2) of the limbs.
     """
     known = np.isfinite(slow[0, :, 0])
     acceleration = typical_acceleration(stamps_ns, positions[:, known])

@@ -1,4 +1,7 @@
-"""Which patches lie on the person and part that they are put on, by points of the surface that are known."""
+"""Scores of patch association against known surface points.
+
+They measure whether patches lie on the person and body part that they are assigned to.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +16,17 @@ from panoptic_ros.domain.parts import Part, rigid_parts
 from panoptic_ros.evaluation.pairing import FramePair
 
 Array = np.ndarray
-NEAR = 0.1  # m from a point: farther away, there is no body
+NEAR = 0.1  # m; farther from every surface point, there is no body
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceTruth:
-    """Points of the surface of P people, the same S of each at every instant.
+    """Surface points of P people, the same S points of each at every instant.
 
     Args:
-        stamps_ns: (F,). points: (F, P, S, 3) m. parts: (P, S) text, see `part_word`; "" where two meet.
+        stamps_ns: Timestamps (F,).
+        points: Points (F, P, S, 3) m.
+        parts: Part (P, S) of each point as text, see `part_word`; "" where two parts meet.
     """
 
     stamps_ns: Array
@@ -30,7 +35,7 @@ class SurfaceTruth:
 
 
 def part_word(part: Part, joint_names: Sequence[str]) -> str:
-    """`torso`, `head`, or side and lower joint of a limb, as "l wrist"."""
+    """Return `torso`, `head`, or side and lower joint of a limb, as "l wrist"."""
     if not part.is_limb:
         return part.name
     name = joint_names[part.joints[1]].lower()
@@ -43,11 +48,12 @@ def association_scores(
     truth: SurfaceTruth,
     skeleton: SkeletonModel,
 ) -> dict[str, float]:
-    """Shares of patches on people of the truth, at instants of the truth.
+    """Return shares of patches on people of the truth, at instants of the truth.
 
-    on_part: on the right person and part (the precision of association, Joo et al. 2017, 6.2), of those whose
-    nearest point belongs to a part. wrong_person: whose nearest point is somebody else's. off_body: farther
-    than `NEAR` from every point; they count in neither of the others. NaN if there are none.
+    on_part: Share on the right person and part, among patches whose nearest point belongs to a part. This is
+    the precision of association of Joo et al. 2017, 6.2. wrong_person: Share whose nearest point belongs to
+    another person. off_body: Share farther than `NEAR` from every point; these patches count in neither of
+    the others. Values are NaN without patches.
     """
     words = np.array([part_word(part, skeleton.joint_names) for part in rigid_parts(skeleton)])
     owners = {pair.stamp_ns: _owners(pair, truth) for pair in pairs}
@@ -73,7 +79,7 @@ def association_scores(
 
 
 def _owners(pair: FramePair, truth: SurfaceTruth) -> Mapping[int, int]:
-    """The person of the surface for every id of the result: who is nearest to the joints of its truth."""
+    """Return the surface person of every result id: the one nearest to the joints of its matched truth."""
     rows = np.flatnonzero(truth.stamps_ns == pair.stamp_ns)
     if not len(rows):
         return {}

@@ -1,4 +1,4 @@
-"""Reports as text."""
+"""Text tables of reports."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from panoptic_ros.evaluation.report import Report
 
 
 def report_table(report: Report, joints: bool = True) -> str:
-    """The scores as lines of text; `joints` adds a table with a row per joint."""
+    """Return the scores as lines of text; `joints` adds a table with a row per joint."""
     scores, people, identities = report.joints, report.people, report.identities
     rows = [
         ("frames", f"{report.paired_frames} of {report.frames} have a result"),
@@ -40,7 +40,7 @@ def report_table(report: Report, joints: bool = True) -> str:
 
 
 def pcp_table(report: PcpReport) -> str:
-    """PCP per actor and limb as lines of text, in percent."""
+    """Return PCP per actor and limb as lines of text, in percent."""
     head = "".join(f"{'actor ' + str(actor):>10}" for actor in report.actors)
     lines = [f"{'PCP % (' + report.rule + ')':<28}{head}{'all':>10}"]
     for limb, shares, total in zip(report.limbs, report.by_limb, report.limb_means):

@@ -1,4 +1,4 @@
-"""A constant error of the result's clock, from the motion itself."""
+"""Constant offset of the result's clock, estimated from the motion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True)
 class TimeOffset:
-    """What has to be added to the result's stamps, s, and the median joint error, m, without and with."""
+    """Offset to add to the result's timestamps, s, and the median joint error, m, without and with it."""
 
     seconds: float
     error_before: float
@@ -25,15 +25,15 @@ class TimeOffset:
 def find_time_offset(
     truth: SkeletonSequence, result: SkeletonSequence, largest: float = 0.5, step: float = 0.01
 ) -> TimeOffset:
-    """The shift of the result's stamps, at most `largest` s, under which it fits the truth best.
+    """Return the shift of the result's timestamps, within +- `largest` s, that fits the truth best.
 
-    People are matched as they stand; then the truth is evaluated at shifted stamps (its splines), the
-    median distance is scanned in steps of `step` s and its minimum refined.
+    People are matched at the unshifted timestamps. The truth's splines are then evaluated at shifted
+    timestamps. The median distance is scanned in steps of `step` s, and its minimum is refined.
 
     Raises:
-        DataError: if nobody of the result can be matched to somebody whose motion is known.
+        DataError: If no person of the result matches a truth person with a spline.
     """
-    from scipy.optimize import minimize_scalar  # takes long to load, which runs do not need
+    from scipy.optimize import minimize_scalar  # takes long to load, and most runs do not need it
 
     motion = TruthMotion(truth)
     tracks = _matched_tracks(motion, truth, result.with_joints(truth.joint_names))
@@ -57,7 +57,7 @@ def find_time_offset(
 
 
 def shifted(sequence: SkeletonSequence, seconds: float) -> SkeletonSequence:
-    """The same skeletons with all stamps moved by `seconds`."""
+    """Return the same skeletons with all timestamps shifted by `seconds`."""
     shift = round(seconds * 1e9)
     frames = tuple(replace(frame, stamp_ns=frame.stamp_ns + shift) for frame in sequence.frames)
     return SkeletonSequence(sequence.joint_names, frames)
@@ -66,7 +66,7 @@ def shifted(sequence: SkeletonSequence, seconds: float) -> SkeletonSequence:
 def _matched_tracks(
     motion: TruthMotion, truth: SkeletonSequence, result: SkeletonSequence
 ) -> list[tuple[int, int, Array]]:
-    """(truth id, stamp, joints (J, 3)) of every skeleton of the result that is matched."""
+    """Return (truth id, timestamp, joints (J, 3)) of every matched skeleton of the result."""
     stamps = (np.array([f.stamp_ns for f in s.frames], np.int64) for s in (truth, result))
     tracks = []
     for frame, partner in zip(truth.frames, nearest_frames(*stamps)):

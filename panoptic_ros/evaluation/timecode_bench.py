@@ -1,7 +1,7 @@
-"""How well a decoder reads timecode: recall, wrong labels, and errors of the starts against the truth.
+"""Benchmark of timecode decoders: recall, wrong labels, and errors of the word starts against the truth.
 
-Pure: decoders are functions, signals carry their truth. So one table can hold several decoders, also ones
-from outside.
+Decoders are functions, and signals include their ground truth. So one table can hold several decoders,
+including external ones.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ class TimedSignal(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DecodedWord:
-    """What a decoder says.
+    """Word as a decoder reports it.
 
     Args:
         label: HH:MM:SS:FF, drop-frame or not.
-        start_sample: of the first edge of bit 0, fractional.
-        std_samples: its standard deviation, nan if the decoder has none.
+        start_sample: Fractional sample index of the first edge of bit 0.
+        std_samples: Standard deviation of the start, nan if the decoder has none.
     """
 
     label: str
@@ -54,13 +54,13 @@ class TimecodeRow:
     """Scores of one condition; times in microseconds, nan where nothing was read.
 
     Args:
-        words: sent.
-        right: read with the right label within half a word.
-        wrong: reported with another label, or where there is no word.
-        twice: reported again.
-        bias_us, std_us: mean and standard deviation of the errors of the starts.
-        consistency: root mean square of errors over stated deviations; 1 = honest.
-        scatter: the same without what the errors of each signal have in common.
+        words: Number of transmitted words.
+        right: Number of words read with the right label within half a word.
+        wrong: Number of words reported with another label, or where there is no word.
+        twice: Number of repeated reports of a word.
+        bias_us, std_us: Mean and standard deviation of the start errors.
+        consistency: Root mean square of errors / stated standard deviations; 1 = consistent.
+        scatter: The same, after subtracting each signal's mean error.
     """
 
     condition: str
@@ -75,20 +75,20 @@ class TimecodeRow:
 
     @property
     def recall(self) -> float:
-        """Share of the words that were read."""
+        """Return the share of transmitted words that were read."""
         return self.right / self.words
 
 
 def timecode_table(
     decoder: Decoder, conditions: Iterable[tuple[str, Sequence[TimedSignal]]]
 ) -> list[TimecodeRow]:
-    """One row per condition, over all its signals.
+    """Return one row per condition, over all its signals.
 
     Args:
-        conditions: names and signals, which may be made as they are asked for.
+        conditions: Names and signals. Signals may be created lazily.
 
     Raises:
-        DataError: if a condition has no words.
+        DataError: If a condition has no words.
     """
     return [_row(condition, decoder, signals) for condition, signals in conditions]
 
@@ -127,7 +127,10 @@ def _rms(values: list[float]) -> float:
 
 
 def _score(signal: TimedSignal, decoded: Iterable[DecodedWord]) -> tuple[list[tuple[float, float]], int, int]:
-    """Errors and deviations in samples of the right words; how many were wrong, how many came twice."""
+    """Return the start errors of the right words, and the numbers of wrong and repeated words.
+
+    Each right word has (error, stated standard deviation) in samples.
+    """
     starts = np.asarray(signal.starts)
     lengths = np.diff(np.sort(starts))
     reach = 0.5 * float(np.median(lengths)) if len(lengths) else np.inf
@@ -146,5 +149,5 @@ def _score(signal: TimedSignal, decoded: Iterable[DecodedWord]) -> tuple[list[tu
 
 
 def _plain(label: str) -> str:
-    """Decoders differ in how they mark drop-frame."""
+    """Return the label with a uniform separator, since decoders mark drop-frame differently."""
     return label.replace(";", ":")

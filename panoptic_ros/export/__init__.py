@@ -1,1 +1,1 @@
-"""Results in formats that others read: one writer per format, text or bytes from records."""
+"""Write results in formats of other programs: one writer per format converts records to text or bytes."""

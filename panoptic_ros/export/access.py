@@ -1,4 +1,4 @@
-"""Who may connect to a server of this program: programs with its token, and no pages of other sites."""
+"""Access control of this program's servers: a token for clients, no requests from pages of other sites."""
 
 from __future__ import annotations
 
@@ -7,19 +7,20 @@ import secrets
 from collections.abc import Mapping
 from urllib.parse import parse_qs, urlsplit
 
-LOOPBACK = ("127.0.0.1", "::1", "localhost")  # names of this machine that no other machine reaches
-EVERYWHERE = ("0.0.0.0", "::", "")  # hosts that stand for all addresses of this machine
+LOOPBACK = ("127.0.0.1", "::1", "localhost")  # host names of this machine that other machines cannot reach
+EVERYWHERE = ("0.0.0.0", "::", "")  # hosts that mean all addresses of this machine
 
 
 class Access:
-    """The rules of one server.
+    """Access rules of one server.
 
-    A page of another site is refused by its origin. A name that was made to lead here is refused by the host
-    that was asked for, if the server listens on this machine alone. Others need the token.
+    A request from a page of another site is refused by its Origin header. If the server listens on this
+    machine alone, a request for another host name is refused by its Host header (DNS rebinding). Other
+    clients need the token.
 
     Args:
-        host: on which the server listens.
-        open_here: whether programs of this machine need no token, if the server listens on it alone.
+        host: host on which the server listens.
+        open_here: programs on this machine need no token, if the server listens on it alone.
     """
 
     def __init__(self, host: str, open_here: bool = False):
@@ -33,7 +34,7 @@ class Access:
         return f"{scheme}://{host}:{port}/" + (f"?token={self.token}" if self.token else "")
 
     def is_foreign(self, headers: Mapping[str, str]) -> bool:
-        """Return whether a request comes from a page of another site, or asks for another name."""
+        """Return whether a request comes from a page of another site, or is for another host name."""
         asked, origin = headers.get("Host", ""), headers.get("Origin")
         if self._is_local and _name(f"//{asked}") not in LOOPBACK:
             return True
@@ -46,8 +47,8 @@ class Access:
 
 
 def _name(address: str) -> str | None:
-    """Return the host's name of an address, None if it has none."""
+    """Return the host name of an address; None if it has none."""
     try:
         return urlsplit(address).hostname
-    except ValueError:  # a bracket without its pair
+    except ValueError:  # unbalanced bracket
         return None

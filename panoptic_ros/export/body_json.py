@@ -1,4 +1,4 @@
-"""Bodies as JSON for whoever animates figures with them, e.g. game engines."""
+"""Convert bodies to JSON for programs that animate figures, e.g. game engines."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FORMAT = "panoptic-bodies-stream-1"
 
 
 def hello_text(model: SegmentModel, frame_id: str) -> str:
-    """What a client is told first: names and parents of segments, names of joint angles, the world."""
+    """Return the first message for a client: segment names and parents, joint angle names, world frame."""
     return _text(
         {
             "format": FORMAT,
@@ -29,11 +29,16 @@ def hello_text(model: SegmentModel, frame_id: str) -> str:
 
 
 def instant_text(item: BodyStateSet, model: SegmentModel) -> str:
-    """Bodies of an instant: m, right-handed, z up; quaternions x y z w.
+    """Return the bodies of one frame as JSON: m, right-handed, z up; quaternions x y z w.
 
-    Of each subject: `root`, place in the world; `rotations` of segments in their parents' frames, of the
-    first in the world; `offsets` of joints in their parents' frames; `positions` in the world; `joint_angles`
-    rad; `source`, see `BodySource`.
+    Each subject has:
+
+    - `root`: position in the world
+    - `rotations`: of segments in their parents' frames, of the first in the world
+    - `offsets`: of joints in their parents' frames
+    - `positions`: of joints in the world
+    - `joint_angles`: rad
+    - `source`: see `BodySource`
     """
     seconds, rest = divmod(item.stamp_ns, 1_000_000_000)
     subjects = []

@@ -1,4 +1,4 @@
-"""Bodies over a WebSocket: every client gets the newest instant, whatever it can take."""
+"""Stream bodies over a WebSocket: every client gets the newest frame, at the rate that it can receive."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from websockets.http11 import Request, Response
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.export.access import Access
 
-MOST_ASKED = 1024  # bytes that a client may send; nothing is asked of it
-REFUSED = 1008  # code of a connection that is closed for lack of the token
+MOST_ASKED = 1024  # bytes that a client may send; the server expects no messages
+REFUSED = 1008  # WebSocket close code for a connection without the token
 
 
 class _Client:
-    """What waits for a client: the newest instant, or none."""
+    """The newest frame that a client has not received yet, or None."""
 
     def __init__(self) -> None:
         self.waiting: str | None = None
@@ -28,23 +28,24 @@ class _Client:
 
 
 class BodySocket:
-    """Listens in a thread of its own.
+    """WebSocket server in a separate thread.
 
-    On this machine alone the address is enough; pages of other sites are refused by their origin. For other
-    machines a token in the address is asked for.
+    If it listens on this machine alone, clients need no token. Requests from pages of other sites are refused
+    by their Origin header. Clients on other machines need a token in the address.
 
     Args:
-        host: to listen on. port: 0 = any that is free.
+        host: host to listen on.
+        port: 0 = any free port.
 
     Raises:
-        EnvironmentProblem: if the port is taken.
+        EnvironmentProblem: if the port is in use.
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0):
         self._host, self._port = host, port
         self._access = Access(
             host, open_here=True
-        )  # game engines keep the address, and joints are no pictures
+        )  # game engines store the address, and joint positions are less private than images
         self._hello: str | None = None
         self._clients: set[_Client] = set()
         self._loop = asyncio.new_event_loop()
@@ -62,21 +63,21 @@ class BodySocket:
 
     @property
     def address(self) -> str:
-        """Where clients connect."""
+        """Return the address for clients."""
         return self._access.address("ws", self.port)
 
     @property
     def watched(self) -> bool:
-        """Whether there are clients."""
+        """Return whether there are clients."""
         return bool(self._clients)
 
     def begin(self, hello: str) -> None:
-        """What every client is told first; instants are sent after it only."""
+        """Set the first message for every client; frames are only sent after it."""
         self._hello = hello
 
     def offer(self, instant: str) -> None:
-        """The newest instant; whoever has not taken the one before gets this in its place."""
-        with suppress(RuntimeError):  # the loop has ended
+        """Queue the newest frame for all clients; it replaces a frame that a client has not received yet."""
+        with suppress(RuntimeError):  # the event loop has ended
             self._loop.call_soon_threadsafe(self._spread, instant)
 
     def close(self) -> None:
@@ -133,7 +134,7 @@ class BodySocket:
             sender.cancel()
 
     async def _send(self, connection: ServerConnection, client: _Client) -> None:
-        """Send what waits for a client until the connection ends."""
+        """Send the waiting messages of a client until the connection ends."""
         told = False
         with suppress(ConnectionClosed):
             while True:

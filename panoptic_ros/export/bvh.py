@@ -1,4 +1,4 @@
-"""Bodies as BVH (Biovision hierarchy), with the rotation of segments about their own axes."""
+"""Write bodies as BVH (Biovision hierarchy), including the rotation of segments about their own axes."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ from panoptic_ros.export.resampled import local_turns, motion_of
 from panoptic_ros.geometry.euler import euler_angles
 
 Array = np.ndarray
-UNIT = 100.0  # cm, as usual in BVH
+UNIT = 100.0  # file units per metre: cm, as usual in BVH
 FILE_FROM_WORLD = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])  # y up, z forward
 ORDER = "zxy"
 CHANNELS = "Zrotation Xrotation Yrotation"
-LEAF = 0.5  # length of a segment without children, as a share of its parent's
+LEAF = 0.5  # length of a segment without children, as a fraction of its parent's
 
 
 def bvh_text(model: SegmentModel, states: Sequence[BodyState]) -> str:
-    """The file of one person.
+    """Return the file of one person.
 
-    y is up and z forward, lengths are in cm, angles in degrees; a T facing forward is the posture without
-    rotations. Frames have a fixed rate; where there is no body, the one before stands.
+    y is up and z forward, lengths are in cm, angles in degrees. The pose without rotations is a T-pose facing
+    forward. Frames have a fixed rate; a missing body is replaced by the previous one.
 
     Args:
-        model: the segments of the bodies. states: of one person, by time.
+        model: segment skeleton of the bodies.
+        states: bodies of one person in order of time.
 
     Raises:
-        DataError: if there are fewer than two instants.
+        DataError: if there are fewer than two frames.
     """
     motion = motion_of(model, states, "BVH")
     count, offsets = len(motion.places), motion.offsets
@@ -50,12 +51,12 @@ def _children(model: SegmentModel, segment: int) -> list[int]:
 
 
 def _depth_first(model: SegmentModel, segment: int = 0) -> list[int]:
-    """Segments in the order in which the file names them."""
+    """Return the segments in the order of the file."""
     return [segment, *(s for child in _children(model, segment) for s in _depth_first(model, child))]
 
 
 def _joint(model: SegmentModel, offsets: Array, segment: int, depth: int) -> list[str]:
-    """Lines of a segment and all below it; offsets (S, 3) in the axes of the file."""
+    """Return the lines of a segment and its descendants; offsets (S, 3) are in the axes of the file."""
     pad, root = "  " * depth, segment == 0
     offset = np.zeros(3) if root else offsets[segment]
     channels = f"6 Xposition Yposition Zposition {CHANNELS}" if root else f"3 {CHANNELS}"

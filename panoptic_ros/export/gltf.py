@@ -1,4 +1,4 @@
-"""Bodies as an animated glTF 2.0 scene in one binary file (GLB): a node for every segment, with its shape."""
+"""Write bodies as an animated glTF 2.0 scene in one binary file (GLB): one node with a shape per segment."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from panoptic_ros.geometry.capsules import capsule_mesh
 from panoptic_ros.geometry.rotations import to_quaternions
 
 Array = np.ndarray
-Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # x y z w: z up, as here, to y up, as in glTF
-FLOAT, SHORT = 5126, 5123  # component types
+Z_UP = [-(0.5**0.5), 0.0, 0.0, 0.5**0.5]  # quaternion x y z w from z up (world) to y up (glTF)
+FLOAT, SHORT = 5126, 5123  # component types of glTF
 ARRAY, ELEMENTS = 34962, 34963  # targets of buffer views
 MAGIC, JSON_CHUNK, BINARY_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 
 
 class _Buffer:
-    """Arrays one after another, and the accessors to them."""
+    """Binary buffer of concatenated arrays, with their views and accessors."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -31,7 +31,13 @@ class _Buffer:
         self.accessors: list[dict[str, Any]] = []
 
     def add(self, values: Array, kind: str, target: int | None = None, bounds: bool = False) -> int:
-        """An accessor of an array (N, ...) of float32 or uint16."""
+        """Append an array (N, ...) of float32 or uint16 and return the index of its accessor.
+
+        Args:
+            kind: element type of glTF, e.g. "VEC3".
+            target: target of the buffer view, if any.
+            bounds: state the minimum and maximum.
+        """
         short = values.dtype == np.uint16
         self.data.extend(b"\0" * (-len(self.data) % 4))
         view: dict[str, Any] = {"buffer": 0, "byteOffset": len(self.data), "byteLength": values.nbytes}
@@ -55,13 +61,14 @@ def glb_bytes(
     people: Mapping[int, Sequence[BodyState]],
     colours: Mapping[int, tuple[float, float, float]],
 ) -> bytes:
-    """The file: metres, y up (x forward as in the world), the animation "motion" from 0 s on.
+    """Return the file: metres, y up (x forward as in the world), with the animation "motion" from 0 s on.
 
     Args:
-        people: bodies by id, by time. colours: red, green, blue, 0 to 1, by id.
+        people: bodies in order of time, by person id.
+        colours: red, green, blue, 0 to 1, by person id.
 
     Raises:
-        DataError: if somebody is there at fewer than two instants.
+        DataError: if a person has fewer than two frames.
     """
     motions = {number: motion_of(shape.model, own, "glTF") for number, own in people.items()}
     first = min(motion.first_ns for motion in motions.values())
@@ -109,7 +116,7 @@ def _segments(
     number: int,
     root: int,
 ) -> list[dict[str, Any]]:
-    """Nodes of all segments of a person, in the posture of the first instant."""
+    """Return the nodes of all segments of a person, in the pose of the first frame."""
     model = shape.model
     found = []
     for s, name in enumerate(model.names):
@@ -139,7 +146,7 @@ def _segments(
 
 
 def _smooth(quaternions: Array, motion: Motion) -> Array:
-    """Quaternions x y z w (N, S, 4) without changes of sign between instants, from w x y z."""
+    """Convert quaternions w x y z to x y z w (N, S, 4) without sign changes between successive frames."""
     rows = quaternions.reshape(*motion.frames.shape[:2], 4)[..., [1, 2, 3, 0]]
     signs = np.where((rows[1:] * rows[:-1]).sum(-1) < 0.0, -1.0, 1.0)
     rows[1:] *= np.cumprod(signs, axis=0)[..., None]

@@ -1,4 +1,4 @@
-"""Bodies for OpenSim: joint centres as markers (TRC), and joint angles as a motion (MOT)."""
+"""Write bodies for OpenSim: joint centres as markers (TRC), and joint angles as a motion (MOT)."""
 
 from __future__ import annotations
 
@@ -17,13 +17,16 @@ ROOT = ("tx", "ty", "tz", "roll", "pitch", "yaw")
 
 
 def trc_text(model: SegmentModel, states: Sequence[BodyState], name: str) -> str:
-    """Joint centres of one person, named by the segments that begin there: mm, y up, x forward, z right.
+    """Return the TRC file of one person's joint centres: mm, y up, x forward, z right.
+
+    A marker has the name of the segment that begins at the joint.
 
     Args:
-        states: of one person, by time. name: of the file, which stands in it.
+        states: bodies of one person in order of time.
+        name: file name, which the file states.
 
     Raises:
-        DataError: if there are fewer than two instants.
+        DataError: if there are fewer than two frames.
     """
     motion = motion_of(model, states, "TRC")
     rate, count, markers = 1.0 / motion.period, len(motion.places), len(model.names)
@@ -42,15 +45,17 @@ def trc_text(model: SegmentModel, states: Sequence[BodyState], name: str) -> str
 
 
 def mot_text(model: SegmentModel, states: Sequence[BodyState], name: str) -> str:
-    """Joint angles of one person by time, degrees, named as in REP 155 (`l_y_shoulder`), and the root's: its
-    place, m, and its roll, pitch and yaw as it turns about z, y, x one after another, in the axes of a world
-    with z up.
+    """Return the MOT file of one person's joint angles and root motion.
+
+    Joint angles are in degrees, named as in REP 155 (`l_y_shoulder`). The root has its position in m, and
+    roll, pitch and yaw of its successive rotations about z, y, x. Its axes are those of a world with z up.
 
     Args:
-        states: of one person, by time. name: of the motion.
+        states: bodies of one person in order of time.
+        name: name of the motion.
 
     Raises:
-        DataError: if there are fewer than two instants.
+        DataError: if there are fewer than two frames.
     """
     motion = motion_of(model, states, "MOT")
     count = len(motion.places)

@@ -1,4 +1,4 @@
-"""Bodies of one person at a fixed rate, as most formats of motion want them."""
+"""Resample the bodies of one person to a fixed rate, as most motion formats require."""
 
 from __future__ import annotations
 
@@ -16,8 +16,15 @@ Array = np.ndarray
 
 
 class Motion(NamedTuple):
-    """N instants of S segments: period s; places (N, S, 3) m and frames (N, S, 3, 3), world from segment;
-    offsets (S, 3) m, joints in the frames of their parents; first_ns: stamp of the first."""
+    """Motion of one person at a fixed rate: N frames of S segments.
+
+    Args:
+        period: frame period, s.
+        places: (N, S, 3) m, joint positions in the world.
+        frames: (N, S, 3, 3), rotation world from segment.
+        offsets: (S, 3) m, joints in the frames of their parents.
+        first_ns: timestamp of the first frame, ns.
+    """
 
     period: float
     places: Array
@@ -27,13 +34,14 @@ class Motion(NamedTuple):
 
 
 def motion_of(model: SegmentModel, states: Sequence[BodyState], what: str) -> Motion:
-    """The motion of one person; where there is no body, the one before stands.
+    """Return the motion of one person; a missing body is replaced by the previous one.
 
     Args:
-        states: of one person, by time. what: the format, for the message.
+        states: bodies of one person in order of time.
+        what: name of the format, for the error message.
 
     Raises:
-        DataError: if there are fewer than two instants.
+        DataError: if there are fewer than two frames.
     """
     if len(states) < 2:
         raise DataError(f"{what} needs two instants of a body at least; there are {len(states)}")
@@ -47,7 +55,7 @@ def motion_of(model: SegmentModel, states: Sequence[BodyState], what: str) -> Mo
 
 
 def local_turns(model: SegmentModel, frames: Array) -> Array:
-    """Frames (N, S, 3, 3) of segments in those of their parents; of the root in the world."""
+    """Return segment rotations (N, S, 3, 3) relative to their parents; of the root relative to the world."""
     turns: Array = frames[:, model.parents].swapaxes(-1, -2) @ frames
     turns[:, 0] = frames[:, 0]
     return turns

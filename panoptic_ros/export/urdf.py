@@ -1,4 +1,4 @@
-"""A body as URDF: three hinges in a row for every joint, named as joint angles are."""
+"""Write a body as URDF: three successive revolute joints for every joint, named like its joint angles."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from panoptic_ros.domain.body_shape import BodyShape, Capsule
 
 Array = np.ndarray
 AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
-STRONG, QUICK = 1000.0, 20.0  # effort N m and velocity rad/s, which URDF wants for limits
+STRONG, QUICK = 1000.0, 20.0  # limits that URDF requires: effort N m, velocity rad/s
 
 
 def urdf_text(shape: BodyShape, offsets: Array, body: str, colour: tuple[float, float, float]) -> str:
-    """The description of a body; its joint angles are those of `SegmentModel.joint_angles`.
+    """Return the URDF of a body; its joint angles are those of `SegmentModel.joint_angles`.
 
     Args:
-        offsets: (S, 3) m, joints in the frames of their parents. body: its id as REP 155 has it, e.g. "p4".
+        offsets: (S, 3) m, joints in the frames of their parents.
+        body: its REP-155 id, e.g. "p4".
         colour: red, green, blue, 0 to 1.
     """
     model = shape.model
@@ -54,7 +55,7 @@ def urdf_text(shape: BodyShape, offsets: Array, body: str, colour: tuple[float, 
 
 
 def _link(name: str, capsules: list[Capsule]) -> list[str]:
-    """A link with balls at the ends of its capsules and cylinders between them, as URDF has no other."""
+    """Return a link; a capsule becomes two spheres and a cylinder, because URDF has no capsules."""
     if not capsules:
         return [f'  <link name="{name}"/>']
     lines = [f'  <link name="{name}">']
@@ -65,7 +66,7 @@ def _link(name: str, capsules: list[Capsule]) -> list[str]:
             lines += _visual(place, np.zeros(3), f'<sphere radius="{radius:.5f}"/>')
         if length > 1e-6:
             x, y, z = arm / length
-            # from z to the axis: roll -asin(y), then pitch atan2(x, z)
+            # rotation from z to the capsule axis: roll -asin(y), then pitch atan2(x, z)
             turn = np.array([-np.arcsin(np.clip(y, -1, 1)), np.arctan2(x, z), 0.0])
             radius = 0.5 * sum(capsule.radii)
             middle = 0.5 * (capsule.begin + capsule.end)

@@ -1,7 +1,7 @@
-"""Maths on arrays: rigid transforms, cameras with the lenses of OpenCV, rays, triangulation.
+"""Geometry on arrays: rigid transforms, cameras with the lens models of OpenCV, rays, triangulation.
 
-Nothing here knows about people or camera names. Arrays are float64; metres, pixels, radians.
-Pixel (0, 0) is the centre of the top-left pixel, camera axes are x right, y down, z forward.
+This package has no people and no camera names. Arrays are float64; units are metres, pixels, radians. Pixel
+(0, 0) is the centre of the top-left pixel. Camera axes are x right, y down, z forward.
 """
 
 from panoptic_ros.geometry.pinhole import Intrinsics, Lens

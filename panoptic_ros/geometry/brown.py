@@ -1,8 +1,8 @@
-"""The lens models of OpenCV that extend Brown and Conrady's, with 5, 8, 12 or 14 terms.
+"""Lens models of OpenCV that extend Brown and Conrady's, with 5, 8, 12 or 14 terms.
 
-The order is OpenCV's. k1 k2 k3 are radial, p1 p2 tangential. k4 k5 k6 divide the radial polynomial (rational
-model), s1 to s4 are of a thin prism, tau_x tau_y rad tilt the sensor. Points are on the plane at distance 1
-of the camera.
+The order of terms is OpenCV's. The radial terms are k1 k2 k3, the tangential ones p1 p2. The terms k4 k5 k6
+divide the radial polynomial (rational model). The terms s1 to s4 describe a thin prism. The angles tau_x
+tau_y (rad) tilt the sensor. Points are on the plane at distance 1 from the camera.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ import numpy as np
 
 Array = np.ndarray
 TERMS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
-KEPT = (5, 8, 12, 14)  # terms of a lens, trailing zeros left out
+KEPT = (5, 8, 12, 14)  # numbers of terms of a lens after trailing zeros are cut
 COUNTS = (0, 1, 2, 4, *KEPT)  # terms that a calibration may give; three are k1 k2 k3, which lack p1 p2
 
 
 def distort(terms: Array, plane: Array) -> Array:
-    """Distorted points (..., 2) of undistorted ones (..., 2)."""
+    """Return distorted points (..., 2) of undistorted ones (..., 2)."""
     bent = _bend(terms, plane)
     return bent if len(terms) < 14 else _through(tilt(terms), bent)
 
 
 def _bend(terms: Array, plane: Array) -> Array:
-    """Distort points as on a sensor without tilt."""
+    """Return distorted points, for a sensor without tilt."""
     _, _, p1, p2, _ = terms[:5]
     x, y = plane[..., 0], plane[..., 1]
     r2 = x * x + y * y
@@ -71,7 +71,7 @@ def _bend_jacobian(terms: Array, plane: Array) -> Array:
 
 
 def tilt(terms: Array) -> Array:
-    """Return the homography (3, 3) from a sensor without tilt to one tilted about x, then y, as in OpenCV.
+    """Return the homography (3, 3) from an untilted sensor to one tilted about x, then y, as in OpenCV.
 
     It is the identity with fewer than 14 terms.
     """
@@ -87,14 +87,14 @@ def tilt(terms: Array) -> Array:
 
 
 def _through(matrix: Array, points: Array) -> Array:
-    """Map points (..., 2) by a homography."""
+    """Map points (..., 2) by a homography (3, 3)."""
     h = points @ matrix[:, :2].T + matrix[:, 2]
     mapped: Array = h[..., :2] / h[..., 2:]
     return mapped
 
 
 def undistort(terms: Array, goal: Array, radius_limit: float) -> Array:
-    """Undistorted points (..., 2) of distorted ones (..., 2), by Newton's method; NaN if there is none."""
+    """Return undistorted points (..., 2) of distorted ones (..., 2), by Newton's method; NaN if none."""
     if not terms.any():
         return goal
     if len(terms) == 14:
@@ -118,8 +118,11 @@ def undistort(terms: Array, goal: Array, radius_limit: float) -> Array:
 
 
 def radius_limit(terms: Array) -> float:
-    """Largest undistorted radius up to which the radial factor times the radius increases; inf if always."""
-    clean = np.where(np.abs(terms) < 1e-15, 0.0, terms)  # roots() divides by them
+    """Return the undistorted radius up to which the distorted radius increases; inf if it always does.
+
+    Tangential and prism terms do not count. A zero of the rational model's denominator ends the range too.
+    """
+    clean = np.where(np.abs(terms) < 1e-15, 0.0, terms)  # np.roots divides by them
     above = np.array([clean[4], clean[1], clean[0], 1.0])  # coefficients in r^2, the highest power first
     folds = np.array([7.0, 5.0, 3.0, 1.0]) * above  # d(r * radial)/dr
     roots = np.roots(folds)

@@ -1,11 +1,11 @@
-"""Surfaces of tapered capsules."""
+"""Surface meshes of tapered capsules."""
 
 from __future__ import annotations
 
 import numpy as np
 
 Array = np.ndarray
-SIDES, RINGS = 12, 4  # of a surface: about its axis, and of each half ball
+SIDES, RINGS = 12, 4  # facets about the axis, and rings of each half sphere
 
 
 def capsule_mesh(
@@ -16,11 +16,14 @@ def capsule_mesh(
     sides: int = SIDES,
     rings: int = RINGS,
 ) -> tuple[Array, Array, Array]:
-    """Two half balls and what is between them.
+    """Return the mesh of a tapered capsule: two half spheres and the surface between them.
 
     Args:
-        begin, end: (3,) centres of the balls. radii: of the balls.
-        wide: factor along y, about the axis.
+        begin, end: (3,) centres of the spheres.
+        radii: Radii of the spheres.
+        wide: Scale factor along y, relative to the axis.
+        sides: Number of facets about the axis.
+        rings: Number of rings of each half sphere.
 
     Returns:
         vertices (V, 3), normals (V, 3) of length 1, triangles (T, 3) counter-clockwise from outside.
@@ -32,7 +35,7 @@ def capsule_mesh(
     first = np.cross(up, side)
     first /= np.linalg.norm(first)
     second = np.cross(up, first)
-    # the lines that touch both balls leave the axis at this angle
+    # lines that touch both spheres leave the axis at this angle
     tilt = np.arcsin(np.clip((radii[0] - radii[1]) / max(length, 1e-9), -0.999, 0.999))
     heights = np.concatenate(
         [np.linspace(-np.pi / 2, tilt, rings + 1), np.linspace(tilt, np.pi / 2, rings + 1)]

@@ -16,20 +16,24 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 class Pose(NamedTuple):
-    """Root (3,) m, and rotations (S, 3, 3) of each segment's frame in its parent's; the root's in the
-    world."""
+    """Pose of a chain of S segments.
+
+    Args:
+        root: (3,) m, position of the root.
+        turns: (S, 3, 3) rotation of each segment's frame in its parent's; of the root's in the world.
+    """
 
     root: Array
     turns: Array
 
     def copy(self) -> Pose:
-        """One of its own."""
+        """Return a copy with arrays of its own."""
         return Pose(self.root.copy(), self.turns.copy())
 
 
 @_jit
 def multiply(a: Array, b: Array, out: Array) -> None:
-    """The product of two matrices (3, 3), into `out`, which is neither of them."""
+    """Write the product of two matrices (3, 3) to `out`, which must be neither of them."""
     for i in range(3):
         for j in range(3):
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
@@ -37,7 +41,12 @@ def multiply(a: Array, b: Array, out: Array) -> None:
 
 @_jit
 def place_segments(chain: Chain, pose: Pose, frames: Array, places: Array) -> None:
-    """Frames (S, 3, 3), world from segment, and places (S, 3) m of the joints, Malleson et al. eq. 1."""
+    """Compute the frames and joint positions of all segments, Malleson et al. eq. 1.
+
+    Args:
+        frames: (S, 3, 3) output, world from segment.
+        places: (S, 3) m, output, positions of the joints.
+    """
     places[0] = pose.root
     frames[0] = pose.turns[0]
     for s in range(1, len(chain.parents)):
@@ -53,7 +62,10 @@ def place_segments(chain: Chain, pose: Pose, frames: Array, places: Array) -> No
 
 @_jit
 def step_pose(pose: Pose, step: Array, out: Pose) -> None:
-    """The pose after a step (3 + 3 S,): root + u, and exp(u) R for each rotation, u in the parent's frame."""
+    """Write the pose after a step (3 + 3 S,) to `out`: root + u, and exp(u) R for each rotation.
+
+    For a rotation, u is in the parent's frame.
+    """
     turn = np.empty((3, 3))
     for j in range(3):
         out.root[j] = pose.root[j] + step[j]
@@ -64,7 +76,7 @@ def step_pose(pose: Pose, step: Array, out: Pose) -> None:
 
 @_jit
 def step_between(begin: Pose, end: Pose, out: Array) -> None:
-    """The step (3 + 3 S,) that leads from one pose to another."""
+    """Write the step (3 + 3 S,) that leads from pose `begin` to pose `end` to `out`."""
     turn = np.empty((3, 3))
     for j in range(3):
         out[j] = end.root[j] - begin.root[j]
@@ -81,11 +93,12 @@ def step_between(begin: Pose, end: Pose, out: Array) -> None:
 
 @_jit
 def place_sites(chain: Chain, pose: Pose, segments: Array, offsets: Array, slopes: Array) -> Array:
-    """Places (N, 3) m of sites, and their derivatives by the degrees of freedom (N, 3, 3 + 3 S) into
-    `slopes`.
+    """Return the positions (N, 3) m of sites on the segments, and compute their derivatives.
 
     Args:
-        segments, offsets: (N,) and (N, 3) m, which segment each is on and where in its frame.
+        segments: (N,) segment of each site.
+        offsets: (N, 3) m, position of each site in its segment's frame.
+        slopes: (N, 3, 3 + 3 S) output, derivatives by the degrees of freedom.
     """
     count = len(chain.parents)
     frames, places = np.empty((count, 3, 3)), np.empty((count, 3))
@@ -118,8 +131,11 @@ def place_sites(chain: Chain, pose: Pose, segments: Array, offsets: Array, slope
 
 @_jit
 def turn_slopes(chain: Chain, pose: Pose, segments: Array, slopes: Array) -> Array:
-    """Frames (N, 3, 3) of segments (N,), and into `slopes` (N, 3, 3 + 3 S) their rotation in the world, rad,
-    by the degrees of freedom."""
+    """Return the frames (N, 3, 3) of segments (N,), and compute their derivatives.
+
+    Args:
+        slopes: (N, 3, 3 + 3 S) output: rotation in the world, rad, by the degrees of freedom.
+    """
     count = len(chain.parents)
     frames, places = np.empty((count, 3, 3)), np.empty((count, 3))
     place_segments(chain, pose, frames, places)
@@ -138,7 +154,12 @@ def turn_slopes(chain: Chain, pose: Pose, segments: Array, slopes: Array) -> Arr
 
 
 def place_all(chain: Chain, roots: Array, turns: Array) -> tuple[Array, Array]:
-    """Places (T, S, 3) m and frames (T, S, 3, 3) of poses: roots (T, 3), turns (T, S, 3, 3)."""
+    """Return the positions (T, S, 3) m and frames (T, S, 3, 3) of T poses.
+
+    Args:
+        roots: (T, 3) m.
+        turns: (T, S, 3, 3), see `Pose`.
+    """
     frames, places = np.empty(turns.shape), np.empty(turns.shape[:-1])
     for t in range(len(roots)):
         place_segments(chain, Pose(roots[t], turns[t]), frames[t], places[t])

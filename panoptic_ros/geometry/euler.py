@@ -1,4 +1,4 @@
-"""Angles of a joint about three axes, one after another."""
+"""Euler angles of a joint about three axes."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import numpy as np
 
 Array = np.ndarray
 ORDERS = ("xyz", "xzy", "yxz", "yzx", "zxy", "zyx")
-TURNED = 1e-9  # sine from which the middle angle counts as a right one
+TURNED = 1e-9  # largest 1 - |sine| at which the middle angle counts as a right angle
 
 
 def euler_angles(rotations: Array, order: str) -> Array:
-    """Angles (..., 3) rad about the axes of `order`, each about the axis as the turns before have left it.
+    """Return angles (..., 3) rad of intrinsic rotations about the axes of `order`.
 
-    R = R_a(angle 0) R_b(angle 1) R_c(angle 2) for order "abc", as three hinges in a row would do it (ISB's
-    joint coordinate systems, Wu et al. 2005). The middle angle is within a right angle; where it is one,
-    only the sum or difference of the others is determined, and the last is 0.
+    The rotation is R_a(angle 0) R_b(angle 1) R_c(angle 2) for order "abc". This is like three hinges in a row
+    (ISB's joint coordinate systems, Wu et al. 2005). The middle angle is within a right angle. At a right
+    angle only the sum or difference of the other two is determined, and the last one is 0.
     """
     a, b, c = ("xyz".index(axis) for axis in order)
     sign = 1.0 if (b - a) % 3 == 1 else -1.0

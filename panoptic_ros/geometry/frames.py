@@ -1,4 +1,4 @@
-"""Frames that hang together in a tree, as TF tells them."""
+"""Tree of coordinate frames, as TF publishes it."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from panoptic_ros.geometry.rigid import Rigid
 
 
 class FrameTree:
-    """Transforms by child: (parent, parent_from_child)."""
+    """Tree of frames. `transforms` maps a child to (parent, parent_from_child)."""
 
     def __init__(self, transforms: Mapping[str, tuple[str, Rigid]]):
         self._transforms = dict(transforms)
 
     @property
     def names(self) -> frozenset[str]:
-        """All frames that are named."""
+        """Return all frames that occur as parent or child."""
         return frozenset(self._transforms) | {parent for parent, _ in self._transforms.values()}
 
     def root(self, frame: str) -> str:
-        """The frame at the top of the tree that a frame is in.
+        """Return the root of the tree that contains `frame`.
 
         Raises:
-            CalibrationError: if the frames go in a circle.
+            CalibrationError: if the frames form a cycle.
         """
         return self._path(frame)[-1][0]
 
     def fixed_from(self, fixed: str, frame: str) -> Rigid:
-        """The transform from a frame to another one of the same tree.
+        """Return the transform from `frame` to the frame `fixed` of the same tree.
 
         Raises:
             CalibrationError: if they are not in the same tree.
@@ -43,7 +43,11 @@ class FrameTree:
         )
 
     def _path(self, frame: str) -> list[tuple[str, Rigid]]:
-        """The frame and all above it, each with the transform from `frame` to it."""
+        """Return the frame and its ancestors, each with the transform from `frame` to it.
+
+        Raises:
+            CalibrationError: if the frames form a cycle.
+        """
         path = [(frame, Rigid.identity())]
         while path[-1][0] in self._transforms:
             parent, transform = self._transforms[path[-1][0]]

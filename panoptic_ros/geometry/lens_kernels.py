@@ -1,8 +1,9 @@
-"""Compiled undistortion: that of `geometry.brown` and `geometry.fisheye`, of many points in one loop.
+"""Compiled undistortion of many points in one loop, for the lenses of `geometry.brown` and
+`geometry.fisheye`.
 
-Where the terms are 0 but the radial ones, a Brown lens bends a point (x, y) to (x, y) * f(r^2), and so does a
-fisheye: `fisheye_factor` is this f, and `fisheye_slope` is 2 df / d r^2, so that Jacobians have one form.
-Lenses with more than five terms have functions of their own, so that the others cost no more.
+A fisheye, and a Brown lens with radial terms only, map a point (x, y) to (x, y) * f(r^2). `fisheye_factor` is
+this f, and `fisheye_slope` is 2 df / d r^2, so that Jacobians of both have one form. Lenses with more than
+five terms have separate functions, so that they do not slow down the others.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 @_jit
 def fisheye_factor(k1: float, k2: float, k3: float, k4: float, r2: float) -> float:
-    """Distorted over undistorted radius at a squared undistorted radius."""
+    """Return the distorted over the undistorted radius, at a squared undistorted radius `r2`."""
     if r2 < TINY * TINY:
         return 1.0
     radius = math.sqrt(r2)
@@ -32,7 +33,7 @@ def fisheye_factor(k1: float, k2: float, k3: float, k4: float, r2: float) -> flo
 
 @_jit
 def fisheye_slope(k1: float, k2: float, k3: float, k4: float, r2: float, factor: float) -> float:
-    """Twice the derivative of the factor by the squared undistorted radius."""
+    """Return twice the derivative of `factor` by the squared undistorted radius `r2`."""
     if r2 < TINY * TINY:
         return 0.0
     theta = math.atan(math.sqrt(r2))
@@ -45,9 +46,11 @@ def fisheye_slope(k1: float, k2: float, k3: float, k4: float, r2: float, factor:
 def straighten_fisheye(
     k1: float, k2: float, k3: float, k4: float, limit: float, reached: float
 ) -> tuple[float, bool]:
-    """Undistorted over distorted radius at a distorted radius `reached`, and whether there is such a radius.
+    """Return the undistorted over the distorted radius at `reached`, and whether a solution exists.
 
-    limit: undistorted radius beyond which nothing is seen.
+    Args:
+        limit: Undistorted radius beyond which points are not visible.
+        reached: Distorted radius.
     """
     if reached < TINY:
         return 1.0, True
@@ -65,7 +68,11 @@ def straighten_fisheye(
 
 @inlined
 def bent(terms, fisheye, x, y):
-    """Where a lens of terms k1 k2 p1 p2 k3 k4 bends a point of the plane at 1 m; its distance squared."""
+    """Return the distorted point, and the squared radius, of a point (x, y) of the plane at 1 m.
+
+    Args:
+        terms: k1 k2 p1 p2 k3 k4 of the lens.
+    """
     k1, k2, p1, p2, k3, k4 = terms
     r2 = x * x + y * y
     radial = fisheye_factor(k1, k2, k3, k4, r2) if fisheye else 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -76,7 +83,10 @@ def bent(terms, fisheye, x, y):
 
 @_jit
 def bent_by_many(lens, x, y):
-    """Bend a point of the plane at 1 m as a lens of up to 14 terms; also return its distance squared."""
+    """Return the distorted point, and the squared radius, for a lens of up to 14 terms.
+
+    The point (x, y) is on the plane at 1 m.
+    """
     r2 = x * x + y * y
     dx, dy = _before_tilt(lens, x, y)
     h = lens.h20 * dx + lens.h21 * dy + lens.h22
@@ -87,7 +97,7 @@ def bent_by_many(lens, x, y):
 
 @inlined
 def _before_tilt(lens, x, y):
-    """Bend a point as on a sensor without tilt."""
+    """Return the distorted point, for a sensor without tilt."""
     r2 = x * x + y * y
     above = 1.0 + r2 * (lens.k1 + r2 * (lens.k2 + r2 * lens.k3))
     radial = above / (1.0 + r2 * (lens.k4 + r2 * (lens.k5 + r2 * lens.k6)))
@@ -98,16 +108,19 @@ def _before_tilt(lens, x, y):
 
 @_jit
 def undistort_points(pixels, usable, cameras, lenses):
-    """Undistorted normalised points by Newton's method.
+    """Return undistorted normalised points, by Newton's method.
 
     Args:
-        pixels: (D, J, 2) px. usable: (D, J) bool. cameras: (D,) row of `lenses` (C,), see
-            `domain.rig_arrays.camera_records`.
+        pixels: (D, J, 2) px.
+        usable: (D, J) bool.
+        cameras: (D,) row of `lenses` (C,).
+        lenses: (C,) records, see `domain.rig_arrays.camera_records`.
 
     Returns:
-        plane (D, J, 2), 0 where unusable; magnification (D, J): how large a small thing of the plane is in
-        the image, relative to one at the axis (1 with up to five terms, where it hardly differs); good
-        (D, J): usable and converged.
+        plane: (D, J, 2), 0 where unusable or not converged.
+        magnification: (D, J) local scale from the plane to the image, relative to that on the axis. It is 1
+            for Brown lenses of up to five terms, where it hardly differs.
+        good: (D, J) usable and converged.
     """
     rows, joints = usable.shape
     plane = np.zeros((rows, joints, 2))
@@ -137,7 +150,7 @@ def undistort_points(pixels, usable, cameras, lenses):
 
 @_jit
 def _straighten(lens, goal_x, goal_y):
-    """The undistorted point of a fisheye's, the magnification there, and whether there is one."""
+    """Return the undistorted point for a fisheye, the magnification there, and whether it was found."""
     k1, k2, k3, k4 = lens.k1, lens.k2, lens.k3, lens.k4
     reached = np.sqrt(goal_x * goal_x + goal_y * goal_y)
     scale, found = straighten_fisheye(k1, k2, k3, k4, lens.limit, reached)
@@ -150,7 +163,7 @@ def _straighten(lens, goal_x, goal_y):
 
 @_jit
 def _undistort(lens, goal_x, goal_y):
-    """The undistorted point of a Brown lens's, and whether there is one."""
+    """Return the undistorted point for a Brown lens of five terms, and whether it was found."""
     k1, k2, p1, p2, k3, limit = lens.k1, lens.k2, lens.p1, lens.p2, lens.k3, lens.limit
     straight = k1 == 0.0 and k2 == 0.0 and p1 == 0.0 and p2 == 0.0 and k3 == 0.0
     x, y = goal_x, goal_y
@@ -181,9 +194,9 @@ def _undistort(lens, goal_x, goal_y):
 
 @_jit
 def _undistort_many(lens, seen_x, seen_y):
-    """Undistort a point of a lens of up to 14 terms; return the magnification there, and whether it is found.
+    """Return the undistorted point for a lens of up to 14 terms, the magnification, and whether found.
 
-    The inverse of the homography is its adjugate, but for a factor that does not matter.
+    The adjugate of the homography serves as its inverse: they differ by a factor, which cancels.
     """
     h0, h1, h2 = lens.h00, lens.h01, lens.h02
     h3, h4, h5 = lens.h10, lens.h11, lens.h12
@@ -215,7 +228,7 @@ def _undistort_many(lens, seen_x, seen_y):
 
 @inlined
 def _slopes_before_tilt(lens, x, y):
-    """Return the derivatives of `_before_tilt`: of its x by x and y, of its y by x and y."""
+    """Return the derivatives of `_before_tilt`: of its x by x and y, then of its y by x and y."""
     r2 = x * x + y * y
     below = 1.0 + r2 * (lens.k4 + r2 * (lens.k5 + r2 * lens.k6))
     radial = (1.0 + r2 * (lens.k1 + r2 * (lens.k2 + r2 * lens.k3))) / below

@@ -1,7 +1,7 @@
-"""Points followed from one grey image to another: Lucas and Kanade 1981, in pyramids (Bouguet 2001).
+"""Optical flow of points between two grey images: Lucas and Kanade 1981, in pyramids (Bouguet 2001).
 
-Forward and backward (Kalal et al. 2010): a point that does not come back to where it began is lost. This
-is the only module that calls OpenCV's tracker.
+The forward-backward check (Kalal et al. 2010) finds lost points: the backward flow does not lead to their
+start. This is the only module that calls OpenCV's tracker.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 
 Array = np.ndarray
-HALF = 5  # px of the window to each side: a forearm is 8 px wide; a larger one takes the background along
-LEVELS = 3  # of the pyramid above the image
-LEAST_STEP = 0.03  # px, below which iterations end
+HALF = 5  # px, half window: a forearm is 8 px wide, and a larger window would follow the background
+LEVELS = 3  # pyramid levels above the image
+LEAST_STEP = 0.03  # px, step below which iterations end
 
 
 def there_and_back(
@@ -21,13 +21,14 @@ def there_and_back(
     """Follow points of a grey image (h, w) uint8 into the next one, and from there back.
 
     Args:
-        begins: (N, 2) px. starts: (N, 2) px, where they are looked for first.
-        iterations: per level of the pyramid, at most.
-        back_from_begins: look for the way back about the beginnings, in the image alone; else about the ends,
-            in the whole pyramid.
+        begins: (N, 2) px in the first image.
+        starts: (N, 2) px, initial guess in the second image.
+        iterations: Greatest number per pyramid level.
+        back_from_begins: True: the backward search starts at `begins`, at full resolution only. False: it
+            starts at the ends, with the whole pyramid.
 
     Returns:
-        ends (N, 2) px float32, distance (N,) px of the way back from the beginning; which (N,) were found.
+        ends (N, 2) px float32, forward-backward error (N,) px, and which points (N,) were found both ways.
     """
     first = np.ascontiguousarray(begins, np.float32)
     ends, found = _moved(before, now, first, np.ascontiguousarray(starts, np.float32), LEVELS, iterations)

@@ -1,4 +1,4 @@
-"""Intrinsics of a camera: focal lengths, principal point, and one of two lens models, as in OpenCV."""
+"""Camera intrinsics: focal lengths, principal point, and one of two lens models, as in OpenCV."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class Intrinsics:
 
     Args:
         matrix: (3, 3) px, [[fx, skew, cx], [0, fy, cy], [0, 0, 1]].
-        distortion: (5,), (8,), (12,) or (14,) of a Brown lens, see `brown.TERMS`, (4,) k1, k2, k3, k4 of a
+        distortion: (5,), (8,), (12,) or (14,) of a Brown lens, see `brown.TERMS`, or (4,) k1, k2, k3, k4 of a
             fisheye. Missing terms are filled with zeros, trailing zeros are cut.
-        lens: "brown" (Brown-Conrady, rational, with thin prism and tilt) or "fisheye" (`cv2.fisheye`). Either
-            way what is 90 degrees and more off the axis is not seen.
+        lens: "brown" (Brown-Conrady, rational, with thin prism and tilt) or "fisheye" (`cv2.fisheye`). With
+            both, points at 90 degrees or more from the axis are not visible.
 
     Raises:
         CalibrationError: on wrong shapes or impossible values.
@@ -57,10 +57,10 @@ class Intrinsics:
         object.__setattr__(self, "radius_limit", LENSES[self.lens].radius_limit(distortion))
 
     def project(self, points_cam: Array) -> tuple[Array, Array]:
-        """Pixels (..., 2) of camera points (..., 3) m, and whether they can be seen (...).
+        """Return pixels (..., 2) of camera points (..., 3) m, and whether the points are visible (...).
 
-        False for points behind the camera or beyond the radius at which the distortion polynomial
-        folds back; their pixels are NaN. Being inside of the image is not tested.
+        A point is not visible behind the camera, or beyond the radius at which the distortion polynomial
+        folds back. Its pixel is NaN. The image borders are not tested.
         """
         points = np.asarray(points_cam, np.float64)
         depth = points[..., 2]
@@ -71,12 +71,12 @@ class Intrinsics:
         return np.where(seen[..., None], pixels, np.nan), seen
 
     def pixels_from_plane(self, plane: Array) -> Array:
-        """Pixels (..., 2) of distorted normalised image points (..., 2)."""
+        """Return pixels (..., 2) of distorted normalised image points (..., 2)."""
         pixels: Array = plane @ self.matrix[:2, :2].T + self.matrix[:2, 2]
         return pixels
 
     def plane_from_pixels(self, pixels: Array) -> Array:
-        """Distorted normalised image points (..., 2) of pixels (..., 2)."""
+        """Return distorted normalised image points (..., 2) of pixels (..., 2)."""
         fx, skew, cx = self.matrix[0]
         fy, cy = self.matrix[1, 1:]
         y = (np.asarray(pixels)[..., 1] - cy) / fy
@@ -84,14 +84,14 @@ class Intrinsics:
         return np.stack([x, y], axis=-1)
 
     def distort(self, plane: Array) -> Array:
-        """Distorted normalised image points (..., 2) of undistorted ones (..., 2)."""
+        """Return distorted normalised image points (..., 2) of undistorted ones (..., 2)."""
         distorted: Array = LENSES[self.lens].distort(self.distortion, plane)
         return distorted
 
     def undistort(self, pixels: Array) -> Array:
-        """Undistorted normalised image points (..., 2) of pixels (..., 2), by Newton's method.
+        """Return undistorted normalised image points (..., 2) of pixels (..., 2), by Newton's method.
 
-        NaN where the pixel is NaN or has no undistorted point inside of the fold radius.
+        The result is NaN where the pixel is NaN or has no undistorted point within the fold radius.
         """
         goal = self.plane_from_pixels(np.asarray(pixels, np.float64))
         plane: Array = LENSES[self.lens].undistort(self.distortion, goal, self.radius_limit)
@@ -99,10 +99,10 @@ class Intrinsics:
 
 
 def _kept_terms(given: Array, lens: str) -> Array:
-    """Return the terms of a lens: as many as its models have, without trailing zeros.
+    """Return the distortion terms, as many as one of the lens's models has, without trailing zeros.
 
     Raises:
-        CalibrationError: if there are more than the lens has, or if no model has their number.
+        CalibrationError: if there are more terms than the lens has, or if no model has their number.
     """
     model = LENSES[lens]
     used = int(np.max(np.nonzero(given)[0], initial=-1)) + 1

@@ -13,14 +13,14 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rigid:
-    """A rotation and a translation.
+    """Rotation and translation.
 
     Args:
         rotation: (3, 3) orthonormal to 1e-4, determinant +1; kept as given, not re-orthonormalised.
         translation: (3,) m.
 
     Raises:
-        CalibrationError: if the rotation is none.
+        CalibrationError: if the rotation matrix is not a rotation, or shapes or values are invalid.
     """
 
     rotation: Array
@@ -36,7 +36,7 @@ class Rigid:
             )
         if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
             raise CalibrationError("a rigid transform has numbers that are not finite")
-        bounded = np.clip(rotation, -1e3, 1e3)  # the products of others can overflow
+        bounded = np.clip(rotation, -1e3, 1e3)  # products of invalid matrices can overflow
         error = float(np.abs(bounded @ bounded.T - np.eye(3)).max())
         if error > 1e-4 or np.linalg.det(bounded) < 0.0:
             kind = "mirrors (determinant -1)" if error <= 1e-4 else f"is off by {error:.2g}"
@@ -47,20 +47,20 @@ class Rigid:
 
     @classmethod
     def identity(cls) -> Rigid:
-        """The transform that changes nothing."""
+        """Return the identity transform."""
         return cls(np.eye(3), np.zeros(3))
 
     def apply(self, points: Array) -> Array:
-        """Points (..., 3) of frame a in frame b."""
+        """Transform points (..., 3) from frame a to frame b."""
         moved: Array = np.asarray(points) @ self.rotation.T + self.translation
         return moved
 
     def inverse(self) -> Rigid:
-        """a_from_b."""
+        """Return the inverse transform a_from_b."""
         return Rigid(self.rotation.T, -self.rotation.T @ self.translation)
 
     def compose(self, b_from_a: Rigid) -> Rigid:
-        """c_from_a = c_from_b.compose(b_from_a)."""
+        """Return c_from_a = c_from_b.compose(b_from_a)."""
         return Rigid(
             self.rotation @ b_from_a.rotation,
             self.rotation @ b_from_a.translation + self.translation,

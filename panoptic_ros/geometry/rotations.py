@@ -10,14 +10,14 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 TINY = 1e-8
-NEAR_PI = 3.1  # rad, from which the logarithm is taken from the symmetric part
+NEAR_PI = 3.1  # rad, angle from which the logarithm uses the symmetric part
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 @_jit
 def rotation_of(vector: Array, out: Array) -> None:
-    """Rotation (3, 3) of a rotation vector (3,) rad, Rodrigues' formula, into `out`."""
+    """Write the rotation (3, 3) of a rotation vector (3,) rad to `out`, by Rodrigues' formula."""
     x, y, z = vector[0], vector[1], vector[2]
     angle2 = x * x + y * y + z * z
     if angle2 < TINY:
@@ -32,7 +32,7 @@ def rotation_of(vector: Array, out: Array) -> None:
 
 @_jit
 def vector_of(rotation: Array, out: Array) -> None:
-    """Rotation vector (3,) rad, at most pi long, of a rotation (3, 3), into `out`."""
+    """Write the rotation vector (3,) rad of a rotation (3, 3), at most pi long, to `out`."""
     cosine = 0.5 * (rotation[0, 0] + rotation[1, 1] + rotation[2, 2] - 1.0)
     angle = math.acos(max(-1.0, min(1.0, cosine)))
     out[0] = 0.5 * (rotation[2, 1] - rotation[1, 2])
@@ -52,7 +52,7 @@ def vector_of(rotation: Array, out: Array) -> None:
     x = 0.5 * (rotation[0, k] + rotation[k, 0]) + (1.0 if k == 0 else 0.0)
     y = 0.5 * (rotation[1, k] + rotation[k, 1]) + (1.0 if k == 1 else 0.0)
     z = 0.5 * (rotation[2, k] + rotation[k, 2]) + (1.0 if k == 2 else 0.0)
-    # the symmetric part is cos I + (1 - cos) n n^T: take cos off its diagonal, 1 was added above
+    # the symmetric part is cos I + (1 - cos) n n^T: subtract cos from its diagonal; 1 was added above
     if k == 0:
         x -= 1.0 + cosine
     elif k == 1:
@@ -67,7 +67,7 @@ def vector_of(rotation: Array, out: Array) -> None:
 
 @_jit
 def inverse_left_jacobian(vector: Array, out: Array) -> None:
-    """d log(exp(u) R) / d u (3, 3) at u = 0, for R of this rotation vector (3,), into `out`."""
+    """Write d log(exp(u) R) / d u (3, 3) at u = 0 to `out`, for R of this rotation vector (3,) rad."""
     x, y, z = vector[0], vector[1], vector[2]
     angle2 = x * x + y * y + z * z
     if angle2 < 1e-6:
@@ -82,7 +82,7 @@ def inverse_left_jacobian(vector: Array, out: Array) -> None:
 
 @_jit
 def rotations_of(vectors: Array) -> Array:
-    """Rotations (N, 3, 3) of rotation vectors (N, 3) rad."""
+    """Return the rotations (N, 3, 3) of rotation vectors (N, 3) rad."""
     out = np.empty((len(vectors), 3, 3))
     for k in range(len(vectors)):
         rotation_of(vectors[k], out[k])
@@ -91,7 +91,7 @@ def rotations_of(vectors: Array) -> Array:
 
 @_jit
 def vectors_of(rotations: Array) -> Array:
-    """Rotation vectors (N, 3) rad of rotations (N, 3, 3)."""
+    """Return the rotation vectors (N, 3) rad of rotations (N, 3, 3)."""
     out = np.empty((len(rotations), 3))
     for k in range(len(rotations)):
         vector_of(rotations[k], out[k])
@@ -100,7 +100,7 @@ def vectors_of(rotations: Array) -> Array:
 
 @_jit
 def _from_quaternions(quaternions: Array) -> Array:
-    """Of (N, 4): (N, 3, 3)."""
+    """Return the rotations (N, 3, 3) of quaternions (N, 4) w x y z of any length."""
     out = np.empty((len(quaternions), 3, 3))
     for k in range(len(quaternions)):
         w, x, y, z = quaternions[k]
@@ -114,17 +114,17 @@ def _from_quaternions(quaternions: Array) -> Array:
 
 
 def from_quaternions(quaternions: Array) -> Array:
-    """Rotations (..., 3, 3) of quaternions (..., 4) w x y z, which need not be of length 1."""
-    given = np.array(quaternions, np.float64, order="C")  # kernels want arrays of their own
+    """Return the rotations (..., 3, 3) of quaternions (..., 4) w x y z, which need not have length 1."""
+    given = np.array(quaternions, np.float64, order="C")  # kernels need contiguous float64 arrays
     found: Array = _from_quaternions(given.reshape(-1, 4)).reshape(*given.shape[:-1], 3, 3)
     return found
 
 
 @_jit
 def _to_quaternions(rotations: Array) -> Array:
-    """Of (N, 3, 3): (N, 4)."""
+    """Return the quaternions (N, 4) w x y z, with w >= 0, of rotations (N, 3, 3)."""
     out = np.empty((len(rotations), 4))
-    squares = np.empty(4)  # four times those
+    squares = np.empty(4)  # four times the squared components
     for n in range(len(rotations)):
         r, q = rotations[n], out[n]
         squares[0] = 1.0 + r[0, 0] + r[1, 1] + r[2, 2]
@@ -154,9 +154,10 @@ def _to_quaternions(rotations: Array) -> Array:
 
 
 def to_quaternions(rotations: Array) -> Array:
-    """Quaternions (..., 4) w x y z with w from 0 of rotations (..., 3, 3).
+    """Return the quaternions (..., 4) w x y z, with w >= 0, of rotations (..., 3, 3).
 
-    Of the four ways to get one, that with the largest divisor (Shepperd 1978): exact near half turns too.
+    There are four formulas for a quaternion. The function uses the one with the largest divisor (Shepperd
+    1978), which is accurate near half turns too.
     """
     given = np.array(rotations, np.float64, order="C")
     found: Array = _to_quaternions(given.reshape(-1, 3, 3)).reshape(*given.shape[:-2], 4)
@@ -164,13 +165,13 @@ def to_quaternions(rotations: Array) -> Array:
 
 
 def turn_about_z(angle: float) -> Array:
-    """Rotation (3, 3) by an angle, rad, about the vertical."""
+    """Return the rotation (3, 3) by an angle, rad, about the vertical (z)."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def mean_rotation(rotations: Array) -> Array:
-    """The rotation (..., 3, 3) nearest to the arithmetic mean of rotations (N, ..., 3, 3)."""
+    """Return the rotation (..., 3, 3) nearest to the arithmetic mean of rotations (N, ..., 3, 3)."""
     u, _, v = np.linalg.svd(rotations.mean(0))
     u[..., 2] *= np.linalg.det(u @ v)[..., None]
     mean: Array = u @ v

@@ -1,4 +1,4 @@
-"""A chain of segments as data, which needs no compiled code."""
+"""Chain of segments as data, in a module without compiled code."""
 
 from __future__ import annotations
 
@@ -10,8 +10,12 @@ Array = np.ndarray
 
 
 class Chain(NamedTuple):
-    """What compiled code needs of a body: parents (S,), -1 = root, each before its children; offsets (S,
-    3) m."""
+    """Chain of S segments as compiled code takes it.
+
+    Args:
+        parents: (S,), -1 = root; each parent comes before its children.
+        offsets: (S, 3) m, joints in the frames of their parents.
+    """
 
     parents: Array
     offsets: Array

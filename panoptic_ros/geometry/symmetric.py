@@ -1,4 +1,4 @@
-"""Symmetric matrices: 3x3 ones, and large ones with few entries; compiled."""
+"""Compiled functions on symmetric matrices: 3x3 matrices, and large sparse ones."""
 
 from __future__ import annotations
 
@@ -9,10 +9,14 @@ from panoptic_ros.kernels import njit
 
 @njit(cache=True, error_model="numpy")
 def solve_symmetric(lower, right):
-    """Whether a symmetric 3x3 matrix is positive definite, and the solution (by L D L^T).
+    """Return whether a symmetric 3x3 matrix is positive definite, and the solution (by L D L^T).
 
     Args:
-        lower: its lower triangle, row by row, six numbers. right: three numbers.
+        lower: Its lower triangle, row by row, six numbers.
+        right: Right-hand side, three numbers.
+
+    Returns:
+        whether it is positive definite, and the three numbers of the solution, 0 if it is not.
     """
     n00, n10, n11, n20, n21, n22 = lower
     b0, b1, b2 = right
@@ -37,7 +41,10 @@ def solve_symmetric(lower, right):
 
 @njit(cache=True, error_model="numpy")
 def invert_symmetric(lower, factor, result):
-    """result (3, 3) = factor * inverse of the symmetric matrix; untouched if it has no trace."""
+    """Write factor * inverse of the symmetric matrix `lower` to result (3, 3).
+
+    1e-9 of the trace is added to the diagonal first. The result stays untouched if the trace is not positive.
+    """
     scale = lower[0, 0] + lower[1, 1] + lower[2, 2]
     if not scale > 0.0:
         return
@@ -60,7 +67,7 @@ def invert_symmetric(lower, factor, result):
 
 @njit(cache=True, error_model="numpy")
 def largest_eigenvalue(matrix):
-    """Of a symmetric 3x3 matrix, in closed form (Smith 1961)."""
+    """Return the largest eigenvalue of a symmetric 3x3 matrix, in closed form (Smith 1961)."""
     mean = (matrix[0, 0] + matrix[1, 1] + matrix[2, 2]) / 3.0
     a, d, f = matrix[0, 0] - mean, matrix[1, 1] - mean, matrix[2, 2] - mean
     b, c, e = matrix[1, 0], matrix[2, 0], matrix[2, 1]
@@ -75,9 +82,11 @@ def largest_eigenvalue(matrix):
 
 @njit(cache=True, error_model="numpy")
 def factor(matrix, begins):
-    """Cholesky factor of a matrix (N, N), in place of its lower triangle.
+    """Compute the Cholesky factor of a matrix (N, N) in its lower triangle.
 
-    begins (N,) becomes the column where each row begins: before it all are 0, and stay so.
+    Args:
+        matrix: (N, N), overwritten by the factor.
+        begins: (N,) output, first non-zero column of each row. All entries before it are 0, and stay 0.
     """
     for i in range(len(matrix)):
         begins[i] = 0
@@ -92,7 +101,7 @@ def factor(matrix, begins):
 
 @njit(cache=True, error_model="numpy")
 def solve_lower(lower, begins, vector, start):
-    """vector (N,) becomes L^-1 vector, in place; it is 0 before `start`."""
+    """Replace vector (N,) by L^-1 vector, in place; it must be 0 before index `start`."""
     for i in range(start, len(vector)):
         for m in range(max(begins[i], start), i):
             vector[i] -= lower[i, m] * vector[m]
@@ -101,7 +110,7 @@ def solve_lower(lower, begins, vector, start):
 
 @njit(cache=True, error_model="numpy")
 def solve_upper(lower, begins, vector):
-    """vector (N,) becomes L^-T vector, in place."""
+    """Replace vector (N,) by L^-T vector, in place."""
     for i in range(len(vector) - 1, -1, -1):
         vector[i] /= lower[i, i]
         for m in range(begins[i], i):

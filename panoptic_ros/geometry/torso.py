@@ -1,4 +1,4 @@
-"""The frame of a torso: forward, left, up, from shoulders and hips."""
+"""Torso frame: forward, left and up, from shoulders and hips."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ SHORTEST = 0.05  # m, a shorter or narrower torso has no frame
 
 
 def torso_frames(corners: Array) -> tuple[Array, Array]:
-    """Axes and lengths of torsos.
+    """Return the axes and lengths of torsos.
 
-    Up leads from the middle of the hips to that of the shoulders; left is the mean direction from the right
-    to the left side, at right angles to up; forward is their cross product.
+    Up points from the middle of the hips to that of the shoulders. Left is the mean direction from the right
+    to the left side, at right angles to up. Forward is their cross product.
 
     Args:
         corners: (..., 4, 3) m, left shoulder, right shoulder, left hip, right hip; NaN = missing.
 
     Returns:
-        axes (..., 3, 3), columns forward, left, up, and lengths (...) m from hips to shoulders; NaN where a
-        corner is missing, or the torso has no sides.
+        axes (..., 3, 3), columns forward, left, up, and lengths (...) m from hips to shoulders. Both are NaN
+            where a corner is missing or the torso is shorter or narrower than `SHORTEST`.
     """
     shoulders, hips = corners[..., :2, :].mean(axis=-2), corners[..., 2:, :].mean(axis=-2)
     up = shoulders - hips

@@ -1,8 +1,8 @@
-"""N-view triangulation: linear for a start, then robust least squares on the reprojection error.
+"""N-view triangulation: a linear start, then robust least squares on the reprojection error.
 
-Both work on undistorted normalised image points, so a view is just its `cam_from_world`; noise is
-given in pixels and divided by the focal length. Minimises the objective of Joo et al. 2017, section 5.3
-(reprojection refinement), with a Cauchy weight in place of the plain norm.
+Both steps use undistorted normalised image points, so a view is just its `cam_from_world`. Noise is given in
+pixels and divided by the focal length. The objective is that of Joo et al. 2017, section 5.3 (reprojection
+refinement), with a Cauchy weight instead of the plain norm.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectionStack:
-    """The cameras of a rig as arrays, C cameras.
+    """Cameras of a rig as arrays, C cameras.
 
     Args:
-        rotations: (C, 3, 3), translations: (C, 3) m: cam_from_world.
-        focals: (C,) px, mean focal length: converts px of noise to the normalised plane.
+        rotations: (C, 3, 3) of cam_from_world.
+        translations: (C, 3) m of cam_from_world.
+        focals: (C,) px, mean focal length: converts noise in px to the normalised plane.
     """
 
     rotations: Array
@@ -29,12 +30,12 @@ class ProjectionStack:
 
     @property
     def centres(self) -> Array:
-        """Optical centres (C, 3) m in the world."""
+        """Return the optical centres (C, 3) m in the world."""
         centres: Array = -np.einsum("cji,cj->ci", self.rotations, self.translations)
         return centres
 
     def rays(self, plane: Array) -> Array:
-        """Unit viewing rays (C, ..., 3) in the world of normalised points (C, ..., 2)."""
+        """Return the unit viewing rays (C, ..., 3) in the world of normalised points (C, ..., 2)."""
         homogeneous = np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1)
         rays = np.einsum("c...i,cij->c...j", homogeneous, self.rotations)
         directions: Array = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
@@ -43,12 +44,12 @@ class ProjectionStack:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Triangulated:
-    """Result for N points seen by C cameras.
+    """Triangulation result for N points seen by C cameras.
 
     points: (N, 3) m, NaN where fewer than two views were left.
     covariances: (N, 3, 3) m^2, inverse of the weighted normal matrix; NaN likewise.
-    residuals: (N, C) px, NaN where a view was not given.
-    inliers: (N, C) bool, the views that were used in the end.
+    residuals: (N, C) px, NaN where a view was not given or the point is NaN.
+    inliers: (N, C) bool, the views that the final point uses.
     """
 
     points: Array
@@ -58,10 +59,10 @@ class Triangulated:
 
 
 def triangulate_linear(stack: ProjectionStack, plane: Array, weights: Array) -> Array:
-    """Weighted linear triangulation in normalised coordinates.
+    """Triangulate points linearly with weights, in normalised coordinates.
 
     Args:
-        plane: (N, C, 2) undistorted normalised points, anything where the weight is 0.
+        plane: (N, C, 2) undistorted normalised points, any value where the weight is 0.
         weights: (N, C) at least 0.
 
     Returns:
@@ -90,20 +91,20 @@ def triangulate_robust(
     gate: float = 5.0,
     iterations: int = 8,
 ) -> Triangulated:
-    """Gauss-Newton with Cauchy weights on the reprojection error, gated in the last steps.
+    """Triangulate by Gauss-Newton with Cauchy weights on the reprojection error, gated in the last steps.
 
     Args:
         plane: (N, C, 2) undistorted normalised points, NaN where there is no observation.
         sigmas: (N, C) px, standard deviation per axis; ignored where plane is NaN.
         start: (N, 3) m, or None for a weighted linear start; NaN rows get the linear start.
-        cauchy: scale of the Cauchy weight 1 / (1 + (r / cauchy)^2), in standard deviations.
-        gate: residual beyond which a view is left out in the last two steps, in standard deviations.
-        iterations: number of steps.
+        cauchy: Scale of the Cauchy weight 1 / (1 + (r / cauchy)^2), in standard deviations.
+        gate: Residual beyond which the last two steps drop a view, in standard deviations.
+        iterations: Number of steps.
 
     Returns:
-        see `Triangulated`. The covariance is that of the views left, without any inflation.
+        see `Triangulated`. The covariance is that of the remaining views, without inflation.
     """
-    from panoptic_ros.geometry.robust import growth  # only now: numba is slow to load
+    from panoptic_ros.geometry.robust import growth  # imported here, because numba is slow to load
 
     given = np.isfinite(plane).all(-1)
     precision = np.where(given, stack.focals / np.where(given, sigmas, 1.0), 0.0)  # 1 / plane unit
@@ -127,7 +128,7 @@ def triangulate_robust(
         right = np.einsum("nc,ncki,nck->ni", w, jacobian, error)
         delta = np.linalg.solve(_damped(normal, 1e-6), right[..., None])[..., 0]
         length = np.linalg.norm(delta, axis=-1, keepdims=True)
-        x = x + delta * np.minimum(1.0, 0.5 / np.maximum(length, 1e-12))  # at most 0.5 m a step
+        x = x + delta * np.minimum(1.0, 0.5 / np.maximum(length, 1e-12))  # at most 0.5 m per step
     inliers = given & (weights > 0.0)
     good = solvable & (inliers.sum(1) >= 2)
     covariances = np.linalg.inv(np.where(good[:, None, None], _damped(normal), np.eye(3)))
@@ -141,7 +142,12 @@ def triangulate_robust(
 
 
 def _linearised(stack: ProjectionStack, points: Array, plane: Array) -> tuple[Array, Array, Array]:
-    """Errors (N, C, 2) on the plane, d projection / d point (N, C, 2, 3), and what lies in front (N, C)."""
+    """Linearise the projection at points (N, 3) m.
+
+    Returns:
+        errors (N, C, 2) on the plane, d projection / d point (N, C, 2, 3), and which points are in front of
+            the camera (N, C).
+    """
     local = np.einsum("cij,nj->nci", stack.rotations, points) + stack.translations
     front = local[..., 2] > 1e-3
     inverse = 1.0 / np.where(front, local[..., 2], 1.0)
@@ -153,7 +159,7 @@ def _linearised(stack: ProjectionStack, points: Array, plane: Array) -> tuple[Ar
 
 
 def _damped(normal: Array, least: float = 0.0) -> Array:
-    """Matrices (N, 3, 3) with a little of their trace, or of `least`, added to their diagonals."""
+    """Return matrices (N, 3, 3) with 1e-9 of their trace, but at least of `least`, added to the diagonals."""
     scale = np.trace(normal, axis1=1, axis2=2)[:, None, None]
     regular: Array = normal + 1e-9 * np.eye(3) * np.maximum(scale, least)
     return regular

@@ -1,1 +1,1 @@
-"""What is connected to what: one table of topics, one of nodes, and the in-process runner."""
+"""Structure of the graph: the table of topics, the table of stages, and the in-process runner."""

@@ -1,6 +1,6 @@
-"""What comes on one topic: its rate, how old the newest message is, and what was lost before it came.
+"""Message statistics of one topic: rate, age of the newest message, and losses before arrival.
 
-Live: whether a topic brings more than a node can read without harm to its other topics.
+`FloodGuard` detects live topics that send more than a node can read without harm to its other topics.
 """
 
 from __future__ import annotations
@@ -11,52 +11,53 @@ from dataclasses import dataclass
 import numpy as np
 
 SECOND = 1_000_000_000
-SILENT_PERIODS = 3  # without a message, after which a topic is silent
-LEAST_SILENCE_NS = SECOND  # but not before so long
-RECENT = 64  # messages, from which rate and latency are told
-FEW = 3  # messages, from which a share is told
-MOST_PUBLISHERS = 4  # of one topic
-MOST_LOST = 3600  # messages at once: more is a publisher that began anew, or an odd number
+SILENT_PERIODS = 3  # message periods without a message, after which a topic is silent
+LEAST_SILENCE_NS = SECOND  # 1 s; a topic is not silent before this time
+RECENT = 64  # messages over which rate and latency are computed
+FEW = 3  # messages needed to compute a share
+MOST_PUBLISHERS = 4  # publishers that are tracked per topic
+MOST_LOST = 3600  # messages; a larger gap is a restarted publisher or an invalid number
 
 
 class Arrivals:
-    """Counts the messages of one topic; bounded in memory. Times are of one monotonic clock, ns.
+    """Message counters of one topic, bounded in memory. Times are of one monotonic clock, ns.
 
     Args:
-        topic: key of `TOPICS`. owner: camera, sensor or device; "" for topics of the graph.
-        name: full name of the topic.
-        regular: whether messages come at a rate, so that their absence is an outage.
-        since_ns: from when on they are expected.
+        topic: Key of `TOPICS`.
+        owner: Camera, sensor or device. "" for topics of the graph.
+        name: Full name of the topic.
+        regular: Whether messages come at a rate, so that their absence is an outage.
+        since_ns: Time from which messages are expected.
     """
 
     def __init__(self, topic: str, owner: str, name: str, regular: bool, since_ns: int):
         self.topic, self.owner, self.name, self.regular = topic, owner, name, regular
         self.taken = 0
-        self.lost = 0  # between publisher and here
-        self.left_out = 0  # numbers that the publisher never sent
+        self.lost = 0  # messages lost between publisher and here
+        self.left_out = 0  # record numbers that the publisher never sent
         self.bad = 0
-        self.cpu_ns = 0  # of reading it, where the node does that itself
-        self.paused = ""  # why nothing is taken at the moment, if so
+        self.cpu_ns = 0  # processor time of reading the topic, if the node reads it itself
+        self.paused = ""  # reason if the topic is paused, else ""
         self._since_ns = since_ns
         self._newest_ns: int | None = None
         self._publishers = _Publishers()
         self._number: int | None = None
-        self._lost_before = 0  # messages lost since the newest record that has a number
+        self._lost_before = 0  # messages lost since the newest record with a number
         self._intervals: deque[int] = deque(maxlen=RECENT)
         self._latencies: deque[int] = deque(maxlen=RECENT)
         self._missing: deque[int] = deque(maxlen=RECENT)
 
     @property
     def title(self) -> str:
-        """The owner and the topic, e.g. "left detections"."""
+        """Return the owner and the topic, e.g. "left detections"."""
         return f"{self.owner} {self.topic}".strip()
 
     def came(self, now_ns: int, sequence: int | None = None, latency_ns: int | None = None) -> None:
-        """A message has come.
+        """Count a message.
 
         Args:
-            sequence: its number by the middleware of the publisher, which begins with 1.
-            latency_ns: since its stamp.
+            sequence: Number that the publisher's middleware gave it, from 1.
+            latency_ns: Time since its timestamp.
         """
         self.taken += 1
         if self._newest_ns is not None:
@@ -71,12 +72,12 @@ class Arrivals:
             self._latencies.append(latency_ns)
 
     def lost_share(self) -> float:
-        """How much of what was sent of late was lost; 0 while that is not known."""
+        """Return the share of recent messages that were lost; 0 while it is unknown."""
         lost = sum(self._missing)
         return lost / (lost + len(self._missing)) if len(self._missing) >= FEW else 0.0
 
     def numbered(self, number: int) -> int:
-        """A record with this number has come; how many before it nobody sent, as far as numbers tell."""
+        """Take the number of a record; return how many numbers before it were never sent."""
         before, self._number = self._number, number
         gap = 0 if before is None else number - before - 1
         lost, self._lost_before = self._lost_before, 0
@@ -85,27 +86,27 @@ class Arrivals:
         return max(0, missing)
 
     def period_ns(self) -> int:
-        """Between messages, the median; 0 while that is not known."""
+        """Return the median time between messages, ns; 0 while it is unknown."""
         return int(np.median(self._intervals)) if self._intervals else 0
 
     def age_ns(self, now_ns: int) -> int:
-        """Of the newest message; since they are expected, if none has come."""
+        """Return the age of the newest message, ns; before the first one, the time since the start."""
         return now_ns - (self._since_ns if self._newest_ns is None else self._newest_ns)
 
     def is_silent(self, now_ns: int) -> bool:
-        """Whether messages are overdue."""
+        """Return whether messages are overdue."""
         age = self.age_ns(now_ns)
         return self.regular and age > LEAST_SILENCE_NS and age > SILENT_PERIODS * self.period_ns()
 
     def rate_hz(self, now_ns: int) -> float:
-        """Messages per second of late; falls while none come."""
+        """Return the recent message rate, Hz; it decreases while none come."""
         if not self._intervals:
             return 0.0
         mean = sum(self._intervals) / len(self._intervals)
         return SECOND / max(1.0, mean, self.age_ns(now_ns) - mean)
 
     def values(self, now_ns: int) -> dict[str, str]:
-        """All of it as text, for /diagnostics."""
+        """Return all counters as text, for /diagnostics."""
         p50, p99 = _percentiles_ms(self._latencies)
         age = "nan" if self._newest_ns is None else f"{self.age_ns(now_ns) / SECOND:.2f}"
         return {
@@ -123,7 +124,7 @@ class Arrivals:
         }
 
     def trouble(self, now_ns: int) -> str:
-        """What is wrong, in words; "" if nothing is."""
+        """Return a description of the problem; "" if there is none."""
         if self.paused:
             return self.paused
         if not self.is_silent(now_ns):
@@ -135,17 +136,17 @@ class Arrivals:
 
 
 class _Publishers:
-    """How far the publishers of a topic have counted; the middleware does not tell them apart.
+    """Sequence numbers of the publishers of a topic, which the middleware does not distinguish.
 
-    A message is of the one that has come nearest to its number.
+    A message is assigned to the publisher whose last number is nearest below its own.
     """
 
     def __init__(self) -> None:
-        self._newest: list[int] = []  # the one that was heard last comes last
+        self._newest: list[int] = []  # last number of each publisher; the most recent publisher is last
 
     def missing_before(self, sequence: int) -> int:
-        """How many messages of its publisher are missing before this one."""
-        if self._newest and self._newest[-1] == sequence - 1:  # as nearly always
+        """Return how many messages of its publisher are missing before this one."""
+        if self._newest and self._newest[-1] == sequence - 1:  # the usual case
             self._newest[-1] = sequence
             return 0
         gaps = [(sequence - newest - 1, newest) for newest in self._newest]
@@ -161,19 +162,21 @@ def _percentiles_ms(values: deque[int]) -> tuple[str, str]:
     return f"{p50:.2f}", f"{p99:.2f}"
 
 
-MOST_BAD = 60  # messages a second: a camera may send nothing else, at its rate
-MOST_MESSAGES = 600  # a second
-MOST_BYTES = 24_000_000  # a second: 60 Hz with dense score maps
+MOST_BAD = 60  # bad messages per second; a camera may send only bad ones at its frame rate
+MOST_MESSAGES = 600  # messages per second
+MOST_BYTES = 24_000_000  # bytes per second: 60 Hz with dense score maps
 PAUSE_NS = SECOND
 LONGEST_PAUSE_NS = 8 * SECOND
 
 
 @dataclass
 class FloodGuard:
-    """Counts what comes in one second; times are of a monotonic clock, ns.
+    """Detector of message floods: it counts messages and bytes per second.
+
+    Times are of a monotonic clock, ns.
 
     Args:
-        most_messages, most_bytes: a second; 0: not limited.
+        most_messages, most_bytes: Limits per second. 0: no limit.
     """
 
     most_messages: int = MOST_MESSAGES
@@ -186,10 +189,11 @@ class FloodGuard:
     _paused_until_ns: int = -10 * SECOND
 
     def came(self, now_ns: int, size: int, bad: int) -> str:
-        """A message has come; why the topic is to be left alone for `pause_ns`, "" if it is not.
+        """Count a message; return the reason to pause the topic, "" if there is none.
 
         Args:
-            size: bytes. bad: how many messages of the topic were refused so far.
+            size: Message size, bytes.
+            bad: Number of messages of the topic that were refused so far.
         """
         if now_ns - self._begun_ns >= SECOND:
             self._begun_ns, self._messages, self._bytes = now_ns, 0, 0
@@ -205,7 +209,10 @@ class FloodGuard:
         return ""
 
     def pause(self, now_ns: int) -> int:
-        """Leave the topic alone from now on; for how long, ns. The next pause is longer if it comes soon."""
+        """Begin a pause of the topic and return its duration, ns.
+
+        The duration doubles if the previous pause ended less than 2 s ago.
+        """
         soon = now_ns - self._paused_until_ns < 2 * SECOND
         self._pause_ns = min(2 * self._pause_ns, LONGEST_PAUSE_NS) if soon else PAUSE_NS
         self._paused_until_ns = now_ns + self._pause_ns

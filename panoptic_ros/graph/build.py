@@ -1,4 +1,4 @@
-"""Making stages from the table: classes by name, configurations from plain values."""
+"""Construction of stages and their configurations from the table of stages and plain values."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from panoptic_ros.graph.nodes import NODES, NodeSpec
 from panoptic_ros.params import Config, from_text, load
 from panoptic_ros.stage import Stage, StageContext
 
-# What counts unless a parameter is given: that of another stage, or what a choice of another stage reads.
+# SHARED: a parameter that is not set gets the value of another stage's parameter. NEEDED: parameters that a
+# choice of another stage requires.
 SHARED = {
     ("offsets", "delays_ms"): ("sync", "delays_ms"),
     ("clocks", "master_clock"): ("sync", "master_clock"),
@@ -21,13 +22,13 @@ NEEDED = {("assembly", "method", "dynamic_programming"): {"voting": {"parts": Tr
 
 
 def resolve(path: str) -> Any:
-    """The object that "module:name" names."""
+    """Return the object that "module:name" names."""
     module, _, name = path.partition(":")
     return getattr(importlib.import_module(module), name)
 
 
 def config_class(stage: str) -> type[Config]:
-    """The class of a stage's configuration.
+    """Return the configuration class of a stage.
 
     Raises:
         ConfigError: if there is no such stage.
@@ -39,7 +40,7 @@ def config_class(stage: str) -> type[Config]:
 
 
 def configure(values: Mapping[str, Mapping[str, Any]]) -> dict[str, Config]:
-    """Configurations of all stages from {stage: {parameter: value}}; the rest are defaults.
+    """Return the configurations of all stages from {stage: {parameter: value}}; other values are defaults.
 
     Raises:
         ConfigError: on unknown stages or parameters and on bad values.
@@ -51,7 +52,7 @@ def configure(values: Mapping[str, Mapping[str, Any]]) -> dict[str, Config]:
 
 
 def merged(*values: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """{stage: {parameter: value}} of all of these; where several give a parameter, the last counts."""
+    """Return the merged {stage: {parameter: value}}; the last value of a parameter counts."""
     together: dict[str, dict[str, Any]] = {}
     for given in values:
         for stage, own in given.items():
@@ -60,7 +61,7 @@ def merged(*values: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]
 
 
 def with_shared(values: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """{stage: {parameter: value}} with what stages must agree in given to all of them."""
+    """Return {stage: {parameter: value}} with shared values copied to all stages that must agree on them."""
     given = {stage: dict(own) for stage, own in values.items()}
     for (stage, name), (other, source) in SHARED.items():
         if source in given.get(other, {}):
@@ -73,10 +74,10 @@ def with_shared(values: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, 
 
 
 def parse_setting(text: str) -> tuple[str, str, Any]:
-    """("stage", "parameter", value) of a command line's "stage.parameter=value".
+    """Return ("stage", "parameter", value) of a command line's "stage.parameter=value".
 
     Raises:
-        ConfigError: if it is not of that form, or names what is not there.
+        ConfigError: if the text has another form, or the stage or parameter does not exist.
     """
     name, equals, value = text.partition("=")
     stage, dot, parameter = name.strip().partition(".")
@@ -88,7 +89,7 @@ def parse_setting(text: str) -> tuple[str, str, Any]:
 def switched_on(
     names: Collection[str], configs: Mapping[str, Config], table: Mapping[str, NodeSpec] = NODES
 ) -> tuple[str, ...]:
-    """Those of the stages that no parameter switches off, in the order of the table."""
+    """Return the stages that no parameter switches off, in the order of the table."""
     return tuple(
         spec.name
         for spec in table.values()
@@ -97,7 +98,7 @@ def switched_on(
 
 
 def ports_in_use(configs: Mapping[str, Config], table: Mapping[str, NodeSpec] = NODES) -> tuple[str, ...]:
-    """The ports that a parameter switches on, as "stage.topic"."""
+    """Return the ports that a parameter switches on, as "stage.topic"."""
     return tuple(
         f"{spec.name}.{port.topic}"
         for spec in table.values()
@@ -108,17 +109,19 @@ def ports_in_use(configs: Mapping[str, Config], table: Mapping[str, NodeSpec] = 
 
 
 def _is_on(configs: Mapping[str, Config], stage: str, switch: str, unknown: bool) -> bool:
-    """What a switch of a stage says; `unknown` where it is in a configuration that is not given."""
+    """Return the value of a stage's switch; `unknown` if its configuration is not given."""
     other, _, name = switch.rpartition(".")
     config = configs.get(other or stage)
     return unknown if config is None else bool(getattr(config, name))
 
 
 def rows_in_use(used: Collection[str], table: Mapping[str, NodeSpec] = NODES) -> dict[str, NodeSpec]:
-    """The rows without ports that are not used. What comes back to all cameras merges their inputs.
+    """Return the table without the ports that are not used.
+
+    A feedback port in use applies to all cameras, so the inputs of all cameras of its stage are merged.
 
     Args:
-        used: see `ports_in_use`.
+        used: See `ports_in_use`.
     """
     return {spec.name: _row_in_use(spec, used) for spec in table.values()}
 
@@ -136,6 +139,6 @@ def _row_in_use(spec: NodeSpec, used: Collection[str]) -> NodeSpec:
 def make_stage(
     name: str, config: Config, context: StageContext, table: Mapping[str, NodeSpec] = NODES
 ) -> Stage[Any, Any]:
-    """A stage of the table."""
+    """Return a new stage of the table."""
     stage: Stage[Any, Any] = resolve(table[name].stage)(config, context)
     return stage

@@ -1,4 +1,4 @@
-"""Clocks of a recorded capture's cameras, with the stages of the graph as the solver."""
+"""Camera clocks of a recorded capture from the motion of people; the graph's stages are the solver."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ TO_TRACKING = FUSION[: FUSION.index("tracking") + 1]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corrected:
-    """The clocks, and the sets that they give."""
+    """Camera clocks, and the detection sets regrouped by these clocks."""
 
     clocks: CameraClocks
     sets: list[DetectionSet]
 
 
 def motion_clocks(context: StageContext, configs: Mapping[str, Config], trusted: str = "") -> MotionClocks:
-    """The pass that finds clocks, with the stages up to tracking.
+    """Return the pass that estimates clocks, with the stages up to tracking.
 
     Args:
-        configs: of the stages, see `graph.build.configure`. trusted: see `MotionClocksConfig`.
+        configs: Configurations of the stages, see `graph.build.configure`.
+        trusted: See `MotionClocksConfig`.
     """
 
     def solve(items: Iterable[DetectionSet]) -> list[TrackedPoseSet]:
@@ -44,7 +45,7 @@ def find_clocks(
     trusted: str = "",
     progress: Progress = untold,
 ) -> Corrected:
-    """Clocks, and the sets grouped anew by them; see `motion_clocks`."""
+    """Return the estimated clocks, and the sets regrouped by them; see `motion_clocks`."""
     recording = HeldRecording({"detection_sets": sets})
     clocks = motion_clocks(context, configs, trusted).run(recording, progress)
     return Corrected(clocks, regroup(sets, clocks.corrections(sets)) if sets else [])

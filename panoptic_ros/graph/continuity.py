@@ -1,9 +1,10 @@
-"""Live: which stamps go on from those before, on topics whose records come one after another.
+"""Live checks of timestamps.
 
-A stage refuses what is older than the newest that it has seen. One wild stamp ahead would therefore cost all
-that follows, and must not get to it.
+`Continuity` rejects timestamps that do not continue the earlier ones, on topics with consecutive records. A
+stage refuses every record that is older than the newest one it has processed. One timestamp far in the future
+would therefore block all later records, so it must not reach the stage.
 
-Live: times by which images of several cameras are put together, whatever their clocks say.
+`AlignedTimes` gives the times by which images of several cameras are grouped, even if a clock is wrong.
 """
 
 from __future__ import annotations
@@ -18,42 +19,48 @@ from panoptic_ros.stage import Notice
 from panoptic_ros.sync.agreement import Agreement
 
 SECOND = 1_000_000_000
-LEAST_AHEAD_NS = SECOND // 2  # beyond the time that has gone by
-FASTER = 1.5  # stamps may go by this much faster than the clock, e.g. while a backlog comes
-GONE_NS = SECOND  # without a good record, and of records that agree: then another time line is right
-SLOWEST_NS = 5 * SECOND  # between stamps that can be of one time line
-SURE = 5  # records in a row that agree with each other make it certain
-LEAD_NS = 10 * SECOND  # for which it is known how far stamps are ahead of the clock: one line may go slower
-WAITING = 256  # records between their arrival and their use, at most
-OLD_NS = 60 * SECOND  # a copy of what came long ago, not a clock that was set back
+LEAST_AHEAD_NS = SECOND // 2  # 0.5 s; allowed step of a timestamp beyond the elapsed time
+FASTER = 1.5  # factor by which timestamps may advance faster than the clock, e.g. while a backlog arrives
+# 1 s; another time line is accepted after this time without a good record and with agreeing other records
+GONE_NS = SECOND
+SLOWEST_NS = 5 * SECOND  # 5 s; longest step between timestamps of one time line
+SURE = 5  # agreeing records in a row that confirm another time line
+# 10 s; window of the largest lead (timestamp minus clock), because a time line may be slower than the clock
+LEAD_NS = 10 * SECOND
+WAITING = 256  # most records between arrival and use
+# 60 s; a timestamp less far back is a repeated old record, not a clock that was set back
+OLD_NS = 60 * SECOND
 
 Verdict = Literal["", "stale", "odd_stamp"]
 
 
 @dataclass
 class Continuity:
-    """Judges stamps by the newest that was used. Times are of a clock that goes as the stamps' own, ns.
+    """Check of timestamps against the newest used one.
 
-    What is used late, after a stall or while a node starts, is old: records that then come in time are not
-    ahead of their line. They are measured by how far stamps were ahead of the clock when they came.
+    Times are of a clock with the rate of the timestamps, ns. A record that is used late, after a stall or
+    during start-up, has an old timestamp. Records that then arrive on time only seem to be ahead. They are
+    therefore compared with the recent lead of timestamps over the clock at arrival.
 
-    Where a recording with few sets a second is played faster than that clock, its steps look like jumps at
-    first: it is taken as another time line, of which longer steps are known.
+    If a recording with few sets per second is played faster than the clock, its steps first look like jumps.
+    It is then accepted as another time line, which allows longer steps.
     """
 
-    _newest: int | None = None  # stamp that was used
-    _used_ns: int = 0  # when that record came
-    _came: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=WAITING))  # (stamp, when)
-    _leads: tuple[int | None, int | None] = None, None  # most of stamps over the clock: LEAD_NS before, since
+    _newest: int | None = None  # newest used timestamp
+    _used_ns: int = 0  # arrival time of that record
+    # (timestamp, arrival time)
+    _came: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=WAITING))
+    # largest lead (timestamp minus clock): in the previous window of LEAD_NS, and in the current one
+    _leads: tuple[int | None, int | None] = None, None
     _lead_since_ns: int = 0
-    _other: int = 0  # the newest stamp of what may be another time line
+    _other: int = 0  # newest timestamp of a possible other time line
     _agreeing: int = 0
-    _longest: int = 0  # step between these
-    _since_ns: int = 0  # when the first of them came
-    _pace: int = 0  # the longest step of what was found to be another time line
+    _longest: int = 0  # longest step between these
+    _since_ns: int = 0  # arrival time of the first of them
+    _pace: int = 0  # longest step of an accepted other time line
 
     def judge(self, stamp_ns: int, now_ns: int) -> Verdict:
-        """What is wrong with a stamp; "" if nothing is."""
+        """Return the fault of a timestamp; "" if there is none."""
         verdict = self._verdict(stamp_ns, now_ns)
         if not verdict:
             self._came.append((stamp_ns, now_ns))
@@ -72,11 +79,11 @@ class Continuity:
         return "stale" if -OLD_NS < step <= 0 else "odd_stamp"
 
     def used(self, stamp_ns: int, now_ns: int) -> None:
-        """A record with this stamp was good, and is the newest now."""
+        """Take the timestamp of a good record as the newest one."""
         arrivals = reversed(tuple(self._came))
         came_ns = next((when for stamp, when in arrivals if stamp == stamp_ns), now_ns)
         if self._newest is not None and stamp_ns < self._newest:
-            self._leads = None, None  # another line
+            self._leads = None, None  # another time line
         self._newest, self._used_ns, self._agreeing = stamp_ns, came_ns, 0
         before, since = self._leads
         if came_ns - self._lead_since_ns > LEAD_NS:
@@ -85,12 +92,12 @@ class Continuity:
         self._leads = before, lead if since is None else max(since, lead)
 
     def _is_in_time(self, stamp_ns: int, now_ns: int) -> bool:
-        """Whether a stamp is ahead of the clock by no more than others were of late."""
+        """Return whether a timestamp's lead over the clock is not above the recent leads."""
         leads = [lead for lead in self._leads if lead is not None]
         return bool(leads) and stamp_ns <= now_ns + max(leads) + LEAST_AHEAD_NS
 
     def _is_other(self, stamp_ns: int, now_ns: int) -> bool:
-        """Whether enough records one after another, for long enough, are of another time line."""
+        """Return whether enough consecutive records, over a long enough time, are on another time line."""
         step = stamp_ns - self._other
         if self._agreeing and 0 < step <= SLOWEST_NS:
             self._agreeing += 1
@@ -108,7 +115,7 @@ class Continuity:
 
 
 class ImageStamp(NamedTuple):
-    """The stamp of an image that has arrived; see `sync.agreement.StampedFrame`."""
+    """Timestamp of an image that has arrived; see `sync.agreement.StampedFrame`."""
 
     camera: str
     stamp_ns: int
@@ -116,14 +123,15 @@ class ImageStamp(NamedTuple):
 
 
 class AlignedTimes:
-    """Gives images of cameras whose clock disagrees with the majority their time by arrival.
+    """Times for grouping images: a camera whose clock disagrees with the majority gets its time of arrival.
 
-    So a camera with wrong stamps is put together with the images that arrive with its own, and does not keep
-    the others from being taken. It is named by its images, before a busy detector has looked at any of them.
-    `sync` decides by the same rules whether its stamps are used. May be used by several threads.
+    A camera with wrong timestamps is thus grouped with the images that arrive at the same time, and does not
+    block the others. It is reported as soon as its images arrive, before a busy detector has processed any of
+    them. `sync` uses the same rules to decide whether its timestamps are used. Several threads may use an
+    instance.
 
     Args:
-        cameras: names in the order of the rig.
+        cameras: Names in the order of the rig.
     """
 
     def __init__(self, cameras: Sequence[str]):
@@ -135,7 +143,9 @@ class AlignedTimes:
         """Return the time of an image on the clock of the majority, ns, and notices about its camera.
 
         Args:
-            came_ns, host_ns: its arrival on a monotonic clock and on the clock of the host.
+            camera: Name.
+            stamp_ns: Timestamp of the image.
+            came_ns, host_ns: Time of arrival on a monotonic clock and on the host's clock.
         """
         with self._lock:
             self._counts[camera] += 1

@@ -1,6 +1,6 @@
-"""Counts and durations that a node keeps about itself, bounded in memory.
+"""Counters and durations of a node, bounded in memory.
 
-What nodes count as dropped, put together over their restarts, after which they count from 0 again.
+`DropLog` sums the drop counters of nodes over their restarts, after which a node counts from 0 again.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ import numpy as np
 
 from panoptic_ros.stage import Notice
 
-KEPT = 20000  # durations
-RECENT = 1800  # latencies: a minute at 30 Hz
-OF = " "  # between the code of a warning and the device that it is about
-MOST_DEVICES = 64  # of which the newest warning of a kind is remembered
+KEPT = 20000  # most durations that are kept
+RECENT = 1800  # most latencies that are kept: a minute at 30 Hz
+OF = " "  # separator between the code of a warning and its device
+MOST_DEVICES = 64  # devices per kind of warning whose newest warning is kept
 
 
 class StageStatistics:
-    """What went in and out of a stage, what was dropped and why, and how long a step takes."""
+    """Counters of a stage: records in and out, drops by cause, notices, and step durations."""
 
     def __init__(self) -> None:
         self.taken = 0
@@ -27,14 +27,16 @@ class StageStatistics:
         self.cpu_ns = 0
         self.dropped: Counter[str] = Counter()
         self.notices: Counter[str] = Counter()
-        self._latest: dict[str, str] = {}  # texts of warnings by code, and by code and device
-        self._told: dict[str, str] = {}  # and of what else there was to say
+        self._latest: dict[str, str] = {}  # texts of warnings, by code and by code and device
+        self._told: dict[str, str] = {}  # texts of info notices, by code
         self._durations: deque[int] = deque(maxlen=KEPT)  # ns
         self._latencies: deque[int] = deque(maxlen=RECENT)  # ns
 
     def take(self, notice: Notice) -> None:
-        """Count a notice, and remember the newest warning of its kind, also for its device. What it says was
-        left out is dropped as late."""
+        """Count a notice, and keep the newest warning of its kind, also per device.
+
+        Records that the notice reports as left out are counted as dropped with the cause "late".
+        """
         self.notices[notice.code] += 1
         if "left_out" in notice.values:
             self.dropped["late"] += int(notice.values["left_out"])
@@ -51,28 +53,28 @@ class StageStatistics:
         return sum(key.startswith(f"{code}{OF}") for key in self._latest)
 
     def add_duration(self, duration_ns: int) -> None:
-        """Remember how long one step took."""
+        """Add the duration of a step, ns."""
         self._durations.append(duration_ns)
 
     def add_latency(self, latency_ns: int) -> None:
-        """Remember how long after its stamp a record was given."""
+        """Add the latency of an output record, ns since its timestamp."""
         self._latencies.append(latency_ns)
 
     @property
     def warned(self) -> Mapping[str, int]:
-        """How many notices there were of each kind that warns."""
+        """Return the number of notices for each kind of warning."""
         return {code: self.notices[code] for code in self._latest if OF not in code}
 
     def latest(self, code: str) -> str:
-        """The newest text of a kind of warning."""
+        """Return the newest text of a kind of warning."""
         return self._latest[code]
 
     def percentiles_ms(self, *quantiles: float) -> tuple[float, ...]:
-        """Durations at these quantiles (0..100), ms; NaN before the first step."""
+        """Return step durations at these quantiles (0..100), ms; NaN before the first step."""
         return _percentiles_ms(self._durations, quantiles)
 
     def values(self) -> Mapping[str, str]:
-        """All of it as text, for /diagnostics."""
+        """Return all counters as text, for /diagnostics."""
         p50, p99 = self.percentiles_ms(50, 99)
         rows = {"taken": str(self.taken), "given": str(self.given)}
         rows |= {"cpu_s": f"{1e-9 * self.cpu_ns:.3f}"} if self.cpu_ns else {}
@@ -93,19 +95,19 @@ def _percentiles_ms(values: deque[int], quantiles: tuple[float, ...]) -> tuple[f
     return tuple(float(q) * 1e-6 for q in np.percentile(np.array(values.copy()), quantiles))
 
 
-PREFIX = "dropped."  # of values on /diagnostics
+PREFIX = "dropped."  # prefix of keys on /diagnostics
 
 
 class DropLog:
-    """Listens to statuses. Times are of any clock, ns."""
+    """Log of dropped records, from the diagnostics of nodes. Times are of any clock, ns."""
 
     def __init__(self) -> None:
         self.counts: Counter[str] = Counter()  # by "<status>.<cause>"
-        self.times: list[tuple[int, str]] = []  # when each was seen to go up
-        self._seen: dict[str, int] = {}  # what the node of now has counted
+        self.times: list[tuple[int, str]] = []  # (time, name) of each increase
+        self._seen: dict[str, int] = {}  # counts of the current process of each node
 
     def heard(self, status: str, values: Mapping[str, str], now_ns: int) -> None:
-        """A status of a node has come."""
+        """Take a status of a node."""
         for key, value in values.items():
             if not key.startswith(PREFIX):
                 continue

@@ -1,6 +1,6 @@
-"""What a node asks of a record from elsewhere before its stages see it: does it fit the rig and the skeleton?
+"""Checks of records from other nodes before the stages process them: they must fit the rig and the skeleton.
 
-Compiled kernels trust indices, so one beyond the cameras or the joints must not get to them.
+Compiled kernels do not check indices, so indices beyond the cameras or joints must not reach them.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from panoptic_ros.geometry.lens_kernels import undistort_points
 
 
 def check_record(record: object, owner: str, rig: Rig, skeleton: SkeletonModel) -> None:
-    """Whether a record is of the camera that its topic belongs to, as the rig and the skeleton describe it.
+    """Check that a record is of its topic's camera and fits the rig and the skeleton model.
 
     Args:
-        owner: camera, sensor or device of the topic; "" for topics of the graph.
+        owner: Camera, sensor or device of the topic. "" for topics of the graph.
 
     Raises:
-        DataError: naming what is different.
+        DataError: names the difference.
     """
     if isinstance(record, (ViewFrame, ViewDetections)):
         _check_view(record, owner, rig)
@@ -48,7 +48,7 @@ def check_record(record: object, owner: str, rig: Rig, skeleton: SkeletonModel) 
 
 
 def _joints(record: object) -> int | None:
-    """How many joints the people of a record have; None: it has no people."""
+    """Return the number of joints of the poses in a record; None if it contains none."""
     if isinstance(record, ViewDetections):
         return int(record.points.shape[1])
     if isinstance(record, PoseSet):
@@ -68,7 +68,7 @@ def _check_view(view: ViewFrame | ViewDetections, camera: str, rig: Rig) -> None
 
 
 def _check_cameras(item: AssociationSet, rig: Rig) -> None:
-    """Evidence names each view's own camera, in the order of the rig."""
+    """Check that the evidence of each view names the camera of that view, in the order of the rig."""
     named = [item.detections.views[slot].camera for slot in item.evidence.slots]
     given = item.evidence.cameras
     if [rig.names[k] if k < len(rig.names) else "" for k in given] != named or (np.diff(given) <= 0).any():
@@ -83,7 +83,7 @@ def _arrays(rig: Rig) -> RigArrays:
 
 
 def _check_evidence(item: AssociationSet, rig: Rig) -> None:
-    """Evidence says what its 2D people say: tables of noise learn from it, for good."""
+    """Check that the evidence agrees with its 2D poses, because noise tables learn from it permanently."""
     found, views = item.evidence, [item.detections.views[slot] for slot in item.evidence.slots]
     for v, view in enumerate(views):
         rows = found.rows[found.starts[v] : found.starts[v + 1]]

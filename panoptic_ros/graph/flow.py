@@ -1,9 +1,9 @@
-"""The two ways in which data flow through the graph, in one place.
+"""The two flow modes of the graph: live and replay.
 
-Live: newest first. Queues are short and drop the oldest; every drop is counted.
-Replay: nothing is lost however slow the machine. Sources wait for what comes out: a source has at
-most `window` frames under way, and every queue is longer than that. Topics keep their messages for
-readers that are matched late, so nothing depends on the order in which processes start.
+Live: the newest data come first. Queues are short and drop their oldest entry; every drop is counted.
+Replay: nothing is lost, however slow the machine is. A source waits for the output of the graph: at most
+`window` of its frames are under way, and every queue is longer than that. Topics keep their messages for late
+subscribers, so the start order of processes does not matter.
 """
 
 from __future__ import annotations
@@ -15,15 +15,16 @@ from panoptic_ros.errors import ConfigError
 
 @dataclass(frozen=True)
 class Flow:
-    """How one node queues.
+    """Queue settings of a node.
 
     Args:
         name: "live" or "replay".
-        depth: of the middleware's queues, messages per topic; image_depth: the same for images.
-        keeps_for_late: whether a reader that is matched late still gets what was sent before.
-        queue_limit: of the node's own queue per topic; None: not limited here.
-        window: replay: instants that a source may have under way between it and /skeletons.
-        image_window: replay: images that it may have under way between it and the detector.
+        depth: Length of the middleware's queues, messages per topic.
+        image_depth: The same for images.
+        keeps_for_late: Whether a late subscriber still gets earlier messages.
+        queue_limit: Length of the node's own queue per topic. None: no limit here.
+        window: Replay: most instants of a source between it and /skeletons.
+        image_window: Replay: most images of a source between it and the detector.
     """
 
     name: str
@@ -35,20 +36,23 @@ class Flow:
     image_window: int = 0
 
 
-WINDOW = 64  # instants: a detector runs on while the stages after it compile their kernels
+WINDOW = 64  # instants; a detector continues while the later stages compile their kernels
 IMAGE_WINDOW = 4
-LIVE_DEFAULTS = {"sync": {"deadline_s": 0.5}, "refinement": {"lag": 0.03}}  # lag: one set at 30 Hz
-PATIENT = 256  # messages: of sound every block counts, and a busy moment is longer than two
-BUSY = 64  # messages for a stage that catches up by itself: samples of an IMU of about a second
-LIVE_DEPTH = 8  # messages without images: a moment without a processor loses none; own queues keep them new
-SPARE = 8  # the middleware's queues are longer than what can be under way
+LIVE_DEFAULTS = {"sync": {"deadline_s": 0.5}, "refinement": {"lag": 0.03}}  # s; the lag is one set at 30 Hz
+# messages, queue limit if every message counts, e.g. audio; a limit of 2 would overflow in a busy moment
+PATIENT = 256
+BUSY = 64  # messages, queue limit of a stage that skips work to catch up: about a second of IMU samples
+# messages, except images: none is lost in a moment without processor time. The nodes' own short queues keep
+# the data recent.
+LIVE_DEPTH = 8
+SPARE = 8  # messages by which the middleware's queues exceed the number under way
 
 
 def make_flow(name: str, window: int = WINDOW) -> Flow:
-    """The flow of that name.
+    """Return the flow of a name.
 
     Args:
-        window: see `Flow`; must exceed the lag of refinement, in frames.
+        window: See `Flow`. It must exceed the lag of refinement, in frames.
 
     Raises:
         ConfigError: if there is no such flow.
@@ -61,9 +65,9 @@ def make_flow(name: str, window: int = WINDOW) -> Flow:
 
 
 def live_defaults(flow: str, stage: str) -> dict[str, float]:
-    """Defaults of a stage's parameters that hold in live flow only.
+    """Return the defaults of a stage's parameters that apply to live flow only.
 
-    A recording waits for all of its cameras; live, one that fails must not stop the others, and skeletons
-    wait for one more set at most.
+    A recording waits for all of its cameras. In live flow, a failed camera must not stop the others, and
+    skeletons wait for at most one more set.
     """
     return dict(LIVE_DEFAULTS.get(stage, {})) if flow == "live" else {}

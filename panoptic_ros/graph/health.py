@@ -1,6 +1,7 @@
-"""How a node and its stages are, in words and numbers: what /diagnostics tells.
+"""Health of a node, its stages and inputs, and of the whole graph, as published on /diagnostics.
 
-How the whole graph is, from what its nodes say of themselves, and from who has gone silent.
+`Health` derives the statuses of one node. `GraphHealth` combines the statuses of all nodes and reports silent
+nodes.
 """
 
 from __future__ import annotations
@@ -13,18 +14,19 @@ from typing import NamedTuple
 from panoptic_ros.graph.arrivals import SECOND, Arrivals
 from panoptic_ros.graph.counters import StageStatistics
 
-CALM_NS = 10 * SECOND  # so long after the last drop or notice, a warning clears
-STALLED_NS = SECOND  # in one step
-RATE_NS = 5 * SECOND  # over which rates are told
+CALM_NS = 10 * SECOND  # 10 s; a warning clears this long after the last drop or notice
+STALLED_NS = SECOND  # 1 s; a stage is stalled if one step takes longer
+RATE_NS = 5 * SECOND  # 5 s; window of rates
 
 
 class Status(NamedTuple):
-    """One status.
+    """Diagnostic status of a stage, node or input.
 
     Args:
-        name: of the stage, or node; "<node>: <camera> <topic>" for an input.
-        trouble: what is wrong; "" = all is well.
-        owner: camera, sensor or device.
+        name: Stage or node, or "<node>: <camera> <topic>" for an input.
+        trouble: Description of the problem. "": no problem.
+        owner: Camera, sensor or device.
+        values: Further values as text.
     """
 
     name: str
@@ -35,11 +37,14 @@ class Status(NamedTuple):
 
 @dataclass(frozen=True)
 class Told:
-    """A status of a graph as somebody heard it.
+    """Diagnostic status of a graph as a listener received it.
 
     Args:
-        namespace: of its graph; "" = none. name: without prefix and namespace.
-        trouble: "" if all is well. heard_s: a moment of a monotonic clock.
+        namespace: Namespace of the graph. "": none.
+        name: Without prefix and namespace.
+        trouble: Description of the problem. "": no problem.
+        values: Further values as text.
+        heard_s: Time of arrival on a monotonic clock.
     """
 
     namespace: str
@@ -50,7 +55,7 @@ class Told:
 
 
 class Doing(NamedTuple):
-    """What the stages are at: the stage in whose step they are, and since when; what is being compiled."""
+    """Current activity: the stage that performs a step, its start time, and the kernel being compiled."""
 
     stage: str = ""
     since_ns: int = 0
@@ -59,14 +64,14 @@ class Doing(NamedTuple):
 
 @dataclass
 class _Changes:
-    """When counters went up last, and by how much since all was calm."""
+    """Recent increases of counters, relative to their value before the increases began."""
 
     seen: Counter[str] = field(default_factory=Counter)
     newest_ns: dict[str, int] = field(default_factory=dict)
-    calm: dict[str, int] = field(default_factory=dict)  # counts when it was calm last
+    calm: dict[str, int] = field(default_factory=dict)  # counts at the end of the last calm period
 
     def recent(self, counts: Mapping[str, int], now_ns: int) -> dict[str, int]:
-        """How much each counter has gone up since all was calm, of those that went up of late."""
+        """Return how much each recently increased counter has grown since it was last calm."""
         found = {}
         for name, count in counts.items():
             if count > self.seen[name]:
@@ -84,11 +89,11 @@ class _StageHealth:
     drops: _Changes = field(default_factory=_Changes)
     warnings: _Changes = field(default_factory=_Changes)
     taken: int = 0
-    newest_ns: int | None = None  # when `taken` was seen to go up
-    seen: deque[tuple[int, int]] = field(default_factory=deque)  # time and `taken`, of the last seconds
+    newest_ns: int | None = None  # time at which `taken` was last found increased
+    seen: deque[tuple[int, int]] = field(default_factory=deque)  # (time, `taken`) over the last RATE_NS
 
     def rate_hz(self, now_ns: int) -> float:
-        """Records per second of late."""
+        """Return the recent number of records per second."""
         self.seen.append((now_ns, self.statistics.taken))
         while len(self.seen) > 2 and now_ns - self.seen[0][0] > RATE_NS:
             self.seen.popleft()
@@ -97,27 +102,33 @@ class _StageHealth:
 
 
 class Health:
-    """The statuses of a node. Times are of one monotonic clock, ns.
+    """Statuses of a node. Times are of one monotonic clock, ns.
 
     Args:
-        node: its name. statistics: by stage. live: whether silence is an outage; a recording has its pauses.
+        node: Name of the node.
+        statistics: By stage.
+        live: Whether silence is an outage. In a recording, pauses are normal.
     """
 
     def __init__(self, node: str, statistics: Mapping[str, StageStatistics], live: bool):
         self._node, self._live = node, live
         self._stages = {name: _StageHealth(own) for name, own in statistics.items()}
         self._inputs: list[tuple[Arrivals, str]] = []
-        self.awaited: Sequence[str] = ()  # latched facts that have not come
-        self.unfit: Sequence[str] = ()  # why the newest latched facts are not worked with
+        self.awaited: Sequence[str] = ()  # latched facts that have not arrived
+        self.unfit: Sequence[str] = ()  # reasons why the newest latched facts are not adopted
         self.doing = Doing()
         self.finished = False
 
     def add(self, arrivals: Arrivals, stage: str) -> None:
-        """One more input, and the first stage that takes it."""
+        """Add an input, and the first stage that takes it."""
         self._inputs.append((arrivals, stage))
 
     def statuses(self, now_ns: int, briefly: bool = False) -> list[Status]:
-        """Of all stages, then of all inputs; briefly: without values."""
+        """Return the statuses of all stages, then of all inputs.
+
+        Args:
+            briefly: Whether to omit the values.
+        """
         return [self._of_stage(name, now_ns, briefly) for name in self._stages] + [
             Status(
                 f"{self._node}: {arrivals.title}",
@@ -159,7 +170,7 @@ class Health:
         return Status(title, "; ".join(reasons), "", values)
 
     def _state(self, name: str, waiting: Sequence[str], now_ns: int) -> tuple[str, str]:
-        """In a word, and what is wrong with it."""
+        """Return the state as one word, and a description of its problem."""
         doing = self.doing
         busy_s = (now_ns - doing.since_ns) / SECOND if doing.stage == name else 0.0
         if self.finished:
@@ -176,28 +187,30 @@ class Health:
 
 
 NAME = "graph"
-SILENT_NS = 5 * SECOND // 2  # nodes tell of themselves once a second
-NAMED = 4  # troubles in the message
+SILENT_NS = 5 * SECOND // 2  # 2.5 s; nodes publish their statuses once a second
+NAMED = 4  # most problems in the message
 
 
 @dataclass
 class _Heard:
     newest_ns: int
     finished: bool = False
-    troubles: dict[str, str] = field(default_factory=dict)  # by status
+    troubles: dict[str, str] = field(default_factory=dict)  # by status name
 
 
 class GraphHealth:
-    """One status for all nodes of a graph. Times are of one monotonic clock, ns."""
+    """Combined status of all nodes of a graph. Times are of one monotonic clock, ns."""
 
     def __init__(self) -> None:
         self._nodes: dict[str, _Heard] = {}
 
     def heard(self, name: str, values: Mapping[str, str], trouble: str, now_ns: int) -> None:
-        """A status of a node has come.
+        """Take a status of a node.
 
         Args:
-            name: of the status, without prefix and namespace. trouble: its message, "" if all is well.
+            name: Name of the status, without prefix and namespace.
+            values: Its values as text.
+            trouble: Its message. "" if there is no problem.
         """
         node = values.get("node")
         if node is None:
@@ -212,7 +225,7 @@ class GraphHealth:
             known.troubles.pop(name, None)
 
     def statuses(self, now_ns: int) -> list[Status]:
-        """The one status."""
+        """Return the combined status."""
         silent = {
             node: (now_ns - heard.newest_ns) / SECOND
             for node, heard in self._nodes.items()

@@ -1,11 +1,12 @@
-"""A part of the graph in replay: whatever arrives first, its stages take records in the order of their
-places.
+"""Part of the graph in replay: its stages process records in the order of their places.
 
-Records of sources, and those that follow them one by one, have the place (time, owner, topic), see
-`graph.schedule`. The time is their stamp. Of a clock of its own, it is counted from the first stamp and
-begins where the common clock does, unless it is known by how much the clocks differ (`shift_ns`). A host
-hands a record to its stages (`graph.pipeline`) as soon as nothing can come before it. Other records from
-outside, such as latched facts, have no place: stages take them as they come.
+The order of arrival does not matter. Records of sources, and records that follow them one to one, have the
+place (time, owner, topic), see `graph.schedule`. The time is the timestamp on the common clock. Times of
+another clock count from its first timestamp and begin where the common clock begins, unless the offset
+between the clocks is known (`shift_ns`).
+
+A host passes a record to its stages (`graph.pipeline`) as soon as no earlier one can arrive. Other records
+from outside, such as latched facts, have no place. Stages process them on arrival.
 """
 
 from __future__ import annotations
@@ -20,21 +21,21 @@ from panoptic_ros.graph.schedule import DONE, END, Place
 from panoptic_ros.graph.topics import TOPICS, number_of
 
 Key = tuple[str, str]  # topic, owner
-EARLY = 4  # records of a stream that are shown early after its start or a pause
-PAUSE_NS = 500_000_000  # a longer time between two records is a pause
-JUMP_NS = 60_000_000_000  # a still longer one is a clock that jumped
+EARLY = 4  # records of a stream that get an early place after its start or a pause
+PAUSE_NS = 500_000_000  # 0.5 s; a longer time between two records is a pause
+JUMP_NS = 60_000_000_000  # 60 s; a longer step is a clock jump
 
 
 class Lane(NamedTuple):
-    """One topic of one camera or device.
+    """Topic of one camera or device.
 
     Args:
-        topic, owner: keys. A topic of the graph has the owner "".
-        order: (number of the owner, number of the topic), the same everywhere in a graph.
-        by_stamp: stamps tell the places of its records; others have none.
-        ahead_ns: see `graph.nodes.Port`.
-        clock: whose clock the stamps are on.
-        shift_ns: what is added to stamps for a time that all such lanes share; None: not known.
+        topic, owner: Keys. A topic of the graph has the owner "".
+        order: (number of the owner, number of the topic), the same in all processes of the graph.
+        by_stamp: Whether timestamps give its records a place. Records of other lanes have no place.
+        ahead_ns: See `graph.nodes.Port`.
+        clock: Name of the clock of the timestamps.
+        shift_ns: Added to timestamps to get times that all such lanes share. None: unknown.
     """
 
     topic: str
@@ -47,11 +48,11 @@ class Lane(NamedTuple):
 
 
 class Origins(NamedTuple):
-    """Where times begin.
+    """Time origins of the clocks.
 
     Args:
-        shifts: what is taken from the stamps of a clock; of the common one nothing.
-        begin: the earliest time.
+        shifts: By clock, ns: subtracted from its timestamps. The common clock has no entry.
+        begin: Earliest time, ns.
     """
 
     shifts: Mapping[str, int]
@@ -59,10 +60,11 @@ class Origins(NamedTuple):
 
     @classmethod
     def of(cls, firsts: Mapping[str, int], shifted: Sequence[int] = ()) -> Origins:
-        """Origins by the first stamps of the clocks: all begin with the common one ("").
+        """Return origins from the first timestamps of the clocks: all clocks begin with the common one ("").
 
         Args:
-            shifted: first times of lanes whose clocks are known; the first of all is the beginning.
+            firsts: First timestamp by clock, ns.
+            shifted: First times of lanes with a known shift, ns. The earliest time of all is the beginning.
         """
         common = [firsts[""]] if "" in firsts else []
         begin = min([*common, *shifted], default=0)
@@ -70,35 +72,38 @@ class Origins(NamedTuple):
 
 
 class BesideStream:
-    """Records that are handed over just before those of another topic of their owner, by their stamps.
+    """Records that are passed on just before the records of another topic of the same owner.
 
-    Such as depth maps before the images that they belong to: with the image of stamp t come those before t
-    plus the time by which the port is ahead.
+    Depth maps, for example, come before their images. An image with timestamp t takes along all depth maps
+    with timestamps before t plus the port's `ahead_ns`.
     """
 
     def __init__(self, lane: Lane):
         self.lane = lane
-        self.wanted = False  # whether a record waits for what is to come
+        self.wanted = False  # whether a record waits for further records of this stream
         self.ended = False
         self._records: deque[tuple[int, Any]] = deque()
         self._newest = -1
 
     def put(self, stamp_ns: int, record: Any) -> None:
-        """A record has arrived."""
+        """Add an arrived record."""
         self._records.append((stamp_ns, record))
         self._newest = max(self._newest, stamp_ns)
 
     def end(self) -> None:
-        """All that was sent has arrived."""
+        """Mark the stream as completely arrived."""
         self.ended = True
 
     def covers(self, stamp_ns: int) -> bool:
-        """Whether all that belongs to a record of this stamp has come."""
+        """Return whether everything that belongs to a record of this timestamp has arrived."""
         self.wanted = not self.ended and self._newest < stamp_ns + self.lane.ahead_ns
         return not self.wanted
 
     def take(self, stamp_ns: int) -> list[Any]:
-        """What belongs to a record of this stamp, or to none before it."""
+        """Remove and return the records that belong to a record of this timestamp.
+
+        Records that belong to no earlier record are included.
+        """
         found = []
         while self._records and self._records[0][0] < stamp_ns + self.lane.ahead_ns:
             found.append(self._records.popleft()[1])
@@ -106,51 +111,53 @@ class BesideStream:
 
 
 class StampedStream:
-    """Records whose stamps tell their places.
+    """Records whose timestamps give their places.
 
-    A stream that begins later than others, or pauses, shows its next records early, at the place where it was
-    silent. So nobody waits for what does not come. Where its clock jumps, its time goes on.
+    The first records of a stream that begins late or resumes after a pause get early places, right after its
+    last place. So other streams do not wait for missing records. If its clock jumps, its time continues
+    without the jump.
     """
 
     def __init__(self, lane: Lane):
         self.lane = lane
-        self.bound: Place = ()  # what is still to come is not before this
+        self.bound: Place = ()  # lower bound of the places of records to come
         self._records: deque[tuple[int, Any]] = deque()
-        self._last: int | None = None  # stamp of the newest record with a place
-        self._time = 0  # of that place
-        self._shift = 0  # from stamps to times
+        self._last: int | None = None  # timestamp of the newest record with a place
+        self._time = 0  # time of that place
+        self._shift = 0  # from timestamps to times
         self._period = 1
-        self._early = 0  # records that are still shown early
+        self._early = 0  # number of records that still get an early place
         self.ended = False
 
     @property
     def shown(self) -> bool:
-        """Whether anything has come."""
+        """Return whether any record has arrived."""
         return bool(self._records) or self._last is not None
 
     @property
     def first_stamp(self) -> int | None:
-        """Stamp of the first record; None: none has come."""
+        """Return the timestamp of the first waiting record; None if no record waits."""
         return self._records[0][0] if self._records else None
 
     @property
     def empty(self) -> bool:
-        """Whether it has ended without a record."""
+        """Return whether the stream has ended without a record."""
         return self.ended and not self._records and self._last is None
 
     def put(self, stamp_ns: int, record: Any) -> None:
-        """A record has arrived."""
+        """Add an arrived record."""
         self._records.append((stamp_ns, record))
 
     def end(self) -> None:
-        """All that was sent has arrived."""
+        """Mark the stream as completely arrived."""
         self.ended = True
 
     def take(self, origins: Origins, beside: Sequence[BesideStream] = ()) -> list[tuple[Lane, Place, Any]]:
-        """The records that have come, with their lanes and places, each behind those that belong beside it.
+        """Remove and return the arrived records as (lane, place, record), each after its companions.
 
         Args:
-            beside: what waits for records of this stream; a record waits until all of it has come.
+            origins: Time origins of the clocks.
+            beside: Companion streams of this stream. A record waits until all its companions have arrived.
         """
         found: list[tuple[Lane, Place, Any]] = []
         while self._records and all(stream.covers(self._records[0][0]) for stream in beside):
@@ -167,7 +174,7 @@ class StampedStream:
 
     @property
     def last_place(self) -> Place:
-        """Of the newest record that has a place."""
+        """Return the place of the newest record that has one."""
         return (self._time, *self.lane.order)
 
     def _time_of(self, stamp: int, origins: Origins) -> int:
@@ -195,7 +202,7 @@ class StampedStream:
 
 
 class Group:
-    """Streams that are merged: all of a host, or those of one camera or device."""
+    """Merged streams: all of a host, or those of one camera or device."""
 
     def __init__(self, lanes: Sequence[Lane]):
         self.streams = {(lane.topic, lane.owner): StampedStream(lane) for lane in lanes if not lane.ahead_ns}
@@ -203,14 +210,14 @@ class Group:
         self._placed: list[tuple[Place, int, Lane, Any, bool]] = []  # a heap
         self._number = 0
         self._origins: Origins | None = None
-        self._ends: dict[Key, bool] = {}  # ends that have come: whether they were placed
+        self._ends: dict[Key, bool] = {}  # ends that have arrived: whether they have a place
 
     def put(self, key: Key, stamp_ns: int, record: Any) -> None:
-        """A record has arrived."""
+        """Add an arrived record."""
         (self.beside.get(key) or self.streams[key]).put(stamp_ns, record)
 
     def end(self, key: Key) -> None:
-        """No more will come on a lane."""
+        """End a lane."""
         if key in self.beside:
             self.beside[key].end()
         else:
@@ -218,7 +225,7 @@ class Group:
             self._ends.setdefault(key, False)
 
     def waiting_for(self) -> tuple[bool, Place, tuple[int, int], Key] | None:
-        """The lane on which something must come, or end, first; None: all have ended."""
+        """Return the lane whose next record or end is needed first; None if all lanes have ended."""
         waiting = [
             (stream.shown, stream.bound, stream.lane.order, key)
             for key, stream in self.streams.items()
@@ -232,7 +239,7 @@ class Group:
         return min(waiting) if waiting else None
 
     def bound(self, topics: frozenset[str] | None = None) -> Place:
-        """What is still to come on these topics (None: all) is not before this."""
+        """Return a lower bound of the places to come on these topics (None: all)."""
         return min(
             (
                 stream.bound
@@ -243,7 +250,7 @@ class Group:
         )
 
     def place(self) -> None:
-        """Give all that has come its place, as far as that is known."""
+        """Give arrived records and ends their places, as far as these are determined."""
         origins = self._origins = self._origins or self._find_origins()
         if origins is not None:
             for stream in self.streams.values():
@@ -257,7 +264,11 @@ class Group:
                 self._keep(stream.lane, stream.last_place, None, is_end=True)
 
     def take(self, bound: Place) -> tuple[Place, Lane, Any, bool] | None:
-        """The next record that is not after this place: place, lane, record, whether it is an end."""
+        """Remove and return the next record whose place is not after `bound`.
+
+        Returns:
+            place, lane, record, and whether it is an end.
+        """
         if not self._placed or self._placed[0][0] > bound:
             return None
         place, _, lane, record, is_end = heappop(self._placed)
@@ -268,7 +279,7 @@ class Group:
         heappush(self._placed, (place, self._number, lane, record, is_end))
 
     def _find_origins(self) -> Origins | None:
-        """Where the times of all clocks begin; None: a lane has not shown it yet."""
+        """Return the time origins of all clocks; None if a lane has no record yet."""
         if any(stream.first_stamp is None and not stream.empty for stream in self.streams.values()):
             return None
         firsts: dict[str, int] = {}
@@ -283,12 +294,13 @@ class Group:
 
 
 class Host:
-    """Stages, and the order in which they take what comes from outside.
+    """Stages, and the order in which they process records from outside.
 
     Args:
-        pipeline: the stages. It tells ends of cameras and devices, the host those of whole topics.
-        lanes: all that comes from outside.
-        on_end: called with a topic when no more is given on it.
+        pipeline: The stages. It reports the ends of cameras and devices; the host reports those of whole
+            topics.
+        lanes: All lanes from outside.
+        on_end: Called with a topic when the stages give no more records on it.
     """
 
     def __init__(
@@ -317,10 +329,10 @@ class Host:
         self._flushed = 0
         self.over = False
 
-    # ------------------------------------------------------------------ what comes
+    # ------------------------------------------------------------------ input
 
     def put(self, topic: str, owner: str, stamp_ns: int, record: Any) -> None:
-        """A record has arrived; None: one that could not be used."""
+        """Add an arrived record; None stands for an unusable one."""
         key = (topic, owner)
         if key not in self._merged:
             if record is not None:
@@ -329,7 +341,7 @@ class Host:
         self._group(owner).put(key, stamp_ns, record)
 
     def end(self, topic: str, owner: str) -> None:
-        """All that was sent on a lane has arrived."""
+        """Mark a lane as completely arrived."""
         if (topic, owner) not in self._merged:
             self._open_at_once.discard((topic, owner))
             self._pipeline.end(topic, owner)
@@ -337,12 +349,12 @@ class Host:
             self._group(owner).end((topic, owner))
 
     def waiting_for(self) -> Key | None:
-        """The lane on which something must come, or end, so that stages can go on; None: all have ended."""
+        """Return the lane whose next record or end the stages need; None if all lanes have ended."""
         waiting = [found for group in self._groups.values() if (found := group.waiting_for()) is not None]
         return min(waiting)[3] if waiting else None
 
     def advance(self) -> None:
-        """Take all records whose turn it is, and end with the last lane."""
+        """Process all records whose turn has come, and flush the stages after the last lane has ended."""
         if self.over:
             return
         for group in self._groups.values():
@@ -368,12 +380,12 @@ class Host:
             self._pipeline.schedule.add(lane.topic, record, place)
 
     def _bounds(self, stage: int) -> Place:
-        """What a stage may still get from outside is not before this."""
+        """Return a lower bound of the places that a stage may still get from outside."""
         topics = self._reaching[stage]
         return min((group.bound(topics) for group in self._groups.values()), default=(DONE,))
 
     def _finish_stages(self) -> None:
-        """Let stages that will get no more hand out what they hold, in order."""
+        """Flush the stages that get no more records, in order."""
         schedule, wiring = self._pipeline.schedule, self._pipeline.wiring
         for stage, spec in enumerate(wiring.specs):
             if not self._is_open(stage) and schedule.is_over(stage, self._bounds):
@@ -385,7 +397,7 @@ class Host:
         self.over = self._flushed == len(wiring.specs)
 
     def _is_open(self, stage: int) -> bool:
-        """Whether something that is taken as it comes may still come."""
+        """Return whether a record without a place may still reach a stage."""
         return any(stage in self._pipeline.wiring.reached(topic) for topic, _ in self._open_at_once)
 
 
@@ -396,15 +408,16 @@ def lanes_of(
     clocks: Callable[[str], str] = lambda owner: "",
     shifts: Mapping[str, int] = {},
 ) -> list[Lane]:
-    """Lanes of topics from outside.
+    """Return the lanes of topics from outside.
 
     Args:
-        topics: keys.
-        owners: of a topic: the cameras or devices that give it, in the order of the rig; ("",) for the
-            graph's.
-        clocks: of an owner: whose clock its stamps are on; IMUs are roughly on the common one.
-        shifts: by owner, or by topic where that of an owner has another: what is added to its stamps, where
-            that is known; see `Lane`.
+        topics: Keys.
+        owners: Returns the cameras or devices that give a topic, in the order of the rig; ("",) for topics of
+            the graph.
+        pipeline: The stages that take the topics.
+        clocks: Returns the name of the clock of an owner's timestamps. IMUs are roughly on the common clock.
+        shifts: ns, by owner, or by topic if it differs from that of its owner: added to timestamps, where it
+            is known. See `Lane`.
     """
     ports = {port.topic: port for port in pipeline.wiring.inputs}
     return [

@@ -1,4 +1,4 @@
-"""Every stage of the graph: where its code is, what it takes and what it gives."""
+"""Table of all stages of the graph: code location, input topics and output topics."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ Queue = Literal["newest", "instant", "all", "late"]
 
 @dataclass(frozen=True)
 class Port:
-    """One input of a stage.
+    """Input of a stage.
 
     Args:
-        topic: key of `TOPICS`. A stage may take its variants in place of it.
-        optional: the stage works without it.
-        feedback: it may come from a stage further down. What comes back is handed over after all that
-            follows from the record at hand, and before the next one.
-        ahead_ns: its records are handed over so much before those of other ports with the same stamp.
-        patience_ns: live, a record of another port waits so long for it, in stamps.
-        tells_end: the stage takes an `EndOfStream` when a camera or device gives no more.
-        first: it takes a record before other stages do, and before what follows from it.
-        switch: name of what in the stage's configuration says whether the port is used, or "stage.name" of
-            what does in another's; "" = it always is.
+        topic: Key of `TOPICS`. A stage may take variants of the topic instead.
+        optional: Whether the stage works without it.
+        feedback: Whether it may come from a later stage. Feedback is passed on after everything that follows
+            from the current record, and before the next record.
+        ahead_ns: Time by which its records are passed on before those of other ports with the same timestamp.
+        patience_ns: Live: longest wait of another port's record for this input, by timestamps.
+        tells_end: Whether the stage takes an `EndOfStream` when a camera or device has ended.
+        first: Whether this port gets a record before other stages do, and before everything that follows from
+            it.
+        switch: Parameter of the stage that switches the port on, or "stage.name" for one of another stage.
+            "": always on.
     """
 
     topic: str
@@ -38,25 +39,30 @@ class Port:
 
     @property
     def latched(self) -> bool:
-        """Whether the topic keeps its messages for readers that come late. It has no end to wait for."""
+        """Return whether the topic keeps its messages for late subscribers.
+
+        Such a topic has no end to wait for.
+        """
         return TOPICS[self.topic].latched
 
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One stage and the node around it.
+    """Stage and the node around it.
 
     Args:
-        name: of the stage, the node and the section of the parameters.
+        name: Name of the stage, the node and the parameter section.
         stage, config: "module:class".
-        inputs: ports. Records of one place (see `graph.schedule`) are handed over in this order.
-        outputs: keys of `TOPICS`. A record goes to the topic of its type.
-        apart: the inputs of every camera or device are merged on their own, as none waits for another.
-        queue: of a live node that falls behind. "newest": a few messages of every topic; "instant": images
-            of one instant together; "all": as every message counts; "late": a second of messages, as
-            it is told that it is late, and leaves work out by itself.
-        switch: name of the parameter that turns the stage on, or "stage.name" of another stage's; "" = it is
-            always on.
+        inputs: Ports. Records of one place (see `graph.schedule`) are passed on in this order.
+        outputs: Keys of `TOPICS`. A record goes to the topic of its type.
+        apart: Whether the inputs of each camera or device are merged separately, because none waits for
+            another.
+        queue: Policy of a live node that falls behind.
+            "newest": A few messages per topic are kept.
+            "instant": Images of one instant are taken together.
+            "all": Every message counts.
+            "late": A second of messages is kept. The stage is informed of its delay and skips work.
+        switch: Parameter that switches the stage on, or "stage.name" for one of another stage. "": always on.
     """
 
     name: str
@@ -69,10 +75,10 @@ class NodeSpec:
     switch: str = ""
 
     def output_for(self, record: object) -> str:
-        """The key of the topic that a record of this stage goes to.
+        """Return the key of the topic for an output record of this stage.
 
         Raises:
-            KeyError: if the stage gives no such record.
+            KeyError: if the stage has no topic for the record.
         """
         kind = type(record).__name__
         for key in self.outputs:
@@ -90,8 +96,9 @@ def stage_row(
     queue: Queue = "newest",
     switch: str = "",
 ) -> NodeSpec:
-    """A row for a stage in the usual places: `<name>/stage.py`: <Name>Stage, `<name>/config.py`:
-    <Name>Config.
+    """Return the row of a stage in the usual modules.
+
+    These are `<name>/stage.py` with <Name>Stage, and `<name>/config.py` with <Name>Config.
     """
     title = name.capitalize()
     return NodeSpec(
@@ -106,10 +113,10 @@ def stage_row(
     )
 
 
-# 1 ns more than an image and its depth map may be apart, so that the image comes last.
+# ahead_ns is the largest time between an image and its depth map, 8 ms, plus 1 ns: the image comes last.
 DEPTH = Port("depth", optional=True, ahead_ns=8_000_001, patience_ns=200_000_000)
 
-# In the order in which records go down. A stage stands below those whose records it takes, but for feedback.
+# In the order of the data flow: a stage comes after the stages whose records it takes, except for feedback.
 NODES: dict[str, NodeSpec] = {
     spec.name: spec
     for spec in (
@@ -198,7 +205,8 @@ NODES: dict[str, NodeSpec] = {
 }
 
 FUSION = ("association", "voting", "assembly", "tracking", "refinement")  # from detection sets to /skeletons
-BESIDE_IMAGES = ("detection", "flow", "appearance")  # what looks at images: in the processes that have them
+# stages that process images; they run in the processes that hold the images
+BESIDE_IMAGES = ("detection", "flow", "appearance")
 AFTER_DETECTION = (
     "sync",
     "association",
@@ -210,6 +218,6 @@ AFTER_DETECTION = (
     "patches",
     "refinement",
 )
-SOUND = ("timecode", "clocks")  # what comes of timecode in sound
-SLOW = ("offsets", "kinematics")  # busy for long at times: live, nobody must wait for them
+SOUND = ("timecode", "clocks")  # timecode in audio, and clocks from it
+SLOW = ("offsets", "kinematics")  # sometimes busy for long; in live flow, no other stage may wait for them
 CHAIN = (*BESIDE_IMAGES, *AFTER_DETECTION)

@@ -1,11 +1,12 @@
-"""Refinement of a recording: both directions of time, and patches put once more on skeletons without gaps.
+"""Refinement of a recording in both directions of time, with patches placed again on skeletons without gaps.
 
-Joo et al. 2017, 6.3, propagate parts forward and backward and associate patches anew on the filled skeleton,
-until nothing more is filled. Here a displacement ties two states in both directions, and smoothing over two
-seconds to come is as good as over all of the recording. What it fills is what patches are put on next, in a
-second round; so a recording of any length is refined as it passes by.
+Joo et al. 2017, 6.3, propagate parts forward and backward and associate patches with the filled skeleton
+again, until nothing more is filled. Here a displacement links two states in both directions. Smoothing with a
+look-ahead of two seconds is as good as smoothing over the whole recording. A second round places patches on
+the joints that the first round filled. So a recording of any length is refined as a stream.
 
-The averaging of Joo et al. 2017, 6.3, over a whole recording: see `refinement.averaging`.
+`OfflineAveraging` does the averaging of Joo et al. 2017, 6.3, over a whole recording; see
+`refinement.averaging`.
 """
 
 from __future__ import annotations
@@ -35,22 +36,22 @@ from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.stage import bias_floor, without
 from panoptic_ros.stage import StageContext
 
-AHEAD = 2.0  # s that smoothing looks ahead; motion is forgotten in a fraction of that
-BRIDGED = 1.0  # s, longest gap that is filled although nothing was followed
-ROUNDS = 2  # of putting patches on people
+AHEAD = 2.0  # s, look-ahead of smoothing; the motion model's memory is a fraction of that
+BRIDGED = 1.0  # s; longest gap that is filled although no motion was measured
+ROUNDS = 2  # rounds of placing patches on people
 Taken = PatchTracks | DepthFrame | TrackedPoseSet
 
 
 class Instant(NamedTuple):
-    """A set of skeletons, and what came since the one before."""
+    """Set of tracked 3D poses, and the records that came since the previous set."""
 
     before: tuple[PatchTracks | DepthFrame, ...]
     poses: TrackedPoseSet
-    free: Any  # (F, 2) ids and joints of the set that depth sensors see through; None = not known
+    free: Any  # (F, 2) ids and joints in space that depth sensors measured as free; None = unknown
 
 
 class Round:
-    """Patches on the skeletons that are given, and the measured joints smoothed with their motions."""
+    """One round: patches on given skeletons, and smoothing of the measured joints with the patch motions."""
 
     def __init__(self, patches: PatchesConfig, refinement: RefinementConfig, context: StageContext):
         self._patches = make_stage("patches", patches, context) if patches.active else None
@@ -58,7 +59,12 @@ class Round:
         self._waiting: deque[Instant] = deque()
 
     def take(self, instant: Instant, shown: TrackedPoseSet) -> Iterator[tuple[Instant, RefinedPoseSet]]:
-        """What is smoothed by now; shown: the same people, on whom patches are put."""
+        """Yield the sets that are smoothed by now.
+
+        Args:
+            instant: New set.
+            shown: The same people, with the joints on which patches are placed.
+        """
         if self._patches is not None:
             found: list[Any] = []
             for item in (*instant.before, shown):
@@ -71,25 +77,28 @@ class Round:
         yield from self._matched(self._refinement.step(instant.poses).outputs)
 
     def flush(self) -> Iterator[tuple[Instant, RefinedPoseSet]]:
-        """The rest."""
+        """Yield the remaining sets."""
         yield from self._matched(self._refinement.flush().outputs)
         self._waiting.clear()
 
     def _matched(self, outputs: Iterable[RefinedPoseSet]) -> Iterator[tuple[Instant, RefinedPoseSet]]:
         for output in outputs:
             while self._waiting[0].poses.index != output.index:
-                self._waiting.popleft()  # it came too late, and was dropped
+                self._waiting.popleft()  # refinement dropped this set, because it came too late
             yield self._waiting.popleft(), output
 
 
 class OfflineRefinement:
-    """Takes 2D tracks, depth maps and tracked skeletons in their order; gives smoothed skeletons late.
+    """Smoother of a recording: takes records in order, gives smoothed 3D poses with a delay.
+
+    It takes 2D tracks, depth maps and tracked 3D poses.
 
     Args:
-        configs: of the stages. Without patches it only smooths.
+        configs: Configurations of the stages. Without patches it only smooths.
+        context: Context of the stages.
 
     Raises:
-        UsageError: if bodies are to fill joints, which is done with a lag only.
+        UsageError: if bodies should fill joints, which is only possible with a lag.
     """
 
     def __init__(self, configs: Mapping[str, Config], context: StageContext):
@@ -99,13 +108,13 @@ class OfflineRefinement:
         refinement = replace(
             refinement, lag=max(AHEAD, refinement.lag), max_gap=max(BRIDGED, refinement.max_gap)
         )
-        kept = replace(patches, carry_gain=1.0)  # skeletons without noise and gaps are followed as they are
+        kept = replace(patches, carry_gain=1.0)  # follow skeletons without noise and gaps exactly
         rounds = ROUNDS if patches.active else 1
         self._rounds = [Round(patches if k == 0 else kept, refinement, context) for k in range(rounds)]
         self._before: list[PatchTracks | DepthFrame] = []
 
     def take(self, item: Taken) -> Iterator[RefinedPoseSet]:
-        """What is through all rounds by now."""
+        """Yield the sets that have passed all rounds by now."""
         if not isinstance(item, TrackedPoseSet):
             self._before.append(item)
             return
@@ -114,12 +123,12 @@ class OfflineRefinement:
         yield from self._next(0, self._rounds[0].take(instant, item))
 
     def flush(self) -> Iterator[RefinedPoseSet]:
-        """The rest."""
+        """Yield the remaining sets."""
         for k, one in enumerate(self._rounds):
             yield from self._next(k, one.flush())
 
     def _next(self, k: int, found: Iterable[tuple[Instant, RefinedPoseSet]]) -> Iterator[RefinedPoseSet]:
-        """What round k gave, through the rounds after it."""
+        """Pass the output of round k through the later rounds."""
         for instant, output in found:
             if k + 1 == len(self._rounds):
                 yield output
@@ -128,17 +137,17 @@ class OfflineRefinement:
 
 
 Array = np.ndarray
-UNKNOWN = 0.1**2  # m^2, of joints that averaging filled: it does not tell
+UNKNOWN = 0.1**2  # m^2, variance of joints that averaging filled, as the method gives none
 
 
 class OfflineAveraging:
-    """Takes 2D tracks, depth maps and tracked skeletons in their order; gives all skeletons at the end.
+    """Averaging of a recording: takes records in order, gives all 3D poses at the end.
 
-    Joints in free space are missing at first. Parts are followed on the joints of the round before. It holds
-    the whole recording.
+    It takes 2D tracks, depth maps and tracked 3D poses, and keeps the whole recording in memory. Joints in
+    free space are missing at first. Parts are followed on the joints of the previous round.
 
     Attributes:
-        rounds: that it took.
+        rounds: Number of rounds that were needed.
 
     Raises:
         UsageError: if the motion of the surface is not measured.
@@ -155,7 +164,7 @@ class OfflineAveraging:
         self.rounds = 0
 
     def take(self, item: Taken) -> Iterator[RefinedPoseSet]:
-        """Nothing yet; sets from the past are left out."""
+        """Keep a record and yield nothing; sets with a timestamp from the past are discarded."""
         if isinstance(item, TrackedPoseSet):
             if item.stamp_ns <= self._last_ns:
                 return iter(())
@@ -164,11 +173,11 @@ class OfflineAveraging:
         return iter(())
 
     def flush(self) -> Iterator[RefinedPoseSet]:
-        """All skeletons."""
+        """Yield all skeletons."""
         raw = [item for item in self._items if isinstance(item, TrackedPoseSet)]
         free = {own.stamp_ns: own.free for own in self._followed(raw, self._patches)}
         raw = [without(item, free[item.stamp_ns]) if len(free[item.stamp_ns]) else item for item in raw]
-        carried = replace(self._patches, carry_gain=1.0)  # on skeletons as they are
+        carried = replace(self._patches, carry_gain=1.0)  # follow these skeletons exactly
 
         def motions_on(joints: Sequence[Joints]) -> list[PartMotions | None]:
             shown = [_shown(item, own) for item, own in zip(raw, joints)]
@@ -189,7 +198,7 @@ class OfflineAveraging:
     def _followed(
         self, shown: Sequence[TrackedPoseSet], config: PatchesConfig
     ) -> Iterator[PatchTrajectories]:
-        """Patches of every set, put on these skeletons in place of those that came."""
+        """Yield the patches of every set, placed on the given skeletons instead of the recorded ones."""
         stage, instead = make_stage("patches", config, self._context), iter(shown)
         for item in self._items:
             taken: Iterable[PatchTrajectories] = stage.step(
@@ -199,7 +208,7 @@ class OfflineAveraging:
 
 
 def _shown(item: TrackedPoseSet, own: Mapping[int, Array]) -> TrackedPoseSet:
-    """The people of a set with other joints (J, 3) m, NaN = missing."""
+    """Return the people of a set with other joints (J, 3) m, NaN = missing."""
     positions = item.positions.copy()
     for row, number in enumerate(item.ids.tolist()):
         positions[row] = own[number]
@@ -216,10 +225,10 @@ def _shown(item: TrackedPoseSet, own: Mapping[int, Array]) -> TrackedPoseSet:
 def refinement_of(
     configs: Mapping[str, Config], context: StageContext
 ) -> OfflineRefinement | OfflineAveraging:
-    """What refines a whole recording.
+    """Return the refinement of a whole recording.
 
     Raises:
-        UsageError: if the configuration asks for what is not possible offline.
+        UsageError: if the configuration requires something that is not possible offline.
     """
     averages = config_of(configs, RefinementConfig).method == "averaging"
     return OfflineAveraging(configs, context) if averages else OfflineRefinement(configs, context)

@@ -1,8 +1,7 @@
-"""Some stages of the table in one process: the same output as the graph, without ROS.
+"""Stages of the table in one process: the same output as the graph, without ROS.
 
-Nothing is dropped and nothing runs at the same time. A record goes down as far as it gets before the next
-one is taken; what it brings back up (feedback) is handed over then. How the order is kept is told in
-`graph.schedule`.
+Nothing is dropped, and no two stages run at the same time. A record passes through all stages before the next
+one is taken. Feedback is passed on after that. `graph.schedule` defines the order.
 """
 
 from __future__ import annotations
@@ -27,8 +26,12 @@ NoticeObserver = Callable[[str, Notice], None]  # (stage, notice)
 
 
 class _End(NamedTuple):
-    """The end of a stream on its way down: its owner, the place of its last record, the port that takes
-    it.
+    """End of a stream on its way through the stages.
+
+    Args:
+        owner: Camera or device.
+        last: Place of its last record.
+        port: Port that takes it.
     """
 
     owner: str
@@ -37,23 +40,26 @@ class _End(NamedTuple):
 
 
 class Pipeline:
-    """Any stages of the table, connected as it says.
+    """Selected stages of the table, connected as the table says.
 
     Args:
-        configs: one per stage, see `graph.build.configure`.
-        stages: their names; those that a parameter switches off are left out.
-        on_record: called with every record that a stage gives, in order.
-        on_notice: called with every notice.
-        on_refused: called with (stage, error) where a stage refuses a record, which is then left out. Without
-            it the error is raised.
-        on_end: called with (topic, owner) when these stages give no more for a camera or device on a topic.
-        on_step: called with (stage, nanoseconds) after every step, but for records of optional ports.
-        on_cpu: called with (stage, nanoseconds of processor time) after every step.
-        clock: a monotonic clock in ns, cpu_clock: that of a thread's processor time; the pipeline itself
-            reads none.
-        everywhere: all stages of the graph that this is a part of; None = these are all.
-        table: the rows. used: ports that a parameter of any stage of the graph switches on (see
-            `graph.build.ports_in_use`); None = those of the configurations.
+        configs: One per stage, see `graph.build.configure`.
+        context: Rig, skeleton and extras.
+        stages: Their names. Stages that a parameter switches off are left out.
+        on_record: Called with every output record, in order.
+        on_notice: Called with every notice.
+        on_refused: Called with (stage, error) if a stage refuses a record, which is then dropped. None: the
+            error is raised.
+        on_end: Called with (topic, owner) when these stages give no more records of a camera or device on a
+            topic.
+        on_step: Called with (stage, duration in ns) after every step, except for records of optional ports.
+        on_cpu: Called with (stage, processor time in ns) after every step.
+        clock, cpu_clock: Monotonic time and processor time of the thread, ns. The pipeline reads no other
+            clock.
+        everywhere: All stages of the graph that this is a part of. None: these are all.
+        table: The rows.
+        used: Ports that a parameter of any stage of the graph switches on, see `graph.build.ports_in_use`.
+            None: those of the configurations.
     """
 
     def __init__(
@@ -91,40 +97,44 @@ class Pipeline:
         self._on_step = on_step or (lambda stage, duration: None)
         self._on_cpu = on_cpu or (lambda stage, duration: None)
         self._clock, self._cpu_clock = clock or (lambda: 0), cpu_clock or (lambda: 0)
-        self.stepping: tuple[str, int] = ("", 0)  # the stage in whose step this is, and since when
+        self.stepping: tuple[str, int] = ("", 0)  # stage that performs a step, and its start time, ns
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The stages that run, in order."""
+        """Return the names of the running stages, in order."""
         return tuple(spec.name for spec in self.wiring.specs)
 
     def push(self, topic: str, record: Any) -> None:
-        """Hand a record from outside to all stages that take its topic, and on as far as it gets.
+        """Pass a record from outside, and everything that follows from it, through the stages.
 
         Raises:
-            DataError: if a stage refuses it, unless somebody is to be told of that.
+            DataError: if a stage refuses it and there is no `on_refused`.
         """
         self.schedule.add(topic, record, self._place_of_push(topic))
         self.run()
 
     def waited(self, ns: int) -> None:
-        """Live: the records that are pushed next have waited for so long."""
+        """Report to the stages how long the next pushed records have waited (live)."""
         for stage in self._punctual:
             stage.waited(ns)
 
     def arrived(self, came_ns: int, host_ns: int) -> None:
-        """Live: tell the arrival of the records that are pushed next (see `stage.Timed`)."""
+        """Report to the stages when the next pushed records arrived (live, see `stage.Timed`)."""
         for stage in self._timed_stages:
             stage.arrived(came_ns, host_ns)
 
     def begin_step(
         self, topic: str, record: Any, add: Callable[[str, Callable[[], Any]], Future[Any]]
     ) -> Future[Any] | None:
-        """Let the stage that takes a record first begin with it, where its cameras or devices are apart.
-        `push` then hands on what came of it. None: nothing was begun.
+        """Start the first step of a record in parallel, if its stage works on cameras or devices separately.
+
+        A later `push` of the record then passes on the result.
 
         Args:
-            add: has a call done for a camera or device, after those before it (see `graph.under_way`).
+            add: Schedules a call for a camera or device, after its earlier calls (see `graph.under_way`).
+
+        Returns:
+            the future of the step; None: nothing was started.
         """
         first = self.wiring.readers[topic][0].stage
         if self.names[first] not in self._apart:
@@ -135,51 +145,54 @@ class Pipeline:
         return step
 
     def is_beside(self, topic: str) -> bool:
-        """Whether what comes on a topic from outside is only taken along by stages that work on others."""
+        """Return whether a topic from outside is only a companion of other records, for all its readers."""
         return all(self.wiring.port(reader).optional for reader in self.wiring.readers[topic])
 
     def end(self, topic: str, owner: str) -> None:
-        """A camera or device gives no more on this topic."""
+        """End a topic of a camera or device."""
         self.add_end(topic, owner, self._place_of_push(topic))
         self.run()
 
     def flush(self) -> None:
-        """End of all streams: every stage hands out what it holds, in order. The pipeline is then as new."""
+        """End all streams: flush every stage in order. The pipeline is then as new."""
         for number in range(len(self._stages)):
             self.flush_stage(number)
             self.run()
         self.schedule.open_all()
 
     def state(self) -> dict[str, bytes]:
-        """What all later output depends on, by stage. Between two records nothing else is held."""
+        """Return the state that determines all later output, by stage.
+
+        Between two records, the pipeline holds no other data.
+        """
         return {name: stage.state() for name, stage in zip(self.names, self._stages)}
 
     def lasting_state(self) -> dict[str, bytes]:
-        """What counts after a pause, by stage: less than `state`, where a stage tells it apart."""
+        """Return the state that matters after a pause, by stage; some stages need less than `state`."""
         return {
             name: stage.lasting_state() if isinstance(stage, Resting) else stage.state()
             for name, stage in zip(self.names, self._stages)
         }
 
     def begin(self, states: Mapping[str, bytes]) -> None:
-        """Go on from a state; stages that it lacks go on from their own.
+        """Resume from a state; stages that it lacks keep their own.
 
         Raises:
-            DataError: if a state is not one of its stage.
+            DataError: if a state does not belong to its stage.
         """
         for name, stage in zip(self.names, self._stages):
             if name in states:
                 stage.begin(states[name])
 
     def begin_anew(self, name: str) -> None:
-        """Let a stage forget what it measured."""
+        """Let a stage forget its measurements."""
         self._stages[self.names.index(name)].forget()
 
     def change_rig(self, rig: Rig) -> tuple[str, ...]:
-        """Work with another rig from the next record on. Stages keep what they know where it still holds.
+        """Use another rig from the next record on. Stages keep the part of their state that is still valid.
 
         Returns:
-            the stages that begin anew, as their state speaks of other cameras.
+            the stages that restart with an empty state, because their state refers to other cameras.
         """
         self._context = replace(self._context, rig=rig)
         anew = []
@@ -193,28 +206,29 @@ class Pipeline:
         self._find_live_stages()
         return tuple(anew)
 
-    # ------------------------------------------------------------------ for hosts, which know places
+    # ------------------------------------------------------------------ for hosts, which define places
 
     def add_end(self, topic: str, owner: str, last: Place) -> None:
-        """A camera or device gives no more on this topic.
+        """End a topic of a camera or device.
 
         Args:
-            last: place of its last record.
+            last: Place of its last record.
         """
         for reader in self.wiring.readers.get(topic, ()):
             self.schedule.wait(reader, _End(owner, last, self.wiring.port(reader)), (*last, END))
 
     def flush_stage(self, number: int) -> None:
-        """Let a stage hand out what it holds. It takes nothing any more, also not what comes back."""
+        """Flush a stage; it takes no more records, including feedback."""
         self.schedule.close(number)
         turn = Turn((FLUSH, self.wiring.ranks[number]), number, None)
         self._hand_on(turn, self._stages[number].flush())
 
     def run(self, bounds: Bounds | None = None) -> None:
-        """Take all records whose turn it is.
+        """Process all records whose turn has come.
 
         Args:
-            bounds: what may still come from outside; None: nothing before what is there.
+            bounds: Lower bounds of the places that may still come from outside. None: no earlier record can
+                come.
         """
         while True:
             turn = self.schedule.next(bounds)
@@ -228,7 +242,7 @@ class Pipeline:
         return make_stage(name, self._configs[name], self._context, self.wiring.table)
 
     def _find_live_stages(self) -> None:
-        """Find the stages that take what only a live graph knows."""
+        """Find the stages that use information of a live graph."""
         self._punctual = [stage for stage in self._stages if isinstance(stage, Punctual)]
         self._timed_stages = [stage for stage in self._stages if isinstance(stage, Timed)]
 
@@ -237,7 +251,7 @@ class Pipeline:
         return (self._pushed, 0, number_of(topic))
 
     def _take_end(self, turn: Turn, end: _End) -> None:
-        """Tell the stage, if it is to know, and those that take what follows its records one by one."""
+        """Report an end to the stage if its port wants it, and to the readers of its one-to-one outputs."""
         if end.port.tells_end:
             self._step(turn._replace(record=EndOfStream(end.owner)))
         outputs = () if end.port.optional else self.wiring.specs[turn.stage].outputs
@@ -289,10 +303,11 @@ def records_of(
     context: StageContext,
     stages: Collection[str] = FUSION,
 ) -> list[Any]:
-    """All records that a fresh pipeline gives under the key of a topic.
+    """Return all records that a new pipeline gives on a topic.
 
     Args:
-        items: of the only topic that the stages take from outside, from first to last.
+        topic: Key.
+        items: Records of the only topic that the stages take from outside, in order.
     """
     found: list[Any] = []
     pipeline = Pipeline(

@@ -1,8 +1,7 @@
-"""What a node keeps waiting, and what it takes next when it falls behind.
+"""Queues of a node: how records wait for the stages, and which are taken next when the node falls behind.
 
-How what comes to a node waits for its stages.
-
-Live: records that wait for others of the same camera, e.g. images for their depth maps.
+`Companions` holds live records that wait for other records of the same camera, e.g. images that wait for
+depth maps.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from panoptic_ros.graph.wiring import Wiring
 
 
 class Item(NamedTuple):
-    """What has come on a topic of a camera or device, and when, on the monotonic clock."""
+    """Message that has arrived on a topic of a camera or device, with its time of arrival (monotonic, ns)."""
 
     topic: str
     owner: str
@@ -30,21 +29,21 @@ class Item(NamedTuple):
 
 @dataclass
 class _Beside:
-    """The companions of one topic that wait for their record."""
+    """Waiting companions of one topic."""
 
     port: Port
     waiting: deque[Item] = field(default_factory=deque)
 
 
 class Companions:
-    """Puts records and their companions together; the records of a camera stay in order.
+    """Combination of records with their companions; the records of a camera stay in order.
 
-    A record waits until every companion topic of its camera has shown one that is late enough, or a record
-    has come that is later by more than the patience of the port.
+    A record waits until each companion topic of its camera has delivered a late enough companion. It also
+    stops waiting when a record arrives that is later by more than the patience of the port.
 
     Args:
-        ports: of the companions, each with a patience and the time by which it is handed over ahead.
-        present: (topic, owner) that there are.
+        ports: Ports of the companions, with their `patience_ns` and `ahead_ns`.
+        present: Existing (topic, owner).
     """
 
     def __init__(self, ports: Sequence[Port], present: Collection[tuple[str, str]]):
@@ -57,7 +56,7 @@ class Companions:
                 self._records[owner] = deque()
 
     def put(self, item: Item) -> list[tuple[Item, ...]]:
-        """Take what has come; gives what is ready, each record behind its companions."""
+        """Add an item; return the bundles that are ready, each with the record after its companions."""
         if item.owner not in self._beside:
             return [(item,)]
         for beside in self._beside[item.owner]:
@@ -68,7 +67,7 @@ class Companions:
         return self._ready(item.owner, item.stamp_ns)
 
     def _keep(self, beside: _Beside, item: Item) -> None:
-        """Add a companion; those of a camera whose records fail must not pile up."""
+        """Add a companion, and drop old ones: they must not pile up if the camera sends no records."""
         waiting = beside.waiting
         while waiting and not 0 <= item.stamp_ns - waiting[0].stamp_ns <= beside.port.patience_ns:
             waiting.popleft()
@@ -84,39 +83,39 @@ class Companions:
 
 
 def _has_come(beside: _Beside, stamp_ns: int, newest_ns: int | None) -> bool:
-    """Whether no companion of a record is waited for any more."""
+    """Return whether the wait for companions of a record is over."""
     late = newest_ns is not None and newest_ns - stamp_ns >= beside.port.patience_ns
     return late or any(item.stamp_ns > stamp_ns - beside.port.ahead_ns for item in beside.waiting)
 
 
 def _before(beside: _Beside, stamp_ns: int) -> list[Item]:
-    """The companions that are handed over before a record."""
+    """Remove and return the companions that are passed on before a record."""
     found = []
     while beside.waiting and beside.waiting[0].stamp_ns < stamp_ns + beside.port.ahead_ns:
         found.append(beside.waiting.popleft())
     return found
 
 
-PERIODS = 3  # between frames: a camera that gives none for so long has failed
-LONGEST_NS = 2_000_000_000  # time between frames that is taken for a rate, not for a pause
+PERIODS = 3  # frame periods without a frame, after which a camera has failed
+LONGEST_NS = 2_000_000_000  # 2 s; a longer time between frames is a pause, not a period
 
 
 class Waiting(Protocol):
-    """A queue between a node's callbacks and its worker. Not thread-safe."""
+    """Queue between the callbacks of a node and its worker. Not thread-safe."""
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:
-        """Add an item of a topic; returns how many were dropped for it."""
+        """Add an item of a topic; return how many items were dropped for it."""
 
     def take(self) -> list[Any]:
-        """What is to be done next, in order; empty if there is nothing."""
+        """Remove and return the next items to process, in order; [] if there are none."""
 
 
 class InOrder:
-    """First in, first out; beyond the limit per topic the oldest of that topic is dropped.
+    """First-in-first-out queue that drops the oldest item of a topic above the limit of the topic.
 
     Args:
-        limit_of: how many items of a topic wait at most, by its key; None: not limited.
-        in_runs: topics, by their keys, of which those that follow one another are taken together.
+        limit_of: Returns the most waiting items of a topic, by its key. None: no limit.
+        in_runs: Keys of topics whose consecutive items are taken together.
     """
 
     def __init__(
@@ -124,11 +123,11 @@ class InOrder:
     ):
         self._limit_of, self._in_runs = limit_of, frozenset(in_runs)
         self._items: OrderedDict[int, tuple[str, Any]] = OrderedDict()  # by number, in order of arrival
-        self._numbers: defaultdict[str, deque[int]] = defaultdict(deque)  # of the items of each topic
+        self._numbers: defaultdict[str, deque[int]] = defaultdict(deque)  # numbers of the items of each topic
         self._newest = 0
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:
-        """See `Waiting`."""
+        """Add an item, see `Waiting`."""
         own, limit, dropped = self._numbers[key], self._limit_of(key), 0
         if limit is not None and len(own) >= limit:
             del self._items[own.popleft()]
@@ -139,7 +138,7 @@ class InOrder:
         return dropped
 
     def take(self) -> list[Any]:
-        """See `Waiting`."""
+        """Remove and return the next items, see `Waiting`."""
         if not self._items:
             return []
         found = []
@@ -154,11 +153,13 @@ class InOrder:
 
 
 class InstantsAndOthers:
-    """Images as instants, everything else in order and first.
+    """Queue that gives all other items in order first, and then images as instants.
 
     Args:
-        instants: takes the topics `keys`. others: takes the rest.
-        full: whether no other instant shall begin yet.
+        instants: Queue of the topics `keys`.
+        keys: Topics of images.
+        others: Queue of all other topics.
+        full: Returns whether no further instant may begin yet.
     """
 
     def __init__(
@@ -171,25 +172,25 @@ class InstantsAndOthers:
         self._instants, self._keys, self._others, self._full = instants, frozenset(keys), others, full
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:
-        """See `Waiting`."""
+        """Add an item, see `Waiting`."""
         return (self._instants if key in self._keys else self._others).put(key, stamp_ns, item)
 
     def take(self) -> list[Any]:
-        """See `Waiting`."""
+        """Remove and return the next items, see `Waiting`."""
         return self._others.take() or ([] if self._full() else self._instants.take())
 
 
 class NewestInstant:
-    """For a detector that cannot keep up: the views of one instant together, the newest there is.
+    """Queue for a detector that cannot keep up: it gives the newest views of one instant together.
 
-    If every camera dropped frames on its own, the frames left would belong to different instants,
-    and no person would be seen by two views of one instant.
+    If each camera dropped frames independently, the remaining frames would belong to different instants. No
+    person would then be seen by two views at one instant.
 
     Args:
-        cameras: names.
-        depth: frames that are kept per camera.
-        patience_ns: a camera whose newest frame is this much older than the newest of all is not
-            waited for; of slow cameras, `PERIODS` times between their frames.
+        cameras: Names.
+        depth: Most frames per camera.
+        patience_ns: A camera is not waited for if its newest frame is older than the newest of all by this
+            time. For slow cameras, the time is `PERIODS` frame periods.
     """
 
     def __init__(self, cameras: Sequence[str], depth: int = 4, patience_ns: int = 500_000_000):
@@ -201,7 +202,7 @@ class NewestInstant:
         self._dropped = 0
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:
-        """See `Waiting`."""
+        """Add an item, see `Waiting`."""
         frames = self._frames[key]
         frames.append((stamp_ns, item))
         if self._seen[key] >= 0:
@@ -214,7 +215,11 @@ class NewestInstant:
         return dropped
 
     def take(self) -> list[Any]:
-        """The frames nearest to the newest stamp that all living cameras have reached."""
+        """Remove and return the frames of one instant.
+
+        The instant is the newest timestamp that all active cameras have reached. Each active camera gives its
+        nearest frame.
+        """
         newest = max(self._seen.values())
         living = [name for name, stamp in self._seen.items() if newest - stamp <= self._patience(name)]
         if newest < 0 or any(not self._frames[name] for name in living):
@@ -239,11 +244,14 @@ def queue_for(
     present: Collection[tuple[str, str]],
     full: Callable[[], bool] = lambda: False,
 ) -> Waiting:
-    """Live: images wait as instants; a few of everything else, more samples of IMUs, or all where every
-    message counts.
+    """Return the queue of a node.
+
+    Live: images wait as instants. Other topics keep a few messages, IMUs more, and topics where every message
+    counts keep all. Replay: one queue without limit.
 
     Args:
-        present: (topic, owner) of what comes. full: whether no other instant shall begin yet.
+        present: (topic, owner) of the inputs.
+        full: Returns whether no further instant may begin yet.
     """
     if flow.queue_limit is None:
         return InOrder()

@@ -1,4 +1,4 @@
-"""A recording in memory."""
+"""Recording in memory."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 
 
 class HeldRecording:
-    """Records that are held in memory, as a `stage.Recording`.
+    """Records in memory, as a `stage.Recording`.
 
     Args:
-        records: by topic, or by topic and scope; each in the order of its stamps.
+        records: By topic, or by (topic, scope). Each sequence is in the order of timestamps.
     """
 
     def __init__(self, records: Mapping[str | tuple[str, str], Iterable[Any]]):
@@ -21,7 +21,7 @@ class HeldRecording:
     def records(
         self, topic: str, scope: str = "", begin_ns: int | None = None, end_ns: int | None = None
     ) -> Iterator[Any]:
-        """See `stage.Recording`; nothing of a topic that is not there."""
+        """Yield records as `stage.Recording` does; nothing for a missing topic."""
         for record in self._records.get((topic, scope), ()):
             if (begin_ns is None or record.stamp_ns >= begin_ns) and (
                 end_ns is None or record.stamp_ns < end_ns

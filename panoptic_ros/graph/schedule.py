@@ -1,19 +1,19 @@
-"""In which order stages take records: the same in one process and in the standard graph.
+"""Order in which stages process records: the same in one process and in the standard graph.
 
-Every record has a place, a tuple of whole numbers that is compared from the left. Records from sources have
-places by their stamps (`graph.host`). A stage of rank s takes a record of place p at the turn p + (s,),
-and gives its n-th record for it the place p + (s, n). A stage takes records in the order of their turns. So
-all that follows from a record in the stages above is done before a stage below takes it, and places of what
-a stage gives never go back. A port that is marked `first` takes records before all others do. A record that
-follows one of a source by its stamp has the place of that one, but for the topic, which comes last in such
-places (`graph.host`).
+Every record has a place, a tuple of integers that is compared from the left. Records of sources get places
+from their timestamps (`graph.host`). A stage of rank s processes a record of place p at the turn p + (s,).
+Its n-th output for that record has the place p + (s, n). A stage processes records in the order of their
+turns. So everything that follows from a record in earlier stages is done before a later stage processes the
+record. The places of a stage's outputs never decrease. A port marked `first` gets records before all other
+ports. A record that follows a source record one to one has the same place, except for the topic, which is the
+last element of such places (`graph.host`).
 
-A stage to which something comes back from below (a head) has one record at hand: it takes the next after
-all that follows from it is done, and after what came back. What it gives for that has the next places after
-what it gave before.
+A stage that gets feedback from a later stage is called a head. It processes one record at a time. It takes
+the next record when everything that follows from the current one is done, including the feedback. Its outputs
+for the feedback get the next places after its earlier outputs.
 
-Places are the logical times of a conservative simulation in the sense of Chandy and Misra (1979); nested
-times as in Naiad (Murray et al. 2013).
+Places are the logical times of a conservative simulation in the sense of Chandy and Misra (1979), nested as
+in Naiad (Murray et al. 2013).
 """
 
 from __future__ import annotations
@@ -28,15 +28,22 @@ from panoptic_ros.graph.topics import TOPICS, number_of
 from panoptic_ros.graph.wiring import Reader, Wiring
 
 Place = tuple[int, ...]
-DONE = 2**63 - 1  # p + (DONE,) is beyond all that follows from p
-END = DONE - 1  # p + (END,): the end of a stream whose last record was at p
-FLUSH = DONE - 1  # time of what stages hand out at the end
-FIRST = -(2**31)  # added to the rank of a stage whose port comes first
-Bounds = Callable[[int], Place]  # of a stage: nothing that is to come from outside has a place before
+DONE = 2**63 - 1  # p + (DONE,) is after everything that follows from p
+END = DONE - 1  # p + (END,): end of a stream whose last record had the place p
+FLUSH = DONE - 1  # time of the outputs of a flush
+FIRST = -(2**31)  # added to the rank of a stage for a port marked `first`
+Bounds = Callable[[int], Place]  # stage -> lower bound of the places that may still come from outside
 
 
 class Turn(NamedTuple):
-    """A stage takes a record; `beside`: one of an optional port, which the main work does not follow from."""
+    """Turn of a stage to process a record.
+
+    Args:
+        time: Place of the record, with the rank of the stage.
+        stage: Number of the stage.
+        record: The record.
+        beside: Whether it comes from an optional port, so the main output does not follow from it.
+    """
 
     time: Place
     stage: int
@@ -46,10 +53,12 @@ class Turn(NamedTuple):
 
 @dataclass
 class _Open:
-    """The record that a head has at hand: its turn, and how many records were given for it.
+    """Current record of a head.
 
     Args:
-        last: place of the newest that was given, if its stamp tells it.
+        turn: Its turn.
+        given: Number of outputs for it.
+        last: Place of the newest output, if its timestamp gives one.
     """
 
     turn: Turn
@@ -58,30 +67,30 @@ class _Open:
 
     @property
     def floor(self) -> Place:
-        """All that follows from what was given has places before this one."""
+        """Return a place after everything that follows from the outputs so far."""
         return (*self.last, DONE) if self.last else (*self.turn.time, self.given + 1)
 
 
 class Schedule:
-    """What waits for the stages of one process."""
+    """Queues of the records that wait for the stages of one process."""
 
     def __init__(self, wiring: Wiring):
         self._wiring = wiring
-        self._waiting: list[list[tuple[Place, int, Any, bool]]] = [[] for _ in wiring.specs]  # heaps by turns
+        self._waiting: list[list[tuple[Place, int, Any, bool]]] = [[] for _ in wiring.specs]  # heaps by turn
         self._back: list[deque[Any]] = [deque() for _ in wiring.specs]
-        self._open: list[_Open] = []  # the innermost last
+        self._open: list[_Open] = []  # current records of heads, the innermost last
         self._given: tuple[Place, int] = (
             (),
             0,
-        )  # turn at hand of a stage that is no head, and records given for it
+        )  # current turn of a stage that is no head, and number of outputs for it
         self._number = 0
         self._closed: set[int] = set()
 
     def add(self, topic: str, record: Any, place: Place, giver: int | None = None) -> None:
-        """A record for all stages that take its topic.
+        """Add a record for all stages that take its topic.
 
         Args:
-            giver: the stage that gave it; None: it comes from outside.
+            giver: Number of the stage that gave it. None: it comes from outside.
         """
         for reader in self._wiring.readers.get(topic, ()):
             if reader.stage in self._closed:
@@ -92,7 +101,7 @@ class Schedule:
                 self.wait(reader, record, place)
 
     def wait(self, reader: Reader, record: Any, place: Place) -> None:
-        """A record for one stage."""
+        """Add a record for one stage."""
         rank = self._wiring.ranks[reader.stage]
         port = self._wiring.port(reader)
         self._number += 1
@@ -101,17 +110,17 @@ class Schedule:
         heappush(self._waiting[reader.stage], (time, self._number, record, beside))
 
     def close(self, stage: int) -> None:
-        """A stage takes nothing any more."""
+        """Close a stage: it takes no more records."""
         self._closed.add(stage)
         self._waiting[stage].clear()
         self._back[stage].clear()
 
     def open_all(self) -> None:
-        """All stages take records again."""
+        """Open all stages again."""
         self._closed.clear()
 
     def place_of_next(self, turn: Turn, topic: str) -> Place:
-        """The place of the next record that a stage gives at its turn."""
+        """Return the place of the next output of a stage at its turn."""
         head = self._open[-1] if self._open else None
         if head is not None and (head.turn.stage, head.turn.time) != (turn.stage, turn.time):
             head = None
@@ -129,7 +138,7 @@ class Schedule:
         return (*turn.time, count)
 
     def next(self, bounds: Bounds | None) -> Turn | None:
-        """Whose turn it is; None: that is not known yet, or nothing waits."""
+        """Return the next turn; None if it is not determined yet or nothing waits."""
         while self._open:
             head = self._open[-1]
             turn = self._earliest(bounds)
@@ -137,7 +146,7 @@ class Schedule:
                 return self._begun(turn)
             if any(waiting and waiting[0][0] < head.floor for waiting in self._waiting):
                 waiting = {other.turn.stage for other in self._open}
-                return self._begun(self._earliest(bounds, waiting))  # stages above go on meanwhile
+                return self._begun(self._earliest(bounds, waiting))  # earlier stages continue meanwhile
             stage = head.turn.stage
             if self._back[stage]:
                 return Turn(head.turn.time, stage, self._back[stage].popleft(), True)
@@ -145,7 +154,7 @@ class Schedule:
         return self._begun(self._earliest(bounds))
 
     def is_over(self, stage: int, bounds: Bounds) -> bool:
-        """Whether a stage has taken all that it will get, and may hand out what it holds."""
+        """Return whether a stage has processed everything that it will get, so that it may be flushed."""
         above = self._wiring.above[stage]
         return (
             stage not in self._closed
@@ -158,7 +167,7 @@ class Schedule:
     # ------------------------------------------------------------------ turns
 
     def _begun(self, turn: Turn | None) -> Turn | None:
-        """The turn, which is taken now."""
+        """Remove the record of a turn from its queue and return the turn."""
         if turn is not None:
             heappop(self._waiting[turn.stage])
             if turn.stage in self._wiring.heads:
@@ -166,10 +175,12 @@ class Schedule:
         return turn
 
     def _earliest(self, bounds: Bounds | None, held: Collection[int] = ()) -> Turn | None:
-        """The earliest turn that nothing can come before; a stage that waits holds up those below it.
+        """Return the earliest turn that no record from outside can precede; None if there is none.
+
+        A stage that waits for outside records holds up the later stages that depend on it.
 
         Args:
-            held: stages that wait in any case.
+            held: Stages that wait in any case.
         """
         heads = sorted((waiting[0][0], stage) for stage, waiting in enumerate(self._waiting) if waiting)
         held = set(held)

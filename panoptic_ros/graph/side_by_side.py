@@ -1,9 +1,10 @@
-"""Detection of the cameras of a recording side by side: the network runs in a thread for every core.
+"""Parallel detection for the cameras of a recording: the network runs in one thread per core.
 
-Cameras do not influence each other's detections unless tracking tells where to look, so threads take them in
-any order, a few images ahead of the pipeline. There the stage of the row gives what was found already: all
-else is as with one thread, to the byte. Networks, decoders of videos and image operations run outside of
-Python's lock, so threads do; processes would have to be sent the images.
+Detections of different cameras are independent, unless tracking guides the detector. So threads process the
+cameras in any order, a few images ahead of the pipeline. In the pipeline, a replacement stage gives the
+results that are already there. All output is identical to that of one thread, byte for byte. Networks, video
+decoders and image operations release Python's global lock, so threads are sufficient. Processes would need
+copies of the images.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ from panoptic_ros.graph.nodes import DEPTH, NODES, NodeSpec
 from panoptic_ros.params import Config
 from panoptic_ros.stage import Stage, StageContext, StepResult
 
-AHEAD = 2  # images of a camera that may wait in any case with what was found in them
-HELD = 1 << 26  # bytes of images of all cameras up to which more may: while other stages load their kernels
+AHEAD = 2  # images per camera that may always wait with their results
+# 64 MiB of images of all cameras; below this more images may wait, while other stages load their kernels
+HELD = 1 << 26
 TABLE: Mapping[str, NodeSpec] = {
     **NODES,
     "detection": replace(NODES["detection"], stage=f"{__name__}:LookedAt"),
@@ -30,7 +32,7 @@ TABLE: Mapping[str, NodeSpec] = {
 
 
 class _Look(NamedTuple):
-    """An image, and what the stage gave for it or why it refused it."""
+    """Image with the result of the stage, or the error if the stage refused it."""
 
     frame: ViewFrame
     result: StepResult[ViewDetections] | DataError
@@ -38,43 +40,47 @@ class _Look(NamedTuple):
 
 
 class LookedAt:
-    """The stage of the row of detection: hands on what `SideBySide`, extra "looks", has found."""
+    """Replacement of the detection stage: it gives the results of `SideBySide`, the extra "looks"."""
 
     def __init__(self, config: Config, context: StageContext):
         self._looks: SideBySide = context.extras["looks"]
 
     def step(self, item: ViewFrame) -> StepResult[ViewDetections]:
-        """What was found in an image.
+        """Return the result for an image.
 
         Raises:
-            DataError: if the stage refused it.
+            DataError: if the stage refused the image.
         """
         return self._looks.take(item)
 
     def flush(self) -> StepResult[ViewDetections]:
-        """Nothing is buffered."""
+        """Return no records: nothing is buffered."""
         return StepResult()
 
     def reset(self) -> None:
-        """Nothing is remembered."""
+        """Do nothing: there is no state."""
 
     def forget(self) -> None:
-        """Nothing is remembered."""
+        """Do nothing: there is no state."""
 
     def state(self) -> bytes:
-        """Nothing is remembered here."""
+        """Return an empty state."""
         return b""
 
     def begin(self, state: bytes) -> None:
-        """Nothing is remembered here."""
+        """Do nothing: there is no state."""
 
 
 class SideBySide:
-    """Runs a detection stage over the images of several cameras; a context manager that ends its threads.
+    """Context manager that runs a detection stage over the images of several cameras in threads.
+
+    The threads end when the context is left.
 
     Args:
-        inputs: of each camera, as the stage takes them: images, depth maps before those they belong to.
-        clock: a monotonic clock in ns.
+        stage: Detection stage.
+        inputs: Records of each camera, in the order of the stage: depth maps before their images.
+        threads: Most threads.
+        clock: Returns a monotonic time in ns.
     """
 
     def __init__(
@@ -86,14 +92,15 @@ class SideBySide:
     ):
         self._stage, self._inputs, self._clock = stage, inputs, clock
         self._ready: dict[str, deque[_Look]] = {name: deque() for name in inputs}
-        self._given: dict[str, deque[_Look]] = {name: deque() for name in inputs}  # to the pipeline
-        self._held = 0  # bytes of the images that are ready
+        # results passed on to the pipeline
+        self._given: dict[str, deque[_Look]] = {name: deque() for name in inputs}
+        self._held = 0  # size of the waiting images, bytes
         self._busy: set[str] = set()
         self._ended: set[str] = set()
         self._changed = threading.Condition()
         self._closed = False
         self._fault: BaseException | None = None
-        self.duration_ns = 0  # of the look that was taken last
+        self.duration_ns = 0  # duration of the result that was taken last
         self._threads = [
             threading.Thread(target=self._work, name=f"detection-{k}", daemon=True)
             for k in range(min(threads, max(len(inputs), 1)))
@@ -112,10 +119,10 @@ class SideBySide:
             thread.join()
 
     def frames(self, camera: str) -> Iterator[ViewFrame]:
-        """The images of a camera, each as soon as it was looked at.
+        """Yield the images of a camera, each as soon as its detection is done.
 
         Raises:
-            whatever a source or the stage raises, but for what the stage refuses.
+            any error of a source or the stage, except for refusals by the stage.
         """
         ready = self._ready[camera]
         while True:
@@ -132,7 +139,7 @@ class SideBySide:
             yield look.frame
 
     def take(self, frame: ViewFrame) -> StepResult[ViewDetections]:
-        """What was found in the next image of a camera; see `LookedAt.step`."""
+        """Return the result for the next image of a camera; see `LookedAt.step`."""
         look = self._given[frame.camera].popleft()
         self.duration_ns = look.duration_ns
         if isinstance(look.result, DataError):
@@ -143,13 +150,13 @@ class SideBySide:
         try:
             while (camera := self._next()) is not None:
                 self._look(camera)
-        except BaseException as fault:  # is raised again where the images are taken
+        except BaseException as fault:  # raised again where the images are taken
             with self._changed:
                 self._fault = self._fault or fault
                 self._changed.notify_all()
 
     def _next(self) -> str | None:
-        """The free camera with the fewest images that wait; None: there is nothing more to do."""
+        """Return the idle camera with the fewest waiting images; None if all work is done."""
         with self._changed:
             while not self._closed and self._fault is None:
                 left = [name for name in self._inputs if name not in self._ended]
@@ -167,7 +174,7 @@ class SideBySide:
         return len(self._ready[camera]) < AHEAD or self._held < HELD
 
     def _look(self, camera: str) -> None:
-        """Let the stage look at the next image of a camera."""
+        """Run the stage on the next image of a camera."""
         item = next(self._inputs[camera], None)
         while isinstance(item, DepthFrame):
             self._stage.step(item)
@@ -197,8 +204,9 @@ def looked_ahead(
     threads: int,
     clock: Callable[[], int],
 ) -> SideBySide:
-    """Let a detection stage run ahead on the records of cameras, by (topic, camera): images become those that
-    were looked at, and depth maps go with them.
+    """Make a detection stage run ahead on the records of cameras, by (topic, camera).
+
+    In `records`, images are replaced by images with finished detection, and their depth maps are removed.
     """
     cameras = [owner for topic, owner in records if topic == "image"]
     inputs = {name: by_stamp(records["image", name], records.pop(("depth", name), None)) for name in cameras}
@@ -208,7 +216,7 @@ def looked_ahead(
 
 
 def by_stamp(images: Iterator[Any], depths: Iterator[Any] | None) -> Iterator[Any]:
-    """What the stage takes of a camera, in the order in which the pipeline hands it over."""
+    """Return the records that the stage takes from a camera, in the order of the pipeline."""
     if depths is None:
         return images
     return heapq.merge(depths, images, key=_place)

@@ -1,4 +1,4 @@
-"""Every topic of the graph: its name, the record it carries and the message that carries it."""
+"""Table of all topics of the graph: name, record and message type."""
 
 from __future__ import annotations
 
@@ -9,28 +9,30 @@ from typing import Any, Literal
 
 from panoptic_ros.errors import CalibrationError
 
-# one topic per camera, depth sensor, device with sound, device on a body, or one
+# one topic per camera, depth sensor, audio device or IMU, or one for the whole graph
 Scope = Literal["camera", "sensor", "device", "imu", "graph"]
 Shown = Literal["", "always", "asked"]
 
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic.
+    """Topic of the graph.
 
     Args:
-        key: how the code refers to it.
-        name: with {owner} where there is one topic each.
-        record: the record that it carries.
-        message: the ROS type.
-        latched: kept for subscribers who come late; has no end.
-        by_stamp: one record for every one of a source, so stamps tell its place among other topics. The
-            place of other records is that of the record from which they follow (see `graph.schedule`).
-        variant_of: the topic that carries the same records as another message.
-        kept: when `panoptic run` keeps it in its bag: "always", or where the parameter of this name
-            ("stage.name") is true; "" = never.
-        recorded: whether `panoptic record` keeps it beside what comes from outside.
-        shown: by the viewer: "always", "asked" = while a page asks for it; "" = it is not.
+        key: Name of the topic in the code.
+        name: ROS name, with {owner} if there is one topic per owner.
+        record: Class name of its records.
+        message: ROS message type.
+        scope: Kind of its owners.
+        latched: Whether it is kept for late subscribers. Such a topic has no end.
+        by_stamp: Whether it has one record for every record of a source, so timestamps give its place among
+            other topics. Other records get the place of the record from which they follow (see
+            `graph.schedule`).
+        variant_of: Topic that carries the same records as another message type.
+        kept: When `panoptic run` writes it to its bag: "always", or if the parameter of this name
+            ("stage.name") is true. "": never.
+        recorded: Whether `panoptic record` writes it, in addition to inputs from outside.
+        shown: Use by the viewer: "always", "asked" = while a page asks for it, "" = not used.
     """
 
     key: str
@@ -46,15 +48,15 @@ class Topic:
     shown: Shown = ""
 
     def of(self, owner: str = "") -> str:
-        """The topic of a camera, sensor or device, or the one of the graph."""
+        """Return the topic name for a camera, sensor or device, or the only one of the graph."""
         return self.name.format(owner=ros_name(owner))
 
 
 def _row(key: str, record: str, message: str, name: str = "", scope: Scope = "graph", **more: Any) -> Topic:
-    """A topic that is named as its key, if nothing else is said.
+    """Return a topic whose ROS name is its key, unless `name` is given.
 
     Args:
-        message: "package/Name", or a name of this project's package.
+        message: "package/Name", or a name in the message package of this project.
     """
     package, _, kind = message.rpartition("/")
     return Topic(key, name or key, record, f"{package or 'panoptic_msgs'}/msg/{kind}", scope, **more)
@@ -119,7 +121,7 @@ TOPICS: dict[str, Topic] = {
             variant_of="sensor_depth",
         ),
         _row("sensor_info", "Camera", "sensor_msgs/CameraInfo", "{owner}/depth/camera_info", "sensor"),
-        # before detections of the same image, so that an instant has all of its tracks and colours (see
+        # before the detections of the same image, so that an instant has all its tracks and colours (see
         # `graph.host`)
         _row(
             "patch_tracks",
@@ -193,17 +195,17 @@ _NUMBERS = {key: number for number, key in enumerate(TOPICS)}
 
 
 def variants(key: str) -> tuple[str, ...]:
-    """The topics that carry the records of a topic as other messages."""
+    """Return the topics that carry the records of a topic as other message types."""
     return tuple(topic.key for topic in TOPICS.values() if topic.variant_of == key)
 
 
 def number_of(key: str) -> int:
-    """The number of a topic in the table, in which topics stand in the order in which records go down."""
+    """Return the number of a topic in the table, whose order is that of the data flow."""
     return _NUMBERS[key]
 
 
 def owner_of(key: str, record: Any) -> str:
-    """Whose topic a record belongs on: its camera or device, "" for topics of the graph."""
+    """Return the owner of a record's topic: its camera or device, "" for topics of the graph."""
     scope = TOPICS[key].scope
     if scope == "graph":
         return ""
@@ -211,28 +213,28 @@ def owner_of(key: str, record: Any) -> str:
 
 
 def given_inputs(owners: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
-    """Parameters of a node that say who gives an optional topic or sends a variant: {"inputs.<key>": names}.
+    """Return node parameters with the owners of optional topics and variants: {"inputs.<key>": names}.
 
     Args:
-        owners: by key of a topic; those without any are left out, as ROS knows no type for an empty list.
+        owners: By key of a topic. Empty lists are left out, because ROS cannot type them.
     """
     return {f"inputs.{key}": list(names) for key, names in owners.items() if names}
 
 
-_LONGEST = 100  # characters; the middleware takes 255 for a whole topic
+_LONGEST = 100  # characters per name; the middleware allows 255 for a whole topic
 
 
 def ros_name(name: str) -> str:
-    """A camera's or device's name as ROS allows it in topics and nodes: "00_12-left" is camera_00_12_left."""
+    """Return a name as ROS allows it in topics and nodes: "00_12-left" becomes camera_00_12_left."""
     plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return f"camera_{plain}" if plain[:1].isdigit() else plain
 
 
 def check_names(cameras: Iterable[str]) -> None:
-    """Whether every camera can have topics of its own.
+    """Check that every camera can have its own topics.
 
     Raises:
-        CalibrationError: naming two cameras that would share theirs, or one whose name is too long.
+        CalibrationError: names two cameras that would share topics, or one whose name is too long.
     """
     owners: dict[str, str] = {}
     for camera in cameras:

@@ -1,6 +1,7 @@
-"""Live: images of a few instants under work side by side, so that no camera waits for another one's look.
+"""Parallel processing of live images.
 
-Work that waits in lines: of each line one thing after the other, of all lines side by side.
+A few instants are under way at a time, so no camera waits for the detection of another camera. Work is queued
+in lines. Tasks of one line run one after the other, and tasks of different lines run in parallel.
 """
 
 from __future__ import annotations
@@ -17,19 +18,19 @@ Work = tuple["Future[Any]", Callable[[], Any]]
 
 
 class Lines:
-    """What is done on a pool for cameras that must not wait for each other, each image after the one before.
+    """Task queues on a thread pool, one per camera: tasks of a camera run in order, cameras in parallel.
 
     Args:
-        pool: whoever is free takes what has waited longest, of those lines that nobody works on.
+        pool: A free thread takes the task that has waited longest, of the lines without a running task.
     """
 
     def __init__(self, pool: Executor):
         self._pool = pool
-        self._lines: dict[str, deque[Work]] = {}  # those on which somebody works
+        self._lines: dict[str, deque[Work]] = {}  # lines with a running task, and their waiting tasks
         self._changing = threading.Lock()
 
     def add(self, line: str, call: Callable[[], Any]) -> Future[Any]:
-        """Do this once all that was added to the line before is done."""
+        """Run a call after all earlier calls of its line; return its future."""
         future: Future[Any] = Future()
         with self._changing:
             idle = line not in self._lines
@@ -43,7 +44,7 @@ class Lines:
             future, call = self._lines[line].popleft()
         try:
             result = call()
-        except BaseException as error:  # is raised again where the result is taken
+        except BaseException as error:  # raised again where the result is taken
             self._go_on(line)
             future.set_exception(error)
         else:
@@ -58,18 +59,19 @@ class Lines:
         self._pool.submit(self._do_next, line)
 
 
-INSTANTS = 2  # under way at most: while a long look at one camera goes on, the others go on to the next
+# most instants under way: during a long detection of one camera, the others start their next image
+INSTANTS = 2
 
 
 class UnderWay:
-    """Lets a pipeline begin with records on the threads of a pool, and hands them on when they are done.
+    """Parallel start of records on a thread pool; finished records are passed on through the pipeline.
 
-    Of each camera one comes after the other; cameras overtake each other. All methods are called on one
-    thread, which also does what `note` takes.
+    Records of one camera stay in order, but cameras overtake each other. All methods are called on one
+    thread, which also runs the calls passed to `note`.
 
     Args:
-        pool: None: one record after the other.
-        note: takes calls from any thread, to be done on that one.
+        pool: None: one record at a time.
+        note: Schedules a call on that thread; any thread may use it.
     """
 
     def __init__(self, pipeline: Pipeline, pool: Executor | None, note: Callable[[Callable[[], None]], None]):
@@ -79,20 +81,21 @@ class UnderWay:
 
     @property
     def full(self) -> bool:
-        """Whether no other instant should begin."""
+        """Return whether no further instant should begin."""
         return len(self._instants) >= INSTANTS
 
     def waited(self, ns: int) -> None:
-        """The records of the next instant have waited for so long."""
+        """Report how long the records of the next instant have waited."""
         self._pipeline.waited(ns)
 
     def arrived(self, came_ns: int, host_ns: int) -> None:
-        """Tell the arrival of the records of the next instant (see `stage.Timed`)."""
+        """Report the arrival of the records of the next instant (see `stage.Timed`)."""
         self._pipeline.arrived(came_ns, host_ns)
 
     def begin(self, records: Sequence[tuple[str, Any]]) -> None:
-        """Take records of one instant, with their topics. What stands beside a record of its camera, such as
-        its depth map, comes before it.
+        """Process records of one instant, given with their topics.
+
+        Companions of a record, such as its depth map, are processed first.
         """
         instant: set[Future[Any]] = set()
         others = [item for item in records if not self._pipeline.is_beside(item[0])]
@@ -109,7 +112,7 @@ class UnderWay:
             self._instants.append(instant)
 
     def wait(self) -> None:
-        """Until no stage is at work."""
+        """Wait until no stage is busy."""
         wait([step for instant in self._instants for step in instant])
 
     def _tell(self, topic: str, record: Any, step: Future[Any], instant: set[Future[Any]]) -> None:

@@ -1,4 +1,4 @@
-"""How some stages of the table are connected: to each other, and to what is outside of them."""
+"""Connections of selected stages of the table: among each other and to the outside."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ Table = Mapping[str, NodeSpec]
 
 @dataclass(frozen=True)
 class Reader:
-    """A stage that takes a topic: its number among the stages, and that of the port in its row."""
+    """Stage that takes a topic: its number among the stages, and the number of the port in its row."""
 
     stage: int
     port: int
 
 
 class Wiring:
-    """Connections of some stages, which are numbered in the order of the table.
+    """Connections of selected stages, which are numbered in the order of the table.
 
     Args:
-        names: of the stages.
-        everywhere: all stages of the graph that they are a part of; None = they are all.
-        table: the rows.
+        names: Names of the stages.
+        everywhere: All stages of the graph that they are a part of. None: they are all.
+        table: The rows.
 
     Raises:
         ContractError: if a stage is not in the table.
@@ -47,7 +47,7 @@ class Wiring:
 
     @cached_property
     def readers(self) -> dict[str, tuple[Reader, ...]]:
-        """Who takes each topic, in the order of the rows."""
+        """Return the readers of each topic, in the order of the rows."""
         found: dict[str, list[Reader]] = {}
         for stage, spec in enumerate(self.specs):
             for place, port in enumerate(spec.inputs):
@@ -56,12 +56,12 @@ class Wiring:
 
     @cached_property
     def given(self) -> frozenset[str]:
-        """Topics that these stages give."""
+        """Return the topics that these stages give."""
         return frozenset(topic for spec in self.specs for topic in spec.outputs)
 
     @cached_property
     def inputs(self) -> tuple[Port, ...]:
-        """Ports that take what comes from outside; one for each topic."""
+        """Return the ports for topics from outside, one per topic."""
         outside: dict[str, Port] = {}
         for spec in self.specs:
             for port in spec.inputs:
@@ -71,13 +71,13 @@ class Wiring:
 
     @cached_property
     def leaving(self) -> frozenset[str]:
-        """Topics of these stages that other stages of the graph take."""
+        """Return the topics of these stages that other stages of the graph take."""
         others = [spec for spec in self._around if spec not in self.specs]
         return self.given & {port.topic for spec in others for port in spec.inputs}
 
     @cached_property
     def heads(self) -> frozenset[int]:
-        """Stages to which something comes back from one of these stages that stands below them."""
+        """Return the heads: stages that get feedback from a later one of these stages."""
         return frozenset(
             reader.stage
             for readers in self.readers.values()
@@ -87,9 +87,7 @@ class Wiring:
 
     @cached_property
     def above(self) -> tuple[frozenset[int], ...]:
-        """For each stage: itself, and those of these stages from which something reaches it, but for
-        feedback.
-        """
+        """Return for each stage the set of itself and the stages upstream of it, without feedback."""
         found: list[frozenset[int]] = []
         for stage, spec in enumerate(self.specs):
             topics = {port.topic for port in spec.inputs}
@@ -98,26 +96,28 @@ class Wiring:
         return tuple(found)
 
     def port(self, reader: Reader) -> Port:
-        """The port of a reader."""
+        """Return the port of a reader."""
         return self.specs[reader.stage].inputs[reader.port]
 
     def is_beside(self, reader: Reader) -> bool:
-        """Whether a record of a reader stands beside those that its stage works on: it is optional, and the
-        stage has ports that are not.
+        """Return whether a reader's records are companions of the records that its stage works on.
+
+        This holds if its port is optional and the stage also has ports that are not.
         """
         inputs = self.specs[reader.stage].inputs
         return self.port(reader).optional and not all(port.optional for port in inputs)
 
     def comes_back(self, reader: Reader, giver: int | None) -> bool:
-        """Whether a record comes back to a reader from below.
+        """Return whether a record is feedback for a reader.
 
         Args:
-            giver: the stage that gave it; None: one outside, whose records are taken as they come.
+            giver: Number of the stage that gave it. None: an outside source, whose records are taken on
+                arrival.
         """
         return self.port(reader).feedback and giver is not None and giver > reader.stage
 
     def reached(self, topic: str) -> frozenset[int]:
-        """Stages that a topic from outside reaches, but for feedback."""
+        """Return the stages that a topic from outside reaches, without feedback."""
         takers = {reader.stage for reader in self.readers[topic]}
         return frozenset(stage for stage in range(len(self.specs)) if self.above[stage] & takers)
 

@@ -1,4 +1,5 @@
-"""Files, bags and messages: everything that turns bytes into records and back.
+"""Read and write files, bags and messages: conversion between bytes and records.
 
-Reading checks everything and names the file; writing is atomic (a temporary file, then a rename).
+Readers validate all content, and their errors name the file. Writers are atomic: they write a temporary file
+and rename it.
 """

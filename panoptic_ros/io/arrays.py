@@ -1,4 +1,4 @@
-"""Files of named arrays (.npz), whose headers are checked before anything is unpacked."""
+"""Read files of named arrays (.npz). Array headers are checked before any data is unpacked."""
 
 from __future__ import annotations
 
@@ -15,19 +15,21 @@ from panoptic_ros.errors import DataError, one_line
 from panoptic_ros.io.loading import MIB, check_file, largest_document, parsing
 
 Array = np.ndarray
-SMALL = 64 * MIB  # bytes that any file may unpack to
-RATIO = 64  # unpacked over packed bytes of larger files; our recorded motion has 1.3
+SMALL = 64 * MIB  # bytes; every file may unpack to this size
+# Limit of unpacked bytes / packed bytes for files that unpack to more than SMALL. Our recorded motion has
+# 1.3.
+RATIO = 64
 
 
 @contextmanager
 def arrays_of(path: Path) -> Iterator[Mapping[str, Any]]:
-    """Give the arrays of an .npz by name, each of which is read when it is asked for.
+    """Open an .npz file and yield its arrays by name; each array is read on access.
 
-    An exception of the block becomes an error that names the file.
+    An exception inside the `with` block becomes an error that names the file.
 
     Raises:
-        DataError: if it is no such file, or unpacks to more than such files do.
-        EnvironmentProblem: on permissions and other trouble of the machine.
+        DataError: if it is no .npz file, or if it unpacks to more than the size limit.
+        EnvironmentProblem: on missing permissions and other operating-system errors.
     """
     packed = check_file(path)
     most = min(max(SMALL, RATIO * packed), largest_document())
@@ -48,10 +50,15 @@ def arrays_of(path: Path) -> Iterator[Mapping[str, Any]]:
 
 
 def _check(file: IO[bytes], size: int, where: str) -> None:
-    """Check that an array takes as many bytes as there are: its memory is taken before it is read.
+    """Check that the array in the header is not larger than its entry in the archive.
+
+    NumPy allocates the memory of an array before it reads the data. A wrong header could exhaust the memory.
+
+    Args:
+        size: bytes of the unpacked entry, with the header.
 
     Raises:
-        DataError: if not, or if it holds objects, which could be code.
+        DataError: if the array is larger, or if it holds Python objects, which could contain code.
     """
     version = np.lib.format.read_magic(file)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0

@@ -1,4 +1,4 @@
-"""Topics of bags with the definitions of their messages, which bags keep inside."""
+"""Topics of bags and their message definitions, which every bag stores itself."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from rosbags.rosbag2.metadata import parse_qos
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-IDL = "=" * 80 + "\nIDL: "  # how a definition in that language begins
+IDL = "=" * 80 + "\nIDL: "  # prefix of a definition in IDL, as bags store it
 UNKNOWN_DIGEST = "RIHS01_" + 64 * "0"
-CDR = "cdr"  # the one serialization of messages that is read and written
-VIDEO = "CompressedVideo"  # how Foxglove's type for packets of a video ends, in every serialization
-DEFINED = ("ros2msg", "ros2idl", "omgidl", "", "unknown")  # languages of definitions; recorders use the last
+CDR = "cdr"  # the only message serialization that is read and written
+VIDEO = "CompressedVideo"  # suffix of Foxglove's message type for video packets, in every serialization
+# Definition languages that are accepted. Recorders write "" or "unknown" if they have no definition.
+DEFINED = ("ros2msg", "ros2idl", "omgidl", "", "unknown")
 SERIALIZATIONS = {
     "ros1": "ROS 1",
     "json": "JSON",
@@ -26,11 +27,13 @@ SERIALIZATIONS = {
 
 
 class Connection(NamedTuple):
-    """A topic as a bag describes it.
+    """A topic with the type, definition and QoS that the bag states.
 
     Args:
-        kind: "package/msg/Name". definition: with all that it needs, "" = not in the bag.
-        digest: RIHS01, "" = not in the bag. qualities: QoS profiles that were offered.
+        kind: message type, "package/msg/Name".
+        definition: text of the message definition with all nested types; "" = not in the bag.
+        digest: RIHS01 hash of the type; "" = not in the bag.
+        qualities: QoS profiles that the publishers offered.
     """
 
     topic: str
@@ -41,25 +44,30 @@ class Connection(NamedTuple):
 
     @property
     def is_latched(self) -> bool:
-        """Whether all of its publishers keep messages for subscribers who come late."""
+        """Return whether all publishers are transient local: they keep messages for late subscribers."""
         durable = [q.durability == QosDurability.TRANSIENT_LOCAL for q in self.qualities]
         return bool(durable) and all(durable)
 
     @property
     def is_best_effort(self) -> bool:
-        """Whether none of its publishers sends lost messages again."""
+        """Return whether all publishers are best-effort: they do not retransmit lost messages."""
         effort = [q.reliability == QosReliability.BEST_EFFORT for q in self.qualities]
         return bool(effort) and all(effort)
 
     @property
     def has_header(self) -> bool:
-        """Whether its messages begin with a header, by the definition."""
+        """Return whether the first field of the message definition is a std_msgs header."""
         words = (line.split("#")[0].split() for line in self.definition.splitlines())
         first = next((found for found in words if found), [""])
         return first[0] in ("std_msgs/Header", "std_msgs/msg/Header", "Header")
 
     def offered(self, reliable: bool, latched: bool) -> Connection:
-        """The same topic as publishers offer it."""
+        """Return the topic with the QoS profile of a publisher.
+
+        Args:
+            reliable: reliable, else best-effort.
+            latched: transient local with a history of 64 messages, else volatile with 10.
+        """
         always = QosTime(9223372036, 854775807)
         quality = Qos(
             QosHistory.KEEP_LAST,
@@ -76,11 +84,12 @@ class Connection(NamedTuple):
 
 
 def serialization_but_cdr(message: str, definition: str, kind: str) -> str:
-    """Name what messages are that cannot be read; empty: they are CDR of a known type.
+    """Return the name of a serialization that cannot be read; "" for CDR of a stated type.
 
     Args:
-        message: the serialization that the bag states. definition: the language of its definition.
-        kind: "package/msg/Name", or what else the bag calls the type.
+        message: serialization that the bag states.
+        definition: language of the message definition.
+        kind: message type, "package/msg/Name" or the bag's own notation.
     """
     if message != CDR:
         what = SERIALIZATIONS.get(message, message[:40])
@@ -96,26 +105,26 @@ def full_kind(kind: str) -> str:
 
 
 def qualities_in(words: Any) -> tuple[Any, ...]:
-    """QoS profiles as a bag states them, in a text or a list.
+    """Parse the QoS profiles of a topic as a bag states them, as text or as a list.
 
     Raises:
-        ValueError: if they are none.
+        ValueError: if they cannot be parsed.
     """
     try:
         return tuple(parse_qos(words))
-    except Exception as error:  # rosbags trusts what it reads: damage shows as anything
+    except Exception as error:  # rosbags does not validate its input: a damaged bag can raise any exception
         raise ValueError("no QoS") from error
 
 
 @lru_cache(maxsize=1024)
 def qualities_of(text: str) -> tuple[Any, ...]:
-    """Return `qualities_in` of a text; most topics of a bag state the same."""
+    """Return `qualities_in` of a text from a cache: most topics of a bag have the same profiles."""
     return qualities_in(text)
 
 
 @lru_cache(maxsize=256)
 def types_of(kind: str, definition: str) -> Typestore | None:
-    """The types of a definition, None if there is none or it cannot be read."""
+    """Return the types of a message definition; None if it is empty or cannot be parsed."""
     store = get_typestore(Stores.EMPTY)
     read = get_types_from_idl if definition.startswith(IDL) else None
     try:
@@ -126,7 +135,10 @@ def types_of(kind: str, definition: str) -> Typestore | None:
 
 
 def digest_of(connection: Connection) -> str:
-    """RIHS01 of the definition, as the bag says or as it comes to."""
+    """Return the RIHS01 hash that the bag states, else compute it from the definition.
+
+    UNKNOWN_DIGEST if the definition is missing or incomplete.
+    """
     return connection.digest or _digest_of(connection.kind, connection.definition)
 
 
@@ -135,5 +147,5 @@ def _digest_of(kind: str, definition: str) -> str:
     store = types_of(kind, definition)
     try:
         return UNKNOWN_DIGEST if store is None else store.hash_rihs01(kind)
-    except (TypesysError, KeyError):  # a part of the definition is missing
+    except (TypesysError, KeyError):  # a nested type is missing in the definition
         return UNKNOWN_DIGEST

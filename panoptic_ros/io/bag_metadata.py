@@ -1,4 +1,4 @@
-"""metadata.yaml of a bag: its files, and what it states about their topics."""
+"""Read metadata.yaml of a bag: its files, and the message counts, hashes and QoS of its topics."""
 
 from __future__ import annotations
 
@@ -13,16 +13,19 @@ from panoptic_ros.io.loading import MIB, parsing
 from panoptic_ros.io.storages import is_storage, packed_name
 
 NAME = "metadata.yaml"
-# bytes and values; 480 cameras with eight topics each have 2 MB and 100 000
+# Limits of the file: bytes and number of YAML values. A recording of 480 cameras with eight topics each has 2
+# MB and 100 000 values.
 LARGEST_METADATA, MOST_VALUES = 16 * MIB, 1_000_000
 
 
 class BagMetadata(NamedTuple):
-    """Contents of the file.
+    """Contents of metadata.yaml.
 
     Args:
-        files: names, in the order of recording. counts: messages by topic. digests: RIHS01 by topic.
-        qualities: by topic, see `bag_connections.qualities_in`.
+        files: file names in the order of recording.
+        counts: number of messages by topic.
+        digests: RIHS01 hash by topic.
+        qualities: QoS profiles by topic, see `bag_connections.qualities_in`.
     """
 
     files: tuple[str, ...] = ()
@@ -32,17 +35,17 @@ class BagMetadata(NamedTuple):
 
 
 class BagFiles(NamedTuple):
-    """The files of a bag that are there, and a line for each that is missing or not named."""
+    """Existing files of a bag, and one warning line for each group of missing or unlisted files."""
 
     paths: tuple[Path, ...]
     problems: tuple[str, ...]
 
 
 def read_metadata(folder: Path) -> BagMetadata:
-    """Read the file of a folder.
+    """Read metadata.yaml of a folder.
 
     Raises:
-        DataError: in one line, if it is not there or cannot be read.
+        DataError: with a one-line message, if the file is missing or cannot be read.
     """
     path = folder / NAME
     if not path.is_file():
@@ -64,17 +67,19 @@ def read_metadata(folder: Path) -> BagMetadata:
 
 
 def files_in(folder: Path) -> list[Path]:
-    """Return the files of bags in a folder; a packed one only where the same is not there unpacked."""
+    """Return the bag files in a folder; a compressed file only if its uncompressed version is missing."""
     found = sorted(path for path in folder.iterdir() if is_storage(path) and path.is_file())
     names = {path.name for path in found}
     return [path for path in found if packed_name(path) == path.name or packed_name(path) not in names]
 
 
 def chosen_files(folder: Path, metadata: BagMetadata) -> BagFiles:
-    """Return the files that a bag's metadata name, packed or not; all there are if none of these is there.
+    """Return the existing files that the metadata list, compressed or not.
+
+    If none of the listed files exists, return all bag files of the folder.
 
     Raises:
-        DataError: if there are none.
+        DataError: if the folder has no bag file.
     """
     there = {packed_name(path): path for path in files_in(folder)}
     wanted = [packed_name(Path(name)) for name in metadata.files]
@@ -94,10 +99,11 @@ def chosen_files(folder: Path, metadata: BagMetadata) -> BagFiles:
 
 
 def count_difference(stated: Mapping[str, int], there: Mapping[str, int]) -> str:
-    """Return a line about messages that metadata count and that are not there, or the reverse; "" if none.
+    """Return a line about topics whose message count differs from the metadata; "" if all agree.
 
     Args:
-        stated, there: messages by topic.
+        stated: number of messages by topic, from the metadata.
+        there: number of messages by topic, as counted in the files.
     """
     odd = [topic for topic in stated if stated[topic] != there.get(topic, 0)]
     if not odd:
@@ -107,6 +113,6 @@ def count_difference(stated: Mapping[str, int], there: Mapping[str, int]) -> str
 
 
 def _list(words: list[str], most: int = 3) -> str:
-    """Return the first ones, separated by commas."""
+    """Join the first `most` words with commas and append the number of the others."""
     more = f" and {len(words) - most} more" if len(words) > most else ""
     return ", ".join(words[:most]) + more

@@ -1,4 +1,4 @@
-"""A bag that is written while messages come: in a thread of its own, with counters by topic."""
+"""Record incoming messages to a bag in a separate thread, with counters by topic."""
 
 from __future__ import annotations
 
@@ -19,20 +19,28 @@ from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.cdr_heads import number_in, stamp_in
 from panoptic_ros.io.files import file_errors
 
-FLUSH_S = 0.5  # s, between two writes to the disk; with the wait of half of it, a crash costs 0.75 s
-MOST_WAITING = 256_000_000  # bytes that wait for a slow disk
+# s, between two flushes to the disk. The queue timeout adds half of it, so a crash loses at most 0.75 s.
+FLUSH_S = 0.5
+# bytes that may wait in the queue while the disk is slow; further messages are dropped
+MOST_WAITING = 256_000_000
 NUMBERED = "panoptic_msgs/msg/ViewDetections"
-FIRST_STEPS = 20  # stamps that tell the period of a topic without numbers
-MOST_MISSING = 100_000  # more are none: a device that began anew, or a clock that was set
+# Number of timestamp steps whose median is the period of a topic without frame numbers.
+FIRST_STEPS = 20
+# A larger gap is not counted as missing messages: the device restarted, or its clock was set.
+MOST_MISSING = 100_000
 
 
 @dataclass
 class TopicCounter:
-    """What came on a topic.
+    """Message counts and timestamps of one topic.
 
     Args:
-        missing: messages that did not come, told by gaps of frame numbers, or else of stamps.
-        longest_s: between two stamps.
+        kind: message type, "package/msg/Name".
+        count: messages received.
+        size: bytes received.
+        missing: messages that were lost, from gaps in the frame numbers, else from gaps in the timestamps.
+        longest_s: longest step between two successive timestamps, s.
+        last_ns: latest timestamp, ns.
     """
 
     kind: str
@@ -42,12 +50,12 @@ class TopicCounter:
     longest_s: float = 0.0
     last_ns: int | None = None
     _number: int | None = None
-    _stepped: int = 0  # times that stamps went on, and by how much
+    _stepped: int = 0  # number of forward timestamp steps; `_stepped_ns` is their sum, ns
     _stepped_ns: int = 0
     _steps: list[int] = field(default_factory=list)
 
     def add(self, data: bytes) -> None:
-        """Count one more message."""
+        """Count one message; `data` is its CDR bytes."""
         self.count += 1
         self.size += len(data)
         stamp = stamp_in(data)
@@ -62,7 +70,7 @@ class TopicCounter:
 
     @property
     def rate(self) -> float:
-        """Messages per second of stamps; 0 if not known."""
+        """Return the message rate (Hz) from the timestamps; 0 if unknown."""
         return 1e9 * self._stepped / self._stepped_ns if self._stepped_ns else 0.0
 
     def _by_number(self, data: bytes) -> int:
@@ -80,17 +88,21 @@ class TopicCounter:
 
 
 class BagRecorder:
-    """Writes messages to a bag in place, whatever ends it (see `BagWriter`).
+    """Writer of messages to a bag, which survives a crash because it is written in place (see `BagWriter`).
 
     Args:
-        budget: bytes at most, 0 = as many as there is room for. keep_free: bytes that stay free on the disk.
-        split: into bags `path/000`, `path/001`, ..., each of which stands alone; None: `path` is the bag.
-        opening: messages that every part but the first begins with; asked in a thread of this recorder.
-        beside: writes files beside the bag to the disk; called as often as the bag is written there, in the
-            same thread.
+        path: the bag, or the folder of its parts.
+        budget: largest number of bytes of messages; 0 = limited by the free disk space alone.
+        keep_free: bytes that stay free on the disk.
+        split: limits of one part. The parts `path/000`, `path/001`, ... are complete bags. None = `path` is
+            the bag.
+        opening: returns messages that are written at the start of every part but the first. It is called in
+            the recorder's thread.
+        beside: flushes files next to the bag to the disk. It is called after each flush of the bag, in the
+            recorder's thread.
 
     Raises:
-        DataError: if something of that name is there already.
+        DataError: if `path` exists already.
     """
 
     def __init__(
@@ -103,7 +115,7 @@ class BagRecorder:
         beside: Callable[[], None] = lambda: None,
     ):
         self.counters: dict[str, TopicCounter] = {}
-        self.dropped: Counter[str] = Counter()  # by topic, as the disk was too slow
+        self.dropped: Counter[str] = Counter()  # dropped messages by topic, because the disk was too slow
         self._path, self._split, self._opening, self._beside = path, split, opening, beside
         self._parts = 0
         self._part_size, self._part_begun_ns = 0, -1
@@ -112,22 +124,27 @@ class BagRecorder:
         self._size, self._waiting = 0, 0
         self._lock = threading.Lock()
         self._messages: queue.SimpleQueue[tuple[Connection, int, bytes] | None] = queue.SimpleQueue()
-        self.fault: PanopticError | None = None  # what ended it before its end
+        self.fault: PanopticError | None = None  # error that stopped the recorder early
         self._thread = threading.Thread(target=self._write, daemon=True)
         self._thread.start()
 
     @property
     def path(self) -> Path:
-        """Path of the bag, or of the folder of its parts."""
+        """Return the path of the bag, or of the folder of its parts."""
         return self._path
 
     @property
     def size(self) -> int:
-        """Bytes of messages so far."""
+        """Return the bytes of messages written so far."""
         return self._size
 
     def put(self, connection: Connection, stamp_ns: int, data: bytes) -> None:
-        """Take a message that came at `stamp_ns`."""
+        """Put a message into the queue; drop it if MOST_WAITING bytes are waiting.
+
+        Args:
+            stamp_ns: time of arrival, ns.
+            data: CDR bytes.
+        """
         with self._lock:
             if self._waiting + len(data) > MOST_WAITING:
                 self.dropped[connection.topic] += 1
@@ -136,10 +153,11 @@ class BagRecorder:
         self._messages.put((connection, stamp_ns, data))
 
     def close(self) -> None:
-        """Write what waits and finish the bag.
+        """Write the messages in the queue and finish the bag.
 
         Raises:
-            PanopticError: what ended it before, or ends it now.
+            PanopticError: the error that stopped the recorder, except `DiskFull`; or an error while the bag
+                is closed.
         """
         self._messages.put(None)
         self._thread.join()
@@ -161,7 +179,7 @@ class BagRecorder:
                     self._check_room()
         except PanopticError as error:
             self.fault = error
-        except Exception as error:  # a bug must not end the thread without a word
+        except Exception as error:  # report a bug as a fault: otherwise the thread would end silently
             self.fault = ContractError(f"{self._path} cannot be written: {error!r}")
 
     def _next(self) -> tuple[Connection, int, bytes] | tuple[()] | None:
@@ -181,7 +199,7 @@ class BagRecorder:
         self.counters.setdefault(connection.topic, TopicCounter(connection.kind)).add(data)
 
     def _turn(self, stamp_ns: int) -> None:
-        """Go on in another bag if it is time."""
+        """Close the bag and open the next part if the current one has reached its limit."""
         assert self._split is not None
         if self._part_begun_ns < 0:
             self._part_begun_ns = stamp_ns
@@ -194,7 +212,11 @@ class BagRecorder:
             self._bag.write_described(connection, stamp_ns, data)
 
     def _next_bag(self) -> BagWriter:
-        """Raises: DataError: if something of that name is there already."""
+        """Open the bag, or its next part.
+
+        Raises:
+            DataError: if its path exists already.
+        """
         path = self._path
         if self._split is not None:
             if self._parts == 0:
@@ -207,7 +229,11 @@ class BagRecorder:
         return BagWriter(path, in_place=True)
 
     def _check_room(self) -> None:
-        """Raises: DiskFull: if no more may be written."""
+        """Check the budget and the free disk space.
+
+        Raises:
+            DiskFull: if no more may be written.
+        """
         if self._budget and self._size > self._budget:
             raise DiskFull(f"{self._bag.path} has reached its budget of {self._budget / GB:g} GB")
         free = shutil.disk_usage(self._bag.path).free
@@ -216,4 +242,4 @@ class BagRecorder:
 
 
 class DiskFull(EnvironmentProblem):
-    """There is no room for more; what was written is whole."""
+    """The disk or the budget has no space left; all data written before is complete."""

@@ -1,4 +1,4 @@
-"""When a recording goes on in another bag."""
+"""Limits of size and duration at which a recording continues in another bag."""
 
 from __future__ import annotations
 
@@ -14,25 +14,26 @@ SECONDS = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
 @dataclass(frozen=True)
 class Split:
-    """When a recording goes on in another bag; 0 = not for this.
+    """Limits at which a recording continues in another bag; 0 = no limit.
 
     Args:
-        size: bytes of messages. seconds: between stamps.
+        size: bytes of messages.
+        seconds: between timestamps.
     """
 
     size: int = 0
     seconds: float = 0.0
 
     def is_over(self, size: int, seconds: float) -> bool:
-        """Whether a part of that size and length is to end."""
+        """Return whether a part of this size (bytes) and duration (s) has reached a limit."""
         return bool((self.size and size >= self.size) or (self.seconds and seconds >= self.seconds))
 
 
 def split_of(text: str) -> Split:
-    """From words: 90s, 30m, 1h, 500MB, 2GB.
+    """Parse a split limit such as 90s, 30m, 1h, 500MB or 2GB.
 
     Raises:
-        UsageError: if they say neither a time nor a size.
+        UsageError: if the text is neither a duration nor a size, or is zero.
     """
     found = re.fullmatch(rf"([0-9]*\.?[0-9]+)({'|'.join((*SECONDS, *BYTES))})", text)
     if found is None or not float(found[1]):

@@ -1,4 +1,4 @@
-"""What cameras left in bags: messages of one or several bags, in the order in which they belong together."""
+"""Read camera streams from one or several bags, and merge their messages in the order of their timestamps."""
 
 from __future__ import annotations
 
@@ -21,32 +21,34 @@ from panoptic_ros.io.messages.family import decode_cdr
 from panoptic_ros.io.messages.sensors import read_imu
 
 SECOND = 1_000_000_000
-JUMP_NS = 5 * SECOND  # header stamps that step so much further than the recording's have jumped
-TRIES = 10  # messages of which one at least must be usable: some drivers begin with an empty image
-DEPTH_KEYS = ("compressed_depth", "depth")  # of a camera that has both, the last is read
-SENSOR_KEYS = ("compressed_sensor_depth", "sensor_depth")  # the same of a depth sensor
+# ns. A timestamp step that exceeds the step of the recording times by more than this is a clock jump.
+JUMP_NS = 5 * SECOND
+# Messages to try until one is usable: some drivers begin with an empty image.
+TRIES = 10
+DEPTH_KEYS = ("compressed_depth", "depth")  # if a camera has both topics, the last is read
+SENSOR_KEYS = ("compressed_sensor_depth", "sensor_depth")  # the same for a depth sensor
 TRACKS_KEY = "patch_tracks"
 SOUND_KEY = "audio"
 IMAGE_KEY = "image"
 IMU_KEY = "imu"
-GOES_ON, LEFT_OUT, IS_OVER = range(3)  # of a message at the end of what is read
-LOOKED_AT = 20  # messages that tell the rate
+GOES_ON, LEFT_OUT, IS_OVER = range(3)  # message class at the end of the range, see `BagStream._ended`
+LOOKED_AT = 20  # messages from which the frame rate is estimated
 
 
 @dataclass(frozen=True)
 class BagStream:
-    """One camera's topic in a bag, or that of a device with sound.
+    """One topic of one camera or audio device in a bag.
 
     Args:
-        camera: or device.
-        key: of `graph.topics.TOPICS`: what the messages are.
-        arrival_stamps: take the times of recording for the stamps in the headers.
-        shift_ns: what is added to stamps to tell which messages of several topics belong side by side.
-        from_sample: of sound: blocks that end before it are left out.
-        line: corrects the stamps; what would lie before 0 is left out.
-        people: the messages are 2D people of another stack.
-        encoding: of images, in place of what they say.
-        until_ns: messages with this stamp and later ones are left out.
+        camera: name of the camera or device.
+        key: key in `graph.topics.TOPICS`, which defines the content of the messages.
+        arrival_stamps: use the recording times instead of the header timestamps.
+        shift_ns: offset (ns) added to timestamps only to order the messages of several topics.
+        from_sample: audio only: blocks that end at or before this sample are skipped.
+        line: clock correction of the timestamps; messages with a corrected timestamp below 0 are skipped.
+        people: converter, if the messages are 2D poses of another software stack.
+        encoding: image encoding that overrides the encoding in the messages.
+        until_ns: messages with this timestamp (ns) or a later one are skipped.
     """
 
     bag: Path
@@ -63,7 +65,7 @@ class BagStream:
 
     @classmethod
     def from_words(cls, words: Mapping[str, Any]) -> BagStream:
-        """The stream of plain words, as `words` gives them."""
+        """Build a stream from the plain dictionary that `words` returns."""
         line, people = words["line"], words["people"]
         return cls(
             **{
@@ -75,14 +77,14 @@ class BagStream:
         )
 
     def words(self) -> dict[str, Any]:
-        """Plain words that a file can hold."""
+        """Return the stream as a plain dictionary that can be written to a file."""
         own = {field.name: getattr(self, field.name) for field in fields(self)}
         line = None if self.line is None else self.line.words()
         people = None if self.people is None else self.people._asdict()
         return {**own, "bag": str(self.bag), "line": line, "people": people}
 
     def messages(self, bag: BagReader) -> Iterator[BagMessage | DataError]:
-        """All messages, and an error in the place of each that cannot be decoded."""
+        """Yield all messages; yield an error for each message that cannot be decoded."""
         connection = bag.connection(self.topic)
         bad: list[DataError] = []
         rows = bag.raw(self.topic, on_bad=bad.append)
@@ -113,10 +115,11 @@ class BagStream:
         yield from bad
 
     def _ended(self) -> Callable[[int, bytes], int]:
-        """Return a function that classifies a message by its time of recording, ns, and its bytes.
+        """Return a function that classifies a message by its recording time (ns) and its bytes.
 
-        GOES_ON: before the end. LEFT_OUT: beyond it, by its stamp. IS_OVER: all later messages are beyond it,
-        too, by their times of recording; stamps may jump, these do not.
+        GOES_ON: the message is before the end. LEFT_OUT: its timestamp is at or after the end. IS_OVER: all
+        later messages are also after the end, according to the recording times. Timestamps may jump,
+        recording times do not.
         """
         begin: list[int] = []
 
@@ -134,14 +137,17 @@ class BagStream:
         return ended
 
     def _is_early(self, message: Any) -> bool:
-        """Whether it is sound of before what is needed."""
+        """Return whether the message is an audio block that ends at or before `from_sample`."""
         if self.key != SOUND_KEY or not self.from_sample:
             return False
         count = len(message.samples) // max(1, message.channels)
         return bool(message.first_sample + count <= self.from_sample)
 
     def record(self, message: Any, number: int) -> Any:
-        """The `ViewDetections` or `PatchTracks`, or the frame of that number, in a message.
+        """Convert a message to its record: detections, patch tracks, IMU sample, audio block or frame.
+
+        Args:
+            number: frame number for images and depth images.
 
         Raises:
             DataError: naming the bag and the topic.
@@ -162,20 +168,20 @@ class BagStream:
             raise self._named(error) from None
 
     def _own(self, record: Any) -> Any:
-        """Return the record, if it is of this camera.
+        """Return the record if it belongs to this camera.
 
         Raises:
-            DataError: if not.
+            DataError: if it belongs to another camera.
         """
         if record.camera != self.camera:
             raise DataError(f"detections of camera {record.camera[:40]}, not of {self.camera}; left out")
         return record
 
     def first_record(self, bag: BagReader) -> Any:
-        """The first record that can be used.
+        """Return the first usable record among the first TRIES messages.
 
         Raises:
-            DataError: if none of the first messages can be used, or there are none.
+            DataError: if none of them is usable, or the topic has no messages.
         """
         problem = DataError(f"{self.bag}: topic {self.topic} has no messages")
         for number, item in enumerate(islice(self.messages(bag), TRIES)):
@@ -188,7 +194,7 @@ class BagStream:
         raise problem
 
     def shown_encoding(self, bag: BagReader) -> Shown:
-        """Return what the first raw images show of their encoding, unless it is given."""
+        """Estimate the pixel encoding from the first raw images, unless `encoding` is given."""
         if self.key != IMAGE_KEY or self.encoding:
             return Shown("", "")
         for item in islice(self.messages(bag), TRIES):
@@ -198,7 +204,7 @@ class BagStream:
         return Shown("", "")
 
     def first_stamps(self, bag: BagReader) -> list[int]:
-        """Stamps of the first messages, ns."""
+        """Return the timestamps (ns) of the first messages."""
         first = islice(self.messages(bag), LOOKED_AT)
         return [item.stamp_ns for item in first if isinstance(item, BagMessage)]
 
@@ -208,10 +214,10 @@ class BagStream:
 
 @dataclass(frozen=True)
 class BagMessage:
-    """A message of a stream: when it was recorded, its stamp, the CDR bytes, and what they say.
+    """A message of a stream: recording time (ns), timestamp (ns), CDR bytes and the decoded message.
 
     Args:
-        place_ns: its stamp, shifted, and running on where stamps jump.
+        place_ns: merge key (ns): the timestamp plus `shift_ns`, made continuous across clock jumps.
     """
 
     stream: BagStream
@@ -224,7 +230,7 @@ class BagMessage:
 
 @dataclass(frozen=True)
 class StreamEnd:
-    """A stream has no more messages."""
+    """Mark of the end of a stream."""
 
     stream: BagStream
     place_ns: int
@@ -233,13 +239,13 @@ class StreamEnd:
 def merged(
     streams: Sequence[BagStream], on_bad: Callable[[DataError], None]
 ) -> Iterator[BagMessage | StreamEnd]:
-    """The messages of all streams by their stamps, and the end of each.
+    """Yield the messages of all streams in the order of their timestamps, and the end of each stream.
 
-    Where the stamps of a camera jump, its place among the others runs on with the times of recording, so
-    that one clock's jump does not put a camera hours before or behind the others.
+    At a clock jump of a camera, its merge key advances by the recording time instead. A jump would otherwise
+    place the camera hours before or after the others.
 
     Args:
-        on_bad: told about every message that cannot be decoded, which is left out.
+        on_bad: called with the error of every message that cannot be decoded. The message is skipped.
     """
     with ExitStack() as stack:
         placed = [
@@ -252,18 +258,18 @@ def merged(
 def opened_streams(
     streams: Sequence[BagStream], stack: ExitStack, on_bad: Callable[[DataError], None]
 ) -> Iterator[tuple[BagStream, Iterator[Any]]]:
-    """Every stream with its records, each to be read on its own.
+    """Yield every stream with an iterator of its records; the iterators are independent.
 
     Args:
         stack: closes the bags.
-        on_bad: told about every message that cannot be used, which is left out.
+        on_bad: called with the error of every message that cannot be used. The message is skipped.
     """
     for stream, bag in _bags(streams, stack):
         yield stream, _records(stream, bag, on_bad)
 
 
 def _bags(streams: Sequence[BagStream], stack: ExitStack) -> Iterator[tuple[BagStream, BagReader]]:
-    """Yield every stream with the reader of its bag."""
+    """Yield every stream with the reader of its bag; streams of one bag share the reader."""
     opened: dict[Path, BagReader] = {}
     for stream in streams:
         if stream.bag not in opened:

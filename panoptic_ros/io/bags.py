@@ -1,6 +1,6 @@
-"""Rosbags (rosbag2, MCAP) without ROS: writing records or raw messages, reading them back.
+"""Write and read rosbags (rosbag2, MCAP) without ROS, as records or as raw messages.
 
-A bag of an earlier version is written anew with the messages of now.
+`upgrade` rewrites a bag of an earlier version with the message types of the current version.
 """
 
 from __future__ import annotations
@@ -34,22 +34,23 @@ from panoptic_ros.io.takes import sync_files
 
 
 class BagWriter:
-    """Writes a bag as a whole: it appears under its name when it is closed without an error.
+    """Writer of a bag that appears under its final name only after it is closed without an error.
 
-    Use as a context manager; after an exception nothing is left behind.
+    Use it as a context manager. After an exception no files remain.
 
     Args:
-        in_place: under its name from the beginning, without metadata.yaml until it is closed; what it has
-            then stays, whatever happens, and `io.salvage` reads it. For what cannot be recorded again.
+        in_place: write under the final name from the start, without metadata.yaml until the bag is closed.
+            The data then remain in any case, and `io.salvage` can read them. For data that cannot be recorded
+            again.
 
     Raises:
-        DataError: if something of that name is there already.
+        DataError: if the path exists already.
         EnvironmentProblem: on a full disk or missing permission.
     """
 
     def __init__(self, path: Path, in_place: bool = False):
         self.path = Path(path)
-        if os.path.lexists(self.path):  # a link to nothing too
+        if os.path.lexists(self.path):  # true also for a broken link
             raise DataError(f"{self.path} is there already; choose another name or remove it")
         self._in_place = in_place
         self._part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
@@ -74,8 +75,9 @@ class BagWriter:
             self._writer.write(self._connections[topic], stamp_ns, data)
 
     def write_described(self, connection: Connection, stamp_ns: int, data: bytes) -> None:
-        """Append a message as CDR bytes with the definition that another bag has of it."""
-        key = connection.topic, connection.kind, connection.qualities  # one definition of each type is kept
+        """Append a message as CDR bytes with the message definition from another bag."""
+        # one connection for each combination of topic, type and QoS
+        key = connection.topic, connection.kind, connection.qualities
         with file_errors(self.path, "write"):
             if key not in self._connections:
                 self._connections[key] = self._writer.add_connection(
@@ -89,16 +91,16 @@ class BagWriter:
 
     @property
     def folder(self) -> Path:
-        """Where it is being written: for files that are needed meanwhile."""
+        """Return the temporary folder of the bag, for other files that are needed during writing."""
         return self._part
 
     def write(self, topic: str, stamp_ns: int, message: Any) -> None:
-        """Append a message of the family `bag_messages()`."""
+        """Append a message object of the family `bag_messages()`."""
         kind = message.__msgtype__
         self.write_raw(topic, kind, stamp_ns, bytes(bag_typestore().serialize_cdr(message, kind)))
 
     def close(self) -> None:
-        """Finish: the bag gets its name."""
+        """Finish the bag and move it to its final name."""
         if self._open:
             self._open = False
             with file_errors(self.path, "write"):
@@ -110,7 +112,10 @@ class BagWriter:
                     self._part.rmdir()
 
     def flush(self) -> None:
-        """Write a chunk of all so far to the disk: a kill or a power cut costs what comes after."""
+        """Write all messages so far to the disk as a chunk.
+
+        A kill or power cut then loses only later messages.
+        """
         storage: Any = self._writer.storage
         with file_errors(self.path, "write"):
             if storage.chunk.bio.tell():
@@ -119,7 +124,7 @@ class BagWriter:
             os.fsync(storage.bio.fileno())
 
     def discard(self) -> None:
-        """Stop and leave nothing behind; in place, what was written stays."""
+        """Abort and remove the files; in place, the data written so far remain."""
         if self._open:
             self._open = False
             with suppress(OSError, WriterError):
@@ -140,7 +145,7 @@ class BagWriter:
 
 
 class PartBagWarning(UserWarning):
-    """A bag holds less than it states, or messages that cannot be read."""
+    """A bag holds less than its metadata state, or messages that cannot be read."""
 
 
 def is_bag(path: Path) -> bool:
@@ -149,11 +154,11 @@ def is_bag(path: Path) -> bool:
 
 
 class BagReader:
-    """Reads a bag: the topics it has, and their messages in the order of recording.
+    """Reader of a bag: its topics, and its messages in the order of recording.
 
-    All messages of its files are read, whatever its metadata state. A `PartBagWarning` names counts that
-    differ, topics that are not of ROS 2, and missing files. Several iterations may run side by side, also in
-    threads of their own.
+    The reader reads all messages of the files, independent of the counts in the metadata. A `PartBagWarning`
+    names differing counts, topics that are not ROS 2, and missing files. Several iterations may run in
+    parallel, also in separate threads.
 
     Raises:
         DataError: if it is no bag, was never finished, or is damaged.
@@ -191,10 +196,10 @@ class BagReader:
         self._tell(foreign, problems)
 
     def _opened(self) -> tuple[list[Storage], BagMetadata, list[str]]:
-        """Return the files, their metadata, and lines about what is missing.
+        """Return the open files, their metadata, and lines about missing files.
 
         Raises:
-            DataError: if one of them cannot be read.
+            DataError: if one of the files cannot be read.
         """
         try:
             if self.path.is_file():
@@ -206,17 +211,17 @@ class BagReader:
             return [opened(path, self._stack) for path in files.paths], metadata, list(files.problems)
         except (EnvironmentProblem, OfRos1Error):
             raise
-        except Exception as error:  # damage shows as anything
+        except Exception as error:  # a damaged file can raise any exception
             raise DataError(
                 f"{self.path} cannot be read as a rosbag2 ({one_line(error)}); where a recording was "
                 f"cut off, `panoptic bag repair {self.path}` saves what is whole"
             ) from None
 
     def _tell(self, foreign: Counter[Foreign], problems: list[str]) -> None:
-        """Warn of everything in the bag that is not read.
+        """Warn of all content of the bag that is not read.
 
         Raises:
-            DataError: if nothing in it can be read.
+            DataError: if nothing in the bag can be read.
         """
         kinds: dict[str, list[str]] = {}
         for (topic, what), count in foreign.items():
@@ -240,7 +245,7 @@ class BagReader:
             warnings.warn(f"{self.path}: {problem}", PartBagWarning, stacklevel=1)
 
     def messages(self, *topics: str) -> Iterator[tuple[str, int, Any]]:
-        """(topic, recording stamp ns, message), of some topics or of all.
+        """Yield (topic, recording time in ns, message) of the given topics, or of all.
 
         Raises:
             DataError: if a message cannot be read.
@@ -249,7 +254,7 @@ class BagReader:
             yield topic, stamp, self._decode(topic, data, kind)
 
     def first(self, *topics: str) -> Iterator[tuple[str, int, bytes, str]]:
-        """The first message of these topics together, as `raw`; nothing if there is none."""
+        """Yield the first message among these topics, in the form of `raw`; nothing if they have none."""
         if set(topics) & set(self.topics):
             yield from islice(self.raw(*topics), 1)
 
@@ -260,14 +265,16 @@ class BagReader:
         end_ns: int | None = None,
         on_bad: Callable[[DataError], None] | None = None,
     ) -> Iterator[tuple[str, int, bytes, str]]:
-        """(topic, recording stamp ns, CDR bytes, type), of recording stamps in [begin_ns, end_ns).
+        """Yield (topic, recording time in ns, CDR bytes, type) of the given topics, or of all.
 
         Args:
-            on_bad: told about every message of an older version that cannot be brought up to now, which is
-                left out. None = such a message is an error.
+            begin_ns, end_ns: recording times to read, [begin_ns, end_ns).
+            on_bad: called with the error of every message of an older version that cannot be converted. The
+                message is skipped. None = raise the error.
 
         Raises:
-            DataError: if the bag is damaged, or its messages of this project are of another version.
+            DataError: if the bag is damaged, or holds messages of this project in another version that cannot
+                be converted.
         """
         begin, end = -NEVER_NS if begin_ns is None else begin_ns, NEVER_NS if end_ns is None else end_ns
         ways: list[dict[int, tuple[str, str, Callable[[bytes], bytes] | None]]] = []
@@ -285,7 +292,7 @@ class BagReader:
                 data = unpacked_message(packed)
                 try:
                     data = bring(data) if bring else data
-                except Exception as error:  # bytes of another kind raise anything
+                except Exception as error:  # a converter that meets unexpected bytes can raise any exception
                     bad = DataError(f"{self.path}, topic {topic}: {one_line(error)}")
                     if on_bad is None:
                         raise bad from None
@@ -294,14 +301,14 @@ class BagReader:
                 yield topic, stamp, data, kind
         except DataError:
             raise
-        except Exception as error:  # as above
+        except Exception as error:  # a damaged file can raise any exception
             raise DataError(
                 f"{self.path} is damaged: {one_line(error)}; `panoptic bag repair {self.path}` saves what is "
                 "whole"
             ) from None
 
     def _one_by_one(self, rows: Iterator[tuple[int, Row]]) -> Iterator[tuple[int, Row]]:
-        """The rows; where several threads read, one seeks and reads in the file at a time."""
+        """Yield the rows under a lock: only one thread seeks and reads in the files at a time."""
         while True:
             with self._reading:
                 row = next(rows, None)
@@ -310,19 +317,20 @@ class BagReader:
             yield row
 
     def is_outdated(self, topic: str) -> bool:
-        """Return whether its messages are of this project, but of another version, by their hash or their
-        definition.
+        """Return whether the topic has a message type of this project in another version.
+
+        The type hash is compared; it comes from the bag or from the definition.
         """
         known = self._connections.get(topic)
         return known is not None and _is_outdated(known)
 
     def can_be_brought_up(self, topic: str) -> bool:
-        """Whether messages of another version can be read as those of now."""
+        """Return whether messages of another version can be converted to the current version."""
         connection = self.connection(topic)
         return bringing_up(connection.kind, connection.definition) is not None
 
     def connection(self, topic: str) -> Connection:
-        """A topic with the definition that the bag keeps."""
+        """Return a topic with the message definition and QoS that the bag stores."""
         known, words = self._connections[topic], self._metadata.qualities.get(topic)
         if not known.qualities and words:
             with suppress(ValueError):
@@ -330,7 +338,11 @@ class BagReader:
         return known
 
     def _brought_up(self, connection: Connection) -> Callable[[bytes], bytes] | None:
-        """What brings messages of other versions up to now."""
+        """Return a converter from an older message version to the current one; None if none is needed.
+
+        Raises:
+            DataError: if the message version cannot be converted.
+        """
         topic, kind = connection.topic, connection.kind
         digest = connection.digest or self._connections[topic].digest
         if not _is_outdated(connection._replace(digest=digest)):
@@ -373,11 +385,12 @@ def _is_outdated(connection: Connection) -> bool:
 
 @dataclass(frozen=True)
 class Upgrade:
-    """What came of it.
+    """Result of an upgrade.
 
     Args:
-        brought_up: topics whose messages are new. kept: those that are as they were.
-        left_out: topics whose messages cannot be brought up, each with the kind of its messages.
+        brought_up: topics whose messages were converted.
+        kept: topics whose messages were copied unchanged.
+        left_out: message type of each topic that cannot be converted.
     """
 
     brought_up: tuple[str, ...]
@@ -386,15 +399,15 @@ class Upgrade:
 
 
 def upgrade(source: Path, target: Path) -> Upgrade | None:
-    """Write a bag anew; None, and nothing is written, if all of it is of this version.
+    """Rewrite a bag with the current message types; return None and write nothing if it is up to date.
 
     Messages of other packages are copied with their own definitions.
 
     Args:
-        target: must not be there yet.
+        target: must not exist yet.
 
     Raises:
-        DataError: if the bag cannot be read, or nothing in it can be brought up.
+        DataError: if the bag cannot be read, or no topic can be converted.
     """
     with BagReader(source) as bag:
         outdated = [topic for topic in bag.topics if bag.is_outdated(topic)]

@@ -1,7 +1,7 @@
-"""Bias tables: config/biases/*.yaml and files that `panoptic bias measure` wrote.
+"""Read and write bias tables: config/biases/*.yaml and the files of `panoptic bias measure`.
 
-A file holds the offsets of joints in the middle and on the left; the right side is their mirror image.
-Joints are named by the vocabulary that all skeletons share.
+A file holds the offsets of the middle and left joints. The right side is mirrored. Joint names come from the
+vocabulary that all skeletons share.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from panoptic_ros.io.skeletons import in_vocabulary
 Array = np.ndarray
 FORMAT = "panoptic-biases-1"
 KEYS = keys("format offsets detector measured_on source licence")
-LARGEST = 10.0  # torso lengths, of an offset; a body has four
+# Largest offset, torso lengths. A body is about four torso lengths high.
+LARGEST = 10.0
 TORSO = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 HEADER = (
     "# From the detector's joints to the reference's: forward, left, up in the torso frame, torso lengths.\n"
@@ -34,17 +35,20 @@ HEADER = (
 
 
 def bias_table_names() -> tuple[str, ...]:
-    """Names of the tables that are installed."""
+    """Return the names of the installed tables."""
     return tuple(sorted(path.stem for path in (share_folder() / "config" / "biases").glob("*.yaml")))
 
 
 def read_bias_table(name_or_path: str, skeleton: SkeletonModel) -> BiasTable:
-    """The table for the joints of a skeleton; joints that it does not name have no offset.
+    """Read the bias table for the joints of a skeleton; joints that are not in the file have offset 0.
 
-    Joints that are means of others (`derived`) move as the mean of these does.
+    The offset of a `derived` joint is the mean of the offsets of its source joints.
+
+    Args:
+        name_or_path: installed table, or path of a YAML file.
 
     Raises:
-        ConfigError: if there is no such table, it is no table, or the skeleton has no torso.
+        ConfigError: if the table does not exist or has another format, or if the skeleton has no torso.
         DataError: if the file cannot be read.
     """
     path = Path(name_or_path).expanduser()
@@ -66,17 +70,17 @@ def read_bias_table(name_or_path: str, skeleton: SkeletonModel) -> BiasTable:
 
 
 def write_bias_table(path: Path, offsets: Mapping[str, Sequence[float]], facts: Mapping[str, Any]) -> None:
-    """Write a table: offsets of joints in the middle and on the left, and facts about its origin."""
+    """Write a bias table: offsets of the middle and left joints, and `facts` about the measurement."""
     lines = [HEADER + yaml.safe_dump({"format": FORMAT, **facts}, sort_keys=False, width=110), "offsets:\n"]
     lines += [f"  {word}: [{', '.join(f'{v:.4f}' for v in row)}]\n" for word, row in offsets.items()]
     write_bytes(path, "".join(lines).encode())
 
 
 def torso_of(joint_names: Sequence[str], owner: str) -> tuple[int, int, int, int]:
-    """Indices of left shoulder, right shoulder, left hip, right hip.
+    """Return the joint indices of left shoulder, right shoulder, left hip and right hip.
 
     Raises:
-        ConfigError: if there is one of them missing.
+        ConfigError: if one of them is missing.
     """
     words = in_vocabulary(joint_names)
     for word in TORSO:
@@ -87,7 +91,7 @@ def torso_of(joint_names: Sequence[str], owner: str) -> tuple[int, int, int, int
 
 
 def offset_of(word: str, entries: Mapping[str, Array]) -> Array:
-    """Offset (3,) of a joint; that of a right one is the mirror image of the left one's."""
+    """Return the offset (3,) of a joint in torso lengths; mirror the left entry for a right joint."""
     if word.startswith("right_"):
         return entries.get("left_" + word.removeprefix("right_"), np.zeros(3)) * (1.0, -1.0, 1.0)
     return entries.get(word, np.zeros(3))

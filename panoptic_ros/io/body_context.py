@@ -1,4 +1,4 @@
-"""What the kinematics stage needs beyond its configuration: subjects, their skeleton of segments, a prior."""
+"""Read the data inputs of the kinematics stage: subjects, segment skeleton and pose prior."""
 
 from __future__ import annotations
 
@@ -17,14 +17,17 @@ from panoptic_ros.io.pose_prior import read_prior
 def body_extras(
     subjects: Sequence[Path], segments: str = "", prior: str = "", offsets: str = ""
 ) -> Mapping[str, Any]:
-    """The extras of `kinematics.KinematicsStage`.
+    """Return the extras of `kinematics.KinematicsStage`.
 
     Args:
-        subjects: files. segments: name or file; "" = the usual ones. prior: file; "" = the installed one.
-        offsets: file of where the detector sees joints; "" = where the skeleton of segments has them.
+        subjects: subject files.
+        segments: segment skeleton, name or file; "" = the default.
+        prior: pose prior file; "" = the installed prior.
+        offsets: file with the joint positions of the detector relative to the segments; "" = the positions in
+            the segment skeleton.
 
     Raises:
-        UserError: naming the file and what is wrong, or an id or a device that stands twice.
+        UserError: naming the file and the fault, or an id or a device that two subjects share.
     """
     model = read_body_model(segments or DEFAULT_MODEL)
     if offsets:

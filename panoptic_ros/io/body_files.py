@@ -1,4 +1,7 @@
-"""Solved bodies in files, `kinematics.json.gz`, at once or frame by frame; docs/formats.md has every key."""
+"""Read and write solved bodies in `kinematics.json.gz`, as a whole or frame by frame.
+
+docs/formats.md lists every key.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,11 @@ def write_bodies(path: Path, model: SegmentModel, states: Iterable[BodyState]) -
 
 
 def body_row(model: SegmentModel, state: BodyState) -> dict[str, Any]:
-    """A body as it stands in the file."""
+    """Return one body as a row of the file.
+
+    Positions are in m and joint angles in rad. Orientations are quaternions. Velocities (m/s) and angular
+    velocities (rad/s) are added if the state has them.
+    """
     row = {
         "id": state.id,
         "positions": known(np.round(state.places, 5).tolist()),
@@ -58,7 +65,7 @@ def body_row(model: SegmentModel, state: BodyState) -> dict[str, Any]:
 
 
 def _triangles(matrices: Array) -> list[list[float]]:
-    """Upper triangles of symmetric matrices (N, 3, 3), to four digits."""
+    """Return the upper triangles (6 values each) of symmetric matrices (N, 3, 3), to four digits."""
     rows, columns = np.triu_indices(3)
     return [[float(f"{value:.3e}") for value in row] for row in matrices[:, rows, columns]]
 
@@ -70,10 +77,10 @@ def _matrices(triangles: Any) -> Array:
 
 
 def read_bodies(path: Path) -> tuple[tuple[str, ...], list[BodyState]]:
-    """Names of the segments and bodies of a `panoptic-kinematics-1` file, in the order of the file.
+    """Read the segment names and the bodies of a `panoptic-kinematics-1` file, in the order of the file.
 
     Raises:
-        DataError: naming the file and what is wrong.
+        DataError: naming the file and the fault.
     """
     document = read_frames(path)
     if not isinstance(document, dict) or document.get("format") != KINEMATICS:
@@ -89,7 +96,10 @@ def read_bodies(path: Path) -> tuple[tuple[str, ...], list[BodyState]]:
 
 
 def _body_state(stamp_ns: int, row: Mapping[str, Any]) -> BodyState:
-    """What is in the file: place and rotation of a segment are independent there."""
+    """Return the body of a row; the covariance blocks between position and rotation are zero.
+
+    The file holds only the position covariance and the orientation covariance of each segment.
+    """
     velocities, spins, covariances = (
         None if key not in row else np.array(row[key], float)
         for key in ("velocities", "angular_velocities", "position_covariances")
@@ -111,10 +121,10 @@ def _body_state(stamp_ns: int, row: Mapping[str, Any]) -> BodyState:
 
 
 class BodyStream(FrameStream):
-    """Bodies as `io.body_files.write_bodies` has them; instants without a body are left out.
+    """Writer of bodies frame by frame, in the format of `write_bodies`. Frames without a body are skipped.
 
     Args:
-        model: of all bodies.
+        model: segment skeleton of all bodies.
 
     Raises:
         EnvironmentProblem: if the file cannot be written.
@@ -126,7 +136,7 @@ class BodyStream(FrameStream):
         super().__init__(path, {"format": KINEMATICS, **names})
 
     def take(self, item: BodyStateSet) -> None:
-        """One more instant."""
+        """Write one frame."""
         rows = [body_row(self._model, state) for state in states_of(item)]
         if rows:
             index = self.count
@@ -134,7 +144,7 @@ class BodyStream(FrameStream):
 
 
 def states_of(item: BodyStateSet) -> list[BodyState]:
-    """The bodies of a set, one by one."""
+    """Return the bodies of a set as single states; a covariance that is not finite becomes None."""
     found = []
     for k, number in enumerate(item.ids.tolist()):
         known = bool(np.isfinite(item.covariances[k]).all())

@@ -1,4 +1,4 @@
-"""Skeletons of segments that are installed, or in files, and how thick bodies are."""
+"""Read segment skeletons and body shapes (segment radii), installed or from files."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ SHAPE_KEYS = {EACH: [keys("from to radii wide")]}
 
 
 def read_body_model(name: str = DEFAULT_MODEL) -> SegmentModel:
-    """A skeleton of segments by the name of an installed one or the path of a YAML file.
+    """Read a segment skeleton by the name of an installed one or the path of a YAML file.
 
     Raises:
-        DataError: if there is none, or it is not as it must be.
+        DataError: if the file does not exist or does not follow the format.
     """
     path = Path(name)
     if path.suffix not in (".yaml", ".yml"):
@@ -43,7 +43,7 @@ def read_body_model(name: str = DEFAULT_MODEL) -> SegmentModel:
 
 
 def read_body_shape(model: SegmentModel, name: str = DEFAULT_SHAPE) -> BodyShape:
-    """How thick bodies are, as installed.
+    """Read an installed body shape: the radii of the segments.
 
     Raises:
         DataError: if it cannot be read.

@@ -1,6 +1,6 @@
-"""Joints in C3D files (c3d.org), as motion capture and gait laboratories write them.
+"""Read joints from C3D files (c3d.org), the format of motion capture and gait laboratories.
 
-They are read in a process of its own (`apart`), which may break down without taking this one along.
+The C library runs in a child process (`apart`), so a crash of the library does not end this process.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ from panoptic_ros.io.motion_files import JointMotion
 
 Array = np.ndarray
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
-LARGEST_VALUE = 1e9  # of the file's unit; a point beyond it was not measured
-SECOND_BYTE, MIPS, LARGEST = 0x50, 86, 0xFFFF  # of every C3D file; the processor that is big-endian
-# to z up, by which axis of the laboratory points up on the screen (POINT:Y_SCREEN)
+LARGEST_VALUE = 1e9  # unit of the file; larger coordinates count as missing
+# Second byte of every C3D file; processor code of big-endian files; largest frame number in the header.
+SECOND_BYTE, MIPS, LARGEST = 0x50, 86, 0xFFFF
+# Rotations to z up, by the laboratory axis that points up on the screen (POINT:Y_SCREEN).
 UPRIGHT = {
     "+X": [[0, 1, 0], [0, 0, 1], [1, 0, 0]],
     "-X": [[0, -1, 0], [0, 0, 1], [-1, 0, 0]],
@@ -39,13 +40,13 @@ UPRIGHT = {
 
 
 def read_c3d(path: Path) -> JointMotion:
-    """All points of a C3D file by their labels; NaN where the residual says that a sample is missing.
+    """Read all points of a C3D file by their labels; samples with a negative residual become NaN.
 
-    Without POINT:Y_SCREEN z is up.
+    Without POINT:Y_SCREEN, z is up.
 
     Raises:
-        EnvironmentProblem: without the package ezc3d.
-        DataError: naming the file and what is wrong.
+        EnvironmentProblem: if the package ezc3d is not installed.
+        DataError: naming the file and the fault.
     """
     data = read_bytes(path, largest_document())
     if len(data) < 512 or data[1] != SECOND_BYTE:
@@ -56,7 +57,7 @@ def read_c3d(path: Path) -> JointMotion:
 
 
 def _motion(package: Any, data: bytes, path: Path) -> JointMotion:
-    # ezc3d trusts the lengths in a file, so damage can bring its process down
+    # ezc3d trusts the lengths in a file, so a damaged file can crash its process
     what = f"{path} is no C3D file that is whole; it"
     points, residuals, point = apart(lambda: _content(package, path), what, len(data))
     labels, rate = _labels(point), float(point["RATE"]["value"][0])
@@ -65,7 +66,7 @@ def _motion(package: Any, data: bytes, path: Path) -> JointMotion:
     if rate <= 0.0 or not np.isfinite(rate) or len(labels) != number or not joints.size:
         raise DataError(f"{path}: {count} frames of {number} points, {len(labels)} labels, at {rate:g} Hz")
     stated = _frames_stated(data)
-    if count < stated < LARGEST:  # longer recordings do not state their length there
+    if count < stated < LARGEST:  # longer recordings do not state their length in the header
         raise DataError(f"{path} is no C3D file that is whole: it has {count} of {stated} frames")
     joints[np.asarray(residuals)[0].T < 0.0] = np.nan
     joints[~(np.abs(joints) < LARGEST_VALUE)] = np.nan
@@ -74,7 +75,7 @@ def _motion(package: Any, data: bytes, path: Path) -> JointMotion:
 
 
 def _content(package: Any, path: Path) -> tuple[Array, Array, dict[str, dict[str, list[Any]]]]:
-    """Points, residuals and the parameters of points that are used here."""
+    """Return the points, their residuals and the POINT parameters that are used here."""
     with file_errors(path, "read"):
         found = package.c3d(str(path))
     point = {
@@ -86,8 +87,8 @@ def _content(package: Any, path: Path) -> tuple[Array, Array, dict[str, dict[str
 
 
 def _frames_stated(data: bytes) -> int:
-    """By the header; the reader takes as many as there are."""
-    kind = (data[0] - 1) * 512 + 3  # of the processor, in the first block of parameters
+    """Return the number of frames that the header states; ezc3d reads as many as exist."""
+    kind = (data[0] - 1) * 512 + 3  # offset of the processor code in the first parameter block
     order: Literal["little", "big"] = "big" if kind < len(data) and data[kind] == MIPS else "little"
     first, last = (int.from_bytes(data[k : k + 2], order) for k in (6, 8))
     return last - first + 1
@@ -101,7 +102,7 @@ def _package() -> Any:
 
 
 def _labels(point: Mapping[str, Any]) -> tuple[str, ...]:
-    """LABELS, and LABELS2 and so on of files with more than 255 points."""
+    """Return the point labels: LABELS, and LABELS2 and so on in files with more than 255 points."""
     more = [f"LABELS{k}" for k in range(2, 100) if f"LABELS{k}" in point]
     return tuple(str(label) for key in ("LABELS", *more) for label in point[key]["value"])
 
@@ -126,20 +127,24 @@ def _up(path: Path, point: Mapping[str, Any]) -> str:
 
 
 Result = TypeVar("Result")
-LEAST_S, RATE = 1, 4_000_000  # s of processor time that the work may take, bytes of the file for each more
-WAITING_S = 30  # s, until the work has an answer, on a busy machine
-LEAST, TIMES = 512 << 20, 64  # bytes that the work may take, and times the file's size that it may take more
+# CPU limit of the child process: LEAST_S (s), plus 1 s for each RATE bytes of the file.
+LEAST_S, RATE = 1, 4_000_000
+# s, waiting time for the answer of the child on a busy machine, plus the same 1 s for each RATE bytes
+WAITING_S = 30
+# Memory limit of the child process: LEAST bytes, plus TIMES the file size.
+LEAST, TIMES = 512 << 20, 64
 
 
 def apart(work: Callable[[], Result], what: str, size: int) -> Result:
-    """Return what `work` returns in a child process.
+    """Run `work` in a child process and return its result.
 
     Args:
-        work: reads a file with a library in C that damage brings down. Its result can be pickled.
-        what: for messages. size: of the file, bytes: it bounds time and memory of the work.
+        work: reads a file with a C library that can crash on damaged data. Its result must be picklable.
+        what: subject of the error messages.
+        size: file size in bytes, which sets the limits of CPU time and memory.
 
     Raises:
-        DataError: if the work raises anything, takes too much, or its process breaks down.
+        DataError: if `work` raises, exceeds a limit, or crashes.
     """
     reading, writing = os.pipe()
     child = os.fork()
@@ -167,12 +172,12 @@ def apart(work: Callable[[], Result], what: str, size: int) -> Result:
 
 
 def _answer(work: Callable[[], object], reading: int, writing: int, size: int) -> None:
-    """Do the work in the child, and end it."""
+    """Run the work in the child process, send the answer and exit."""
     status = 1
     try:
         os.close(reading)
         null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, 2)  # the library prints when it breaks down
+        os.dup2(null, 2)  # hide the crash output of the library
         mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         for limit, most in (
             (resource.RLIMIT_CPU, int(time.process_time()) + LEAST_S + size // RATE),

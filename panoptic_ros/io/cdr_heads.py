@@ -1,4 +1,4 @@
-"""What stands at the front of CDR bytes, read without making messages of them."""
+"""Read and replace the first fields of CDR bytes without decoding the message."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ SECOND = 1_000_000_000
 
 
 def stamp_in(data: bytes) -> int | None:
-    """The stamp of a message that begins with a header, ns; None if there is none that could be."""
+    """Return the header timestamp (ns) of a message; None if the bytes hold no valid one."""
     if len(data) < 12:
         return None
     order = ">" if data[1:2] == b"\0" else "<"
@@ -17,16 +17,19 @@ def stamp_in(data: bytes) -> int | None:
 
 
 def with_stamp(data: bytes, stamp_ns: int) -> bytes:
-    """CDR bytes of a message that begins with a header, with another stamp."""
+    """Return the CDR bytes of a message with its header timestamp replaced."""
     order = ">" if data[1:2] == b"\0" else "<"
     return bytes(data[:4]) + struct.pack(f"{order}iI", *divmod(stamp_ns, SECOND)) + bytes(data[12:])
 
 
 def number_in(data: bytes) -> int | None:
-    """The 64-bit number that follows a header, as in ViewDetections: frames that a camera gave."""
+    """Return the 64-bit number after the header, as in ViewDetections: the camera's frame number.
+
+    None if the message is too short.
+    """
     if len(data) < 16:
         return None
     order = ">" if data[1:2] == b"\0" else "<"
     (length,) = struct.unpack_from(f"{order}I", data, 12)
-    at = 4 + -(-(12 + length) // 8) * 8  # CDR aligns from behind its own four bytes
+    at = 4 + -(-(12 + length) // 8) * 8  # CDR alignment counts from behind the 4-byte encapsulation header
     return int(struct.unpack_from(f"{order}Q", data, at)[0]) if at + 8 <= len(data) else None

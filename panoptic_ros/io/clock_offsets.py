@@ -1,4 +1,4 @@
-"""The plain format of cameras' clock offsets that were found from motion: `panoptic-offsets-1`."""
+"""Read and write camera clock offsets estimated from motion, in the plain format `panoptic-offsets-1`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from panoptic_ros.io.loading import parsing
 from panoptic_ros.offsets import CameraClocks
 
 FORMAT = "panoptic-offsets-1"
-MORE = ("offset_std_s", "drift", "drift_std")  # 0 where a file lacks them
+MORE = ("offset_std_s", "drift", "drift_std")  # keys that default to 0 if a file lacks them
 KEYS = keys(
     "format reference_ns detector_bias_m iterations converged",
     cameras=[
@@ -29,12 +29,12 @@ KEYS = keys(
         )
     ],
 )
-SURE = 3.0  # standard deviations from which on a drift is more than chance
+SURE = 3.0  # standard deviations; a drift beyond them is significant
 
 
 @dataclass(frozen=True, slots=True)
 class SavedOffset:
-    """What a camera's stamps lack, s, and the drift of its clock; with standard deviations."""
+    """Clock offset (s) to add to a camera's timestamps, clock drift (s/s), and their standard deviations."""
 
     offset_s: float
     offset_std_s: float = 0.0
@@ -43,12 +43,12 @@ class SavedOffset:
 
     @property
     def drifts(self) -> bool:
-        """Whether the clock drifts for sure, so that the offset does not last."""
+        """Return whether the drift is significant, so that the offset is only valid for one recording."""
         return abs(self.drift) > SURE * self.drift_std
 
 
 def write_clocks(path: Path, clocks: CameraClocks) -> None:
-    """Write an estimate from a recording, SI units."""
+    """Write the clock estimate of a recording in SI units."""
     cameras = [
         {
             "name": name,
@@ -76,10 +76,12 @@ def write_clocks(path: Path, clocks: CameraClocks) -> None:
 
 
 def write_models(path: Path, models: Mapping[str, ClockModel], delays_ms: Mapping[str, float]) -> None:
-    """Write what a run ends with: the newest clocks of cameras, on top of delays that were given.
+    """Write the final clock models of a run, added to the configured delays.
 
     Args:
-        models, delays_ms: by camera. A camera with a delay alone keeps it, without a deviation.
+        models: clock models by camera.
+        delays_ms: configured delays by camera, ms. A camera with a delay but no model keeps the delay,
+            without a standard deviation.
     """
     rows: dict[str, dict[str, Any]] = {
         name: {"name": name, "applied": True, "offset_s": 1e-3 * delay} for name, delay in delays_ms.items()
@@ -99,10 +101,10 @@ def write_models(path: Path, models: Mapping[str, ClockModel], delays_ms: Mappin
 
 
 def read_offsets(path: Path) -> dict[str, SavedOffset]:
-    """The offsets that are to be applied, by camera.
+    """Read the offsets marked as applied, by camera.
 
     Raises:
-        DataError: naming the file and what is wrong with it.
+        DataError: naming the file and the fault.
     """
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") != FORMAT:

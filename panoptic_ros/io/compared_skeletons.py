@@ -1,4 +1,4 @@
-"""Skeletons to compare, from files: which joints of them, and under what names."""
+"""Read 3D poses for an evaluation, select their joints, and match joint names between result and truth."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from panoptic_ros.io.skeletons import in_vocabulary, shared_names, skeleton_name
 
 ANNOTATION_KEYS = keys(
     f"unit joint_names {OTHERS}",
-    frames={EACH: [keys(f"id joints {OTHERS}")]},  # other programs write them
+    frames={EACH: [keys(f"id joints {OTHERS}")]},  # other programs write these files, with further keys
 )
 
 
 def read_sequence(path: Path) -> SkeletonSequence:
-    """Skeletons of a plain file or an annotation.
+    """Read 3D poses from a plain file or an annotation file.
 
     Raises:
-        DataError: naming the file and what is wrong.
+        DataError: naming the file and the fault.
     """
     document: Any = read_json(path)
     if is_annotation(document):
@@ -47,14 +47,15 @@ def read_sequence(path: Path) -> SkeletonSequence:
 
 
 def only_joints(truth: SkeletonSequence, text: str) -> SkeletonSequence:
-    """The truth without its other joints.
+    """Return the truth reduced to some joints.
 
     Args:
-        text: a skeleton (its name or YAML file), of which some joints may be missing; or names of
-            joints, separated by commas, in the spelling of any installed skeleton.
+        text: name or YAML file of a skeleton, whose joints may be missing in the truth. Or joint names,
+            separated by commas, in the spelling of any installed skeleton.
 
     Raises:
-        UsageError: on a joint that the truth does not have, or if too few are left to match people by.
+        UsageError: if the truth lacks a named joint, or if fewer than MIN_COMMON joints remain to match
+            people.
     """
     whole = text in skeleton_names() or text.endswith((".yaml", ".yml"))
     words = shared_names(text) if whole else in_vocabulary([name.strip() for name in text.split(",")])
@@ -72,10 +73,10 @@ def only_joints(truth: SkeletonSequence, text: str) -> SkeletonSequence:
 
 
 def spelt_alike(result: SkeletonSequence, truth: SkeletonSequence) -> SkeletonSequence:
-    """The result with joints named as the truth names them: left_hip becomes lHip where that has one.
+    """Rename the joints of the result as in the truth, e.g. left_hip to lHip.
 
     Raises:
-        DataError: if two joints of the result are one of the truth's.
+        DataError: if two joints of the result map to one joint of the truth.
     """
     theirs = dict(zip(in_vocabulary(truth.joint_names), truth.joint_names))
     words = zip(result.joint_names, in_vocabulary(result.joint_names))

@@ -1,4 +1,4 @@
-"""Definitions of the messages of installed packages, for bags, which keep them inside."""
+"""Find the message definitions of installed packages, which bags store with their topics."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from panoptic_ros.io.messages.family import bag_typestore
 
 @lru_cache(maxsize=256)
 def described(topic: str, kind: str) -> Connection | None:
-    """A topic with the definition of its messages; None if that is found nowhere.
+    """Return a topic with its message definition; None if no definition is found.
 
     Args:
-        kind: "package/msg/Name", of ROS 2 Jazzy, of this project, or of a package whose .msg files are
-            installed with it.
+        kind: "package/msg/Name" of ROS 2 Jazzy, of this project, or of a package whose .msg files are
+            installed.
     """
     store = bag_typestore()
     try:
@@ -34,7 +34,7 @@ def described(topic: str, kind: str) -> Connection | None:
 
 
 def _has(store: Typestore, kind: str) -> bool:
-    """Whether a type and all that it needs is known, or can be made known."""
+    """Return whether a type and all its nested types are registered, after reading installed .msg files."""
     if kind in store.types:
         return True
     path = _file_of(kind)
@@ -45,7 +45,7 @@ def _has(store: Typestore, kind: str) -> bool:
 
 
 def _parts(store: Typestore, kind: str) -> list[str]:
-    """The messages that a message holds."""
+    """Return the names of the message types nested in a type."""
     nodes: list[Any] = [node for _, node in store.fielddefs[kind][1]]
     inner = [node[1][0] if node[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else node for node in nodes]
     return [str(about) for what, about in inner if what == Nodetype.NAME]

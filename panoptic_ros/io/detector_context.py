@@ -1,4 +1,4 @@
-"""What the detection stage needs besides the rig: the model, and the way to the working skeleton."""
+"""Load the inputs of the detection stage other than the rig: detector, working skeleton and joint map."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from panoptic_ros.io.skeletons import map_joints
 
 
 def detector_extras(model: str, skeleton: str) -> tuple[SkeletonModel, Mapping[str, Any]]:
-    """The working skeleton for a model, and the extras of the stage's context.
+    """Return the working skeleton of a model, and the extras of the detection stage's context.
 
     Args:
-        model: name of a card, or path of a card or an ONNX file.
+        model: name of a model card, or path of a card or an ONNX file.
         skeleton: name or path of the skeleton model.
     """
-    from panoptic_ros.io.models import load_detector  # only now: without images nobody needs onnxruntime
+    # imported here because runs without images do not need onnxruntime
+    from panoptic_ros.io.models import load_detector
 
     detector = load_detector(model)
     working, joint_map = map_joints(skeleton, detector.card.joints)
@@ -27,10 +28,10 @@ def detector_extras(model: str, skeleton: str) -> tuple[SkeletonModel, Mapping[s
 
 
 def noise_only(bias_floors: Sequence[float]) -> list[str]:
-    """Return a line if the detector's constant biases are not known, so that covariances lack them.
+    """Return a notice if the constant biases of the detector are unknown, so that covariances omit them.
 
     Args:
-        bias_floors: of the skeleton, see `SkeletonModel`.
+        bias_floors: bias standard deviations of the skeleton's joints, see `SkeletonModel`.
     """
     text = (
         "covariances hold the noise of 2D people alone, as the constant biases of their detector are not "
@@ -40,12 +41,15 @@ def noise_only(bias_floors: Sequence[float]) -> list[str]:
 
 
 def bias_extras(bias_table: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
-    """What assembly needs for its parameter `bias_table`: nothing if that is empty."""
+    """Return the extras that assembly needs for its parameter `bias_table`; empty without a table."""
     return {"bias_table": read_bias_table(bias_table, skeleton)} if bias_table else {}
 
 
 def _floors(biases: Sequence[float], joint_map: JointMap) -> tuple[float, ...]:
-    """Biases of the detector's joints as those of the skeleton's; the sources of a mean share theirs."""
+    """Map the bias floors from the detector's joints to the skeleton's joints.
+
+    A joint that is a mean of several detector joints gets their largest bias.
+    """
     if not biases:
         return ()
     return tuple(max((biases[s] for s in sources), default=0.0) for sources in joint_map.sources)

@@ -1,4 +1,4 @@
-"""One reader of lens distortion: names that drivers and calibrators use, and how many numbers there are."""
+"""Read lens distortion by the model names and coefficient counts that drivers and calibration tools use."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from panoptic_ros.errors import CalibrationError, shown
 from panoptic_ros.geometry import Intrinsics, Lens
 
 Array = np.ndarray
-OPENCV = "opencv"  # model of files that name none
-# Names in lower case, letters and digits only. All of OpenCV's models but the fisheye are one with 14 terms.
+OPENCV = "opencv"  # assumed model of files that name none
+# Names in lower case, letters and digits only. All OpenCV models except the fisheye form one model with 14
+# terms.
 _BROWN = frozenset(
     """brown brownconrady fullopencv opencv opencv4 opencv5 opencv8 opencv12 opencv14 perspective pinhole
     pinholebrown pinholeradtan plumbbob plumbbob8 radial radialtangential radtan radtan8 rational
@@ -23,29 +24,29 @@ _FISHEYE = frozenset(
     opencvfisheye pinholeequi pinholefisheye radialfisheye simpleradialfisheye""".split()
 )
 _NONE = frozenset(("", "ideal", "none", "nodistortion", "rectified", "undistorted"))
-_MOST = {"plumbbob": 5, "radtan": 4, "radialtangential": 4}  # numbers for which the name stands
+_MOST = {"plumbbob": 5, "radtan": 4, "radialtangential": 4}  # number of coefficients that the name implies
 KNOWN = "plumb_bob, rational_polynomial, equidistant, and what OpenCV and Kalibr call the same"
 
 
 def ros_name(intrinsics: Intrinsics) -> str:
-    """Return the name that sensor_msgs/distortion_models.hpp has for a lens."""
+    """Return the name of a lens model in sensor_msgs/distortion_models.hpp."""
     if intrinsics.lens == "fisheye":
         return "equidistant"
     return "plumb_bob" if len(intrinsics.distortion) == 5 else "rational_polynomial"
 
 
 def read_lens(model: object, numbers: Array) -> tuple[Lens, Array, str]:
-    """Read the distortion of a lens in one of OpenCV's models, by any name.
+    """Read lens distortion in one of OpenCV's models, under any of its names.
 
     Args:
-        model: its name in a file or message; "" = it is not named.
-        numbers: (N,) in OpenCV's order; trailing zeros mean nothing.
+        model: model name in a file or message; "" = not named.
+        numbers: coefficients (N,) in OpenCV's order; trailing zeros are ignored.
 
     Returns:
-        the lens; its terms as `Intrinsics` takes them; a line about what was assumed, or "".
+        the lens; its coefficients as `Intrinsics` takes them; a notice about an assumption, or "".
 
     Raises:
-        CalibrationError: if the model is another one, or is not named although it has numbers.
+        CalibrationError: if the model is unsupported, or unnamed although it has coefficients.
     """
     given = np.asarray(numbers, np.float64).reshape(-1)
     if not isinstance(model, str):

@@ -1,4 +1,4 @@
-"""Documents in JSON, YAML, TOML, XML and CSV: bounded in size, nesting and what aliases expand to."""
+"""Read JSON, YAML, TOML, XML and CSV, with limits on size, nesting and the expansion of aliases."""
 
 from __future__ import annotations
 
@@ -15,16 +15,21 @@ import yaml
 from panoptic_ros.errors import DataError, UserError, one_line
 from panoptic_ros.io.loading import MIB, parsing, read_bytes, read_unpacked
 
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C, if PyYAML has it: eight times as quick
+# PyYAML's C loader where it exists: eight times as fast.
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-DEEPEST = 64  # levels of nesting in YAML; ours have six. numpy has as many dimensions at most
-LARGEST_YAML = MIB  # bytes; the topics of 480 cameras are 100 kB, and the reader makes 1 MB a second
-MOST_VALUES = 100_000  # in YAML with all aliases expanded; the topics of 480 cameras are 5000
-LARGEST_TABLES = 64 * MIB  # bytes of TOML, XML and rigs; 500 cameras with their covariances are 5 MB
+# Nesting levels in YAML. Our files have six levels. NumPy arrays have at most as many dimensions.
+DEEPEST = 64
+# bytes. The topics of 480 cameras take 100 kB, and the parser reads 1 MB/s.
+LARGEST_YAML = MIB
+# Values in a YAML file with all aliases expanded. The topics of 480 cameras have 5000.
+MOST_VALUES = 100_000
+# bytes of a TOML, XML or rig file. 500 cameras with their covariances take 5 MB.
+LARGEST_TABLES = 64 * MIB
 
 
 def decoded(data: bytes, path: Path | str) -> str:
-    """Return the text of a file in UTF-8, or in UTF-16 with a byte order mark.
+    """Decode the text of a file in UTF-8, or in UTF-16 with a byte order mark.
 
     Raises:
         DataError: if it is neither.
@@ -38,10 +43,10 @@ def decoded(data: bytes, path: Path | str) -> str:
 
 
 def read_text(path: Path, most: int = LARGEST_TABLES) -> str:
-    """Return the text of a file, gzipped or not.
+    """Read the text of a file, gzipped or not.
 
     Args:
-        most: bytes.
+        most: largest size, bytes.
 
     Raises:
         DataError: if it cannot be read, is larger, or is no text.
@@ -50,10 +55,10 @@ def read_text(path: Path, most: int = LARGEST_TABLES) -> str:
 
 
 def read_json(path: Path, most: int | None = None) -> Any:
-    """Read JSON, gzipped or not.
+    """Read a JSON file, gzipped or not.
 
     Args:
-        most: bytes of the text; None = as much as fits into the machine's memory.
+        most: largest size of the text, bytes; None = limited by the machine's memory.
 
     Raises:
         DataError: if it is no JSON.
@@ -62,13 +67,14 @@ def read_json(path: Path, most: int | None = None) -> Any:
 
 
 def parse_json(data: bytes | str, path: Path | str, kind: type[UserError] = DataError) -> Any:
-    """Return the value of a text in JSON.
+    """Parse a JSON text.
 
     Args:
-        path: for messages. kind: of error.
+        path: named in error messages.
+        kind: error type.
 
     Raises:
-        UserError: of the kind, if it is no JSON.
+        UserError: of type `kind`, if it is no JSON.
     """
     try:
         return json.loads(data)
@@ -79,16 +85,17 @@ def parse_json(data: bytes | str, path: Path | str, kind: type[UserError] = Data
 
 
 def read_yaml(path: Path, most: int = LARGEST_YAML, values: int = MOST_VALUES) -> Any:
-    """Read YAML.
+    """Read a YAML file.
 
     Args:
-        most: bytes of the text. values: in the document, with all aliases expanded.
+        most: largest size of the text, bytes.
+        values: largest number of values, with all aliases expanded.
 
     Raises:
-        DataError: if it is no YAML, nested too deeply, or has aliases that expand to very much.
+        DataError: if it is no YAML, is nested too deeply, or has too many values.
     """
     text = decoded(read_bytes(Path(path), most), path)
-    with parsing(path):  # values such as dates are made by Python, which raises errors of its own
+    with parsing(path):  # the loader converts values such as dates, and Python raises errors of its own there
         try:
             return _yaml(text, path, values)
         except yaml.YAMLError as error:
@@ -110,17 +117,18 @@ def _yaml(text: str, path: Path, most: int) -> Any:
 
 
 class _Expanded:
-    """Counts the values of a document with its aliases expanded, and their levels of nesting."""
+    """Counter of the values and nesting levels of a document with its aliases expanded."""
 
     def __init__(self, path: Path | str, most: int):
         self._path, self._most = path, most
-        self._known: dict[int, tuple[int, int]] = {}  # values and levels below, by the identity of a node
+        # number of values and of levels below a node, by the id of the node
+        self._known: dict[int, tuple[int, int]] = {}
 
     def size(self, node: Any, depth: int) -> tuple[int, int]:
-        """Return values and levels of a node that lies so deep.
+        """Return the number of values and of levels below a node at nesting level `depth`.
 
         Raises:
-            DataError: if it is too deep, holds itself, or has too many values.
+            DataError: if it is nested too deeply, contains itself, or has too many values.
         """
         found = self._known.get(id(node), (1, 0))
         if depth + found[1] > DEEPEST:
@@ -142,15 +150,16 @@ class _Expanded:
 
 
 def parse_toml(text: str, path: Path | str, kind: type[UserError] = DataError) -> dict[str, Any]:
-    """Return the tables of a text in TOML.
+    """Parse a TOML text.
 
     Args:
-        path: for messages. kind: of error.
+        path: named in error messages.
+        kind: error type.
 
     Raises:
-        UserError: of the kind, if it is no TOML.
+        UserError: of type `kind`, if it is no TOML.
     """
-    if sys.version_info >= (3, 11):  # only now: most runs do not need it
+    if sys.version_info >= (3, 11):  # imported here because most runs do not need it
         import tomllib
     else:
         import tomli as tomllib
@@ -164,15 +173,16 @@ def parse_toml(text: str, path: Path | str, kind: type[UserError] = DataError) -
 
 
 def parse_xml(text: str, path: Path | str, kind: type[UserError] = DataError) -> Any:
-    """Return the root element of a text in XML.
+    """Parse an XML text and return its root element.
 
     Args:
-        path: for messages. kind: of error.
+        path: named in error messages.
+        kind: error type.
 
     Raises:
-        UserError: of the kind, if it is no XML, or defines entities, which can expand to any length.
+        UserError: of type `kind`, if it is no XML, or defines entities, which can expand to any length.
     """
-    from xml.etree import ElementTree  # only now: most runs do not need it
+    from xml.etree import ElementTree  # imported here because most runs do not need it
 
     if "<!ENTITY" in text:
         raise kind(f"{path} defines XML entities; a calibration needs none")
@@ -183,7 +193,7 @@ def parse_xml(text: str, path: Path | str, kind: type[UserError] = DataError) ->
 
 
 def csv_rows(text: str, path: Path | str) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number of the line at which a row ends, counted from 1, and its fields.
+    """Yield each row of a CSV text: the number of its last line, counted from 1, and its fields.
 
     Raises:
         DataError: if the text is no CSV.

@@ -1,14 +1,14 @@
-"""Which topics of running drivers are whose: a YAML file for `panoptic run --topics`.
+"""Read the YAML file of `panoptic run --topics`: the topics of running camera drivers, by camera.
 
 left:
   image: /zed/left/image_raw               # or .../compressed
-  camera_info: /zed/left/camera_info       # optional; of rectified images beside the image unless named
+  camera_info: /zed/left/camera_info       # optional; default if rectified: the topic beside the image
   depth: /zed/depth/image_raw              # optional, registered to the image; or .../compressedDepth
-  encoding: bayer_rggb8                    # optional: in place of what the driver's images say
-kinect3:                                   # a depth sensor alone, on its own clock: no image
+  encoding: bayer_rggb8                    # optional: overrides the encoding in the driver's images
+kinect3:                                   # a depth sensor without images, on its own clock
   depth: /kinect3/depth/image_raw
   camera_info: /kinect3/depth/camera_info
-fixed_frame: map                           # optional, without --rig: the frame of TF that is the world
+fixed_frame: map                           # optional, without --rig: the TF frame that is the world frame
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from panoptic_ros.io.documents import read_yaml
 
 @dataclass(frozen=True)
 class DriverTopics:
-    """The topics of one camera, or of a depth sensor that has no image; "" = none."""
+    """Topics of one camera, or of a depth sensor without images; "" = none."""
 
     image: str = ""
     camera_info: str = ""
@@ -32,17 +32,19 @@ class DriverTopics:
 
     @property
     def named(self) -> Mapping[str, str]:
-        """The topics that are named, by key."""
+        """Return the topics that are given, by key."""
         keys = ("image", "camera_info", "depth")
         return {key: getattr(self, key) for key in keys if getattr(self, key)}
 
 
 @dataclass(frozen=True)
 class DriverFile:
-    """What such a file says, in its order.
+    """Content of a driver topics file, in the order of the file.
 
     Args:
-        cameras: by name. sensors: depth sensors alone, by name. fixed_frame: of TF; "" = not said.
+        cameras: topics by camera name.
+        sensors: topics of depth sensors without images, by name.
+        fixed_frame: TF frame; "" = not given.
     """
 
     cameras: Mapping[str, DriverTopics]
@@ -51,12 +53,12 @@ class DriverFile:
 
     @property
     def everything(self) -> Mapping[str, DriverTopics]:
-        """Cameras, then sensors."""
+        """Return the cameras, followed by the sensors."""
         return {**self.cameras, **self.sensors}
 
 
 def read_driver_topics(path: Path) -> DriverFile:
-    """The topics of every camera and depth sensor.
+    """Read the topics of every camera and depth sensor.
 
     Raises:
         DataError: naming the file, the camera and the key.

@@ -1,4 +1,4 @@
-"""Writing whole files: atomic, with errors that name the file. For reading see `loading` and `documents`."""
+"""Write whole files atomically; errors name the file. `loading` and `documents` read files."""
 
 from __future__ import annotations
 
@@ -29,14 +29,16 @@ __all__ = [
     "write_json",
 ]
 
-STEM, SUFFIXES = 100, 60  # characters of a temporary name; file systems take 255 bytes
+STEM, SUFFIXES = 100, 60  # characters of a temporary file name; file systems allow 255 bytes
 
 
 def check_output(path: Path) -> Path:
-    """Return where a file is to be written, behind a link its target. It can be checked before any work.
+    """Return the path at which a file will be written: the target, if `path` is a link.
+
+    Callers can check the path before any work.
 
     Raises:
-        DataError: if the path is a folder, a device, or a link to nothing.
+        DataError: if the path is a folder, a device, or a broken link.
         EnvironmentProblem: if nothing can be written there.
     """
     target = _target(path)
@@ -49,10 +51,10 @@ def check_output(path: Path) -> Path:
 
 
 def check_output_folder(path: Path) -> Path:
-    """Return the folder that results are to be written into: behind a link its target.
+    """Return the folder into which results will be written: the target, if `path` is a link.
 
     Raises:
-        DataError: if the path is a file, a device, the root of the file system, or a link to nothing.
+        DataError: if the path is a file, a device, the root of the file system, or a broken link.
         EnvironmentProblem: if nothing can be written there.
     """
     target = _target(path)
@@ -65,7 +67,7 @@ def check_output_folder(path: Path) -> Path:
 
 
 def _target(path: Path) -> Path:
-    """Return the absolute path to write; behind a link, its end."""
+    """Return the absolute path to write; follow links to their target."""
     with file_errors(path, "write"):
         found = Path(os.path.realpath(path) if os.path.islink(path) else os.path.abspath(path))
         try:
@@ -75,13 +77,13 @@ def _target(path: Path) -> Path:
                 raise DataError(
                     f"cannot write {path}: it is a link to {found}, which is not there; remove the link"
                 ) from None
-        except NotADirectoryError:  # `_check_parent` raises it
+        except NotADirectoryError:  # `_check_parent` reports it
             pass
     return found
 
 
 def _check_parent(path: Path, target: Path) -> None:
-    """Check that a file can be made beside the target."""
+    """Check that a file can be created next to the target."""
     with file_errors(path, "write"):
         place = next(parent for parent in target.parents if parent.exists() or parent.is_symlink())
         if not place.is_dir():
@@ -92,9 +94,9 @@ def _check_parent(path: Path, target: Path) -> None:
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` that replaces it if all goes well and vanishes if not.
+    """Yield a temporary path next to `path`; it replaces `path` on success and is removed on an error.
 
-    Where `path` is a link, its target is replaced.
+    If `path` is a link, its target is replaced.
 
     Raises:
         DataError, EnvironmentProblem: if nothing can be written there.
@@ -112,7 +114,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
+    """Write a file completely or not at all."""
     with atomic_path(Path(path)) as temporary:
         temporary.write_bytes(data)
 
@@ -124,7 +126,7 @@ def write_json(path: Path, document: Any, indent: int | None = None) -> None:
 
 
 def known(document: Any) -> Any:
-    """The same with null in place of figures that are not known (NaN), which JSON does not have."""
+    """Return a copy in which NaN and infinite numbers are null, because JSON has no NaN."""
     if isinstance(document, dict):
         return {key: known(value) for key, value in document.items()}
     if isinstance(document, list | tuple):

@@ -1,4 +1,4 @@
-"""Output folders that receive their files only when all of them are complete."""
+"""Write output folders whose files appear only when all of them are complete."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from pathlib import Path
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.files import file_errors
 
-MARK = "report.json"  # a folder that holds one is a run's, and may be replaced by the next
+MARK = "report.json"  # a folder with this file was written by a run, and the next run may replace it
 
 
 @contextmanager
 def staged_folder(folder: Path) -> Iterator[Path]:
-    """A temporary folder beside `folder`; what it holds moves there if all goes well, else vanishes.
+    """Yield a temporary folder next to `folder`; its content moves there on success, else is removed.
 
-    Files and subfolders of the same names are replaced, others in `folder` are left alone.
+    Files and subfolders with the same names are replaced. Other content of `folder` remains.
 
     Raises:
         DataError: if `folder` is a file.
-        EnvironmentProblem: on permissions, a full disk and other trouble of the machine.
+        EnvironmentProblem: on missing permissions, a full disk and other operating-system errors.
     """
     folder = Path(os.path.abspath(folder))
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
@@ -42,11 +42,11 @@ def staged_folder(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
-    """Give a temporary folder that becomes `folder` if all goes well, and vanishes if not.
+    """Yield a temporary folder that becomes `folder` on success; it is removed on an error.
 
     Raises:
-        DataError: if `folder` is there already.
-        EnvironmentProblem: on permissions, a full disk and other trouble of the machine.
+        DataError: if `folder` exists already.
+        EnvironmentProblem: on missing permissions, a full disk and other operating-system errors.
     """
     if folder.exists():
         raise DataError(f"{folder} is there already; choose another name or remove it")

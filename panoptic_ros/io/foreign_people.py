@@ -1,4 +1,4 @@
-"""2D people of another stack in bags, as messages of this one."""
+"""Convert 2D poses of another software stack in bags (rpt_msgs/Poses) to this project's messages."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from panoptic_ros.io.messages.rpt import KIND, skeleton_of_poses, view_of_poses
 
 
 class ForeignPeople(NamedTuple):
-    """What rpt_msgs/Poses of a camera do not say.
+    """Data of a camera that rpt_msgs/Poses lacks.
 
     Args:
-        image_size: (width, height) px. skeleton: name of the working skeleton, or its file.
+        image_size: (width, height) px.
+        skeleton: name of the working skeleton, or its file.
     """
 
     image_size: tuple[int, int]
@@ -26,27 +27,28 @@ class ForeignPeople(NamedTuple):
 
     @classmethod
     def from_words(cls, words: Mapping[str, Any]) -> ForeignPeople:
-        """Of plain words, as `_asdict` gives them."""
+        """Build from a plain dictionary, the inverse of `_asdict`."""
         width, height = words["image_size"]
         return cls((width, height), words["skeleton"])
 
     def model(self, bag: BagReader, topic: str) -> SkeletonModel:
-        """The skeleton, as the joints of a topic's first message fill it.
+        """Return the skeleton model; the joints of the topic's first message must fill it.
 
         Raises:
-            DataError: if that cannot be read, or its joints do not fill the skeleton.
+            DataError: if the message cannot be read, or its joints do not fill the skeleton.
         """
         ((_, _, data, _),) = bag.first(topic)
         return skeleton_of_poses(_poses(data, bag.connection(topic)).joint_names, self.skeleton)
 
     def detections(self, data: bytes, connection: Connection, camera: str, number: int) -> tuple[bytes, Any]:
-        """CDR bytes of a ViewDetections, and the message, from those of a Poses.
+        """Convert a Poses message to ViewDetections; return its CDR bytes and the message.
 
         Args:
-            connection: its topic, with the definition that the bag keeps. number: of the message.
+            connection: topic with the message definition from the bag.
+            number: number of the message, used as frame number.
 
         Raises:
-            DataError: if the bag has no definition, or the people are not those of an image.
+            DataError: if the bag has no definition, or the poses are not 2D poses of an image.
         """
         poses = _poses(data, connection)
         view = view_of_poses(poses, camera, self.image_size, number, self.skeleton)
@@ -55,7 +57,7 @@ class ForeignPeople(NamedTuple):
 
 
 def _poses(data: bytes, connection: Connection) -> Any:
-    """A message, by the definition that the bag keeps."""
+    """Decode a Poses message with the definition that the bag stores."""
     types = types_of(KIND, connection.definition)
     if types is None:
         raise DataError(f"the bag keeps no definition of {KIND}, without which it cannot be read")

@@ -1,6 +1,6 @@
-"""A gzipped JSON document with many frames, frame by frame: hours need no more memory than minutes.
+"""Write a gzipped JSON document frame by frame, so that memory does not grow with the duration.
 
-A document whose writer was killed ends early. `read_frames` reads what is whole of it.
+If the writer is killed, the document ends early. `read_frames` then reads its complete frames.
 """
 
 from __future__ import annotations
@@ -17,16 +17,17 @@ from typing import Any
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.files import file_errors, read_bytes, read_json
 
-GZIP = 31  # zlib's number for a gzip file
+GZIP = 31  # `wbits` of zlib for a gzip file
 END = "]}\n"
-MOST_TIMES = 100  # the size of frames over that of the packed file; our files have 3 to 8
+# Limit of unpacked bytes / packed bytes. Our files have 3 to 8.
+MOST_TIMES = 100
 
 
 class FrameStream:
-    """Writes {..., "frames": [...]}.
+    """Writer of a document {..., "frames": [...]}.
 
     Args:
-        head: all that stands before the frames.
+        head: keys and values before "frames".
 
     Raises:
         EnvironmentProblem: if the file cannot be written.
@@ -35,7 +36,7 @@ class FrameStream:
     def __init__(self, path: Path, head: Mapping[str, Any]):
         self._path = path
         self._packer = zlib.compressobj(9, zlib.DEFLATED, GZIP)
-        self._lock = threading.Lock()  # `sync` runs in the thread of a recorder
+        self._lock = threading.Lock()  # `sync` runs in the recorder thread
         self._unsynced = True
         self.count = 0
         with file_errors(path, "write"):
@@ -48,9 +49,9 @@ class FrameStream:
         self.count += 1
 
     def sync(self) -> None:
-        """Write all frames so far to the disk, so that a power cut costs what comes after. Thread-safe.
+        """Write all frames so far to the disk: a power cut then loses only later frames. Thread-safe.
 
-        The bytes of the file depend on when this is called, its content does not.
+        The time of the call changes the bytes of the file but not its content.
         """
         with file_errors(self._path, "write"):
             with self._lock:
@@ -60,7 +61,7 @@ class FrameStream:
                 self._file.write(self._packer.flush(zlib.Z_SYNC_FLUSH))
                 self._file.flush()
                 descriptor = os.dup(self._file.fileno())
-            try:  # without the lock: the disk may take long
+            try:  # outside of the lock, because fsync can take long
                 os.fsync(descriptor)
             finally:
                 os.close(descriptor)
@@ -75,7 +76,7 @@ class FrameStream:
             self._file.close()
 
     def discard(self) -> None:
-        """Close the file without its end."""
+        """Close the file without finishing it."""
         self._file.close()
 
     def _write(self, text: str) -> None:
@@ -87,14 +88,14 @@ class FrameStream:
 
 
 class CutFileWarning(UserWarning):
-    """A file ends early; its whole frames were read."""
+    """A file ends early; its complete frames were read."""
 
 
 def read_frames(path: Path) -> Any:
-    """Read a JSON document of frames; of one that ends early, the whole frames, with a `CutFileWarning`.
+    """Read a JSON document of frames; if it ends early, return its complete frames with a `CutFileWarning`.
 
     Raises:
-        DataError: if it is neither.
+        DataError: if it is no such document.
     """
     try:
         return read_json(path)
@@ -110,16 +111,16 @@ def read_frames(path: Path) -> Any:
 
 
 def whole_frames(packed: bytes) -> tuple[dict[str, Any], int] | None:
-    """Return the document of a stream that ends early with its whole frames, and the bytes that are lost.
+    """Return a cut document with its complete frames, and the number of characters lost.
 
     Args:
-        packed: the file, gzipped.
+        packed: bytes of the gzipped file.
 
     Returns:
-        None if the data are no such stream, or damaged otherwise than by their end.
+        None if the data are no such document, or damaged in another way than a missing end.
     """
     text = _cut_text(packed)
-    # after a power cut a file may have its length, and zeros where its last bytes were not written
+    # After a power cut a file may have its full length, but zeros where the last bytes were not written.
     text = _cut_text(packed.rstrip(b"\0")) if text is None else text
     begin = -1 if text is None else text.find('"frames": [')
     if text is None or begin < 0:
@@ -141,10 +142,10 @@ def whole_frames(packed: bytes) -> tuple[dict[str, Any], int] | None:
 
 
 def _cut_text(packed: bytes) -> str | None:
-    """Return what can be unpacked of a gzip file that ends early; None if it is whole, or damaged."""
+    """Return the readable text of a gzip file that ends early; "" if it is complete, None if damaged."""
     unpacker = zlib.decompressobj(GZIP)
     try:
-        if zlib.decompressobj(GZIP).decompress(packed, 1) != b"{":  # before much is unpacked
+        if zlib.decompressobj(GZIP).decompress(packed, 1) != b"{":  # first check one byte
             return None
         text = unpacker.decompress(packed, MOST_TIMES * len(packed)).decode(errors="ignore")
     except zlib.error:

@@ -1,4 +1,4 @@
-"""Requests to end, by SIGINT, SIGTERM or SIGHUP: they interrupt the program, or end a live run."""
+"""Handle requests to end (SIGINT, SIGTERM or SIGHUP): they interrupt the program, or end a live run."""
 
 from __future__ import annotations
 
@@ -10,18 +10,22 @@ from contextlib import contextmanager
 from typing import Any
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-TIDYING_S = 5.0  # further requests within this time must not cut the tidying up short
-_heeded: list[float] = []  # when requests came, s, but for those while an earlier one was answered
-_interruptions: list[float] = []  # those among them that interrupted the program
+# s. Further requests within this time are ignored, so that they do not cut the cleanup short.
+TIDYING_S = 5.0
+# Times (s, monotonic) of accepted requests, i.e. without those within TIDYING_S after an accepted one.
+_heeded: list[float] = []
+# Times (s) of the accepted requests that raised KeyboardInterrupt.
+_interruptions: list[float] = []
 
 
 def listen_to_signals(answer: Callable[[], None] | None = None) -> None:
-    """Let requests to end interrupt the program, but not the tidying up that follows.
+    """Install signal handlers that interrupt the program, but not the cleanup that follows.
 
-    What is ignored stays so: `nohup`, and jobs in the background of a script.
+    Signals that are ignored stay ignored: under `nohup`, and in background jobs of a script.
 
     Args:
-        answer: what a request does instead; interruptions get lost where they meet a destructor.
+        answer: called instead of raising KeyboardInterrupt. An exception is lost if the signal arrives while
+            a destructor runs.
     """
 
     def hear(number: int, frame: object) -> None:
@@ -35,28 +39,29 @@ def listen_to_signals(answer: Callable[[], None] | None = None) -> None:
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             before(lost)
 
-    sys.unraisablehook = tell  # a lost interruption is no news: `interrupted` tells of it
+    sys.unraisablehook = tell  # do not print a lost KeyboardInterrupt: `interrupted` reports it
 
 
 def interrupted() -> bool:
-    """Whether a request has interrupted this program."""
+    """Return whether a request has interrupted this program."""
     return bool(_interruptions)
 
 
 @contextmanager
 def first_request_told(wanted: bool = True) -> Iterator[Callable[[], bool]]:
-    """Within it the first request interrupts nothing; the function that is given tells of it.
+    """Yield a function that returns whether a request has arrived; the first request raises nothing.
 
-    It also tells of an interruption that got lost, as where it met a destructor.
+    A second request raises KeyboardInterrupt. The function also reports a KeyboardInterrupt that was lost,
+    for example inside a destructor.
 
     Args:
-        wanted: if False, nothing else changes.
+        wanted: if False, leave the signal handlers unchanged.
     """
     if not wanted:
         yield interrupted
         return
     told: list[bool] = []
-    _heeded.clear()  # what was answered before does not hide the first request of this work
+    _heeded.clear()  # earlier requests must not hide the first request of this block
     before = {number: signal.getsignal(number) for number in SIGNALS}
 
     def note(number: int, frame: object) -> None:
@@ -75,7 +80,7 @@ def first_request_told(wanted: bool = True) -> Iterator[Callable[[], bool]]:
 
 @contextmanager
 def requests_held() -> Iterator[None]:
-    """Let requests to end do nothing within it: for work that must be finished, as closing a take."""
+    """Ignore requests to end within the block, for work that must be finished such as closing a take."""
     before = {number: signal.getsignal(number) for number in SIGNALS}
     _handle(lambda number, frame: None)
     try:
@@ -86,7 +91,7 @@ def requests_held() -> Iterator[None]:
 
 
 def _is_heeded() -> bool:
-    """Whether a request of now is the first, or comes long after the last; remembers it then."""
+    """Return whether a request is accepted: the first one, or TIDYING_S after the last. Record it then."""
     now = time.monotonic()
     heeded = not _heeded or now - _heeded[-1] > TIDYING_S
     if heeded:

@@ -1,7 +1,7 @@
-"""Where a detector sees joints, in the frames of segments: files of `panoptic bias measure --segments`.
+"""Read and write offsets of a detector's joints in segment frames (`panoptic bias measure --segments`).
 
-A file holds joints in the middle and on the left; the right side is their mirror image. Joints are named by
-the vocabulary that all skeletons share.
+A file holds the middle and left joints. The right side is mirrored. Joint names come from the vocabulary that
+all skeletons share.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from panoptic_ros.io.skeletons import in_vocabulary
 
 FORMAT = "panoptic-joint-offsets-1"
 KEYS = keys("format detector measured_on source licence", offsets={EACH: keys("frame offset")})
-LONGEST = 0.2  # m
+LONGEST = 0.2  # m; limit of an offset, larger ones are refused
 HEADER = (
     "# Where the detector sees joints: m from where the skeleton of segments has them, in the frame of a\n"
     "# segment: x forward, y left, z up in a T. The right side is the mirror image. See docs/formats.md.\n"
@@ -31,10 +31,10 @@ HEADER = (
 
 
 def read_joint_offsets(path: Path, model: SegmentModel) -> SegmentModel:
-    """The skeleton of segments with the offsets of a file.
+    """Return the segment skeleton with the joint offsets of a file.
 
     Raises:
-        ConfigError: naming the file, the joint and what is wrong.
+        ConfigError: naming the file, the joint and the fault.
         DataError: if the file cannot be read.
     """
     document = read_yaml(path)
@@ -68,8 +68,11 @@ def _with_offsets(rows: dict[Any, Any], path: Path, model: SegmentModel) -> Segm
 
 
 def write_joint_offsets(path: Path, offsets: Mapping[str, JointOffset], facts: Mapping[str, Any]) -> None:
-    """Write offsets of joints in the middle and on the left, by the words of the vocabulary, and facts about
-    their origin."""
+    """Write joint offsets of the middle and left joints, and `facts` about the measurement.
+
+    Args:
+        offsets: offsets by joint name of the shared vocabulary.
+    """
     lines = [HEADER + yaml.safe_dump({"format": FORMAT, **facts}, sort_keys=False, width=110), "offsets:\n"]
     for word, found in offsets.items():
         numbers = ", ".join(f"{value:.4f}" for value in found.offset)
@@ -78,13 +81,13 @@ def write_joint_offsets(path: Path, offsets: Mapping[str, JointOffset], facts: M
 
 
 def mirrored(found: JointOffset, segments: tuple[str, ...]) -> JointOffset:
-    """The same on the other side."""
+    """Return the offset mirrored to the other side of the body (y is negated)."""
     x, y, z = found.offset
     return JointOffset(other_side(found.frame, segments), (x, -y, z))
 
 
 def other_side(name: str, segments: tuple[str, ...]) -> str:
-    """The segment on the other side; itself in the middle."""
+    """Return the name of the mirrored segment; the name itself for a middle segment."""
     other = {"l": "r", "r": "l"}.get(name[:1], "") + name[1:]
     return other if other in segments else name
 

@@ -1,4 +1,4 @@
-"""One line about a full disk or an impossible path, whichever library meets it."""
+"""Turn a full disk or an invalid path into a one-line error, for any library that meets it."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from contextlib import contextmanager
 
 from panoptic_ros.errors import EnvironmentProblem, shown
 
-# a name of more than 255 bytes, links in a circle, a disk that is read-only, a folder or file of others
+# Name longer than 255 bytes, circular links, read-only disk, file or folder without permission.
 BAD_PATH = (errno.ENAMETOOLONG, errno.ELOOP, errno.EROFS, errno.EACCES, errno.EPERM)
 
 
 @contextmanager
 def full_disk_told() -> Iterator[None]:
-    """Turn a full disk that a library meets into one clear line, e.g. numba when it keeps a kernel.
+    """Turn a full-disk error of a library into a one-line error, e.g. when numba caches a kernel.
 
     Raises:
-        EnvironmentProblem: in place of the operating system's error.
+        EnvironmentProblem: instead of the operating system's error.
     """
     try:
         yield
@@ -32,10 +32,10 @@ def full_disk_told() -> Iterator[None]:
 
 @contextmanager
 def bad_path_told() -> Iterator[None]:
-    """Turn what the operating system says of an impossible path into one clear line.
+    """Turn the operating system's error about an invalid path into a one-line error.
 
     Raises:
-        EnvironmentProblem: in place of its error.
+        EnvironmentProblem: instead of the operating system's error.
     """
     try:
         yield

@@ -1,4 +1,7 @@
-"""What is known of the moving body in files: `imu.csv` and `subject.json`; docs/formats.md has every key."""
+"""Read and write IMU samples (`imu.csv`) and designated persons (`subject.json`).
+
+docs/formats.md lists every key.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from panoptic_ros.io.loading import parsing, read_unpacked
 
 Array = np.ndarray
 SUBJECT = "panoptic-subject-1"
-LARGEST = 1e6  # m, of a place or length
+LARGEST = 1e6  # m, limit of coordinates and lengths
 INERTIAL_FRAMES = ("world", "unknown heading")
 KEYS = keys(
     "format id height_m inertial_frame segments start",
@@ -28,22 +31,25 @@ KEYS = keys(
     devices=[keys("device segment position mount")],
     t_pose=keys("from_ns to_ns facing"),
 )
-BATCHED = 0.5  # share of the stamps that several samples have, from which these come in batches
-LONGER = 1.5  # than usual, samples of a batch are apart at most: what is longer is a gap behind it
+# Fraction of timestamps shared by several samples from which the samples of a device come in batches.
+BATCHED = 0.5
+# Limit of the sample step in a batch, as a multiple of the median step. A longer step is a gap after the
+# batch.
+LONGER = 1.5
 COLUMNS = ("device", "stamp_ns", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
 
 
 def read_imus(path: Path, notices: list[str] | None = None) -> dict[str, ImuSeries]:
-    """Samples of all devices of an `imu.csv`, gzipped or not.
+    """Read the samples of all devices of an `imu.csv`, gzipped or not.
 
-    Samples that share a stamp, in batches, are spread by their rate from that stamp on. Otherwise samples
-    whose stamp is not later than the one before, of the same device, are left out.
+    If samples come in batches with a shared timestamp, they are spread forward from it at the sample rate.
+    Otherwise a sample is skipped if its timestamp is not later than the previous one of its device.
 
     Args:
-        notices: lines about devices whose samples are spread or left out go into it.
+        notices: receives lines about devices whose samples are spread or skipped.
 
     Raises:
-        DataError: naming the file, the line and what is wrong.
+        DataError: naming the file, the line and the fault.
     """
     rows = csv_rows(decoded(read_unpacked(path), path), path)
     _, header = next(rows, (1, []))
@@ -80,7 +86,11 @@ def read_imus(path: Path, notices: list[str] | None = None) -> dict[str, ImuSeri
 
 
 def _in_order(stamps: Array) -> tuple[Array, Array, str]:
-    """Return rising stamps (M,) of samples with stamps (N,) ns, their rows (M,), and a line about it."""
+    """Return increasing timestamps (M,) ns, their rows (M,) in the input, and a notice ("" if unchanged).
+
+    Args:
+        stamps: timestamps (N,) ns of the samples of one device.
+    """
     newest = np.maximum.accumulate(np.maximum(stamps, -1))
     new = np.append(newest[:1] >= 0, newest[1:] > newest[:-1])
     if new.all():
@@ -106,7 +116,7 @@ def _in_order(stamps: Array) -> tuple[Array, Array, str]:
 
 
 def write_imus(path: Path, devices: Mapping[str, ImuSeries]) -> None:
-    """Write samples, ordered by stamp and device."""
+    """Write samples, ordered by timestamp and device."""
     rows = sorted(
         (int(stamp), name, k) for name, series in devices.items() for k, stamp in enumerate(series.stamps)
     )
@@ -121,10 +131,10 @@ def write_imus(path: Path, devices: Mapping[str, ImuSeries]) -> None:
 
 
 def read_subject(path: Path, model: SegmentModel) -> Subject:
-    """A designated person, from a `panoptic-subject-1` file.
+    """Read a designated person from a `panoptic-subject-1` file.
 
     Raises:
-        DataError: naming the file, the key and what is wrong.
+        DataError: naming the file, the key and the fault.
     """
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") != SUBJECT:
@@ -163,7 +173,7 @@ def _subject(document: dict[str, Any], model: SegmentModel, path: Path) -> Subje
 
 
 def _assumed(document: Mapping[str, Any], devices: Sequence[Device]) -> tuple[str, ...]:
-    """Return the values that are assumed where the file leaves them out and the person needs them."""
+    """Return lines about default values of keys that the file omits and the person needs."""
     found = []
     if not document.get("segments"):
         found.append("lengths of segments as usual for height_m")
@@ -179,7 +189,7 @@ def _assumed(document: Mapping[str, Any], devices: Sequence[Device]) -> tuple[st
 
 
 def subject_document(subject: Subject) -> dict[str, Any]:
-    """The `panoptic-subject-1` document of a person, with lengths, keypoints and devices."""
+    """Return the `panoptic-subject-1` document of a person, with segment lengths, keypoints and devices."""
     names = subject.body.model.names
     found: dict[str, Any] = {
         "format": SUBJECT,

@@ -1,7 +1,7 @@
-"""The keys that a reader of documents knows. It declares them with `keys`; `tell_unknown` warns of others.
+"""Declare the keys of a document format with `keys`, and warn of unknown keys with `tell_unknown`.
 
-In: a parsed document of JSON, YAML or TOML and the keys of its format. Out: a warning for each key that is
-not used, with the nearest one that is. Parameters and model cards refuse unknown keys themselves.
+Input: a parsed JSON, YAML or TOML document and the keys of its format. Output: a warning for each unused key,
+with the nearest known key. Parameters and model cards refuse unknown keys themselves.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from typing import Any
 
 from panoptic_ros.errors import nearest, plain, shown
 
-Keys = Mapping[str, Any]  # key: None, or of what is below it `Keys`, or a list of one `Keys` for each of many
-EACH = "*"  # among known keys: any name that the user chooses
-OTHERS = "..."  # among known keys: other programs write others besides, which are told if they look misspelt
+# Maps a key to None, to the `Keys` of a nested table, or to a list of one `Keys` for a list of tables.
+Keys = Mapping[str, Any]
+EACH = "*"  # among known keys: matches any user-chosen name
+# Among known keys: other programs write further keys, which are only reported if they look misspelt.
+OTHERS = "..."
 MARKS = (EACH, OTHERS)
-MOST_TOLD = 5  # keys of one document
-MOST_COMPARED = 1000  # the same of keys that other programs may write
+MOST_TOLD = 5  # keys reported for one document
+MOST_COMPARED = 1000  # unknown keys compared with known ones, in tables with OTHERS
 
 
 class UnknownKeyWarning(UserWarning):
@@ -27,18 +29,18 @@ class UnknownKeyWarning(UserWarning):
 
 
 def keys(words: str = "", **inner: Any) -> dict[str, Any]:
-    """Return the keys of a table: those without anything below them as words, the others by their names."""
+    """Return the keys of a table: `words` have no nested keys, `inner` maps names to nested keys."""
     return {**dict.fromkeys(words.split()), **inner}
 
 
 def tell_unknown(document: Any, known: Any, path: Path | str) -> None:
-    """Warn of each key that is not known, with the nearest one that is; one line each.
+    """Warn of each unknown key with the nearest known one, one line each.
 
-    What is no table where one is expected is left to the reader.
+    A value that is no table where one is expected is left to the reader.
 
     Args:
         known: `Keys` of a table, or a list of one `Keys` for a list of tables.
-        path: for messages.
+        path: named in warnings.
     """
     search = _Search()
     search.look(document, known, "")
@@ -56,10 +58,10 @@ def _warn(text: str) -> None:
 
 
 class _Search:
-    """Looks for unknown keys.
+    """Search for unknown keys in a document.
 
     Attributes:
-        found: how often a key stands there, by the place of its table and its name.
+        found: number of occurrences by (place of the table, key).
     """
 
     def __init__(self) -> None:
@@ -67,7 +69,7 @@ class _Search:
         self._compared: dict[tuple[str, str], bool] = {}
 
     def look(self, value: Any, known: Any, place: str) -> None:
-        """Look through a value at a place."""
+        """Search a value and its nested tables; `place` is its dotted path."""
         if isinstance(known, list):
             for entry in value if isinstance(value, list) else ():
                 self.look(entry, known[0], place)
@@ -94,7 +96,7 @@ class _Search:
                 self.found[at] = self.found.get(at, 0) + 1
 
     def _is_misspelt(self, at: tuple[str, str], table: Mapping[Any, Any], known: Keys) -> bool:
-        """Return whether a key looks like a known one that the table lacks."""
+        """Return whether a key resembles a known one that the table lacks."""
         if at not in self._compared and len(self._compared) < MOST_COMPARED:
             absent = [name for name in _words(known) if name not in table]
             self._compared[at] = nearest(at[1], absent).startswith("the nearest")
@@ -117,7 +119,7 @@ def _words(known: Keys) -> Iterable[str]:
 
 
 def _places(known: Any, place: str) -> Iterator[tuple[str, Keys]]:
-    """Yield every table of known keys with its place."""
+    """Yield every table of known keys with its dotted path."""
     table = known[0] if isinstance(known, list) else known
     yield place, table
     for key, inner in table.items():

@@ -1,7 +1,7 @@
-"""Opening files that others wrote: bounded in size, and every damage described in one line.
+"""Open files from other sources with a size limit, and describe every damage in one line.
 
-All readers take the bytes of a file from here and parse them inside of `parsing`. So a file that is cut,
-damaged or made to do harm costs a bounded amount of memory, and ends in an error that names it.
+All readers get the bytes of a file from this module and parse them inside of `parsing`. A cut, damaged or
+malicious file then takes a bounded amount of memory and ends in an error that names it.
 """
 
 from __future__ import annotations
@@ -20,20 +20,25 @@ from panoptic_ros.errors import DataError, EnvironmentProblem, PanopticError, Us
 MIB = 1 << 20  # bytes
 GZIP = b"\x1f\x8b"  # first bytes of a gzip file, RFC 1952
 PIECE = MIB // 2  # bytes that are unpacked in one step
-UNPACKED = 32 * MIB  # bytes that `PIECE` may become, 1:64; 480 empty views have 1:22, IMUs at rest 1:37
-MEMBERS, MEMBER = 100, 4096  # parts of a gzip file, and bytes of each where there are more; bgzip has 16 kB
-SHARE = 4  # a document may have a fourth of the machine's memory as text; parsed it takes several times more
-LEAST = 1024 * MIB  # bytes that a document may have on any machine
-TABLES = ("items", "keys", "values", "get", "pop")  # attributes that only a table has, of those in use
+# bytes, limit of the unpacked size of a PIECE, ratio 1:64. A document of 480 empty views has 1:22, of IMUs at
+# rest 1:37.
+UNPACKED = 32 * MIB
+# Limit of gzip members: MEMBERS, plus one for each MEMBER bytes of the file. bgzip members have 16 kB.
+MEMBERS, MEMBER = 100, 4096
+# A document's text may take 1/SHARE of the machine's memory. Parsed, it takes several times more than as
+# text.
+SHARE = 4
+LEAST = 1024 * MIB  # bytes; a document of this size is allowed on any machine
+TABLES = ("items", "keys", "values", "get", "pop")  # attributes used by readers that only tables (dicts) have
 
 
 @contextmanager
 def file_errors(path: Path, doing: str) -> Iterator[None]:
-    """Turn the operating system's errors into one clear line.
+    """Turn operating-system errors into a one-line error.
 
     Raises:
-        DataError: if the file is not there or is a folder.
-        EnvironmentProblem: on permissions, a full disk and other trouble of the machine.
+        DataError: if the file does not exist or is a folder.
+        EnvironmentProblem: on missing permissions, a full disk and other operating-system errors.
     """
     try:
         yield
@@ -42,29 +47,33 @@ def file_errors(path: Path, doing: str) -> Iterator[None]:
 
 
 def file_error(path: Path | str, doing: str, error: OSError) -> UserError:
-    """Return the line about an error of the operating system, as `file_errors` raises it."""
+    """Return the one-line error for an operating-system error, as `file_errors` raises it."""
     missing = isinstance(error, FileNotFoundError | IsADirectoryError | NotADirectoryError)
     kind = DataError if missing else EnvironmentProblem
     return kind(f"cannot {doing} {path}: {error.strerror or one_line(error)}")
 
 
 def parsing(where: Path | str, kind: type[UserError] = DataError) -> _Parsing:
-    """Turn any exception of a parser into one line: `with parsing(path): ...`.
+    """Turn any exception of a parser into a one-line error: `with parsing(path): ...`.
 
-    A parser meets any value at any place, so it can raise anything. Errors of this package pass as they are.
+    A parser meets any value at any place, so it can raise any exception. Errors of this package pass
+    unchanged.
 
     Args:
-        where: the file, and the entry in it as far as known.
-        kind: of error.
+        where: the file, and the entry in it if known.
+        kind: error type.
 
     Raises:
-        UserError: of the kind, for any other exception.
+        UserError: of type `kind`, for any other exception.
     """
     return _Parsing(where, kind)
 
 
 class _Parsing:
-    """See `parsing`; not made with `contextmanager`, as there is one for every frame of a file."""
+    """Context manager of `parsing`.
+
+    It is a class because `contextmanager` is slower, and one is made for every frame of a file.
+    """
 
     def __init__(self, where: Path | str, kind: type[UserError]):
         self._where, self._kind = where, kind
@@ -82,7 +91,7 @@ class _Parsing:
 
 
 def malformed(where: Path | str, error: Exception, kind: type[UserError] = DataError) -> UserError:
-    """Return the error about a document whose keys or values are not those of its format."""
+    """Return the error about a document whose keys or values do not follow its format."""
     return kind(f"{where}: {_told(error)}; docs/formats.md says what must be there")
 
 
@@ -105,16 +114,16 @@ def _told(error: Exception) -> str:
 
 
 def largest_document() -> int:
-    """Return the bytes that a document may have, unpacked: a share of the machine's memory."""
+    """Return the largest size of an unpacked document, bytes: a fraction of the machine's memory."""
     return max(LEAST, os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // SHARE)
 
 
 def check_file(path: Path) -> int:
-    """Return the size of a file in bytes, -1 for a pipe that another program writes, as `<(...)` of a shell.
+    """Return the size of a file in bytes; -1 for a pipe from another program, such as a shell's `<(...)`.
 
     Raises:
-        DataError: if it is not there or a folder, or a device or named pipe, which need not ever end.
-        EnvironmentProblem: on permissions and other trouble of the machine.
+        DataError: if it does not exist, or is a folder, a device or a named pipe. The last two may never end.
+        EnvironmentProblem: on missing permissions and other operating-system errors.
     """
     with file_errors(path, "read"):
         found = os.stat(path)
@@ -128,14 +137,14 @@ def check_file(path: Path) -> int:
 
 
 def read_bytes(path: Path, most: int | None = None) -> bytes:
-    """Return the content of a file.
+    """Read the content of a file.
 
     Args:
-        most: bytes; None = any number.
+        most: largest size, bytes; None = no limit for regular files, `largest_document` for pipes.
 
     Raises:
-        DataError: if there is no such file, or it is larger.
-        EnvironmentProblem: on permissions and other trouble of the machine.
+        DataError: if the file does not exist or is larger.
+        EnvironmentProblem: on missing permissions and other operating-system errors.
     """
     path = Path(path)
     size = check_file(path)
@@ -154,14 +163,14 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
 
 
 def read_unpacked(path: Path, most: int | None = None) -> bytes:
-    """Return the content of a file, unpacked if it is gzipped.
+    """Read the content of a file and unpack it if it is gzipped.
 
     Args:
-        most: bytes, packed and unpacked; None = `largest_document`.
+        most: largest size, bytes, packed and unpacked; None = `largest_document`.
 
     Raises:
-        DataError: if there is no such file, it is larger, or cannot be unpacked.
-        EnvironmentProblem: on permissions and other trouble of the machine.
+        DataError: if the file does not exist, is larger, or cannot be unpacked.
+        EnvironmentProblem: on missing permissions and other operating-system errors.
     """
     limit = largest_document() if most is None else most
     data = read_bytes(path, limit)
@@ -169,13 +178,15 @@ def read_unpacked(path: Path, most: int | None = None) -> bytes:
 
 
 def unpacked(data: bytes, path: Path | str, most: int) -> bytes:
-    """Return what is in the bytes of a gzip file, of one member or several.
+    """Unpack the bytes of a gzip file of one or several members.
 
     Args:
-        path: for messages. most: bytes.
+        path: named in error messages.
+        most: largest size of the result, bytes.
 
     Raises:
-        DataError: if it is cut or damaged, or unpacks to more than `most`, or than any document does.
+        DataError: if it is cut or damaged, or if it exceeds `most`, the packing ratio or the number of
+            members.
     """
     whole = io.BytesIO()
     begin, members = 0, 1

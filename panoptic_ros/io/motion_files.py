@@ -1,4 +1,4 @@
-"""Recorded motion of joints in files: BVH, and arrays of clips (.npz), in metres with z up."""
+"""Read recorded joint motion from BVH files and arrays of clips (.npz), in metres with z up."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from panoptic_ros.io.resources import share_folder
 from panoptic_ros.kinematics.body.fitting import Site
 
 Array = np.ndarray
-SHORTEST_PREFIX = 4  # characters that the names of all joints begin with, as "mixamorig" and "bip01"
-UPPER_ARMS = ("leftarm", "rightarm", "upperarm", "uparm")  # ends of names without underscores
+# Smallest length of a prefix shared by all joint names that is removed, such as "mixamorig" and "bip01".
+SHORTEST_PREFIX = 4
+UPPER_ARMS = ("leftarm", "rightarm", "upperarm", "uparm")  # name endings of upper arms, without underscores
 ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")
 
 
 class JointMotion(NamedTuple):
-    """Joints (T, J, 3) of one person, by name, at a rate in Hz."""
+    """Joint positions (T, J, 3) of one person, with joint names and frame rate (Hz)."""
 
     name: str
     joint_names: tuple[str, ...]
@@ -33,10 +34,10 @@ class JointMotion(NamedTuple):
 
 
 def read_clip_arrays(path: Path) -> list[JointMotion]:
-    """Clips of an .npz: `clips` (names), `joint_names`, `fps`, and `clip_<name>` (T, J, 3) m, z up.
+    """Read the clips of an .npz: `clips` (names), `joint_names`, `fps`, and `clip_<name>` (T, J, 3) m, z up.
 
     Raises:
-        DataError: if these are not there.
+        DataError: if one of these arrays is missing or has a wrong shape.
     """
     with arrays_of(path) as found:
         try:
@@ -50,13 +51,13 @@ def read_clip_arrays(path: Path) -> list[JointMotion]:
 
 
 def read_bvh(path: Path, unit: float) -> JointMotion:
-    """Joints of a BVH file, whose y is up as usual.
+    """Read the joints of a BVH file; y is up in the file, as usual.
 
     Args:
-        unit: of the file, m.
+        unit: length unit of the file, m.
 
     Raises:
-        DataError: naming the file and what is wrong.
+        DataError: naming the file and the fault.
     """
     words = iter(read_unpacked(path).decode("utf-8", "replace").split())
     with parsing(path):
@@ -64,7 +65,11 @@ def read_bvh(path: Path, unit: float) -> JointMotion:
 
 
 def _checked(name: str, joint_names: tuple[str, ...], joints: Array, rate: float, path: Path) -> JointMotion:
-    """Return the motion, if it has a place for every joint."""
+    """Return the motion after checking its shape and rate.
+
+    Raises:
+        DataError: if `joints` is not (T, J, 3), or the rate is not positive and finite.
+    """
     if joints.ndim != 3 or joints.shape[1:] != (len(joint_names), 3):
         shape = " x ".join(map(str, joints.shape))
         raise DataError(f"{path}: clip {shown(name)} is {shape}, expected frames x {len(joint_names)} x 3")
@@ -92,9 +97,9 @@ def _bvh(words: Iterator[str], path: Path, unit: float) -> JointMotion:
 
 
 def read_sites(model: SegmentModel) -> dict[str, Site]:
-    """Return where joints of recorded motion lie on the skeleton, by their names, see `named`.
+    """Return the positions of recorded joints on the segment skeleton, by joint name (see `named`).
 
-    Those on segments that it lacks are left out.
+    Joints on segments that the skeleton lacks are left out.
     """
     table: dict[str, Any] = dict(read_yaml(share_folder() / "config" / "bodies" / "motion_joints.yaml"))
     found: dict[str, Site] = {}
@@ -108,7 +113,7 @@ def read_sites(model: SegmentModel) -> dict[str, Site]:
 
 
 def named(name: str) -> str:
-    """Return a joint's name without case, blanks and a prefix that ends in a colon."""
+    """Normalise a joint name: lower case, without blanks and without a prefix that ends in a colon."""
     return name.rpartition(":")[2].lower().replace(" ", "")
 
 
@@ -149,7 +154,7 @@ def _expect(words: Iterator[str], *wanted: str) -> None:
 
 
 def _placed(parents: list[int], offsets: Array, channels: list[list[str]], table: Array) -> Array:
-    """Joints (T, J, 3) in the axes and unit of the file."""
+    """Return joint positions (T, J, 3) in the axes and unit of the file, by forward kinematics."""
     count = len(table)
     places, frames = np.zeros((count, len(parents), 3)), np.zeros((count, len(parents), 3, 3))
     column = 0
@@ -170,7 +175,7 @@ def _placed(parents: list[int], offsets: Array, channels: list[list[str]], table
 
 
 def _about(axis: int, angles: Array) -> Array:
-    """Rotations (T, 3, 3) about an axis."""
+    """Return rotations (T, 3, 3) by `angles` (T,) rad about a coordinate axis."""
     found = np.zeros((len(angles), 3, 3))
     i, j = (axis + 1) % 3, (axis + 2) % 3
     found[:, axis, axis] = 1.0
@@ -181,23 +186,25 @@ def _about(axis: int, angles: Array) -> Array:
 
 
 def named_plainly(motion: JointMotion, sites: Mapping[str, Site]) -> JointMotion:
-    """Return the motion with the names of the sites; of several joints for one site, that of the exact name.
+    """Rename the joints of a motion to the names of the sites; drop joints without a site.
 
-    Names are compared without the beginning that all share, exactly first, then without underscores and
-    hyphens. LeftShoulder is a shoulder where there is no LeftArm, left_hand a wrist where there is no other.
+    The prefix that all names share is removed. Names are compared exactly first, then without underscores and
+    hyphens. If several joints match one site, the exact match is kept. LeftShoulder means the shoulder if
+    there is no LeftArm; left_hand means the wrist if there is no other joint for it.
     """
     names = [named(name) for name in motion.joint_names]
     common = _shared_beginning([name for name in names if not name.endswith("end")])
     names = [name[common:].lstrip("_-") for name in names]
     arms = any(plain(name).endswith(UPPER_ARMS) for name in names)
     begins = {name: site for name, site in sites.items() if not np.any(site.share)}
-    taken: dict[tuple[int, tuple[float, ...]], tuple[int, str]] = {}  # joint and name by place
+    # (joint index, name) by position on the skeleton
+    taken: dict[tuple[int, tuple[float, ...]], tuple[int, str]] = {}
     for table, exactly in ((begins, True), (begins, False), (sites, True), (sites, False)):
         known = {name if exactly else plain(name): name for name in table}
         for k, name in enumerate(names):
             found = known.get(name if exactly else plain(name))
             if arms and name.endswith("shoulder"):
-                continue  # a clavicle, where the upper arm has a name
+                continue  # the name means a clavicle if the upper arm has its own name
             if found is not None and all(k != joint for joint, _ in taken.values()):
                 place = table[found].segment, tuple(table[found].share.tolist())
                 taken.setdefault(place, (k, found))
@@ -208,7 +215,7 @@ def named_plainly(motion: JointMotion, sites: Mapping[str, Site]) -> JointMotion
 
 
 def _shared_beginning(names: Sequence[str]) -> int:
-    """Return how many characters all names begin with; 0 if these are few."""
+    """Return the length of the prefix that all names share; 0 if shorter than SHORTEST_PREFIX."""
     same = 0
     for letters in zip(*names):
         if len(names) < 2 or len(set(letters)) > 1:

@@ -1,10 +1,11 @@
-"""Known occluders from files: what stands in the room between cameras and people.
+"""Read and write known occluders: static objects in the room that hide people from cameras.
 
-`occluders.json` ("panoptic-occluders-1") holds boxes and triangles; meshes may also be PLY or Wavefront OBJ
-files, on their own or named by an occluders.json beside them. All in metres, in the world of the rig.
+`occluders.json` ("panoptic-occluders-1") holds boxes and triangles. Meshes may also be PLY or Wavefront OBJ
+files, alone or named by an occluders.json beside them. All coordinates are in metres, in the world frame of
+the rig.
 
-Limits: PLY as text or little-endian binary, OBJ without curves; polygons become fans of triangles, so they
-should be convex. Normals, colours and materials are ignored: surfaces hide from both sides.
+Limits: PLY as text or little-endian binary, OBJ without curves. Polygons are split into triangle fans, so
+they should be convex. Normals, colours and materials are ignored: surfaces occlude from both sides.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ from panoptic_ros.io.loading import largest_document, parsing, read_bytes
 
 Array = np.ndarray
 FORMAT = "panoptic-occluders-1"
-LARGEST = 1e8  # m of a place, or the index of a vertex
-FILE = "occluders.json"  # of a capture folder
+LARGEST = 1e8  # limit of coordinates, m, and of vertex indices
+FILE = "occluders.json"  # file name in a capture folder
 KEYS = keys("format units", boxes=[keys("name size centre R")], meshes=[keys("name file vertices triangles")])
 
 
 def read_occluders(path: Path) -> Occluders:
-    """The things of an occluders.json, or of a mesh.
+    """Read the occluders of an occluders.json or of a mesh file.
 
     Raises:
-        DataError: naming the file, the entry and what is wrong with it.
+        DataError: naming the file, the entry and the fault.
     """
     path = Path(path)
     if path.suffix.lower() in MESHES:
@@ -67,7 +68,7 @@ def _things(document: Any, path: Path) -> Occluders:
 
 
 def write_occluders(path: Path, things: Occluders) -> None:
-    """Write them as one mesh, exactly."""
+    """Write all occluders as one mesh, with all digits."""
     mesh = {"vertices": things.vertices.tolist(), "triangles": things.triangles.tolist()}
     document = {"format": FORMAT, "units": "m", "meshes": [mesh]}
     write_bytes(Path(path), (json.dumps(document) + "\n").encode())
@@ -106,7 +107,7 @@ def _mesh(item: Mapping[str, Any], folder: Path, where: str) -> Occluders:
 
 
 def _numbers(item: Mapping[str, Any], key: str, where: str, shape: tuple[int, ...]) -> Array:
-    """An entry as an array; -1 = any length."""
+    """Return an entry as an array of the given shape; -1 = any length."""
     try:
         values = np.array(item[key], np.float64)
     except KeyError:
@@ -139,14 +140,14 @@ _TYPES = {
     "double": "<f8",
     "float64": "<f8",
 }
-Element = tuple[str, int, list[list[str]]]  # name, count, the words of its properties
+Element = tuple[str, int, list[list[str]]]  # element name, count, words of its properties
 
 
 def read_mesh(path: Path) -> Occluders:
-    """The triangles of a file.
+    """Read the triangles of a mesh file.
 
     Raises:
-        DataError: naming the file, if it is no mesh of these formats.
+        DataError: naming the file, if it is no PLY or OBJ mesh that can be read.
     """
     data = read_bytes(path, largest_document())
     try:
@@ -155,7 +156,7 @@ def read_mesh(path: Path) -> Occluders:
         things = Occluders(vertices.reshape(-1, 3), np.array(triangles, np.int64).reshape(-1, 3))
     except EnvironmentProblem:
         raise
-    except Exception as error:  # a parser of any content raises anything
+    except Exception as error:  # a parser of arbitrary content can raise any exception
         detail = "it ends too early" if isinstance(error, StopIteration) else one_line(error)
         raise DataError(f"{path} is no mesh that can be read ({detail}); export it as a text PLY") from None
     if not len(things.triangles):

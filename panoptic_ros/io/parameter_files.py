@@ -1,4 +1,4 @@
-"""The files that are generated from the configurations: config/<stage>.yaml and docs/parameters.md."""
+"""Generate config/<stage>.yaml and docs/parameters.md from the configuration classes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ HEADER = "Generated from the code by `panoptic config write`; a test checks that
 
 
 def parameter_yaml(stage: str, cls: type[Config]) -> str:
-    """A ROS parameter file of one stage with its defaults, each with a comment."""
+    """Return the ROS parameter file of one stage with its defaults, each with a comment."""
     lines = [f"# Parameters of the stage {stage}, with their defaults.", f"# {HEADER}"]
     lines += [f"{stage}:", "  ros__parameters:"]
     for item in describe(cls):
@@ -26,7 +26,7 @@ def parameter_yaml(stage: str, cls: type[Config]) -> str:
 
 
 def parameter_page(classes: Mapping[str, type[Config]]) -> str:
-    """docs/parameters.md: the parameters that a lab changes, then one table per stage."""
+    """Return the text of docs/parameters.md: the parameters that a lab changes, then one table per stage."""
     lines = [
         "# Parameters",
         "",
@@ -53,7 +53,7 @@ def parameter_page(classes: Mapping[str, type[Config]]) -> str:
 
 
 def _changed_by_labs(classes: Mapping[str, type[Config]]) -> list[str]:
-    """The table of all parameters that are not for experts, with what they are changed for."""
+    """Return the table of all non-expert parameters, with the reasons to change them."""
     rows = [
         f"| `{stage}.{item.name}` | `{_yaml(item.default)}` | {item.when} |"
         for stage, cls in classes.items()

@@ -1,4 +1,4 @@
-"""Sizes of pictures from their headers, so that none is decoded that has the wrong size or an impossible one.
+"""Read image sizes from file headers, so that an image of a wrong or excessive size is never decoded.
 
 PNG (W3C), JPEG (ISO/IEC 10918-1), TIFF 6.0 and Exif, BMP, WebP (RFC 9649). A PNG of 1 MB can hold 1 Gpx.
 """
@@ -13,15 +13,15 @@ import numpy as np
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
-MOST_PIXELS = 100_000_000  # px of a decoded picture, 300 MB; cameras for video have 65 Mpx at most
+MOST_PIXELS = 100_000_000  # px of a decoded image, 300 MB; video cameras have 65 Mpx at most
 PNG, JPEG, TIFF = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", (b"II*\0", b"MM\0*")
 WIDTH, HEIGHT, ORIENTATION = 256, 257, 274  # tags of TIFF and Exif
-TURNED = (5, 6, 7, 8)  # values of the last: the decoder turns the picture by a quarter
-NO_SIZE = {0xC4, 0xC8, 0xCC}  # markers of JPEG between those of frames that tell no size
+TURNED = (5, 6, 7, 8)  # values of ORIENTATION for which the decoder rotates the image by 90 degrees
+NO_SIZE = {0xC4, 0xC8, 0xCC}  # JPEG markers in the range of frame markers that hold no size
 
 
 def picture_size(data: bytes) -> tuple[int, int] | None:
-    """Return width and height, px, of the decoded picture; None if its header has none."""
+    """Return width and height (px) of the decoded image; None if the header cannot be read."""
     try:
         size, turned = _size(data)
     except (struct.error, IndexError, ValueError):
@@ -34,25 +34,28 @@ def picture_size(data: bytes) -> tuple[int, int] | None:
 def decode_picture(
     data: Array, flags: int, what: str, expected: tuple[int, int] | None = None, most: int = MOST_PIXELS
 ) -> Array | None:
-    """Decode a picture if the size in its header can be right.
+    """Decode an image if the size in its header is valid.
 
     Args:
-        data: (N,) uint8. flags: of `cv2.imdecode`. what: for messages.
-        expected: width and height, px; None = any. most: pixels.
+        data: (N,) uint8, the encoded image.
+        flags: flags of `cv2.imdecode`.
+        what: subject of error messages.
+        expected: width and height, px; None = any.
+        most: largest number of pixels.
 
     Returns:
-        None if it is no picture that can be decoded.
+        None if the data cannot be decoded as an image.
 
     Raises:
-        DataError: if the size in its header is another than expected, or has more pixels.
+        DataError: if the size in the header is not the expected one, or exceeds `most`.
     """
-    import cv2  # 17 MB, which processes without images do without
+    import cv2  # 17 MB, which processes without images need not load
 
     held = data.tobytes()
     size = picture_size(held)
     if size is None or not _is_whole(held):
         return None
-    if expected is not None and sorted(size) != sorted(expected):  # the decoder may turn it
+    if expected is not None and sorted(size) != sorted(expected):  # the decoder may rotate the image
         raise DataError(f"{what} is {size[0]}x{size[1]}, expected {expected[0]}x{expected[1]}")
     if size[0] * size[1] > most:
         raise DataError(
@@ -66,7 +69,7 @@ def decode_picture(
 
 
 def _is_whole(data: bytes) -> bool:
-    """Check the checksums of a PNG; its decoder prints to stderr where they do not fit."""
+    """Check the checksums of a PNG, because its decoder prints to stderr if they are wrong."""
     at = len(PNG)
     while data.startswith(PNG):
         length, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
@@ -81,7 +84,7 @@ def _is_whole(data: bytes) -> bool:
 
 
 def _size(data: bytes) -> tuple[tuple[int, int], bool]:
-    """Width and height as they are stored, and whether the decoder turns the picture by a quarter."""
+    """Return the stored width and height, and whether the decoder rotates the image by 90 degrees."""
     if data.startswith(PNG) and data[12:16] == b"IHDR":
         begin = data.find(b"eXIf", 33, 4096)
         return struct.unpack(">II", data[16:24]), begin > 0 and _is_turned(data[begin + 4 : begin + 1024])
@@ -133,7 +136,7 @@ def _is_turned(exif: bytes) -> bool:
 
 
 def _tags(data: bytes) -> dict[int, int]:
-    """Whole numbers of 16 and 32 bits of the first directory."""
+    """Return the 16-bit and 32-bit integer tags of the first TIFF directory."""
     if not data.startswith(TIFF):
         raise ValueError("no TIFF")
     order = "<" if data[:2] == b"II" else ">"

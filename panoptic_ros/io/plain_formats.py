@@ -1,8 +1,8 @@
-"""The plain formats for 2D people and skeletons: `detections.json.gz` and `skeletons.json.gz`.
+"""Read and write the plain formats of 2D and 3D poses: `detections.json.gz` and `skeletons.json.gz`.
 
-Both are JSON, gzipped if the name ends in .gz, in metres, pixels and integer nanoseconds; a
-missing joint is null. docs/formats.md defines every key. `SkeletonStream` writes frame by frame: a run of
-hours needs no more memory than one of minutes.
+Both are JSON, gzipped if the name ends in .gz, in metres, pixels and integer nanoseconds. A missing joint is
+null. docs/formats.md defines every key. `SkeletonStream` writes frame by frame, so memory does not grow with
+the duration of a run.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ DETECTION_KEYS = keys(
 )
 _PERSON = keys("id joints scores covariances views states ignore")
 SKELETON_KEYS = keys("format joint_names", frames=[keys("index stamp_ns", skeletons=[_PERSON])])
-HIGHEST_SCORE = 1.25  # OpenPose and SimCC nets give a little more than 1, which counts as 1
+# Limit of scores in a file. OpenPose and SimCC networks give slightly more than 1, which is clipped to 1.
+HIGHEST_SCORE = 1.25
 _UPPER = np.triu_indices(3)
 FRAME = "a frame of OpenPose"
-FOREIGN = {  # keys of the document, or of the first entry of a list, of formats that are not read
+FOREIGN = {  # keys that identify other programs' formats, in the document or in the first entry of a list
     FRAME: {"version", "people"},
     "a result of AlphaPose or of COCO": {"image_id", "keypoints"},
     "a result of MMPose": {"meta_info", "instance_info"},
@@ -47,7 +48,7 @@ REMEDY = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlainView:
-    """2D people of one view: points (P, K, 2) px, NaN = missing; scores (P, K), 0 = missing."""
+    """2D poses of one view: points (P, K, 2) px, NaN = missing; scores (P, K), 0 = missing."""
 
     stamp_ns: int
     points: Array
@@ -56,7 +57,7 @@ class PlainView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlainFrame:
-    """The views of one instant by the names of their cameras."""
+    """Views of one frame, by camera name."""
 
     index: int
     stamp_ns: int
@@ -65,7 +66,7 @@ class PlainFrame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlainDetections:
-    """A whole file of 2D people, in the detector's own K joints."""
+    """A whole file of 2D poses, in the detector's own K joints."""
 
     joint_names: tuple[str, ...]
     frames: tuple[PlainFrame, ...]
@@ -73,14 +74,14 @@ class PlainDetections:
     def sets(
         self, rig: Rig, joint_map: JointMap, skeleton_hash: str, known: Iterable[str] = ()
     ) -> Iterator[DetectionSet]:
-        """Detection sets in the working skeleton, for the cameras of the rig.
+        """Yield detection sets in the working skeleton, for the cameras of the rig.
 
         Args:
-            known: names of cameras that may occur although they are not in `rig`, besides `rig.left_out`.
+            known: names of further cameras that may occur, in addition to `rig` and `rig.left_out`.
 
         Raises:
-            CalibrationError: if a view's camera is neither in the rig nor known.
-            DataError: if stamps go back.
+            CalibrationError: if a view's camera is neither in the rig nor in `known`.
+            DataError: if timestamps decrease.
         """
         allowed = {*rig.names, *rig.left_out, *known}
         last = -1
@@ -116,9 +117,15 @@ class PlainDetections:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlainSkeletonFrame:
-    """Skeletons of one instant: (P,), (P, J, 3) m, (P, J), (P, J, 3, 3) m^2, (P,), (P, J).
+    """3D poses of one frame, with P people and J joints.
 
-    views: that measured each joint; 0 = it is predicted or filled, -1 = not told.
+    Args:
+        ids: (P,).
+        positions: (P, J, 3) m.
+        scores: (P, J).
+        covariances: (P, J, 3, 3) m^2.
+        ignore: (P,).
+        views: (P, J), number of views that measured a joint; 0 = predicted or filled, -1 = not stated.
     """
 
     index: int
@@ -133,17 +140,17 @@ class PlainSkeletonFrame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlainSkeletons:
-    """A whole file of skeletons, results or truth."""
+    """A whole file of 3D poses, results or truth."""
 
     joint_names: tuple[str, ...]
     frames: tuple[PlainSkeletonFrame, ...]
 
 
 def read_detections(path: Path) -> PlainDetections:
-    """Read 2D people.
+    """Read 2D poses.
 
     Raises:
-        DataError: naming the file, the frame and what is wrong.
+        DataError: naming the file, the frame and the fault.
     """
     document, names = _document(path, DETECTIONS)
     tell_unknown(document, DETECTION_KEYS, path)
@@ -163,7 +170,7 @@ def read_detections(path: Path) -> PlainDetections:
 
 
 def write_detections(path: Path, joint_names: Iterable[str], sets: Iterable[DetectionSet]) -> None:
-    """Write 2D people; the joints of the sets must be those of `joint_names`."""
+    """Write 2D poses; the joints of the sets must be `joint_names`."""
     frames = []
     for item in sets:
         views = {}
@@ -176,10 +183,10 @@ def write_detections(path: Path, joint_names: Iterable[str], sets: Iterable[Dete
 
 
 def read_skeletons(path: Path) -> PlainSkeletons:
-    """Read skeletons, results or truth; of a file that ends early, its whole frames, with a warning.
+    """Read 3D poses, results or truth; if the file ends early, its complete frames, with a warning.
 
     Raises:
-        DataError: naming the file, the frame and what is wrong.
+        DataError: naming the file, the frame and the fault.
     """
     document, names = _document(path, SKELETONS, read_frames)
     tell_unknown(document, SKELETON_KEYS, path)
@@ -215,13 +222,13 @@ def read_skeletons(path: Path) -> PlainSkeletons:
 
 
 def write_skeletons(path: Path, joint_names: Iterable[str], sets: Iterable[TrackedPoseSet]) -> None:
-    """Write skeletons; equal sets give equal bytes."""
+    """Write 3D poses; equal sets give equal bytes."""
     frames = [skeletons_frame(item) for item in sets]
     write_json(path, {"format": SKELETONS, "joint_names": list(joint_names), "frames": frames})
 
 
 def skeletons_frame(item: TrackedPoseSet) -> dict[str, Any]:
-    """One entry of "frames"."""
+    """Return one entry of "frames"."""
     people = [_person(item, k) for k in range(len(item.ids))]
     return {"index": item.index, "stamp_ns": item.stamp_ns, "skeletons": people}
 
@@ -243,7 +250,7 @@ def _row(values: Array) -> list[float] | None:
 
 
 def _person_scores(scores: Array) -> Array:
-    """Mean score (P,) of the joints that are there."""
+    """Return the mean score (P,) over the joints that are present."""
     there = scores > 0.0
     scores_of_people: Array = scores.sum(1) / np.maximum(there.sum(1), 1)
     return scores_of_people
@@ -273,18 +280,18 @@ def _document(
 
 
 def _foreign(path: Path) -> str:
-    """Return the name of a folder of another program's 2D people; "" if it is none."""
+    """Return the name of a folder format of another program's 2D poses; "" if it is none."""
     first = next(path.rglob("*.json"), None) if path.is_dir() else None
     if first is None:
         return ""
     try:
         return "a folder of OpenPose" if _foreign_document(read_json(first)) == FRAME else ""
     except UserError:
-        return ""  # the folder is refused as one
+        return ""  # `read_detections` then reports that the path is a folder
 
 
 def _foreign_document(document: Any) -> str:
-    """Return the name of a document of another program's 2D people; "" if it is none."""
+    """Return the name of another program's 2D pose format; "" if the document is none."""
     first = document[0] if isinstance(document, list) and document else document
     there = set(first) if isinstance(first, dict) else set()
     return next((title for title, wanted in FOREIGN.items() if wanted <= there), "")
@@ -306,7 +313,12 @@ def _integer(value: Any, where: str, key: str = "stamp_ns") -> int:
 def _joint_rows(
     persons: list[Any], joints: int, width: int, where: str, scored: bool = True
 ) -> tuple[Array, Array]:
-    """Points (P, joints, 2 or 3) and scores (P, joints) from rows of numbers or null."""
+    """Return points (P, joints, 2 or 3) and scores (P, joints) from rows of numbers or null.
+
+    Args:
+        width: numbers of a joint.
+        scored: the third number is a score in 0..1; otherwise the score is 1 for a present joint, else 0.
+    """
     nothing = [np.nan] * width
     for k, person in enumerate(persons):
         if len(person) != joints:
@@ -330,7 +342,7 @@ def _joint_rows(
 
 
 class SkeletonStream(FrameStream):
-    """The bytes are those of `io.plain_formats.write_skeletons`, gzipped whatever the name.
+    """Writer of 3D poses frame by frame, in the format of `write_skeletons`, always gzipped.
 
     Raises:
         EnvironmentProblem: if the file cannot be written.
@@ -340,5 +352,5 @@ class SkeletonStream(FrameStream):
         super().__init__(path, {"format": SKELETONS, "joint_names": list(joint_names)})
 
     def take(self, item: TrackedPoseSet) -> None:
-        """One more frame."""
+        """Append one frame."""
         self.add(skeletons_frame(item))

@@ -1,4 +1,4 @@
-"""The statistics of poses that are installed, or in a file."""
+"""Read and write pose priors: statistics of poses, installed or from a file."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ DEFAULT_PRIOR = "prior-cmu.npz"
 PRIOR_KEYS = ("mean", "components", "deviations", "spreads")
 
 
-SEGMENTS = "segments"  # key of their names; files without it are of the installed skeleton
+SEGMENTS = "segments"  # key of the segment names; files without it use the installed skeleton
 
 
 def read_prior(name: str = "", model: SegmentModel | None = None) -> PoseStatistics:
-    """Statistics of poses by the path of a file, or those installed.
+    """Read the pose statistics of a file, or the installed ones.
 
     Args:
-        model: the skeleton that they are for; None = the one that they are of.
+        name: path of a file; "" = the installed prior.
+        model: segment skeleton to which the statistics are converted; None = their own skeleton.
 
     Raises:
-        DataError: if the file is not as it must be, or has none of the segments.
+        DataError: if the file does not follow the format, or has none of the segments.
     """
     path = Path(name) if name else share_folder() / "config" / "bodies" / DEFAULT_PRIOR
     with arrays_of(path) as found:
@@ -52,7 +53,11 @@ def read_prior(name: str = "", model: SegmentModel | None = None) -> PoseStatist
 
 
 def _check_shapes(arrays: Sequence[np.ndarray], path: Path) -> None:
-    """Whether the arrays are numbers of poses: (N,), (N, K), (K,), (N,)."""
+    """Check that the arrays are finite numbers of the shapes (N,), (N, K), (K,), (N,).
+
+    Raises:
+        DataError: if not, or if a deviation is not positive or a spread is negative.
+    """
     mean, _, deviations, spreads = arrays
     shapes = [array.shape for array in arrays]
     count, kept = mean.shape[:1], deviations.shape[:1]
@@ -66,7 +71,7 @@ def _check_shapes(arrays: Sequence[np.ndarray], path: Path) -> None:
 
 
 def write_prior(path: Path, statistics: PoseStatistics, model: SegmentModel) -> None:
-    """Write statistics of the poses of a skeleton."""
+    """Write the pose statistics of a segment skeleton."""
     memory = io.BytesIO()
     arrays: dict[str, Any] = {key: getattr(statistics, key).astype(np.float32) for key in PRIOR_KEYS}
     np.savez_compressed(memory, **arrays | {SEGMENTS: np.array(model.names)})

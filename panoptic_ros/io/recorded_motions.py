@@ -1,4 +1,4 @@
-"""Recorded motions that are installed, or in files."""
+"""Read recorded motions, installed or from files."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ MOTION = "cmu-motion.npz"
 
 
 def read_clips(path: Path | None = None) -> dict[str, Clip]:
-    """Recorded motions of our skeleton in a file; none if it has other things. None = those installed, see
-    NOTICE for where they are from."""
+    """Read the recorded motions of our skeleton in a file; {} if the file holds other arrays.
+
+    Args:
+        path: None = the installed motions; NOTICE states their origin.
+    """
     path = path or share_folder() / "config" / "bodies" / MOTION
     with arrays_of(path) as found:
         arrays = dict(found)

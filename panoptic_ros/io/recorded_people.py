@@ -1,4 +1,4 @@
-"""2D people of a recording in the joints of a skeleton model, from plain files."""
+"""Read recorded 2D poses from plain files, in the joints of a skeleton model."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON, fullest_skeleton, map_joints, skeleton_of
 
-AUTO = "auto"  # skeleton: that which takes most joints of the detections; panoptic19 for COCO's
+AUTO = "auto"  # skeleton option: the one that uses most joints of the file; panoptic19 for COCO joints
 
 
 @dataclass(frozen=True)
 class RecordedPeople:
-    """2D people of some cameras.
+    """2D poses of several cameras.
 
     Args:
-        sets: in the order of time.
-        joint_names: of the skeleton's joints, as the file spells them where the skeleton was chosen after it.
-        left_out: joints of the file that no joint of the skeleton is made of.
+        sets: in order of time.
+        joint_names: names of the skeleton's joints. They follow the file's spelling if the skeleton was
+            chosen automatically.
+        left_out: joints of the file that the skeleton does not use.
     """
 
     skeleton: SkeletonModel
@@ -29,7 +30,7 @@ class RecordedPeople:
     left_out: tuple[str, ...] = ()
 
     def told(self) -> list[str]:
-        """Return a line if joints are left out."""
+        """Return a notice if joints of the file are left out."""
         if not self.left_out:
             return []
         joints = ", ".join(self.left_out)
@@ -37,14 +38,14 @@ class RecordedPeople:
 
 
 def read_people(detections: Path, rig: Rig, skeleton: str = AUTO) -> RecordedPeople:
-    """The 2D people of a plain file.
+    """Read the 2D poses of a plain file.
 
     Args:
-        rig: the cameras that are used; those that it leaves out may occur in the file.
+        rig: the cameras that are used; the cameras in `rig.left_out` may occur in the file.
         skeleton: name or YAML file, or `AUTO`.
 
     Raises:
-        UserError: on whatever the user can mend.
+        UserError: on any error that the user can correct.
     """
     people = read_detections(detections)
     model, joint_map = map_joints(_choose(people) if skeleton == AUTO else skeleton, people.joint_names)
@@ -58,7 +59,7 @@ def read_people(detections: Path, rig: Rig, skeleton: str = AUTO) -> RecordedPeo
 def _choose(detections: PlainDetections) -> str:
     """Return the installed skeleton that the joints of the file fill and that uses most of them.
 
-    Without one it is panoptic19. COCO's joints also give panoptic19, which adds joints derived from them.
+    The default is panoptic19. It also replaces coco17, because it adds joints derived from COCO's.
     """
     names = detections.joint_names
     found = skeleton_of(names) or fullest_skeleton(names)
@@ -66,7 +67,10 @@ def _choose(detections: PlainDetections) -> str:
 
 
 def _own_names(detections: PlainDetections, joints: tuple[str, ...]) -> tuple[str, ...]:
-    """The joints as the detections spell them, where the skeleton was chosen after them."""
+    """Return the joint names of the automatically chosen skeleton.
+
+    They have the spelling of the file if its joints map one to one.
+    """
     _, mapping = map_joints(_choose(detections), detections.joint_names)
     return tuple(
         detections.joint_names[s[0]]

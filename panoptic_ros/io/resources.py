@@ -1,4 +1,4 @@
-"""Where the files are that are installed with the package, and the user's cache."""
+"""Locate the files installed with the package, and the user's state and cache folders."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from panoptic_ros.errors import EnvironmentProblem
 
 
 def share_folder() -> Path:
-    """The folder that holds config/ and bags/: the checkout, or share/panoptic_ros.
+    """Return the folder that holds config/ and bags/: the checkout, or share/panoptic_ros.
 
     Raises:
-        EnvironmentProblem: if the installation is not complete.
+        EnvironmentProblem: if the installation is incomplete.
     """
     checkout = Path(panoptic_ros.__file__).resolve().parent.parent
     prefixes = [Path(p) for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
@@ -31,16 +31,19 @@ def share_folder() -> Path:
 
 
 def state_folder() -> Path:
-    """Return the folder of what the program remembers: XDG_STATE_HOME, else ~/.local/state, /panoptic_ros."""
+    """Return the folder of persistent program state: panoptic_ros in XDG_STATE_HOME or ~/.local/state."""
     base = os.environ.get("XDG_STATE_HOME")
     try:
         return (Path(base) if base else Path.home() / ".local" / "state") / "panoptic_ros"
-    except RuntimeError:  # a user without a home, as in containers
+    except RuntimeError:  # a user without a home folder, as in containers
         return Path(tempfile.gettempdir()) / f"panoptic_ros-state-{os.getuid()}"
 
 
 def cache_folder() -> Path:
-    """Where models are kept: PANOPTIC_CACHE, else XDG_CACHE_HOME/panoptic_ros, else ~/.cache."""
+    """Return the cache folder of models.
+
+    PANOPTIC_CACHE, else XDG_CACHE_HOME/panoptic_ros, else ~/.cache/panoptic_ros.
+    """
     own = os.environ.get("PANOPTIC_CACHE")
     if own:
         return Path(own)

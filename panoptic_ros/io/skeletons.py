@@ -1,4 +1,4 @@
-"""Skeleton models from config/skeletons/*.yaml, and how a detector's joints map onto them."""
+"""Read skeleton models from config/skeletons/*.yaml, and map a detector's joints to them."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ KEYS = keys("name root head joints bones left_right mean_of")
 
 
 def skeleton_names() -> tuple[str, ...]:
-    """Names of the skeleton models that are installed."""
+    """Return the names of the installed skeleton models."""
     return tuple(sorted(path.stem for path in (share_folder() / "config" / "skeletons").glob("*.yaml")))
 
 
 def load_skeleton(name_or_path: str) -> SkeletonModel:
-    """A skeleton model by its name, or from a YAML file of the user's.
+    """Read a skeleton model by its name, or from a YAML file.
 
     Raises:
-        ConfigError: if there is none of that name, or the file is no skeleton.
+        ConfigError: if the name is unknown or the file is no skeleton.
     """
     return _model(_document(name_or_path))
 
 
 def shared_names(name_or_path: str) -> tuple[str, ...]:
-    """The joints of a skeleton, as the vocabulary that all skeletons share calls them.
+    """Return the joint names of a skeleton in the vocabulary that all skeletons share.
 
     Raises:
         ConfigError: see `load_skeleton`.
@@ -43,14 +43,14 @@ def shared_names(name_or_path: str) -> tuple[str, ...]:
 
 
 def map_joints(skeleton: str, detector_joints: Sequence[str]) -> tuple[SkeletonModel, JointMap]:
-    """The working skeleton for a detector's joints, and how to get its joints from theirs.
+    """Return the working skeleton for a detector, and the map from the detector's joints to its joints.
 
-    Joints are the same if their names in the shared vocabulary are; a detector's joint names are
-    those of the vocabulary or of any installed skeleton (lShoulder, left_shoulder, ...).
-    Joints that the detector lacks are `derived` if the skeleton says of what, else never seen.
+    Joints match if their names in the shared vocabulary are equal. A detector's joint names come from the
+    vocabulary or from any installed skeleton (lShoulder, left_shoulder, ...). A joint that the detector lacks
+    is `derived` if the skeleton defines it as a mean of detected joints; otherwise it is never measured.
 
     Raises:
-        ConfigError: if no joint of the skeleton can be had from the detector's.
+        ConfigError: if no joint of the skeleton can be derived from the detector's joints.
     """
     document = _document(skeleton)
     model = _model(document)
@@ -75,7 +75,10 @@ def map_joints(skeleton: str, detector_joints: Sequence[str]) -> tuple[SkeletonM
 
 
 def skeleton_of(joint_names: Sequence[str]) -> str | None:
-    """Name of the installed skeleton with exactly these joints, in any order and spelling."""
+    """Return the name of the installed skeleton with exactly these joints, in any order and spelling.
+
+    None if there is none.
+    """
     vocabulary = _vocabulary()
     words = {vocabulary.get(joint, joint) for joint in joint_names}
     for name in skeleton_names():
@@ -85,9 +88,9 @@ def skeleton_of(joint_names: Sequence[str]) -> str | None:
 
 
 def fullest_skeleton(joint_names: Sequence[str]) -> str | None:
-    """Name of the installed skeleton all of whose joints can be had from these, and which uses most of them.
+    """Return the installed skeleton that these joints fill completely and that uses most of them.
 
-    Of equals the default comes first; None if none is filled.
+    On a tie the default is preferred. None if no skeleton is filled.
     """
     best, most = None, 0
     for name in sorted(skeleton_names(), key=lambda name: name != DEFAULT_SKELETON):
@@ -102,7 +105,7 @@ def fullest_skeleton(joint_names: Sequence[str]) -> str | None:
 
 
 def in_vocabulary(joint_names: Sequence[str]) -> tuple[str, ...]:
-    """Joint names in the vocabulary that all skeletons share; unknown ones as they are."""
+    """Return joint names in the vocabulary that all skeletons share; unknown names unchanged."""
     vocabulary = _vocabulary()
     return tuple(vocabulary.get(joint, joint) for joint in joint_names)
 
@@ -123,7 +126,11 @@ def _document(name_or_path: str) -> dict[str, Any]:
 
 
 def _checked(document: Any, path: Path) -> dict[str, Any]:
-    """Return the document with all of its keys, if it can be a skeleton."""
+    """Return the document with default values for missing keys, after checking that it is a skeleton.
+
+    Raises:
+        DataError: if it is none.
+    """
     wanted = {"name": str, "root": str, "head": str, "joints": dict, "bones": list}
     for key, kind in wanted.items():
         if not isinstance(document, dict) or not isinstance(document.get(key), kind):
@@ -135,7 +142,11 @@ def _checked(document: Any, path: Path) -> dict[str, Any]:
 
 
 def _check(document: dict[str, Any], path: Path) -> None:
-    """Whether bones, sides and means name joints of the file."""
+    """Check that bones, left-right pairs and means name joints of the file.
+
+    Raises:
+        DataError: if they do not, or have another structure.
+    """
     for joint, word in document["joints"].items():
         if not isinstance(joint, str) or not isinstance(word, str):
             raise DataError(f"{path}: joints must map names to names, found {shown(joint)}: {shown(word)}")
@@ -179,7 +190,7 @@ def _model(document: dict[str, Any]) -> SkeletonModel:
 
 @lru_cache(maxsize=1)
 def _vocabulary() -> dict[str, str]:
-    """Every joint name of an installed skeleton, and what it is in the shared vocabulary."""
+    """Return the map from the joint names of all installed skeletons to the shared vocabulary."""
     words: dict[str, str] = {}
     for name in skeleton_names():
         words.update(_document(name)["joints"])

@@ -1,7 +1,7 @@
-"""Tables of frame stamps in CSV: this project's timestamps.csv, and those of caliscope recordings.
+"""Read CSV tables of frame timestamps: this project's timestamps.csv, and those of caliscope recordings.
 
 caliscope writes `cam_id,frame_time` (older versions `port,frame_time`) in seconds, and sometimes
-`frame_index`. Its cameras are numbers there.
+`frame_index`. Its camera names are numbers.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from panoptic_ros.io.loading import read_unpacked
 
 NAMES = ("timestamps.csv", "frame_timestamps.csv", "frame_time_history.csv")
 OWN = ("camera", "frame", "stamp_ns")
-FOREIGN = ("cam_id", "port")  # columns that name the camera, beside frame_time
+FOREIGN = ("cam_id", "port")  # column with the camera name, in a table with frame_time
 TIME, INDEX = "frame_time", "frame_index"
 SECOND_NS = 1_000_000_000
-LARGEST = 2**63  # of stamps and indices, which are integers of 64 bits
+LARGEST = 2**63  # limit of timestamps and indices, which are 64-bit integers
 
 Rows = Iterator[tuple[int, dict[str, str]]]
 
 
 @dataclass
 class StampTable:
-    """Stamps of one camera in the order of its frames.
+    """Timestamps of one camera in the order of its frames.
 
     Args:
         stamps_ns: ns.
-        numbers: of the frames, where the device counts them; gaps are lost frames.
-        frames: of the file, or samples of a device that recorded sound; None: 0, 1, 2, ...
+        numbers: frame numbers, if the device counts its frames; gaps are lost frames.
+        frames: frame indices in the file, or sample indices of an audio device; None = 0, 1, 2, ...
     """
 
     stamps_ns: list[int]
@@ -41,15 +41,15 @@ class StampTable:
 
 
 def stamp_file(folder: Path) -> Path | None:
-    """Return the table of stamps of a capture folder, if there is one; of several the first in `NAMES`."""
+    """Return the timestamp table of a capture folder; the first of `NAMES` that exists, or None."""
     return next((folder / name for name in NAMES if (folder / name).is_file()), None)
 
 
 def read_stamps(path: Path) -> dict[str, StampTable]:
-    """Read stamps by camera, as the table calls it. The rows may come in any order.
+    """Read timestamps by camera name of the table. The rows may have any order.
 
     Raises:
-        DataError: naming the file and the line that has other columns, no numbers, or a frame twice.
+        DataError: naming the file and the line, on wrong columns, an invalid number, or a duplicate frame.
     """
     lines = csv_rows(decoded(read_unpacked(path), path), path)
     at, header = next(((line, row) for line, row in lines if row), (1, []))
@@ -65,10 +65,10 @@ def read_stamps(path: Path) -> dict[str, StampTable]:
 
 
 def stamps_of_frames(path: Path, tables: dict[str, StampTable]) -> dict[str, tuple[int, ...]]:
-    """Return the stamps of frames 0, 1, 2, ... by camera.
+    """Return the timestamps (ns) of frames 0, 1, 2, ... by camera.
 
     Raises:
-        DataError: naming the camera and the frame that has none.
+        DataError: naming the camera and the frame without a timestamp.
     """
     for camera, table in tables.items():
         for frame, found in enumerate(table.frames or ()):
@@ -106,7 +106,7 @@ def _read_foreign(path: Path, rows: Rows, camera: str) -> dict[str, StampTable]:
         where = f"{path} line {line}"
         if not row.get(camera):
             raise DataError(f"{where}: {camera} is missing")
-        if not row.get(TIME):  # a frame that did not come
+        if not row.get(TIME):  # a lost frame
             continue
         stamp = _number(row[TIME], SECOND_NS, f"{where}: {TIME}")
         times.setdefault(row[camera], []).append(stamp)
@@ -132,7 +132,7 @@ def _add(frames: dict[int, int], frame: int, stamp: int, what: str) -> None:
 
 
 def _number(text: str, unit: int, what: str) -> int:
-    """Return the nearest whole number of a text times `unit`; a float would lose digits."""
+    """Return a decimal text times `unit`, rounded to an integer. A float would lose digits."""
     try:
         value = Decimal(text) * unit
         if 0 <= value < LARGEST:

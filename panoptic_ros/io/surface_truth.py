@@ -1,4 +1,4 @@
-"""Points of the surface of people in the `truth.npz` of a photoreal capture."""
+"""Read body surface points from the `truth.npz` of a photoreal capture."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from panoptic_ros.evaluation.surface import SurfaceTruth
 from panoptic_ros.io.arrays import arrays_of
 
 NAME, KEYS = "truth.npz", ("times", "points", "point_bone")
-# Bones of the default rig of MakeHuman, by how their names begin, and our parts. Skin of the neck belongs to
-# torso and head alike.
+# Bones of MakeHuman's default rig (prefix of the name) and our body parts. The neck is "", because its skin
+# belongs to torso and head alike.
 BONES = {
     "upperarm": "elbow",
     "lowerarm": "wrist",
@@ -32,7 +32,7 @@ BONES = {
 
 
 def read_surface(folder: Path) -> SurfaceTruth | None:
-    """The surface of a capture folder; None if nothing tells it."""
+    """Read the surface truth of a capture folder; None if the file or its arrays are missing."""
     path = folder / NAME
     if not path.is_file():
         return None
@@ -45,6 +45,6 @@ def read_surface(folder: Path) -> SurfaceTruth | None:
 
 
 def part_of_bone(name: str) -> str:
-    """Our part, see `part_word`. Bones of the face are the head's."""
+    """Return our body part of a bone, see `part_word`. Bones without an entry belong to the face: "head"."""
     word = next((word for start, word in BONES.items() if name.startswith(start)), "head")
     return word if word in ("torso", "head", "") else f"{name[-1].lower()} {word}"

@@ -1,12 +1,13 @@
-"""Sync tables of CMU's Panoptic Studio: synctables_<sequence>.json and ksynctables_<sequence>.json.
+"""Read sync tables of CMU's Panoptic Studio: synctables_<sequence>.json and ksynctables_<sequence>.json.
 
-hd.univ_time[], kinect.color.KINECTNODE<n>.univ_time[] and kinect.depth.KINECTNODE<n>.univ_time[] are times
-in ms of one clock; values of 0 and below are frames that are not there. `index`, where given, is the frame
-in the video file.
+The arrays hd.univ_time, kinect.color.KINECTNODE<n>.univ_time and kinect.depth.KINECTNODE<n>.univ_time are
+times in ms of one clock. Values of 0 and below are missing frames. `index`, if present, is the frame in the
+video file.
 
-Which element of hd.univ_time belongs to image file N is contested. The toolbox's own MATLAB demo takes
-univ_time(N + 2), element N + 1 counted from 0 ("-2 is some weired offset in synctables"); ports take
-N, N + 1 or N + 2. `hd_base` says which; 1 is the demo's. Test it with something that both streams show.
+Sources disagree on the element of hd.univ_time that belongs to image file N. The toolbox's own MATLAB demo
+uses univ_time(N + 2), which is element N + 1 counted from 0 ("-2 is some weired offset in synctables"). Ports
+use N, N + 1 or N + 2. `hd_base` selects the offset; 1 is the demo's. Test it with an event that both streams
+show.
 """
 
 from __future__ import annotations
@@ -26,20 +27,21 @@ from panoptic_ros.io.loading import parsing
 Array = np.ndarray
 HD_BASES = (0, 1, 2)
 DEMO_BASE = 1
-LATEST_MS = 9.2e12  # ms of a stamp that fits 63 bits of ns, 292 years
+LATEST_MS = 9.2e12  # ms; the largest timestamp that fits into 63 bits of ns, 292 years
 _TABLE = keys(f"univ_time index {OTHERS}")
 KEYS = keys(OTHERS, hd=_TABLE, vga=_TABLE, kinect=keys(OTHERS, color={EACH: _TABLE}, depth={EACH: _TABLE}))
-COLOR_LATE_MS = 6.25  # color stamps are later than depth's by that, in CMU's demo
-GATE_DEPTH_COLOR_MS, GATE_COLOR_MS, GATE_DEPTH_MS = 6.5, 30.0, 17.0  # beyond them the demo takes no frame
+COLOR_LATE_MS = 6.25  # ms; CMU's demo subtracts this delay of color against depth timestamps
+# ms, gates of CMU's demo: beyond them it uses no frame.
+GATE_DEPTH_COLOR_MS, GATE_COLOR_MS, GATE_DEPTH_MS = 6.5, 30.0, 17.0
 
 
 @dataclass(frozen=True, eq=False)
 class SyncStream:
-    """The times of one stream.
+    """Times of one stream.
 
     Args:
-        times_ms: (N,) NaN where there is no frame.
-        index: (N,) frame in the video file.
+        times_ms: (N,) ms; NaN = missing frame.
+        index: (N,) frame index in the video file.
     """
 
     name: str
@@ -47,29 +49,29 @@ class SyncStream:
     index: Array
 
     def stamps(self) -> tuple[list[int], list[int]]:
-        """Stamps in ns and frame numbers of the frames that are there."""
+        """Return the timestamps (ns) and frame indices of the frames that exist."""
         there = np.isfinite(self.times_ms)
         return [round(1e6 * t) for t in self.times_ms[there]], self.index[there].tolist()
 
     def nearest(self, time_ms: float) -> int | None:
-        """The element that is nearest in time, None if the stream has no frame."""
+        """Return the index of the element nearest in time; None if the stream has no frame."""
         away = np.abs(self.times_ms - time_ms)
         return int(np.nanargmin(away)) if np.isfinite(away).any() else None
 
 
 @dataclass(frozen=True)
 class KinectMatch:
-    """Frames of one Kinect for an HD frame, as indices into its video files; None: none is near."""
+    """Frames of one Kinect for an HD frame, as indices into its videos; None = no frame within the gate."""
 
     color: int | None
     depth: int | None
 
 
 def read_synctables(*paths: Path) -> dict[str, SyncStream]:
-    """Streams by name: "hd", "vga" if there, "color/KINECTNODE1", "depth/KINECTNODE1", ...
+    """Read the streams by name: "hd", "vga" if present, "color/KINECTNODE1", "depth/KINECTNODE1", ...
 
     Raises:
-        DataError: naming the file and the member that is no table of times.
+        DataError: naming the file and the entry that is no table of times.
     """
     streams: dict[str, SyncStream] = {}
     for path in paths:
@@ -90,7 +92,7 @@ def read_synctables(*paths: Path) -> dict[str, SyncStream]:
 
 
 def hd_time_ms(streams: Mapping[str, SyncStream], frame: int, hd_base: int = DEMO_BASE) -> float:
-    """The time of HD image file `frame` (counted from 0), ms; NaN if it has none.
+    """Return the time (ms) of HD image file `frame` (counted from 0); NaN if it is missing.
 
     Raises:
         DataError: for a base other than 0, 1 and 2, a frame beyond the table, or tables without hd.
@@ -108,7 +110,7 @@ def hd_time_ms(streams: Mapping[str, SyncStream], frame: int, hd_base: int = DEM
 def match_kinects(
     streams: Mapping[str, SyncStream], frame: int, hd_base: int = DEMO_BASE
 ) -> dict[str, KinectMatch]:
-    """The frames of every Kinect at an HD frame, with the gates of CMU's demo (30, 17 and 6.5 ms).
+    """Return the frames of every Kinect at an HD frame, within the gates of CMU's demo (30, 17 and 6.5 ms).
 
     Raises:
         DataError: see `hd_time_ms`.

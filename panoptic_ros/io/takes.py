@@ -1,8 +1,8 @@
-"""Open takes: live recordings that are marked open until they are closed, and named after a crash.
+"""Mark live recordings (takes) as open until they are closed, and find unclosed takes after a crash.
 
-A take holds the file `take.open` from its first second until it is closed. The recording process keeps a lock
-on that file, so a file without a lock shows a killed process or a power cut. The paths of
-open takes are also listed in the user's state folder, where `panoptic doctor` and the next run find them.
+A take folder holds the file `take.open` from its first second until it is closed. The recording process keeps
+a lock on that file. A file without a lock means that the process was killed or the power failed. The user's
+state folder also lists the paths of open takes; `panoptic doctor` and the next run find them there.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ from pathlib import Path
 from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.resources import state_folder
 
-OPEN = "take.open"  # name of the mark in the folder of a take
-LISTED = "takes"  # folder in the user's state folder, one file for each open take
+OPEN = "take.open"  # name of the marker file in the folder of a take
+LISTED = "takes"  # folder in the user's state folder, with one file for each open take
 
 
 @dataclass(frozen=True)
 class UnclosedTake:
-    """A take that no process closed.
+    """A take that its process did not close.
 
     Args:
-        path: its folder. began: when it began, in local time; "" if the mark does not say.
+        path: its folder.
+        began: start in local time; "" if the marker file does not state it.
     """
 
     path: Path
@@ -44,13 +45,13 @@ class UnclosedTake:
 
 
 class OpenTake:
-    """The mark of a take that is being recorded.
+    """Marker of a take that is being recorded.
 
     Args:
-        folder: of the take; it exists.
+        folder: folder of the take; it exists.
 
     Raises:
-        EnvironmentProblem: if the mark cannot be written.
+        EnvironmentProblem: if the marker file cannot be written.
     """
 
     def __init__(self, folder: Path):
@@ -59,37 +60,37 @@ class OpenTake:
         about = {"process": os.getpid(), "host": platform.node(), "began": time.strftime("%Y-%m-%d %H:%M:%S")}
         with file_errors(self._mark, "write"):
             self._lock = os.open(self._mark, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
-            with suppress(OSError):  # a file system without locks has the mark alone
+            with suppress(OSError):  # on a file system without locks the marker file alone is used
                 fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             os.write(self._lock, json.dumps(about).encode())
             os.fsync(self._lock)
             sync_folder(folder)
             sync_folder(folder.parent)
-        with suppress(OSError):  # no such folder can be made: the mark in the folder of the take remains
+        with suppress(OSError):  # without a state folder, the marker file in the take folder remains
             self._entry.parent.mkdir(parents=True, exist_ok=True)
             self._entry.write_text(str(folder.resolve()))
 
     def close(self) -> None:
-        """Remove the mark: the take is whole."""
+        """Remove the marker file: the take is complete."""
         self._mark.unlink(missing_ok=True)
         self.leave()
         with suppress(OSError):
             self._entry.unlink(missing_ok=True)
 
     def leave(self) -> None:
-        """Keep the mark and free the lock: the take is not whole."""
+        """Release the lock and keep the marker file: the take is incomplete."""
         if self._lock >= 0:
             os.close(self._lock)
             self._lock = -1
 
 
 def sync_folder(folder: Path) -> None:
-    """Write the entries of a folder to the disk, where the file system can."""
+    """Sync the entries of a folder to the disk, if the file system supports it."""
     _sync(folder)
 
 
 def sync_files(folder: Path) -> None:
-    """Write a folder and its files to the disk, where the file system can."""
+    """Sync a folder and its files to the disk, if the file system supports it."""
     for path in (*folder.iterdir(), folder, folder.parent):
         _sync(path)
 
@@ -104,7 +105,7 @@ def _sync(path: Path) -> None:
 
 
 def is_recorded_now(folder: Path) -> bool:
-    """Return whether some process records a take at this moment."""
+    """Return whether a process records this take now."""
     try:
         descriptor = os.open(folder / OPEN, os.O_RDWR)
     except OSError:
@@ -132,7 +133,7 @@ def unclosed_take(folder: Path) -> UnclosedTake | None:
 
 
 def unclosed_takes() -> list[UnclosedTake]:
-    """Return the takes of this user that are marked open without a recording process; forget the others."""
+    """Return the user's takes that are marked open without a recording process; unlist finished takes."""
     found = []
     with suppress(OSError):
         for entry in sorted((state_folder() / LISTED).iterdir()):
@@ -141,13 +142,14 @@ def unclosed_takes() -> list[UnclosedTake]:
                 take = unclosed_take(folder)
                 if take is not None:
                     found.append(take)
-                elif folder.parent.exists() and not (folder / OPEN).is_file():  # else its disk is away
+                # otherwise its disk is not mounted
+                elif folder.parent.exists() and not (folder / OPEN).is_file():
                     entry.unlink(missing_ok=True)
     return found
 
 
 def mark_saved(folder: Path) -> None:
-    """Remove the mark of a take that was repaired into a new folder."""
+    """Remove the marker of a take that was repaired into a new folder."""
     if unclosed_take(folder) is not None:
         with suppress(OSError):
             (folder / OPEN).unlink(missing_ok=True)
@@ -155,5 +157,5 @@ def mark_saved(folder: Path) -> None:
 
 
 def _entry_of(folder: Path) -> Path:
-    """Return the file that lists a take."""
+    """Return the state file that lists a take."""
     return state_folder() / LISTED / sha256(str(folder.resolve()).encode()).hexdigest()[:20]

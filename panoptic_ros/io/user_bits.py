@@ -1,13 +1,13 @@
-"""The date and zone that the user bits of a timecode may hold (SMPTE ST 309)."""
+"""Decode the date and time zone in the user bits of a timecode (SMPTE ST 309)."""
 
 from __future__ import annotations
 
 import datetime
 from dataclasses import dataclass
 
-ZONE_CODE, MODIFIED_JULIAN_DAY = 0x3F, 0x80  # bits of groups 7 and 8; 0x40 is summer time
+ZONE_CODE, MODIFIED_JULIAN_DAY = 0x3F, 0x80  # bit masks of groups 7 and 8; 0x40 marks daylight saving time
 FIRST_DAY = datetime.date(1858, 11, 17)
-_RUNS = (  # first code, minutes ahead of UTC, step, number of codes
+_RUNS = (  # first code, offset to UTC in minutes, step in minutes, number of codes
     (0x00, 0, -60, 10),
     (0x0A, -30, -60, 6),
     (0x10, -600, -60, 3),
@@ -23,17 +23,18 @@ ZONES = {code + k: ahead + step * k for code, ahead, step, count in _RUNS for k 
 
 @dataclass(frozen=True, slots=True)
 class DateAndZone:
-    """A day, and what a clock there is ahead of UTC; None if the code says something else."""
+    """A date, and the offset of its time zone to UTC; None if the code is no offset."""
 
     date: datetime.date
     zone: datetime.timedelta | None
 
 
 def date_of(user_bits: int) -> DateAndZone | None:
-    """The date in user bits by SMPTE ST 309; None if they are no date.
+    """Decode the date in user bits by SMPTE ST 309; None if they hold no date.
 
     Groups 1 to 6 hold day, month and year of the century, units first, or a modified Julian day of six
-    digits; groups 7 and 8 the zone, the highest bit telling the format. Years below 67 are after 2000.
+    digits. Groups 7 and 8 hold the zone; their highest bit selects the date format. Years below 67 are after
+    2000.
 
     Args:
         user_bits: 32 bits, group 1 in the lowest four.

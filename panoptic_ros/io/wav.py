@@ -1,4 +1,4 @@
-"""WAV files: PCM of 8 to 32 bits and floats, any number of channels."""
+"""Read and write WAV files: PCM of 8 to 32 bits and floats, any number of channels."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from panoptic_ros.io.files import write_bytes
 from panoptic_ros.io.loading import check_file, file_errors, read_bytes
 
 Array = np.ndarray
-HIGHEST_RATE = 10_000_000  # Hz; recorders for sound have 768 000
+HIGHEST_RATE = 10_000_000  # Hz; audio recorders reach 768 000
 
 
 def read_wav(path: Path, channel: int = 0) -> tuple[int, Array]:
-    """Sample rate, Hz, and the samples (N,) float32 in -1..1 of one channel, counted from 0.
+    """Read the sample rate (Hz) and one channel (counted from 0) as samples (N,) float32 in -1..1.
 
     Raises:
         DataError: if it is no WAV file, or an empty one.
-        UsageError: if there is no such channel.
+        UsageError: if the channel does not exist.
     """
     sample_rate, samples = _read(path)
     if not 0 <= channel < samples.shape[1]:
@@ -30,7 +30,7 @@ def read_wav(path: Path, channel: int = 0) -> tuple[int, Array]:
 
 
 class WavFile:
-    """A file of any length, whose samples are read as they are asked for.
+    """WAV file of any length, whose samples are read on demand.
 
     Raises:
         DataError: if it is no WAV file, or an empty one.
@@ -42,24 +42,28 @@ class WavFile:
 
     @property
     def channels(self) -> int:
-        """How many there are."""
+        """Return the number of channels."""
         return int(self._stored.shape[1])
 
     def __len__(self) -> int:
         return len(self._stored)
 
     def samples(self, first: int, end: int) -> Array:
-        """Samples (N, C) float32 in -1..1 from `first` to before `end`.
+        """Return samples (N, C) float32 in -1..1 from `first` to before `end`.
 
         Raises:
-            DataError: if some are not finite.
+            DataError: if a sample is not finite.
         """
         return _as_float(self.path, np.asarray(self._stored[first:end]))
 
 
 def _read(path: Path, mapped: bool = False) -> tuple[int, Array]:
-    """Sample rate and samples (N, C) as they are stored; mapped: in the file, where its format allows."""
-    from scipy.io import wavfile  # takes long to load, which most runs do not need
+    """Return the sample rate (Hz) and the samples (N, C) as stored.
+
+    Args:
+        mapped: memory-map the file if its format allows it.
+    """
+    from scipy.io import wavfile  # slow to import, and most runs do not need it
 
     check_file(path)
     data = None if mapped else read_bytes(path)
@@ -67,12 +71,12 @@ def _read(path: Path, mapped: bool = False) -> tuple[int, Array]:
         with warnings.catch_warnings(), file_errors(path, "read"):
             warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that are not audio
             sample_rate, samples = wavfile.read(path if data is None else io.BytesIO(data), mmap=mapped)
-    except NameError:  # the reader's own, where a file has no data chunk
+    except NameError:  # scipy raises it for a file without a data chunk
         raise DataError(f"{path} is no WAV file that can be read: it has no samples") from None
     except UserError:
         raise
-    except Exception as error:  # scipy trusts the header: damage shows as anything
-        if mapped:  # 24 bits cannot be
+    except Exception as error:  # scipy trusts the header, so a damaged file can raise any exception
+        if mapped:  # 24-bit samples cannot be mapped
             return _read(path)
         raise DataError(f"{path} is no WAV file that can be read: {one_line(error)}") from None
     if not len(samples):
@@ -93,8 +97,8 @@ def _as_float(path: Path, samples: Array) -> Array:
 
 
 def write_wav(path: Path, sample_rate: int, samples: Array) -> None:
-    """Write samples (N,) or (N, C) in -1..1 as 16-bit PCM; what is beyond is clipped."""
-    from scipy.io import wavfile  # takes long to load, which most runs do not need
+    """Write samples (N,) or (N, C) in -1..1 as 16-bit PCM; clip values beyond."""
+    from scipy.io import wavfile  # slow to import, and most runs do not need it
 
     levels = np.clip(np.round(np.asarray(samples, np.float64) * 32767.0), -32768, 32767)
     buffer = io.BytesIO()

@@ -1,9 +1,9 @@
-"""Compiled functions: numba's `njit` with a cache that never holds stale code.
+"""Compiled functions: numba's `njit` with a cache that never returns stale code.
 
-Every module with compiled functions takes `njit` from here. The cache is named by the contents of all
-sources that such a module can reach, so it does not matter where the package is installed, and no edit,
-`git pull` or colcon workspace runs what was compiled from other sources. This room reads sources and the
-environment, which the other rooms of its rank may not: that is its task, and no result depends on it.
+Every module with compiled functions imports `njit` from here. The name of a cache folder is a hash of all
+sources that its module can import. So the install location does not matter, and an edit, a `git pull` or
+another colcon workspace never runs code compiled from other sources. This package reads sources and the
+environment, which other packages of its layer may not. No result depends on them.
 """
 
 from panoptic_ros.kernels.cache import cache_folder, damaged_files, remove_damaged

@@ -1,8 +1,9 @@
-"""Where compiled kernels are kept: one folder per module, named by all that its code depends on.
+"""Cache of compiled kernels on disk.
 
-Files have checksums: one that was cut or damaged is as none, and is compiled again. numba itself trusts its
-files. One that was cut, e.g. by a full disk or a power cut, raises an error in every run that follows, and
-changed machine code would be run.
+Each module has a folder, whose name contains a hash of everything that its code depends on. Files have
+checksums. A truncated or damaged file counts as missing, and its kernel is compiled again. numba itself does
+not check its files. A file truncated by a full disk or a power cut would raise an error in every later run,
+and altered machine code would be executed.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ from numba.core.runtime.nrt import rtsys
 
 from panoptic_ros.kernels.sources import closure_hash, edited_meanwhile
 
-KEPT = 4  # folders of every module, of the last used: other checkouts, and the way back
-MARK = b"panoptic-kernel-1\n"  # at the beginning, then four bytes of checksum, big-endian
-SUFFIXES = (".nbi", ".nbc")  # numba's names for indices and for code
-DAY_S = 86_400.0  # for which a folder is kept in any case, as somebody may be at work with it
+KEPT = 4  # most recently used folders per module: other checkouts, and earlier versions
+MARK = b"panoptic-kernel-1\n"  # start of a file, followed by a checksum of four bytes, big-endian
+SUFFIXES = (".nbi", ".nbc")  # numba's file suffixes of indices and of code
+DAY_S = 86_400.0  # a folder is kept at least this long, because another process may use it
 SETTINGS: Any = numba.config
 VERSIONS = (
     f"Python {sys.version} numpy {np.__version__} numba {numba.__version__} "
@@ -42,12 +43,12 @@ VERSIONS = (
 
 @cache
 def cache_folder() -> Path:
-    """The folder of all kernels, which can be written: where NUMBA_CACHE_DIR says, or in the user's cache.
+    """Return the writable folder of all kernels: in NUMBA_CACHE_DIR if set, or in the user's cache.
 
-    Where neither can be written, a folder of the user's own among the temporary ones.
+    If that is not writable, return a folder of this user among the temporary files.
 
     Raises:
-        OSError: if there is no place at all, or somebody else owns that folder: what is in it would be run.
+        OSError: if no place is writable, or another user owns that folder: its files would be executed.
     """
     for place in _places():
         try:
@@ -75,7 +76,7 @@ def _places() -> list[Path]:
 
 @cache
 def module_folder(module: str) -> Path:
-    """The folder of a module's kernels, which need not be there yet; marked as used if it is."""
+    """Return the folder of a module's kernels, which may not exist; if it does, mark it as used."""
     name = module.partition(".")[2]
     folder = cache_folder() / f"{name}-{hash_of(VERSIONS, closure_hash(module))}"
     with suppress(FileNotFoundError):
@@ -84,14 +85,14 @@ def module_folder(module: str) -> Path:
 
 
 def hash_of(*texts: str) -> str:
-    """A short hash for the name of a file."""
+    """Return a short hash of texts for a file name."""
     return sha256("\n".join(texts).encode()).hexdigest()[:20]
 
 
 def remove_old(folder: Path) -> None:
-    """Remove the folders of a module's other versions, but for the last used ones.
+    """Remove the folders of a module's other versions, except for the most recently used ones.
 
-    Several processes may do so at a time. One that works with a removed folder makes it anew.
+    Several processes may do so at a time. A process that uses a removed folder creates it again.
     """
     stem = folder.name.rpartition("-")[0]
     others = [path for path in folder.parent.glob(f"{stem}-*") if path.name.rpartition("-")[0] == stem]
@@ -102,7 +103,7 @@ def remove_old(folder: Path) -> None:
 
 
 def _used_s(path: Path) -> float:
-    """When a folder was used last; now, if another process has just removed it."""
+    """Return the time of last use of a folder, s since 1970; now, if another process has just removed it."""
     try:
         return path.stat().st_mtime
     except FileNotFoundError:
@@ -110,7 +111,7 @@ def _used_s(path: Path) -> float:
 
 
 class _Locator:
-    """What numba asks for the place of a function's kernels; see `numba.core.caching`."""
+    """Locator that numba asks for the place of a function's kernels; see `numba.core.caching`."""
 
     def __init__(self, function: Callable[..., Any], path: str):
         self._py_file = path
@@ -137,7 +138,7 @@ class _Locator:
 
 
 class KeptFile(IndexDataCacheFile):
-    """The index of one function and its files of code, see `numba.core.caching`."""
+    """Index of one function and its code files, with checksums; see `numba.core.caching`."""
 
     def _load_index(self) -> Any:
         content = _content(Path(self._index_path))
@@ -152,7 +153,7 @@ class KeptFile(IndexDataCacheFile):
     def _load_data(self, name: str) -> Any:
         content = _content(Path(self._data_path(name)))
         if content is None:
-            raise FileNotFoundError(f"{name} is not there or damaged")  # numba compiles then
+            raise FileNotFoundError(f"{name} is not there or damaged")  # numba then compiles
         return pickle.loads(content)
 
     def _save_data(self, name: str, data: Any) -> None:
@@ -170,7 +171,7 @@ class _Kernels(CompileResultCacheImpl):
 
 
 class KernelCache(FunctionCache):
-    """The cache of one function; nothing is kept of sources that were edited after the process began."""
+    """Cache of one function; nothing is stored if its sources were edited after the process started."""
 
     _impl_class = _Kernels
 
@@ -184,27 +185,32 @@ class KernelCache(FunctionCache):
             self.disable()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """numba's, or None where what is kept cannot be loaded, e.g. a record of arguments moved: compile.
+        """Return the kernel for a signature; None if the stored one cannot be loaded, so numba compiles.
 
-        numba loads all that it compiles with first, a quarter of a second, and again where it does compile.
-        What is compiled already needs the counts of references alone.
+        Loading fails, for example, if the class of an argument was moved to another module. This method
+        initialises only the reference counting, and a compiled kernel needs no more. In contrast,
+        numba's own method first loads everything for compilation, which takes a quarter of a second. It does
+        so again when it compiles.
         """
         try:
             rtsys.initialize(target_context)
             with self._guard_against_spurious_io_errors():
                 return self._load_overload(sig, target_context)
-        except Exception:  # a file of another program's, or that was cut: unpickling it raises anything
+        except Exception:  # a file of another program or a truncated one: unpickling can raise anything
             with suppress(OSError):
                 self._cache_file.flush()
             return None
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        """numba's key, and the names of fields: numba knows named tuples by the name of their class only."""
+        """Return numba's key with the field names of named tuples added.
+
+        numba distinguishes named tuples by their class name only.
+        """
         return (*super()._index_key(sig, codegen), tuple(_field_names(getattr(sig, "args", sig))))
 
 
 def _field_names(kinds: Any) -> Iterator[tuple[str, ...]]:
-    """The fields of all named tuples among types and inside of them, in order."""
+    """Yield the fields of all named tuples among types and inside them, in order."""
     for kind in kinds:
         yield tuple(getattr(kind, "fields", ()))
         if isinstance(kind, types.BaseTuple):
@@ -212,7 +218,7 @@ def _field_names(kinds: Any) -> Iterator[tuple[str, ...]]:
 
 
 def remove_damaged(folder: Path) -> int:
-    """Remove files of compiled kernels below a folder that are cut or damaged; return how many there were."""
+    """Remove truncated or damaged files of compiled kernels below a folder; return their number."""
     count = 0
     for path in damaged_files(folder):
         with suppress(OSError):
@@ -222,9 +228,9 @@ def remove_damaged(folder: Path) -> int:
 
 
 def damaged_files(folder: Path) -> list[Path]:
-    """Return files of compiled kernels below a folder that are cut or damaged.
+    """Return truncated or damaged files of compiled kernels below a folder.
 
-    Folders in which no file has a checksum are of earlier versions, which had none.
+    Folders in which no file has a valid checksum are skipped: they are of earlier versions without checksums.
     """
     found: list[Path] = []
     for place in folder.glob("*/"):
@@ -235,7 +241,7 @@ def damaged_files(folder: Path) -> list[Path]:
 
 
 def _content(path: Path) -> bytes | None:
-    """Return the bytes behind the checksum of a file; None if it is not there, or not as it was written."""
+    """Return the bytes after the checksum of a file; None if it is missing or its checksum is wrong."""
     try:
         data = path.read_bytes()
     except OSError:

@@ -1,4 +1,4 @@
-"""`njit` of this package, and what tells that it compiles."""
+"""`njit` of this package, and a monitor of compilations."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def njit(**options: Any) -> Callable[[Function], Function]:
-    """numba's `njit` with the options that it takes; compiled code is kept in this package's cache.
+    """Return numba's `njit` decorator with these options, which stores compiled code in this package's cache.
 
-    A type checker sees the function as it is written, so calls of kernels are checked as all others are.
+    A type checker sees the undecorated function, so calls of kernels are checked like all other calls.
     """
 
     def compiled(function: Function) -> Function:
@@ -30,8 +30,9 @@ def njit(**options: Any) -> Callable[[Function], Function]:
     return compiled
 
 
-# For parts of kernels: inlined, and without counts of references, which cost more than many a part does. So a
-# record of many arrays is as cheap an argument as one number; but a part neither makes nor returns arrays.
+# For parts of kernels: they are inlined, without reference counts, which often cost more than the part
+# itself. So a record of many arrays is as cheap an argument as one number. Such a part must neither make nor
+# return arrays.
 inlined = njit(cache=True, error_model="numpy", nogil=True, forceinline=True, _nrt=False)
 
 
@@ -49,11 +50,10 @@ class _Compilations(event.Listener):
 
 @contextmanager
 def on_compilation(told: Callable[[str], None], ended: Callable[[], None] = lambda: None) -> Iterator[None]:
-    """While this holds, call `told` with the full name of every function when its compilation begins, and
-    `ended` when it ends.
+    """Within this context, call `told` when the compilation of a function begins, and `ended` when it ends.
 
-    Kernels that are taken from the cache are not told. Both are called in the thread that compiles; what
-    other threads compile meanwhile is told too.
+    Kernels that are loaded from the cache are not reported. Both functions are called in the thread that
+    compiles. Compilations in other threads are reported too. `told` gets the full name of the function.
     """
     listener = _Compilations(told, ended)
     event.register("numba:compile", listener)

@@ -1,4 +1,4 @@
-"""What compiled code is made from: the sources that a module imports, however indirectly, by content."""
+"""Sources that a module imports directly or indirectly, and hashes of their contents."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 PACKAGE = "panoptic_ros"
 ROOT = Path(__file__).resolve().parent.parent
-BEGAN_S = time.time()  # what is edited later may differ from what this process has imported
+BEGAN_S = time.time()  # process start; sources edited later may differ from the imported ones
 _NAMES = rb"(?:\(([^)]*)\)|([^\n]*))"
 _FROM = re.compile(rb"^[ \t]*from[ \t]+(" + PACKAGE.encode() + rb"[\w.]*)[ \t]+import[ \t]+" + _NAMES, re.M)
 _IMPORT = re.compile(rb"^[ \t]*import[ \t]+([^\n#]*)", re.M)
@@ -18,10 +18,10 @@ _IMPORT = re.compile(rb"^[ \t]*import[ \t]+([^\n#]*)", re.M)
 
 @cache
 def closure(module: str) -> tuple[Path, ...]:
-    """All sources of the package that a module's compiled code may be made from, its own first.
+    """Return all sources of the package that a module's compiled code may depend on, its own first.
 
-    They are found by reading the import statements, in functions too. A name in a comment may add a file,
-    which costs a compilation and is never wrong.
+    They are found by reading the import statements, including those in functions. A name in a comment may add
+    a file. This costs a compilation at worst and never gives a wrong result.
     """
     found: dict[Path, None] = {}
     waiting = [module]
@@ -34,18 +34,24 @@ def closure(module: str) -> tuple[Path, ...]:
 
 
 def closure_hash(module: str) -> str:
-    """Hash of the names inside of the package and the contents of `closure`."""
+    """Return a hash of the paths (relative to the package) and contents of `closure`."""
     return _hash(closure(module))
 
 
 def all_sources_hash() -> str:
-    """Hash of all sources of the package: what is called, and with which types, may depend on any."""
+    """Return a hash of all sources of the package.
+
+    The set of called kernels and their argument types may depend on any source.
+    """
     return _hash(tuple(sorted(ROOT.rglob("*.py"))))
 
 
 @cache
 def edited_meanwhile(module: str) -> bool:
-    """Whether a source of `closure` was edited since this process began: it may hold the older version."""
+    """Return whether a source of `closure` was edited since this process started.
+
+    The process may then have imported the older version.
+    """
     return any(BEGAN_S < path.stat().st_mtime < time.time() for path in closure(module))
 
 
@@ -63,7 +69,7 @@ def _content_hash(path: Path) -> str:
 
 @cache
 def _imports(path: Path) -> frozenset[str]:
-    """Names of modules that a source imports, and of the packages around them; some may not exist."""
+    """Return names of modules that a source imports, and of their parent packages; some may not exist."""
     source = path.read_bytes()
     found = set()
     for base, many, few in _FROM.findall(source):
@@ -76,7 +82,7 @@ def _imports(path: Path) -> frozenset[str]:
 
 @cache
 def _path(module: str) -> Path | None:
-    """The source of a module of the package; None if there is none of this name."""
+    """Return the source of a module of the package; None if no module has this name."""
     place = ROOT.joinpath(*module.split(".")[1:])
     for path in (place / "__init__.py", place.with_suffix(".py")):
         if path.is_file():

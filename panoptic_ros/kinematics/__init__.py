@@ -1,2 +1,2 @@
-"""The moving body: poses of a skeleton of segments from any mix of cameras and IMUs (Malleson et al.
+"""Kinematics: poses of a skeleton of segments, from any combination of cameras and IMUs (Malleson et al.
 2020)."""

@@ -1,7 +1,7 @@
-"""Solved bodies as the record that travels.
+"""Conversion of solved bodies to the published record.
 
-A detector's constant biases are the same at every instant, so no filter sees them: what places state of their
-errors has them added here, as refinement adds them to those of skeletons.
+Constant biases of a detector are the same at every instant, so no filter observes them. They are therefore
+added to the covariances of positions here, as refinement adds them to those of skeletons.
 """
 
 from __future__ import annotations
@@ -23,7 +23,12 @@ Array = np.ndarray
 
 
 class Solved(NamedTuple):
-    """A body of an instant, whose it is, and what it rests on: `BodySource`, cameras, devices."""
+    """Body of a person at an instant, and the data from which it was solved.
+
+    Attributes:
+        state, body: Solved state, and lengths of the person.
+        source, views, devices: `BodySource`, number of cameras, number of devices.
+    """
 
     state: BodyState
     body: Body
@@ -40,10 +45,11 @@ def body_set(
     skeleton: SkeletonModel,
     bodies: Sequence[Solved],
 ) -> BodyStateSet:
-    """The record of an instant, bodies by their ids.
+    """Return the record of an instant, with bodies in the order of their ids.
 
     Args:
-        model: of all bodies. skeleton: whose joints the keypoints are.
+        model: Skeleton of segments of all bodies.
+        skeleton: Skeleton whose joints are the keypoints.
     """
     rows = sorted(bodies, key=lambda row: row.state.id)
     count, segments, joints = len(rows), len(model.names), len(skeleton.joint_names)
@@ -86,7 +92,11 @@ def body_set(
 
 
 def _freedoms(model: SegmentModel, places: Array, frames: Array) -> Array:
-    """Root and rotation vectors (B, 3 + 3 S) of bodies: places (B, S, 3), frames (B, S, 3, 3)."""
+    """Return root positions and rotation vectors (B, 3 + 3 S) of bodies.
+
+    Args:
+        places, frames: (B, S, 3) m and (B, S, 3, 3).
+    """
     above = frames[:, model.parents]
     turns = above.swapaxes(-1, -2) @ frames
     turns[:, 0] = frames[:, 0]
@@ -97,7 +107,10 @@ def _freedoms(model: SegmentModel, places: Array, frames: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def _sites(body: Body, skeleton: SkeletonModel) -> tuple[Array, Array, Array]:
-    """Joints (N,) of the skeleton that a body has, their segments (N,) and places (N, 3) m in these."""
+    """Return the skeleton's joints (N,) that a body has, their segments (N,) and offsets (N, 3) m.
+
+    Offsets are in the frames of the segments.
+    """
     known = [
         (j, *body.keypoints[name]) for j, name in enumerate(skeleton.joint_names) if name in body.keypoints
     ]
@@ -119,8 +132,13 @@ def _carry(
     points: Array,
     spreads: Array,
 ) -> None:
-    """Sites (N,) of segments, see `_sites`, into joints (J, 3) m and their covariances (J, 3, 3), from places
-    (S, 3), frames (S, 3, 3) and covariances (S, 6, 6)."""
+    """Compute joints (J, 3) m and their covariances (J, 3, 3) m^2 from the segments.
+
+    Args:
+        joints, segments, offsets: (N,), (N,) and (N, 3) m, see `_sites`.
+        places, frames, covariances: (S, 3) m, (S, 3, 3) and (S, 6, 6), of the segments.
+        points, spreads: (J, 3) and (J, 3, 3) outputs.
+    """
     slope = np.zeros((3, 6))
     for i in range(3):
         slope[i, i] = 1.0
@@ -128,7 +146,7 @@ def _carry(
         s, j = segments[n], joints[n]
         x, y, z = frames[s] @ offsets[n]
         points[j, 0], points[j, 1], points[j, 2] = places[s, 0] + x, places[s, 1] + y, places[s, 2] + z
-        slope[0, 4], slope[0, 5] = z, -y  # of u x arm by u
+        slope[0, 4], slope[0, 5] = z, -y  # derivatives of u x arm by u
         slope[1, 3], slope[1, 5] = -z, x
         slope[2, 3], slope[2, 4] = y, -x
         spreads[j] = slope @ covariances[s] @ slope.T

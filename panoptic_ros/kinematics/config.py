@@ -1,4 +1,4 @@
-"""Parameters of the moving body."""
+"""Parameters of the kinematics stage."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from panoptic_ros.params import Config, param
 
 @dataclass(frozen=True, kw_only=True)
 class KinematicsConfig(Config):
-    """Weights are stated as standard deviations; those of the paper are in the preset malleson-2020."""
+    """Parameters of the kinematics stage.
+
+    Weights are stated as standard deviations. Those of the paper are in the preset malleson-2020.
+    """
 
     subjects: tuple[str, ...] = param(
         (), doc="Files of the designated people; `panoptic run --subject FILE` gives them."
@@ -149,5 +152,5 @@ class KinematicsConfig(Config):
 
     @property
     def runs(self) -> bool:
-        """Whether there is anybody to solve for."""
+        """Return whether there are people to solve for."""
         return bool(self.subjects) or self.everybody

@@ -1,4 +1,5 @@
-"""What may be in the state of the moving body: classes, and the attributes of those that do not tell them."""
+"""Classes that the state of the kinematics stage may hold, with the attributes of those that do not declare
+them."""
 
 from __future__ import annotations
 

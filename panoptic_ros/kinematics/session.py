@@ -1,4 +1,4 @@
-"""A whole recording, solved for its subjects in the order of time; and whose its 2D people are, instant by
+"""Solver for a whole recording: bodies of its subjects in order of time, and assignment of 2D poses at each
 instant."""
 
 from __future__ import annotations
@@ -32,13 +32,19 @@ from panoptic_ros.kinematics.people.seen_people import LONGEST_GAP_NS, NEAR_NS
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 
 Array = np.ndarray
-ALIGNED_S = 15.0  # of the recording, from which heading and clock of the IMUs are found
-SAME_SET = 0.75  # of a period of the quickest camera: images that are so near are put together
+ALIGNED_S = 15.0  # time from the start of the recording that is used for heading and clock of the IMUs
+SAME_SET = 0.75  # fraction of the fastest camera's period: images within it form one set
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """2D people by the index of the camera in the rig, in `joint_names`, and IMU samples by device."""
+    """Data of a recording.
+
+    Attributes:
+        rig, joint_names: Cameras, and joint names of the 2D poses.
+        views: 2D poses by the index of the camera in the rig.
+        devices: IMU samples by device.
+    """
 
     rig: Rig | None
     joint_names: tuple[str, ...]
@@ -48,8 +54,13 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Bodies of all instants, the people as they are at the end, and what the user should know, a line
-    each."""
+    """Result for a recording.
+
+    Attributes:
+        states: Bodies of all instants.
+        people: The people in their final state.
+        notices: Lines for the user.
+    """
 
     states: list[BodyState]
     people: list[Person]
@@ -59,12 +70,13 @@ class Solved:
 def solve_recording(
     recording: Recording, subjects: Sequence[Subject], config: KinematicsConfig, statistics: PoseStatistics
 ) -> Solved:
-    """Bodies of the subjects at the configured rate, by the people of the live stage.
+    """Return the bodies of the subjects at the configured rate.
 
-    What a recording tells as a whole is found first: headings, clocks and mountings of IMUs, and instants.
+    The class `Person` solves for them, as in the live stage. Heading, clock and mountings of IMUs are
+    determined from the recording first, and so are the instants.
 
     Raises:
-        DataError: if nothing tells how a subject's IMUs are mounted, or where one of several people starts.
+        DataError: If no data determine a subject's mountings, or which of several people a subject is.
     """
     recording, notices = _without_odd_devices(recording, subjects)
     headings: dict[int, float] = {}
@@ -109,7 +121,10 @@ def solve_recording(
 
 
 def instants_of(views: Mapping[int, ViewSeries], devices: Mapping[str, ImuSeries], rate_hz: float) -> Array:
-    """Instants (T,) ns of a fixed rate, from the first camera's first image on, or the first IMU sample."""
+    """Return the instants (T,) ns of a fixed rate.
+
+    They begin with the first image, or without cameras with the first IMU sample.
+    """
     series = [v.stamps for v in views.values() if len(v.stamps)] or [
         d.stamps for d in devices.values() if len(d.stamps)
     ]
@@ -122,7 +137,7 @@ def instants_of(views: Mapping[int, ViewSeries], devices: Mapping[str, ImuSeries
 
 
 def _without_odd_devices(recording: Recording, subjects: Sequence[Subject]) -> tuple[Recording, list[str]]:
-    """The recording with what can be used of the devices that are worn, and a line for all that is odd."""
+    """Return the recording with the usable data of worn devices, and lines about their faults."""
     worn = [device.name for subject in subjects for device in subject.devices]
     seen = [view.stamps for view in recording.views.values() if len(view.stamps)]
     time = (min(int(s[0]) for s in seen), max(int(s[-1]) for s in seen)) if seen else None
@@ -139,7 +154,7 @@ def _aligned(
     statistics: PoseStatistics,
     notices: list[str],
 ) -> tuple[Recording, dict[int, float]]:
-    """The recording with the IMUs of the wearers on the clock of the cameras; headings of theirs, rad."""
+    """Return the recording with the wearers' IMUs on the clock of the cameras, and their headings, rad."""
     first = min(int(view.stamps[0]) for view in recording.views.values() if len(view.stamps))
     until = first + round(ALIGNED_S * 1e9)
     views = {
@@ -174,7 +189,7 @@ def _bent_heading(
     statistics: PoseStatistics,
     notices: list[str],
 ) -> float:
-    """The heading of the IMUs as joints bend, rad, where no camera tells it."""
+    """Return the heading of the IMUs, rad, from bending joints, for a subject that no camera sees."""
     assert subject.t_pose is not None
     turns = {d.name: felt[d.name].orientations for d in subject.devices if d.name in felt}
     held = {name: during for name in turns if len(during := held_in(subject.t_pose, stamps, felt[name]))}
@@ -188,10 +203,10 @@ def _bent_heading(
 
 
 class RecordedPeople:
-    """Gives people what cameras see of them, before the instants to which it belongs.
+    """Source of recorded 2D poses. It gives people their 2D poses before the instants that need them.
 
     Args:
-        stamps: (T,) ns, of the instants.
+        stamps: (T,) ns, timestamps of the instants.
     """
 
     def __init__(
@@ -199,16 +214,19 @@ class RecordedPeople:
     ):
         self._people, self._cameras, self._gate = people, len(recording.views), config.gate
         self._sets, self._needed = _sets_of(recording.views, stamps)
-        self._next = 0  # of the sets
+        self._next = 0  # index of the next set
         self._sorter: PairwiseSorter | None = None
         if config.paper_sorting and recording.rig is not None and self._cameras > 1:
             self._sorter = PairwiseSorter(recording.rig, [person.subject.start for person in people])
 
     def take(self, number: int) -> None:
-        """Give all that the instant of this number needs: of each camera the images around it.
+        """Give people the 2D poses that an instant needs: those of the images around it, of each camera.
+
+        Args:
+            number: Index of the instant.
 
         Raises:
-            DataError: if nothing tells who of several people a subject is.
+            DataError: If no data determine which of several people a subject is.
         """
         while self._next <= self._needed[number]:
             instant, stamps = self._sets[self._next]
@@ -223,7 +241,10 @@ class RecordedPeople:
             give_people(self._people, found, instant, stamps)
 
     def _first(self, person: Person, instant: Instant) -> People:
-        """Who stands where a subject starts; the only ones, if nothing says where."""
+        """Return the 2D poses at the subject's start position.
+
+        If no position is stated, they are those of the only person.
+        """
         subject = person.subject
         if subject.start is None:
             crowd = max((len(people.points) for people in instant.views.values()), default=0)
@@ -239,15 +260,21 @@ class RecordedPeople:
 def _sets_of(
     views: Mapping[int, ViewSeries], stamps: Array
 ) -> tuple[list[tuple[Instant, dict[int, int]]], Array]:
-    """Images of about the same time, with their stamps by camera; and the number of the last set (T,) that
-    each instant (ns) needs, -1 = none: that of the first images after it over which joints are interpolated.
+    """Return sets of images of about the same time, and the last set (T,) that each instant needs.
+
+    A set comes with the timestamps of its images, by camera. An instant needs the sets up to the first images
+    after it over which joints are interpolated; -1 = none.
+
+    Args:
+        stamps: (T,) ns, timestamps of the instants.
     """
     series = {camera: view for camera, view in views.items() if len(view.stamps)}
     periods = [float(np.median(np.diff(v.stamps))) for v in series.values() if len(v.stamps) > 1]
     longest = SAME_SET * min(periods, default=0.0)
     images = sorted((at, c, row) for c, v in series.items() for row, at in enumerate(v.stamps.tolist()))
-    rows, begin = list[dict[int, int]](), 0  # by camera, of each set
-    numbers: dict[int, list[int]] = {camera: [] for camera in series}  # of the sets of its images
+    rows, begin = list[dict[int, int]](), 0  # row of the image by camera, of each set
+    # by camera: number of the set of each image
+    numbers: dict[int, list[int]] = {camera: [] for camera in series}
     for at, camera, row in images:
         if not rows or camera in rows[-1] or at - begin > longest:
             rows.append({})

@@ -1,6 +1,7 @@
-"""The kinematics stage: 2D people or skeletons, and samples of IMUs, to bodies at a fixed rate.
+"""The kinematics stage: bodies at a fixed rate, from 2D poses or skeletons and from samples of IMUs.
 
-A few instants of nobody in particular, which reach all compiled kernels of the moving body.
+`step_examples` solves a few instants of an artificial person, so that all kernels are compiled at
+construction.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 ODD = "kinematics.odd_stamp"
-IN_SPACE = -1  # the source of skeletons that come without 2D people
-NEVER_S = 10.0  # after which it is told that somebody has not come
+IN_SPACE = -1  # index of the source of skeletons without 2D poses
+NEVER_S = 10.0  # time after which a missing subject is reported
 Out = BodyStateSet
 STATURE = 1.7
 GATE = 0.5  # m
-COMPARED_S = 0.5  # of what is compared with IMUs: more than a turn takes
-SECONDS = 0.3  # more than the lag, so that poses are smoothed, and time for a look at lengths and mountings
+COMPARED_S = 0.5  # duration of the data that are compared with IMUs: longer than a compared rotation
+SECONDS = 0.3  # longer than the lag, so that poses are smoothed and lengths and mountings are observed
 
 
 def step_examples(
@@ -51,7 +52,7 @@ def step_examples(
     joint_names: tuple[str, ...],
     rate_hz: float,
 ) -> Solved:
-    """Solve for somebody with an IMU, from joints in space and from views: the first body."""
+    """Return the first body of a person with an IMU, solved from 3D joints and from views."""
     body = model.body(STATURE)
     device = Device("example", 0, np.zeros(3), np.eye(3))
     person = new_person(Subject(0, body, (device,), measured=False))
@@ -87,7 +88,7 @@ def step_examples(
 
 
 def _compare(subject: Subject, state: BodyState, measured: Measured, rate_hz: float) -> None:
-    """Look for heading and clock of IMUs while nothing moves."""
+    """Estimate heading and clock of IMUs from data without motion."""
     stamps = np.round(np.arange(round(COMPARED_S * rate_hz) + 10) * 1e9 / rate_hz).astype(np.int64)
     turns, forces = (np.repeat(part, len(stamps), axis=0) for part in measured[1:])
     states = [replace(state, stamp_ns=stamp) for stamp in stamps.tolist()]
@@ -95,25 +96,25 @@ def _compare(subject: Subject, state: BodyState, measured: Measured, rate_hz: fl
 
 
 def unworn(device: str) -> Notice:
-    """Samples of a device come that nobody wears."""
+    """Return the notice of samples from a device that no person wears."""
     text = f"{device} is on no subject; it is left out"
     return Notice("kinematics.imu_unknown", "warning", text, {"device": device})
 
 
 def odd_stamp(stamp_ns: int, name: str, warns: bool) -> Notice:
-    """A stamp is far from those of others."""
+    """Return the notice of a timestamp that is far from those of the others."""
     text = f"the stamp {stamp_ns} of {name} is more than 2 s off the others; it is left out"
     return Notice(ODD, "warning" if warns else "info", text, {"device": name})
 
 
 def jump(stamp_ns: int, name: str) -> Notice:
-    """Time goes on elsewhere."""
+    """Return the notice of timestamps that continue elsewhere."""
     text = f"stamps go on from {stamp_ns}, as {name} and others say; bodies begin anew"
     return Notice("kinematics.jump", "warning", text)
 
 
 def late(left_out: int, waited_ns: int) -> Notice:
-    """Instants were left out, as data had waited for so long."""
+    """Return the notice of skipped instants, whose data had waited for too long."""
     text = (
         f"{left_out} instants were left out, as data had waited for {1e-6 * waited_ns:.0f} ms: this machine "
         "is too slow, or others use it; give fewer subjects or a lower `rate_hz`"
@@ -122,7 +123,7 @@ def late(left_out: int, waited_ns: int) -> Notice:
 
 
 def never_came(number: int, seconds: float) -> Notice:
-    """Somebody was not seen so long."""
+    """Return the notice of a subject that was not seen for `seconds`, s."""
     text = (
         f"subject {number} has not come in {seconds:g} s: no camera has seen it and no IMU that is "
         "mounted tells of it; look at `start`, `id` and the devices of its file"
@@ -131,14 +132,15 @@ def never_came(number: int, seconds: float) -> Notice:
 
 
 class KinematicsStage(Stateful):
-    """Bodies of designated people at a fixed rate, late by the lag and at most one period of the slowest
-    camera.
+    """Bodies of designated people at a fixed rate.
 
-    Malleson et al. 2020, sections 3 and 4, with what docs/kinematics.md adds. The context's extras hold
-    `subjects`, the designated people; `segments`, the `SegmentModel` of their bodies; `pose_prior`,
-    `PoseStatistics`. A subject is whoever has its id among tracked people. 2D people are taken from the views
-    that a track holds; where there is no track, those nearest to where the body is expected; where there are
-    no 2D people, the joints of skeletons.
+    The output is delayed by the lag and at most one period of the slowest camera. The method is that of
+    Malleson et al. 2020, sections 3 and 4, with the additions in docs/kinematics.md.
+
+    The extras of the context hold `subjects`, the designated people; `segments`, the `SegmentModel` of their
+    bodies; and `pose_prior`, `PoseStatistics`. A tracked person with the id of a subject is this subject. 2D
+    poses come from the views that a track holds. Without a track, they are those nearest to the expected
+    body. Without 2D poses, the joints of skeletons are used.
     """
 
     LAYOUT = StateLayout(
@@ -167,21 +169,21 @@ class KinematicsStage(Stateful):
             body_set(0, 0, 0, self._model, self._skeleton, [example])
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Discard all people and data."""
         self._people: dict[int, Person] = {}
         for subject in self._subjects:
             self._people[subject.id] = self._new_person(subject)
-        self._measured: dict[int, MeasuredBody] = {}  # people without a file, by id
+        self._measured: dict[int, MeasuredBody] = {}  # people without a subject file, by id
         self._timeline, self._pace = Timeline(self._config.rate_hz), Pace(self._config.rate_hz)
         self._streams = ImuStreams(self._wearers.devices)
         self._waiting: SeenSet | None = None
         self._given = HeldInstants()
-        self._last_set = -1  # index
+        self._last_set = -1  # index of the last detection set
         self._tracks_come = False
         self._told: set[str] = set()
 
     def flush(self) -> StepResult[Out]:
-        """All instants up to the newest sample, and what the lag held back."""
+        """Return all instants up to the newest sample, including those within the lag."""
         self.waited(0)
         notices = self._take_waiting(None)
         outputs = self._run(notices, at_end=True)
@@ -192,10 +194,10 @@ class KinematicsStage(Stateful):
         return StepResult(tuple(outputs), tuple(notices))
 
     def step(self, item: DetectionSet | TrackedPoseSet | ImuSample) -> StepResult[Out]:
-        """Bodies of the instants for which all has come.
+        """Add a record, and return the bodies of the instants whose data are complete.
 
         Raises:
-            DataError: if people are of another skeleton, or a camera is not in the rig.
+            DataError: If people are of another skeleton, or a camera is not in the rig.
         """
         if not self._people and not self._config.everybody:
             return StepResult()
@@ -208,17 +210,20 @@ class KinematicsStage(Stateful):
         return StepResult(tuple(self._run(notices)), tuple(notices))
 
     def waited(self, ns: int) -> None:
-        """See `stage.Punctual` and `Pace`."""
+        """Record the waiting time of the data, ns: see `stage.Punctual` and `Pace`."""
         self._pace.waited_ns = ns
 
     def lasting_state(self) -> bytes:
-        """See `stage.Resting`: without the windows of the bodies, which are nearly all of the state."""
+        """Return the state that counts after a pause, see `stage.Resting`.
+
+        It lacks the windows of the bodies, which are nearly all of the full state.
+        """
         resting = copy.copy(self)
         resting._people = {number: person.at_rest() for number, person in self._people.items()}
         resting._given = HeldInstants()
         return Stateful.state(resting)
 
-    # ------------------------------------------------------------------ what comes
+    # ------------------------------------------------------------------ inputs
 
     def _take_sample(self, item: ImuSample) -> list[Notice]:
         wearer = self._wearers.of(item.device)
@@ -233,7 +238,7 @@ class KinematicsStage(Stateful):
         self._check(item.skeleton_hash)
         notices = self._take_waiting(None)
         if item.index <= self._last_set:
-            self._last_set = item.index  # a recording that begins anew: stamps tell what is old
+            self._last_set = item.index  # a recording that restarts: timestamps show what is old
         views = tuple(
             SeenView(self._allotment.camera(v.camera), v.stamp_ns, v.frame_number, v.points, v.scores)
             for v in item.views
@@ -257,13 +262,16 @@ class KinematicsStage(Stateful):
             return self._take_waiting(item)
         notices = self._take_waiting(None)
         if waiting is None or waiting.number < item.index:
-            # beside views they are no source of their own, for which instants would wait
+            # beside views, skeletons are no source of their own for which instants would wait
             notices += [] if self._timeline.has_cameras() else self._came(IN_SPACE, item.stamp_ns)
             self._take_joints(item)
         return notices
 
     def _take_joints(self, item: TrackedPoseSet) -> None:
-        """Joints in space of those who are tracked; beside 2D people those that several views measured."""
+        """Give tracked people their 3D joints.
+
+        If there are 2D poses too, only joints that several views measured are used.
+        """
         assert self._model is not None
         positions = joints_as_seen(item, self._model, item.sources is not None)
         for k, number in enumerate(item.ids.tolist()):
@@ -272,7 +280,7 @@ class KinematicsStage(Stateful):
                 self._people[number].seen.take_joints(joints)
 
     def _take_waiting(self, item: TrackedPoseSet | None) -> list[Notice]:
-        """The views that wait, with those who are tracked in them."""
+        """Process the views that wait, with the people who are tracked in them. Return notices."""
         waiting, self._waiting = self._waiting, None
         if waiting is None:
             return []
@@ -289,13 +297,13 @@ class KinematicsStage(Stateful):
             taken, tracked = self._allotment.by_tracks(self._people, usable, item), set(item.ids.tolist())
             if item.sources is not None:
                 self._take_joints(item)
-        # one camera alone tracks nobody
+        # a single camera tracks no people
         tracks_begin = self._tracks_come and len(self._allotment.cameras) > 1
         self._allotment.by_places(self._people, usable, taken, tracked, tracks_begin)
         return notices
 
     def _came(self, source: int | str, stamp_ns: int) -> list[Notice]:
-        """A sample has come: what is to be told if its stamp is another's, or time begins anew."""
+        """Record a sample. Return a notice if its timestamp is wrong or timestamps restart."""
         verdict = self._timeline.came(source, stamp_ns)
         if not verdict:
             return []
@@ -307,7 +315,7 @@ class KinematicsStage(Stateful):
         return [jump(stamp_ns, name)]
 
     def _measure(self, item: TrackedPoseSet) -> None:
-        """Bodies of people without a file: their lengths are taken from their skeletons."""
+        """Update bodies of people without a subject file, with lengths from their skeletons."""
         assert self._model is not None and self._statistics is not None
         positions = joints_as_seen(item, self._model)
         for k, number in enumerate(item.ids.tolist()):
@@ -336,12 +344,15 @@ class KinematicsStage(Stateful):
         return outputs
 
     def _measured_at(self, stamp_ns: int) -> dict[int, Measured]:
-        """What everybody's devices measured at an instant."""
+        """Return what each person's devices measured at an instant, by id."""
         offsets = {number: person.fitting.offset_ns for number, person in self._people.items()}
         return self._wearers.measured(self._streams, stamp_ns, offsets)
 
     def _leave_out(self, stamp_ns: int) -> None:
-        """Do without an instant; clocks and headings are looked for in samples without gaps."""
+        """Skip an instant.
+
+        Estimates of clock and heading still get its samples, because they need samples without gaps.
+        """
         if any(person.fitting.looking for person in self._people.values()):
             for number, measured in self._measured_at(stamp_ns).items():
                 self._people[number].feel(stamp_ns, measured)
@@ -365,7 +376,7 @@ class KinematicsStage(Stateful):
         return notices
 
     def _give(self) -> BodyStateSet:
-        """The oldest instant that is kept."""
+        """Return the record of the oldest instant that is held."""
         index, stamp_ns, states = self._given.take()
         rows = []
         for number, state in states.items():
@@ -377,7 +388,10 @@ class KinematicsStage(Stateful):
     # ------------------------------------------------------------------ helpers
 
     def _new_person(self, subject: Subject) -> Person:
-        """Somebody with a subject of his own, as states hold none of what the stage was made with."""
+        """Return a new person with its own copy of the subject.
+
+        States do not contain the objects that the constructor received.
+        """
         assert self._statistics is not None
         subject = copy.deepcopy(subject, {id(self._model): self._model})
         return Person(self._config, subject, self._statistics, self._rig, self._joint_names)

@@ -1,9 +1,10 @@
-"""Instants of a fixed rate, and when all that belongs to one has come.
+"""Instants of a fixed rate, and the time at which the data of an instant are complete.
 
-`HeldInstants` are those that the lag holds back, with the bodies that were solved at them so far. `Pace`
-says which instants a late stage leaves out, so that it catches up. With data that have waited for n
-sixtieths of a second, one instant of n is solved, and the steps between are so much longer. That settles:
-the fewer instants a machine can solve, the longer its data wait, and the fewer are solved.
+`HeldInstants` are the instants within the lag, with the bodies that were solved at them so far.
+
+`Pace` selects the instants that a late stage skips to catch up. If data have waited for n sixtieths of a
+second, one instant of n is solved, and the time steps are n times as long. This is stable: the fewer instants
+a machine can solve, the longer its data wait, and the fewer instants are selected.
 """
 
 from __future__ import annotations
@@ -15,20 +16,30 @@ from typing import NamedTuple
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.kinematics.people.seen_people import NEAR_NS
 
-JUMP_NS = 2_000_000_000  # a stamp that is so far ahead is another's, unless others follow
-CATCHES_UP = 1.5  # times as fast as others: what comes is late
-BELIEVED = 5  # of them, of most of the cameras; where there is none, of most of the devices
-WAIT_NS = 500_000_000  # for cameras, before instants begin with the first sample of an IMU
-STOPPED_NS = 500_000_000  # nobody waits for a source that has given nothing for so long
-USUAL_PERIOD_NS = 40_000_000  # of a camera of which no two stamps are known
+JUMP_NS = 2_000_000_000  # a timestamp this far off is wrong, unless those of other sources follow
+CATCHES_UP = 1.5  # minimum speed of timestamps, relative to the others', at which samples count as late
+# number of such timestamps that are believed, from most of the cameras, or of the devices without cameras
+BELIEVED = 5
+WAIT_NS = 500_000_000  # waiting time for cameras, before instants begin with the first sample of an IMU
+STOPPED_NS = 500_000_000  # time after which a silent source is no longer waited for
+USUAL_PERIOD_NS = 40_000_000  # default period of a camera with fewer than two timestamps
 LONGEST_PERIOD_NS = 100_000_000
-LEAST_PATIENCE_NS = 33_000_000  # views of quicker cameras still go through association and tracking first
-PACE_NS = 1_000_000_000 // 60  # twice of it is more than a node waits that solves for four people in time
-LONGEST_S = 0.1  # from one instant that is solved to the next
+# minimum waiting time: views of faster cameras still pass through association and tracking
+LEAST_PATIENCE_NS = 33_000_000
+# waiting time per period of a time step. Data of a node that keeps up with four people wait for less than
+# twice this.
+PACE_NS = 1_000_000_000 // 60
+LONGEST_S = 0.1  # maximum interval between solved instants
 
 
 class _Apart(NamedTuple):
-    """Stamps too far from those of others: how many, the first one, the newest of others then, the newest."""
+    """Timestamps of one source that are too far from those of the others.
+
+    Attributes:
+        number: Number of them.
+        first, newest: The first and the newest one, ns.
+        others: Newest timestamp of the others at the time of the first, ns.
+    """
 
     number: int
     first: int
@@ -37,47 +48,55 @@ class _Apart(NamedTuple):
 
 
 class Timeline:
-    """When instants are due. Sources are cameras (their indices; less than 0: skeletons) and devices (their
-    names).
+    """Schedule of the instants.
+
+    Sources are cameras and devices. Cameras are given by index, where negative means skeletons; devices are
+    given by name.
 
     Args:
-        rate_hz: of the instants.
+        rate_hz: Rate of the instants.
     """
 
     def __init__(self, rate_hz: float):
         self._rate_hz = rate_hz
         self._origin: int | None = None
-        self._count = 0  # instants given since the origin
-        self._before = 0  # and before that
+        self._count = 0  # number of instants since the origin
+        self._before = 0  # number of instants before the origin
         self._first_imu: int | None = None
         self._last: dict[int | str, int] = {}
-        self._awaited: int | str | None = None  # who was waited for when it was asked last
+        self._awaited: int | str | None = None  # the source for which the last call waited
         self._periods: dict[int | str, int] = {}
-        self._slowest = USUAL_PERIOD_NS  # of the cameras' periods
-        self._ahead: dict[int | str, _Apart] = {}  # by source, since its last stamp that was not too far off
-        self._others_go_on = False  # since the first of these
+        self._slowest = USUAL_PERIOD_NS  # longest period of a camera
+        # by source, since its last timestamp that was not too far off
+        self._ahead: dict[int | str, _Apart] = {}
+        self._others_go_on = False  # other sources continued since the first of these
         self.newest_ns = -1
 
     @property
     def index(self) -> int:
-        """Of the next instant."""
+        """Return the index of the next instant."""
         return self._before + self._count
 
     @property
     def next_ns(self) -> int | None:
-        """The next instant; None before the first."""
+        """Return the next instant, ns; None before the first."""
         if self._origin is None:
             return None
         return self._origin + round(self._count * 1e9 / self._rate_hz)
 
     @property
     def patience_ns(self) -> int:
-        """One period of the slowest camera: for so long instants wait for what was measured at them."""
+        """Return one period, ns, of the slowest camera: the time for which an instant waits for its data."""
         return self._slowest
 
     def came(self, source: int | str, stamp_ns: int) -> str:
-        """A sample has come: "" if it belongs to the time of the others, "jump" if time goes on from it. It
-        is to be left out if it is "odd", as others go on in their time, or "early", as they may follow it."""
+        """Record a sample, and return how its timestamp relates to those of the other sources.
+
+        Returns:
+            "" if the timestamp belongs to the time of the others. "jump" if time continues from it. "odd" or
+            "early" if the sample is to be dropped. It is "odd" where the others continue in their time, and
+            "early" where they may still follow.
+        """
         if self.newest_ns >= 0 and abs(stamp_ns - self.newest_ns) > JUMP_NS:
             self._others_go_on &= bool(self._ahead)
             before = self._ahead.get(source, _Apart(0, stamp_ns, self.newest_ns, stamp_ns))
@@ -93,8 +112,10 @@ class Timeline:
         return ""
 
     def _goes_on_elsewhere(self) -> bool:
-        """Whether most of those whose clock counts, of late, tell another time: a device alone has a clock
-        that is wrong."""
+        """Return whether most of the relevant sources now have another time.
+
+        Cameras are relevant, or devices if there are no cameras. A single device may have a wrong clock.
+        """
         alive = {name for name, last in self._last.items() if last > self.newest_ns - STOPPED_NS}
         sources = alive | self._ahead.keys()
         cameras = {name for name in sources if isinstance(name, int)}
@@ -108,8 +129,11 @@ class Timeline:
         return told >= BELIEVED and 2 * len(ahead) > len(cameras or sources)
 
     def _may_be_late(self, apart: _Apart) -> bool:
-        """Whether stamps from long ago are those of samples that waited somewhere, as after the start of a
-        busy machine: they come faster than time goes by. A few do not tell."""
+        """Return whether timestamps from the past are those of delayed samples.
+
+        After the start of a busy machine, for example, samples wait and then come faster than time passes. A
+        few samples do not show this, so they count as delayed.
+        """
         if apart.newest > self.newest_ns:
             return False
         passed = self.newest_ns - apart.others
@@ -137,16 +161,16 @@ class Timeline:
                 self._origin = self._first_imu
 
     def has_cameras(self) -> bool:
-        """Whether cameras give samples."""
+        """Return whether cameras deliver samples."""
         return any(name >= 0 for name in self._cameras())
 
     def _cameras(self) -> list[int]:
-        """Those that are alive."""
+        """Return the cameras that are not silent."""
         since = self.newest_ns - STOPPED_NS
         return [name for name, last in self._last.items() if isinstance(name, int) and last > since]
 
     def restart(self) -> None:
-        """Forget when sources came; instants count on."""
+        """Forget the timestamps of all sources. The index of instants continues."""
         self._origin = self._first_imu = None
         self._last, self._periods, self._slowest, self._ahead = {}, {}, USUAL_PERIOD_NS, {}
         self._awaited = None
@@ -154,10 +178,12 @@ class Timeline:
         self._before, self._count, self.newest_ns = self.index, 0, -1
 
     def due(self, at_end: bool = False) -> int | None:
-        """The next instant if all that belongs to it has come, or nobody waits any longer; it is taken then.
+        """Return the next instant if it is due, else None, and move on to the one after it.
+
+        An instant is due if its data are complete or the waiting time is over.
 
         Args:
-            at_end: nothing more comes: all instants up to the newest sample.
+            at_end: True if no more data come. All instants up to the newest sample are then due.
         """
         stamp = self.next_ns
         if stamp is None or self.newest_ns < stamp - NEAR_NS:
@@ -169,17 +195,17 @@ class Timeline:
         return stamp
 
     def _waits(self, stamp_ns: int) -> bool:
-        """Whether somebody who is alive has not come to an instant."""
+        """Return whether a source that is not silent has not yet reached an instant."""
         alive, begin = self.newest_ns - STOPPED_NS, stamp_ns - NEAR_NS
         if self._awaited is not None and alive < self._last.get(self._awaited, alive) < begin:
-            return True  # as with most of the samples, of which there are many
+            return True  # fast path, which most of the many samples take
         late = (name for name, last in self._last.items() if alive < last < begin)
         self._awaited = next(late, None)
         return self._awaited is not None
 
 
 class HeldInstants:
-    """The oldest first."""
+    """Instants within the lag, the oldest first, with their bodies."""
 
     def __init__(self) -> None:
         self._instants: deque[tuple[int, int, dict[int, BodyState]]] = deque()
@@ -188,11 +214,11 @@ class HeldInstants:
         return len(self._instants)
 
     def add(self, index: int, stamp_ns: int) -> None:
-        """One more."""
+        """Append an instant."""
         self._instants.append((index, stamp_ns, {}))
 
     def keep(self, states: Sequence[BodyState]) -> None:
-        """Keep bodies until their instant is given."""
+        """Keep bodies until their instant is taken."""
         if states:
             places = {stamp: found for _, stamp, found in self._instants}
             for state in states:
@@ -200,32 +226,32 @@ class HeldInstants:
                     places[state.stamp_ns][state.id] = state
 
     def holds(self, number: int) -> bool:
-        """Whether a body of this id is among them."""
+        """Return whether an instant has a body of this id."""
         return any(number in kept for _, _, kept in self._instants)
 
     def is_due(self, index: int) -> bool:
-        """Whether the oldest is one up to this one."""
+        """Return whether the oldest instant has this index or a lower one."""
         return bool(self._instants) and self._instants[0][0] <= index
 
     def take(self) -> tuple[int, int, dict[int, BodyState]]:
-        """Index, stamp and bodies of the oldest."""
+        """Remove the oldest instant, and return its index, timestamp and bodies."""
         return self._instants.popleft()
 
 
 class Pace:
-    """Decides, instant by instant.
+    """Selection of the instants that are solved.
 
     Args:
-        rate_hz: of the instants.
+        rate_hz: Rate of the instants.
     """
 
     def __init__(self, rate_hz: float):
         self._most = max(1, int(LONGEST_S * rate_hz + 1e-9))
-        self.waited_ns = 0  # by what is at hand, before the stage came to it
-        self._left_out = 0  # instants since the last one that was solved
+        self.waited_ns = 0  # waiting time of the current data before the stage took them
+        self._left_out = 0  # number of instants skipped since the last solved one
 
     def step(self) -> int:
-        """Another instant is due: periods since the last one that was solved, or 0 if it is left out."""
+        """Record a due instant; return the periods since the last solved one, or 0 to skip it."""
         wanted = min(max(1, self.waited_ns // PACE_NS), self._most)
         if self._left_out + 1 < wanted:
             self._left_out += 1

@@ -1,1 +1,4 @@
-"""The only place with rclpy: thin nodes round the stages, sources, the recorder and the launcher."""
+"""ROS 2 nodes: thin rclpy adapters around the stages, the sources, the recorder and the launcher.
+
+Only this package imports rclpy.
+"""

@@ -1,4 +1,8 @@
-"""Executables: `ros2 run panoptic_ros <node>`, and `host`, which runs the nodes of a launcher's file."""
+"""Entry points of the executables.
+
+`ros2 run panoptic_ros <node>` starts one node. `host` runs the nodes of one process, which a launcher lists
+in a JSON file.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +40,10 @@ from panoptic_ros.nodes.stages.stage_node import StageNode
 
 
 def _detector(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
-    """The detection stage's extras: the model of its parameter `model`, live also what it may work on."""
+    """Return the extras of the detection stage: the detector that the parameter `model` names.
+
+    In live flow they also hold the processor budget that the stage may use.
+    """
     extras = detector_extras(node.get_parameter(f"{prefix}model").value, skeleton.name)[1]
     if node.get_parameter("flow").value != "live":
         return extras
@@ -45,13 +52,13 @@ def _detector(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, 
 
 
 def _biases(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
-    """The assembly stage's extras: the table of its parameter `bias_table`."""
+    """Return the extras of the assembly stage: the table that the parameter `bias_table` names."""
     return bias_extras(node.get_parameter(f"{prefix}bias_table").value, skeleton)
 
 
 def _bodies(node: Node, prefix: str, skeleton: SkeletonModel) -> Mapping[str, Any]:
-    """The kinematics stage's extras, by its parameters."""
-    given = node.get_parameter_or(f"{prefix}subjects").value  # a list without entries is not set
+    """Return the extras of the kinematics stage, read from the files that its parameters name."""
+    given = node.get_parameter_or(f"{prefix}subjects").value  # rclpy leaves a list without entries unset
     names = [Path(path) for path in given or ()]
     words = ("segments", "prior", "offsets")
     return body_extras(names, *(node.get_parameter(f"{prefix}{name}").value for name in words))
@@ -66,55 +73,64 @@ def make_stage_node(
     name: str | None = None,
     own: OwnCameras | None = None,
 ) -> StageNode:
-    """The node of one stage or several."""
+    """Return the node that runs one stage or several stages."""
     return StageNode(stages, overrides, EXTRAS, name, own)
 
 
 def __getattr__(name: str) -> Callable[[], None]:
-    """The executable of a stage: every row of the table is one, `ros2 run panoptic_ros <stage>`."""
+    """Return the executable of a stage for `ros2 run panoptic_ros <stage>`.
+
+    Every row of `graph.nodes.NODES` is an executable.
+
+    Raises:
+        AttributeError: if no stage has this name.
+    """
     if name not in NODES:
         raise AttributeError(f"module {__name__} has no attribute {name!r}")
     return lambda: leave(run_nodes(lambda: [make_stage_node(name)]))
 
 
 def fusion() -> None:
-    """Everything after detection in one node: /skeletons from 2D people."""
+    """Run all stages after detection in one node: 2D poses in, /skeletons out."""
     leave(run_nodes(lambda: [make_stage_node(AFTER_DETECTION, name="fusion"), MarkersNode()]))
 
 
 def markers() -> None:
-    """Skeletons for RViz and Foxglove."""
+    """Run the node that publishes skeletons as markers for RViz and Foxglove."""
     leave(run_nodes(lambda: [MarkersNode()]))
 
 
 def people() -> None:
-    """Skeletons for other packages: roots, TF, REP-155 bodies, boxes."""
+    """Run the node that publishes skeletons for other packages: roots, TF, REP-155 bodies, boxes."""
     leave(run_nodes(lambda: [PeopleNode()]))
 
 
 def heat_maps() -> None:
-    """Score maps as images, on demand."""
+    """Run the node that publishes score maps as images to subscribers."""
     leave(run_nodes(lambda: [HeatMapsNode()]))
 
 
 def rpt() -> None:
-    """2D people of RapidPoseTriangulation as those of this graph."""
+    """Run the node that converts the 2D poses of RapidPoseTriangulation into detections of this graph."""
     leave(run_nodes(lambda: [RptNode()]))
 
 
 class _Arguments(Node):
-    """Reads the parameters of an executable before its node is made."""
+    """Node that reads the parameters of an executable before the actual node is made."""
 
     def __init__(self, name: str):
         super().__init__(name)
 
     def text(self, name: str, default: str = "") -> str:
-        """A string parameter."""
+        """Declare a string parameter and return its value."""
         return str(self.declare_parameter(name, default).value)
 
 
 def rig() -> None:
-    """Publishes the rig (parameters `rig` and `occluders`, files) and the skeleton (`skeleton`, `model`)."""
+    """Run the node that publishes the rig and the skeleton model.
+
+    Parameters: `rig` and `occluders` (files), `skeleton`, `model`.
+    """
 
     def make() -> Sequence[Any]:
         arguments = _Arguments("rig_parameters")
@@ -138,7 +154,11 @@ def rig() -> None:
 
 
 def camera() -> None:
-    """One camera: parameters `camera`, `rig`, and `device`, or `video` (a path) from `start_ns` on."""
+    """Run the node of one camera.
+
+    Parameters: `camera` (name), `rig` (file), and either `device` or `video` (file). A video starts at the
+    timestamp `start_ns`.
+    """
 
     def make() -> Sequence[Any]:
         arguments = _Arguments("camera_parameters")
@@ -160,8 +180,12 @@ def camera() -> None:
 
 
 def host(arguments: Sequence[str] | None = None) -> int:
-    """Run one process of a launcher's file, as long as the launcher lives: `host FILE PROCESS PID`; without
-    these words the launcher tells them later."""
+    """Run one process of a launcher's file until the launcher ends; return the exit code.
+
+    Args:
+        arguments: FILE, PROCESS and PID (of the launcher). If they are missing, the launcher sends them later
+            on standard input.
+    """
     path, process, launcher = list(sys.argv[1:] if arguments is None else arguments) or _told()
     document = json.loads(Path(path).read_text())
     rig_of_run = read_rig(Path(document["rig"])) if document["rig"] else NO_CAMERAS
@@ -173,7 +197,10 @@ def host(arguments: Sequence[str] | None = None) -> int:
 
 
 def _told() -> list[str]:
-    """The arguments of `host`, and where to print, by a line of standard input; ends where none comes."""
+    """Read the arguments of `host` and the log file from one line of standard input.
+
+    End the process if standard input ends without a line.
+    """
     line = sys.stdin.readline()
     if not line:
         leave(0)
@@ -197,8 +224,13 @@ def _hosted(entry: Mapping[str, Any], rig_of_run: Any) -> Any:
 
 
 def _source(entry: Mapping[str, Any], rig_of_run: Any, overrides: Mapping[str, Any]) -> Any:
-    """The node of what records come from."""
-    from panoptic_ros.io.bag_streams import BagStream  # decoders that nodes of stages start without
+    """Return the source node of an entry: sound, IMUs or bags.
+
+    Raises:
+        UsageError: if there is no node of this kind.
+    """
+    # Import here: stage nodes start faster without these decoders.
+    from panoptic_ros.io.bag_streams import BagStream
     from panoptic_ros.nodes.sources.making import make_bag_node, make_imu_node, make_sound_node
 
     if entry["kind"] == "sound":

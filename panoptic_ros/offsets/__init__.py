@@ -1,20 +1,24 @@
-"""Offsets: the clocks of cameras from the motion that they see.
+"""Estimate the clocks of cameras from the motion that they observe.
 
-Where people move, the rays of a joint meet only if the clocks of the cameras are right. In: the 2D people
-of every camera frame at its own stamp, and tracked 3D people for the association. Out: per camera an offset
-and a drift with standard deviations, as `ClockModel`s. The method works where stamps have constant
+If people move, the rays of a joint intersect only if the camera clocks are right. Input: the 2D poses of
+every camera frame at its own timestamp, and tracked 3D poses for the association. Output: an offset and a
+drift per camera with standard deviations, as `ClockModel`s. The method works if timestamps have constant
 latencies of tens of milliseconds. It needs neither timecode nor calibrated latencies.
 
-How (after Elhayek et al. 2012, who align cameras by motion models that all of them share): every joint of
-every person is a cubic B-spline in time with a penalty on acceleration, whose weight is learnt per joint.
-Rays are linear rows at stamp + offset with Cauchy weights. Trajectories are eliminated (Schur complement of
-a banded system). The clocks take Gauss-Newton steps with the term of the marginal likelihood, without which
-noise in the velocities biases them, and Anderson acceleration.
+The method follows Elhayek et al. 2012, who align cameras by common motion models. Every joint of every person
+is a cubic B-spline in time with a penalty on acceleration. The penalty weight is learnt per joint. Rays are
+linear rows at timestamp + offset, with Cauchy weights. Trajectories are eliminated (Schur complement of a
+banded system). The clocks are updated by Gauss-Newton steps with Anderson acceleration. The steps include the
+term of the marginal likelihood, without which velocity noise biases the clocks.
 
-Limits: what all cameras share is not observable, so offsets have mean 0 unless most cameras agree or one is
-trusted. A bias of the detector along the motion looks like an offset (25 mm at 1 m/s: 25 ms). It is estimated
-from residuals that clocks cannot explain, and is part of the standard deviations. Where nothing moves nothing
-is known, and a notice says so. Calibration errors are not separated from clocks.
+Limits:
+
+* An offset common to all cameras is not observable. Offsets therefore have mean 0, unless most cameras agree
+  or one is trusted.
+* A detector bias along the motion looks like an offset (25 mm at 1 m/s: 25 ms). It is estimated from
+  residuals that clocks cannot explain, and is part of the standard deviations.
+* Without motion the clocks are unknown, and a notice reports it.
+* Calibration errors are not separated from clock errors.
 """
 
 from panoptic_ros.offsets.clocks import CameraClocks

@@ -1,4 +1,4 @@
-"""Which 2D joint of which frame belongs to which joint of which tracked person."""
+"""Associate the 2D joints of every frame with the joints of tracked persons."""
 
 from __future__ import annotations
 
@@ -15,21 +15,23 @@ from panoptic_ros.solving import scene
 from panoptic_ros.solving.agreement import agreement_with_people
 
 Array = np.ndarray
-LEAST_AGREEMENT = 0.25  # mean over joints, of a 2D person with a track
-MIRROR_MARGIN = 1.15  # times the agreement: what exchanged sides must reach
-LEAST_COMMON = 4  # joints
-GATE = 3.0  # scales between a joint and its track
+LEAST_AGREEMENT = 0.25  # minimum mean agreement over the joints of a 2D pose with a track
+MIRROR_MARGIN = 1.15  # minimum ratio of the agreement with exchanged sides to that without, to exchange them
+LEAST_COMMON = 4  # minimum number of joints that a 2D pose and a track have in common
+GATE = 3.0  # maximum distance of a joint from its track, in units of `scale`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observations:
-    """Joints as seen, N of them.
+    """N observed 2D joints with their rays.
 
     Args:
-        track: (N,) row of `Tracks.ids`. joint, camera: (N,).
-        stamp: (N,) s from the reference, the camera's own. scores: (N,).
-        rows (N, 2, 3), rights (N, 2): the ray, rows @ X = rights, in m at the joint's depth.
-        depth: (N,) m, roughly.
+        track: (N,) row of `Tracks.ids`.
+        joint, camera: (N,) indices.
+        stamp: (N,) s from the reference, on the camera's own clock.
+        scores: (N,) detection scores.
+        rows, rights: (N, 2, 3) and (N, 2). The ray is rows @ X = rights, in m at the depth of the joint.
+        depth: (N,) m, approximate depth in the camera.
     """
 
     track: Array
@@ -51,11 +53,12 @@ def associate(
     skeleton: SkeletonModel,
     scale: float,
 ) -> Observations:
-    """Associate the 2D people of every frame with the tracks, best agreement first, one to one.
+    """Associate the 2D poses of every frame with the tracks one to one, in order of decreasing agreement.
 
     Args:
-        times: (F,) s from the reference, of the frames as corrected so far. stamps: (F,) s, uncorrected.
-        scale: m, of the agreement: wide while clocks are far off.
+        times: (F,) s from the reference, frame times corrected by the current clocks.
+        stamps: (F,) s, uncorrected frame times.
+        scale: (m) distance scale of the agreement: large while the clock errors are large.
     """
     mirror = np.array(skeleton.mirror)
     parts: list[tuple[Array, ...]] = []
@@ -79,7 +82,7 @@ def associate(
 def _pairs(
     frame: CameraFrame, places: Array, arrays: RigArrays, mirror: Array, scale: float
 ) -> list[tuple[int, int, bool]]:
-    """(track, 2D person, sides exchanged) of one frame."""
+    """Return the associations of one frame: (track, 2D pose, sides exchanged)."""
     c = frame.camera
     people = len(frame.plane)
     cams = scene.Cameras(arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1))
@@ -106,7 +109,7 @@ def _pairs(
 def _joints(
     frame: CameraFrame, place: Array, person: int, exchange: Array | None, arrays: RigArrays, scale: float
 ) -> tuple[Array, ...]:
-    """Joint, camera, point, score and depth of the joints inside the gate about the track."""
+    """Return joint, camera, point, score and depth of the joints inside the gate about the track."""
     plane, scores = frame.plane[person], frame.scores[person]
     if exchange is not None:
         plane, scores = plane[exchange], scores[exchange]

@@ -1,7 +1,4 @@
-"""The estimate as clocks of cameras by name.
-
-`straying` tells whether clocks stay on the lines that were found for them.
-"""
+"""Hold the estimated clocks of named cameras, and test if clocks deviate from their lines (`straying`)."""
 
 from __future__ import annotations
 
@@ -25,22 +22,28 @@ Array = np.ndarray
 SURE = 3.0  # standard deviations beyond which a known offset is significant
 SECOND = 1_000_000_000
 PART = 1.0  # s, length of the parts that are compared with the whole
-LEAST = 3e-3  # s; less counts as none
-CHANCE = 6.0  # standard deviations up to which a part may differ by chance
+LEAST = 3e-3  # s; smaller deviations are ignored
+CHANCE = 6.0  # standard deviations by which a part may deviate by chance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraClocks:
-    """What is known about the clocks of C cameras; corrected = stamp + offset + drift * (stamp - reference).
+    """Clocks of C cameras: corrected = timestamp + offset + drift * (timestamp - reference).
 
     Args:
-        offsets (C,) s at the reference, drifts (C,); deviations, drift_deviations: (C,) theirs.
-        known: (C,) whether enough moved before this camera to know its offset against the other known ones.
-        bias: m, estimated systematic error of the 2D joints; part of the deviations.
+        cameras: (C,) names.
+        reference_ns: (ns) reference time.
+        offsets: (C,) s, at the reference.
+        drifts: (C,) dimensionless.
+        covariance: (2C, 2C) of (offsets, drifts).
+        known: (C,) True if the camera observed enough motion to know its offset relative to the other known
+            ones.
+        bias: (m) estimated systematic error of the 2D joints; part of the standard deviations.
         speed: (C,) m/s, rms speed of the joints across the camera's rays.
-        rays: (C,) 2D joints used. iterations, converged: of the estimate.
-        held: (C,) whether it was corrected before, and so still is.
-        strays: (C,) s, see `straying`; part of the deviations.
+        rays: (C,) number of 2D joints used.
+        iterations, converged: statistics of the estimate.
+        held: (C,) True if the camera was corrected before. It then stays corrected.
+        strays: (C,) s, see `straying`; part of the standard deviations.
     """
 
     cameras: tuple[str, ...]
@@ -59,7 +62,7 @@ class CameraClocks:
 
     @classmethod
     def unknown(cls, cameras: Iterable[str], reference_ns: int) -> CameraClocks:
-        """Nothing is known."""
+        """Return clocks without any information."""
         names = tuple(cameras)
         zero = np.zeros(len(names))
         return cls(
@@ -82,10 +85,10 @@ class CameraClocks:
     def of(
         cls, fit: Fit, cameras: Iterable[str], reference_ns: int, prior: Array, trusted: str = ""
     ) -> CameraClocks:
-        """The clocks of a fit.
+        """Return the clocks of a fit.
 
         Args:
-            trusted: the camera whose stamps are right; "": see `uncertainty.common_shift`.
+            trusted: camera whose timestamps are right; "": see `uncertainty.common_shift`.
         """
         state = np.concatenate([fit.offsets, fit.drifts])
         clocks = cls.stated(cameras, reference_ns, state, covariance_of(fit, prior), trusted, fit)
@@ -102,10 +105,13 @@ class CameraClocks:
         fit: Fit,
         held: Array | None = None,
     ) -> CameraClocks:
-        """The clocks (2C,) with their covariance about the mean, relative to the trusted camera.
+        """Return the clocks of a state (2C,) and its covariance about the mean.
+
+        They are relative to the trusted camera, if there is one.
 
         Args:
-            fit: the newest one, for its statistics. held: (C,) cameras that are corrected already.
+            fit: newest fit, for its statistics.
+            held: (C,) cameras that are already corrected.
         """
         names = tuple(cameras)
         count = len(names)
@@ -120,7 +126,7 @@ class CameraClocks:
         elif known.any():
             offsets -= common_shift(offsets[known], deviations[known])
             drifts -= drifts[known].mean()
-        known &= known.sum() > 1  # a single camera is known against no other
+        known &= known.sum() > 1  # a single camera has no reference camera
         speed = np.array(
             [np.sqrt(_mean((fit.across[fit.seen.camera == c] ** 2).sum(axis=1))) for c in range(count)]
         )
@@ -142,10 +148,10 @@ class CameraClocks:
         )
 
     def after(self, before: CameraClocks, trusted: str) -> CameraClocks:
-        """These clocks as the successors of those in force `before`.
+        """Return these clocks as successors of the clocks `before`, without steps of corrected time.
 
-        Corrected time does not step: most of the cameras that are corrected already run on, or the trusted
-        one does. A camera that is not known any more keeps its old clock.
+        The clocks are shifted so that most of the corrected cameras do not step, unless a camera is trusted.
+        A camera that is no longer known keeps its old clock.
         """
         since = 1e-9 * (self.reference_ns - before.reference_ns)
         old = before.offsets + before.drifts * since
@@ -158,9 +164,9 @@ class CameraClocks:
         )
 
     def then(self, later: CameraClocks) -> CameraClocks:
-        """These clocks and those that were found of stamps corrected by them, as one.
+        """Compose these clocks with clocks estimated from timestamps corrected by these clocks.
 
-        Where the later ones know a camera they say how certain it is; where they do not, these do.
+        If the later clocks know a camera, they determine its uncertainty. Otherwise these clocks do.
         """
         span = 1e-9 * (self.reference_ns - later.reference_ns)
         use, after = self.applied, later.applied
@@ -181,16 +187,16 @@ class CameraClocks:
 
     @property
     def deviations(self) -> Array:
-        """Standard deviations (C,) s of the offsets."""
+        """Return the standard deviations (C,) s of the offsets."""
         variances = np.maximum(np.diag(self.covariance)[: len(self.cameras)], 0.0)
         deviations: Array = np.sqrt(variances + self.strays**2)
         return deviations
 
     def stated_at(self, stamps_ns: Array) -> tuple[Array, Array]:
-        """Offsets (C, ...) s of stamps (C, ...) ns of the cameras, and their standard deviations.
+        """Return the offsets (C, ...) s at camera timestamps (C, ...) ns, with standard deviations.
 
-        Where clocks show very different times the reference is far from what most of them recorded, and so
-        is what is known of the offset there.
+        If camera clocks show very different times, the reference is far from most recordings. The offset at
+        the reference is then uncertain too.
         """
         count, axes = len(self.cameras), (-1,) + (1,) * (stamps_ns.ndim - 1)
         since = 1e-9 * (stamps_ns - self.reference_ns)
@@ -202,20 +208,20 @@ class CameraClocks:
 
     @property
     def drift_deviations(self) -> Array:
-        """Standard deviations (C,) of the drifts."""
+        """Return the standard deviations (C,) of the drifts."""
         return np.sqrt(np.maximum(np.diag(self.covariance)[len(self.cameras) :], 0.0))
 
     @property
     def applied(self) -> Array:
-        """Which cameras (C,) are corrected: those corrected before or with a significant offset."""
+        """Return which cameras (C,) are corrected: those corrected before or with a significant offset."""
         used: Array = self.held | self.known & (np.abs(self.offsets) > SURE * self.deviations)
         return used
 
     def corrections(self, sets: Iterable[DetectionSet], every: bool = False) -> dict[str, Array]:
-        """Per camera the correction (K,) ns of the stamps of its frames, in the order of the sets.
+        """Return the correction (K,) ns of each frame timestamp by camera, in the order of the sets.
 
         Args:
-            every: whether to correct cameras whose offset is not `applied` as well.
+            every: True to correct also cameras whose offset is not `applied`.
         """
         table: dict[str, list[float]] = {name: [] for name in self.cameras}
         use = np.ones(len(self.cameras), bool) if every else self.applied
@@ -228,7 +234,7 @@ class CameraClocks:
         return {name: np.array(values) for name, values in table.items()}
 
     def models(self) -> list[ClockModel]:
-        """The corrections as clock models, one per camera; 0 where none is `applied`."""
+        """Return the corrections as clock models, one per camera; 0 for cameras not `applied`."""
         count, models = len(self.cameras), []
         for c, name in enumerate(self.cameras):
             pick = np.ix_([c, count + c], [c, count + c])
@@ -251,13 +257,14 @@ def _mean(values: Array) -> float:
 
 
 def straying(fit: Fit, bias: float, inflation: float) -> Array:
-    """How far (C,) s the clock of each camera is from its line in the worst part of the time; 0 if it is not.
+    """Return the maximum deviation (C,) s of each clock from its line over the parts of the time; 0 if none.
 
-    The rays of a camera in one part measure its clock there, given everything else. Differences that chance
-    or a bias of the detected joints explains do not count.
+    The rays of a camera in one part measure its clock there, given everything else. Deviations that chance or
+    a bias of the detected joints explains are ignored.
 
     Args:
-        bias: m, of 2D joints, see `uncertainty.detector_bias`. inflation: of variances.
+        bias: (m) bias of the 2D joints, see `uncertainty.detector_bias`.
+        inflation: factor of the variances.
     """
     seen, cameras = fit.seen, len(fit.offsets)
     worst = np.zeros(cameras)

@@ -9,7 +9,7 @@ from panoptic_ros.params import Config, named_numbers, param
 
 @dataclass(frozen=True, kw_only=True)
 class OffsetsConfig(Config):
-    """Clocks of cameras from the motion that they see, live."""
+    """Parameters of the live estimation of camera clocks from motion."""
 
     active: bool = param(
         False,

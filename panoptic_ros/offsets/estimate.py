@@ -1,7 +1,7 @@
-"""Clocks of cameras from the motion that they see: the offsets that make the rays meet.
+"""Estimate the clocks of cameras from motion: the offsets for which the rays of a joint intersect.
 
-`ClockFilter` is an information filter of the clocks over blocks of motion, with slow forgetting. `Noise` says
-how noisy 2D joints are, from the residuals of the fit. `Series` are the observations by trajectory.
+`ClockFilter` is an information filter of the clocks over blocks of motion, with slow forgetting. `Noise`
+estimates the noise of 2D joints from the residuals of the fit. `Series` holds the observations by trajectory.
 """
 
 from __future__ import annotations
@@ -16,39 +16,42 @@ from panoptic_ros.offsets.association import Observations
 from panoptic_ros.offsets.trajectories import SPAN, Curves, Rays, fit_series
 
 Array = np.ndarray
-CAUCHY = 3.0  # standard deviations
-ROUGHNESS = (0.02, 20.0)  # m/s^1.5, limits of the root density of white acceleration
+CAUCHY = 3.0  # standard deviations, scale of the Cauchy weights
+ROUGHNESS = (0.02, 20.0)  # m/s^1.5, limits of the root spectral density of white acceleration
 FIRST_ROUGHNESS = 1.5
-FIRST_NOISE = 3e-3  # of the normalised plane
-LARGEST_STEP = 0.04  # s per iteration
-ENOUGH = 2e-5  # s: largest step when converged
-LEARNING = 12  # iterations for which noise and stiffness are learnt
-MEMORY = 3  # states of Anderson acceleration
-LARGEST_JUMP = 3.0  # steps; a longer accelerated one is not taken
+FIRST_NOISE = 3e-3  # initial noise on the normalised image plane
+LARGEST_STEP = 0.04  # s, maximum offset step per iteration
+ENOUGH = 2e-5  # s, largest offset step at convergence
+LEARNING = 12  # number of iterations in which noise and stiffness are learnt
+MEMORY = 3  # number of previous states for Anderson acceleration
+LARGEST_JUMP = 3.0  # maximum ratio of an accelerated step to the plain step; longer ones are rejected
 SCORE_BINS = 5
-LEAST_COUNT = 60  # residuals that a group needs for a noise of its own
-RAYLEIGH_MEDIAN = 1.17741  # of a 2D residual with standard deviation 1 per axis
-LEAST_NOISE = 2e-5  # of the normalised plane: 0.03 px at a focal length of 1500 px
-KNOTS = 0.08  # s
-LONGEST_GAP = 0.5  # s without any ray; after a longer gap a trajectory begins anew
-LEAST_RAYS = 12  # of a trajectory
-MARGIN = 0.1  # s of spline beyond the outermost rays, as clocks may still move
-JUMP = 6.0  # standard deviations of an innovation, beyond which a clock has jumped
-LEAST_JUMP = 3e-3  # s; less is no jump
-VAGUE = 1e-3  # of the prior's information, added so that the information of a block can be inverted
+LEAST_COUNT = 60  # minimum number of residuals for a separate noise factor of a group
+RAYLEIGH_MEDIAN = 1.17741  # median length of a 2D residual with standard deviation 1 per axis
+LEAST_NOISE = 2e-5  # on the normalised image plane: 0.03 px at a focal length of 1500 px
+KNOTS = 0.08  # s between spline knots
+LONGEST_GAP = 0.5  # s without any ray after which a new trajectory begins
+LEAST_RAYS = 12  # minimum number of rays of a trajectory
+MARGIN = 0.1  # s of spline beyond the outermost rays, because clocks may still move
+JUMP = 6.0  # standard deviations of an innovation beyond which a clock has jumped
+LEAST_JUMP = 3e-3  # s; smaller jumps are ignored
+VAGUE = 1e-3  # share of the prior's information, added to make the information of a block invertible
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """Clocks of C cameras, corrected = stamp + offset + drift * (stamp - reference), and their statistics.
+    """Estimated clocks of C cameras: corrected = timestamp + offset + drift * (timestamp - reference).
 
     Args:
-        offsets: (C,) s at the reference. drifts: (C,).
+        offsets: (C,) s, at the reference.
+        drifts: (C,) dimensionless.
         information: (2C, 2C) of (offsets, drifts) from the rays, without any prior.
-        converged: whether the last step was small. iterations: number of steps.
-        seen: the N rays that were used, in the order of the trajectories.
-        misses: (N, 2) m, distance of the ray from its trajectory, across the ray. across: (N, 2) m/s,
-            velocity of the joint across the ray. precision: (N,) 1/m^2, weight of the ray.
+        converged: True if the last step was small.
+        iterations: number of steps.
+        seen: (N rays) observations used, ordered by trajectory.
+        misses: (N, 2) m, distance of the ray from its trajectory, across the ray.
+        across: (N, 2) m/s, velocity of the joint across the ray.
+        precision: (N,) 1/m^2, weight of the ray.
     """
 
     offsets: Array
@@ -63,7 +66,7 @@ class Fit:
 
 
 class _Problem:
-    """The rays, and what is learnt about them during the iterations: noise, stiffness, outliers."""
+    """Rays and the quantities learnt from them during the iterations: noise, stiffness, outlier weights."""
 
     def __init__(self, series: Series, cameras: int):
         seen = series.seen
@@ -75,7 +78,7 @@ class _Problem:
         self.precision = np.zeros(len(seen.stamp))
 
     def linearise(self, state: Array, learn: bool) -> tuple[Array, Array]:
-        """Fit the trajectories given the clocks; information (2C, 2C), right-hand side (2C,)."""
+        """Fit the trajectories given the clocks; return information (2C, 2C) and right-hand side (2C,)."""
         series, seen = self.series, self.series.seen
         times = seen.stamp + state[seen.camera] + state[self.cameras + seen.camera] * seen.stamp
         scale = 1.0 / (self._noise.sigmas() * seen.depth)
@@ -103,14 +106,18 @@ def fit_clocks(
     rounds: int = 40,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Fit:
-    """Estimate offsets and drifts from the joints of tracked people.
+    """Estimate offsets and drifts from the joints of tracked persons.
 
-    Gauss-Newton steps of the clocks with the trajectories eliminated and Cauchy weights, and Anderson
-    acceleration once noise and stiffness have settled. Plain steps look converged while milliseconds off.
+    The clocks take Gauss-Newton steps with Cauchy weights and eliminated trajectories. Once noise and
+    stiffness have settled, Anderson acceleration is used. Plain steps look converged while they are still
+    milliseconds off.
 
     Args:
-        offsets (C,) s, drifts (C,): to start from. prior: (2C,) their standard deviations about 0.
-        rounds: most iterations. progress: is told the share that is done, 0..1.
+        offsets: (C,) s, initial values.
+        drifts: (C,) initial values.
+        prior: (2C,) standard deviations of offsets and drifts about 0.
+        rounds: maximum number of iterations.
+        progress: callback with the share of completed iterations, 0..1.
     """
     problem = _Problem(make_series(seen), cameras)
     state = centred(np.concatenate([offsets, drifts]).astype(np.float64), cameras)
@@ -142,13 +149,13 @@ def fit_clocks(
 
 
 def centred(values: Array, cameras: int) -> Array:
-    """Offsets and drifts with mean 0, as what all cameras share is not observable."""
+    """Return offsets and drifts with mean 0, because a shift common to all cameras is not observable."""
     parts = values[:cameras], values[cameras:]
     return np.concatenate([part - part.mean() for part in parts])
 
 
 def _learn_stiffness(stiffness: Array, counts: Array, rough: Array) -> Array:
-    """MacKay's update: the penalty under which the second differences are as large as expected."""
+    """Update the penalty weight by MacKay's rule, so that second differences have their expected size."""
     terms = 3.0 * (counts - 2)
     sure = np.maximum(terms - stiffness * rough[:, 1], 0.05 * terms)
     low, high = (1.0 / (q**2 * KNOTS**3) for q in ROUGHNESS[::-1])
@@ -157,7 +164,7 @@ def _learn_stiffness(stiffness: Array, counts: Array, rough: Array) -> Array:
 
 
 def _accelerated(history: list[tuple[Array, Array]], cameras: int) -> Array:
-    """Anderson mixing of the last states and steps."""
+    """Return the next state by Anderson mixing of the last states and steps."""
     state, step = history[-1]
     plain: Array = state + step
     if len(history) < 2:
@@ -171,9 +178,9 @@ def _accelerated(history: list[tuple[Array, Array]], cameras: int) -> Array:
 
 
 class Noise:
-    """Standard deviations on the normalised plane: by score, times factors of cameras and of joints.
+    """Standard deviations of 2D joints on the normalised image plane, by score, camera and joint.
 
-    All come from medians of residuals, so outliers do not matter.
+    All values come from medians of residuals, so outliers hardly affect them.
     """
 
     def __init__(self, cameras: Array, joints: Array, scores: Array, start: float):
@@ -182,7 +189,7 @@ class Noise:
         self._factors = [np.ones(int(group.max(initial=0)) + 1) for group in self._groups]
 
     def sigmas(self) -> Array:
-        """(N,) standard deviations of the observations."""
+        """Return the standard deviations (N,) of the observations."""
         value = np.full(len(self._groups[0]), self._start)
         for group, factors in zip(self._groups, self._factors):
             value *= factors[group]
@@ -190,7 +197,7 @@ class Noise:
         return sigmas
 
     def learn(self, ratios: Array) -> None:
-        """Learn from residuals (N,) in units of `sigmas`, corrected for leverage."""
+        """Update the factors from residuals (N,) in units of `sigmas`, corrected for leverage."""
         left = ratios.copy()
         for group, factors in zip(self._groups, self._factors):
             for k in range(len(factors)):
@@ -203,7 +210,14 @@ class Noise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Series:
-    """S trajectories: first ray (S + 1,), first instant (S,) s and number of control points (S,)."""
+    """Observations of S trajectories.
+
+    Args:
+        starts: (S + 1,) index of the first ray of each trajectory.
+        origins: (S,) s, first time of each trajectory.
+        counts: (S,) number of control points.
+        seen: observations, ordered by trajectory.
+    """
 
     starts: Array
     origins: Array
@@ -212,7 +226,7 @@ class Series:
 
 
 def make_series(seen: Observations) -> Series:
-    """Sort rays into trajectories; those with too few rays, or rays of one camera only, are left out."""
+    """Sort rays into trajectories; drop those with too few rays or with rays of one camera only."""
     order = np.lexsort((seen.stamp, seen.joint, seen.track))
     track, joint, stamp = seen.track[order], seen.joint[order], seen.stamp[order]
     begins = np.ones(len(order), bool)
@@ -238,10 +252,12 @@ def _runs(begins: Array) -> list[tuple[int, int]]:
 
 
 class ClockFilter:
-    """An information filter of (offsets in s at the newest reference, drifts), 2C states.
+    """Information filter of (offsets in s at the newest reference, drifts), 2C states.
 
     Args:
-        prior: (2C,) standard deviations about 0, which are not forgotten. memory_s: see `OffsetsConfig`.
+        cameras: number of cameras C.
+        prior: (2C,) standard deviations about 0; the prior is never forgotten.
+        memory_s: see `OffsetsConfig`.
     """
 
     def __init__(self, cameras: int, prior: Array, memory_s: float):
@@ -250,7 +266,7 @@ class ClockFilter:
         self._vector = np.zeros(2 * cameras)
 
     def move(self, seconds: float) -> None:
-        """Predict: the reference moves ahead, and information fades."""
+        """Predict: move the reference ahead by `seconds`, and let the information decay."""
         back = np.eye(2 * self._cameras)
         back[: self._cameras, self._cameras :] = -seconds * np.eye(self._cameras)
         fade = np.exp(-seconds / self._memory)
@@ -260,14 +276,16 @@ class ClockFilter:
     def add(self, state: Array, information: Array) -> Array:
         """Update with the estimate (2C,) of a block and its information (2C, 2C).
 
-        What was known of a camera whose clock has jumped is forgotten first. As the jump may lie anywhere in
-        the block, the block then tells the offset of that camera to half of the jump only.
+        If the clock of a camera has jumped, its previous information is dropped first. The jump may lie
+        anywhere in the block. Therefore half of the jump is added to the standard deviation of that camera's
+        offset in the block.
 
         Returns:
-            How far (C,) s clocks have jumped against the others, 0 where they have not.
+            Jumps (C,) s of the clocks relative to the others, 0 for clocks that have not jumped.
         """
         jumps = np.zeros(self._cameras)
-        for _ in range(self._cameras // 2):  # more could not be told from jumps of the others
+        # jumps of more clocks could not be distinguished from jumps of the others
+        for _ in range(self._cameras // 2):
             camera, jump = self._jump(state, information)
             if jump == 0.0:
                 break
@@ -279,16 +297,16 @@ class ClockFilter:
         return jumps
 
     def state(self) -> tuple[Array, Array]:
-        """Estimate (2C,) with mean 0, and covariance (2C, 2C) about the mean."""
+        """Return the estimate (2C,) with mean 0, and its covariance (2C, 2C) about the mean."""
         covariance = np.linalg.inv(self._information + np.diag(self._prior**-2.0))
         gauge = np.kron(np.eye(2), np.eye(self._cameras) - 1.0 / self._cameras)
         return centred(covariance @ self._vector, self._cameras), gauge @ covariance @ gauge.T
 
     def _jump(self, state: Array, information: Array) -> tuple[int, float]:
-        """The camera whose jump explains most of the innovation of a block, and the jump.
+        """Return the camera whose jump explains most of a block's innovation, and the jump (s).
 
-        The test is that of a shift of one offset in an innovation of known covariance, without what all
-        cameras share.
+        The test is that of a shift of one offset, given the covariance of the innovation. A shift common to
+        all cameras is removed first.
         """
         count = self._cameras
         before, spread = self.state()
@@ -304,7 +322,7 @@ class ClockFilter:
         return camera, jump
 
     def _forget(self, camera: int) -> None:
-        """Marginalise a camera out: what is known of the others without it stays."""
+        """Marginalise a camera out; information on the other cameras that does not depend on it is kept."""
         for k in (camera, self._cameras + camera):
             if self._information[k, k] > 0.0:
                 share = self._information[k] / self._information[k, k]
@@ -314,7 +332,7 @@ class ClockFilter:
 
 
 def _less_sure(information: Array, k: int, deviation: float) -> Array:
-    """Information after an independent error with this standard deviation is added to state `k`."""
+    """Return the information after an independent error of this standard deviation is added to state k."""
     column = information[:, k]
     reduced: Array = information - np.outer(column, column) / (deviation**-2.0 + column[k])
     return reduced

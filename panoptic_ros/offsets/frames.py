@@ -1,4 +1,4 @@
-"""The 2D people of every camera frame at its own stamp, undistorted once."""
+"""Collect the 2D poses of every camera frame at its own timestamp, undistorted once."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ Array = np.ndarray
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraFrame:
-    """One image's 2D people.
+    """2D poses of one image.
 
     Args:
-        camera: index into the rig. stamp_ns: the camera's own.
-        plane: (D, J, 2) undistorted normalised points. scores: (D, J), 0 where missing.
+        camera: index into the rig.
+        stamp_ns: (ns) timestamp on the camera's own clock.
+        plane: (D, J, 2) undistorted normalised points.
+        scores: (D, J), 0 where missing.
     """
 
     camera: int
@@ -32,13 +34,13 @@ class CameraFrame:
 def camera_frames(
     sets: Iterable[DetectionSet], arrays: RigArrays, skeleton: SkeletonModel, every: int = 1
 ) -> list[CameraFrame]:
-    """The frames of detection sets, in the order of the sets and of the rig.
+    """Return the frames of detection sets, in the order of the sets and of the rig.
 
     Args:
-        every: take one frame of each camera in so many sets, with other cameras in every set.
+        every: take one frame of each camera per `every` sets. Cameras take turns.
 
     Raises:
-        DataError: as `solving.scene.gather`.
+        DataError: see `solving.scene.gather`.
     """
     frames = []
     for k, item in enumerate(sets):

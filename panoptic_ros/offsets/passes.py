@@ -1,4 +1,4 @@
-"""Clocks of a recorded capture, as in `panoptic solve`: solve, estimate, correct, and repeat."""
+"""Estimate the clocks of a recorded capture, as in `panoptic solve`: solve, estimate, correct, and repeat."""
 
 from __future__ import annotations
 
@@ -20,22 +20,25 @@ from panoptic_ros.stage import Progress, Recording, StageContext, each, part_of,
 
 Array = np.ndarray
 Solver = Callable[[Iterable[DetectionSet]], Sequence[TrackedPoseSet]]
-Span = tuple[int, int]  # ns, up to but without the second
-SCALES = (0.15, 0.10)  # m, agreement of 2D people with tracks: wide while clocks are far off
-WINDOWS, WINDOW_S = 12, 6.0  # of a long capture: number and length of the windows that are used
-SOLVED = 0.5  # share of the time that solving takes; the rest is the estimate
-MOST_FRAMES = 12_000  # that the clocks are estimated from; if there are more, some of every camera
-PRIOR_OFFSET = 0.1  # s
+Span = tuple[int, int]  # ns, the end is exclusive
+# m, agreement scale of 2D poses with tracks, per pass: larger while the clock errors are large
+SCALES = (0.15, 0.10)
+WINDOWS, WINDOW_S = 12, 6.0  # number of windows used in a long capture, and their length in s
+SOLVED = 0.5  # share of the run time for solving; the remainder is the estimate
+# maximum number of frames for the estimate; if there are more, each camera is subsampled
+MOST_FRAMES = 12_000
+PRIOR_OFFSET = 0.1  # s, standard deviation
 PRIOR_DRIFT = 5e-5
 
 
 @dataclass(frozen=True, slots=True)
 class MotionClocksConfig:
-    """What `MotionClocks` needs to know.
+    """Configuration of `MotionClocks`.
 
     Args:
-        solve: tracked people of sets, which it takes from first to last.
-        trusted_camera: its stamps are right; "": the offsets' mean is 0 unless most cameras agree.
+        solve: solver that returns tracked persons for sets, which it reads in order.
+        trusted_camera: camera whose timestamps are right; "": the offsets have mean 0 unless most cameras
+            agree.
     """
 
     solve: Solver
@@ -53,11 +56,14 @@ def clocks_from_motion(
     arrays: RigArrays | None = None,
     progress: Progress = untold,
 ) -> CameraClocks:
-    """One estimate.
+    """Estimate the clocks once.
 
     Args:
-        frames: with the cameras' own stamps. tracked: people on the time line of `start`.
-        start: clocks to begin with. scale: see `SCALES`. trusted: see `CameraClocks.of`.
+        frames: frames with the cameras' own timestamps.
+        tracked: tracked persons on the time line of `start`.
+        start: initial clocks.
+        scale: see `SCALES`.
+        trusted: see `CameraClocks.of`.
     """
     count = len(rig)
     stamps = np.array([1e-9 * (frame.stamp_ns - start.reference_ns) for frame in frames])
@@ -80,14 +86,15 @@ def clocks_from_motion(
 
 
 class MotionClocks:
-    """The cameras' clocks from the people in the detection sets of a recording: a `stage.Pass`.
+    """Pass (`stage.Pass`) that estimates camera clocks from the 2D poses in the detection sets of a
+    recording.
 
-    Pass 1 solves with the stamps as they are. If cameras are 60 ms apart, the rays of somebody who runs miss
-    each other by 20 cm, so pass 1 loses some views of fast people. The estimate still uses every frame at its
-    own stamp, and pass 2 repeats all with corrected stamps.
+    Pass 1 solves with the original timestamps. If cameras are 60 ms apart, the rays of a running person miss
+    each other by 20 cm. Pass 1 therefore loses some views of fast persons. The estimate still uses every
+    frame at its own timestamp, and pass 2 repeats everything with corrected timestamps.
 
     Raises:
-        UsageError: if the rig lacks the trusted camera.
+        UsageError: the rig lacks the trusted camera.
     """
 
     def __init__(self, config: MotionClocksConfig, context: StageContext):
@@ -100,7 +107,7 @@ class MotionClocks:
         self._arrays = RigArrays.of(rig)
 
     def run(self, recording: Recording, progress: Progress) -> CameraClocks:
-        """The clocks; not known where there are no sets."""
+        """Return the clocks; they are unknown if there are no sets."""
         stamps, people = _people_seen(recording)
         if not len(stamps):
             progress(1.0, "no sets")
@@ -128,7 +135,7 @@ class MotionClocks:
         scale: float,
         progress: Progress,
     ) -> CameraClocks:
-        """Solve the sets of these clocks, and estimate better ones."""
+        """Solve the sets grouped by the clocks `start`, and return improved clocks."""
         told = each(sets, len(sets), part_of(progress, 0.0, SOLVED), "solving")
         return clocks_from_motion(
             frames,
@@ -144,7 +151,7 @@ class MotionClocks:
 
 
 def _people_seen(recording: Recording) -> tuple[Array, Array]:
-    """Stamps (N,) ns of all sets, and how many 2D people each has (N,)."""
+    """Return the timestamps (N,) ns of all sets, and the number (N,) of 2D poses in each."""
     found = [
         (item.stamp_ns, sum(len(view.points) for view in item.views))
         for item in recording.records("detection_sets")
@@ -154,12 +161,13 @@ def _people_seen(recording: Recording) -> tuple[Array, Array]:
 
 
 def telling_spans(stamps: Array, people: Array) -> list[Span]:
-    """Spans that the clocks are estimated from: all of a short capture, some windows of a long one.
+    """Return the time spans used for the estimate: all of a short capture, or windows of a long one.
 
-    A long capture is cut into equal parts. Each gives the window in which most 2D people are seen.
+    A long capture is cut into equal parts. Each part gives the window with the most 2D poses.
 
     Args:
-        stamps: (N,) ns, of the sets, one at least. people: (N,) number of 2D people of each.
+        stamps: (N,) ns, timestamps of the sets, at least one.
+        people: (N,) number of 2D poses in each set.
     """
     first_ns, last_ns = int(stamps[0]), int(stamps[-1])
     if 1e-9 * (last_ns - first_ns) <= WINDOWS * WINDOW_S:

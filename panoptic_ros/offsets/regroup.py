@@ -1,4 +1,4 @@
-"""Detection sets grouped anew after a correction of the stamps."""
+"""Regroup detection sets after a correction of the timestamps."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ Array = np.ndarray
 
 
 def regroup(sets: Sequence[DetectionSet], corrections: Mapping[str, Array]) -> list[DetectionSet]:
-    """The same instants with the frames that are nearest to them by corrected stamps.
+    """Return sets at the same instants, with the frames nearest to them by corrected timestamps.
 
-    Every frame is used at most once, and only within half of the median period of the sets. If two frames are
-    nearest to one instant, the nearer one is taken. Frames of before 0 are left out.
+    Every frame is used at most once, and only within half of the median period of the sets. If two frames of
+    a camera belong to one instant, the nearer one is used. Frames with negative corrected timestamps are
+    dropped.
 
     Args:
-        sets: in the order of time.
-        corrections: per camera (K,) ns to add to the stamps of its frames, in the order of the sets.
+        sets: sets in time order.
+        corrections: (K,) ns by camera, to add to the timestamps of its frames, in the order of the sets.
     """
     instants = np.array([item.stamp_ns for item in sets], np.int64)
     chosen: list[dict[str, ViewDetections]] = [{} for _ in sets]

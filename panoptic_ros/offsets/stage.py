@@ -1,4 +1,4 @@
-"""The offsets stage: clocks from motion, live."""
+"""Offsets stage: estimate camera clocks from motion, live."""
 
 from __future__ import annotations
 
@@ -35,27 +35,29 @@ from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
 SECOND = 1_000_000_000
-FRAME_LIMIT = 4096  # frames that wait at most, e.g. while nobody is tracked
-ALL_FRAMES = 10  # cameras of which every frame is used; more cameras take turns, with as many frames in all
-PATIENCE_S = 10.0  # after which clocks that are still not known are reported
+FRAME_LIMIT = 4096  # maximum number of buffered frames, for example while no person is tracked
+# number of cameras up to which all frames are used; more cameras take turns, with the same total
+ALL_FRAMES = 10
+PATIENCE_S = 10.0  # s after which clocks that are still unknown are reported
 STEP_NS = 33_000_000
-FRAMES = 15  # enough rays for a trajectory
+FRAMES = 15  # number of frames to compile with: enough rays for a trajectory
 
 
 class ClockNotices:
-    """Says which cameras are corrected and by how much, which clocks have jumped, and which stay unknown."""
+    """Notices on corrected cameras with their offsets, on clocks that have jumped, and on unknown clocks."""
 
     def __init__(self, cameras: Sequence[str]):
         self._cameras = tuple(cameras)
-        self._told: set[str] = set()  # cameras whose correction was reported
-        self._passed = 0.0  # s
-        self._missed = False  # whether the unknown ones were reported
+        self._told: set[str] = set()  # cameras whose correction has been reported
+        self._passed = 0.0  # s, total time of all blocks
+        self._missed = False  # True once the unknown clocks have been reported
 
     def of(self, clocks: CameraClocks, jumps: Array, seconds: float) -> tuple[Notice, ...]:
-        """The notices of one block.
+        """Return the notices of one block.
 
         Args:
-            jumps: (C,) s, how far clocks jumped in it. seconds: how long it was.
+            jumps: (C,) s, clock jumps in the block.
+            seconds: (s) length of the block.
         """
         self._passed += seconds
         jumped = [_jump(name, float(jump)) for name, jump in zip(self._cameras, jumps) if jump]
@@ -89,11 +91,12 @@ class ClockNotices:
 
 
 class OffsetsStage(Stateful):
-    """From views with the cameras' own stamps, and tracked people on the master time line, to clock models.
+    """Stage that converts views with camera timestamps, and tracked persons in master time, to clock models.
 
-    A block is closed by the first tracked people that are `block_s` newer than its beginning. Its frames are
-    associated with the tracks by the clocks in force. So the feedback to sync comes from closed blocks alone,
-    and a run in one process is deterministic. A camera is corrected as soon as its offset is significant.
+    A block ends at the first tracked set that is `block_s` newer than its beginning. Its frames are
+    associated with the tracks by the current clocks. The feedback to sync thus comes from finished blocks
+    alone, and a run in one process is deterministic. A camera is corrected as soon as its offset is
+    significant.
     """
 
     LAYOUT = StateLayout(
@@ -127,22 +130,22 @@ class OffsetsStage(Stateful):
             compile_kernels(context.rig, context.skeleton, self._arrays, self._prior)
 
     def reset(self) -> None:
-        """Forget all motion and clocks."""
+        """Drop all motion and clocks."""
         count = len(self._rig)
         self._prior = np.repeat([PRIOR_OFFSET, PRIOR_DRIFT], count)
         self._filter = ClockFilter(count, self._prior, self._config.memory_s)
         self._frames: deque[CameraFrame] = deque(maxlen=FRAME_LIMIT)
-        self._turns: dict[str, int] = {}  # frames of every camera, counted from its place in the rig
+        self._turns: dict[str, int] = {}  # per camera, number of its frames plus its index in the rig
         self._tracked: list[TrackedPoseSet] = []
         self._in_force: CameraClocks | None = None
         self._correcting = np.zeros(count, bool)
         self._notices = ClockNotices(self._rig.names)
 
     def step(self, item: ViewDetections | TrackedPoseSet) -> StepResult[ClockModel]:
-        """Take a view or tracked people.
+        """Process a view or tracked persons; return clock models at the end of a block.
 
         Raises:
-            DataError: on another skeleton, or a camera that the rig lacks.
+            DataError: the skeleton differs, or the rig has no such camera.
         """
         if not self._config.active:
             return StepResult()
@@ -159,12 +162,12 @@ class OffsetsStage(Stateful):
         return self._close()
 
     def flush(self) -> StepResult[ClockModel]:
-        """Forget all. An unfinished block gives nothing, as no frames are left that could use it."""
+        """Reset the stage. An unfinished block gives no models, as no later frames could use them."""
         self.reset()
         return StepResult()
 
     def _keep(self, view: ViewDetections) -> None:
-        """Keep a frame until its block ends, if it is the turn of its camera."""
+        """Buffer a frame until its block ends, if it is its camera's turn."""
         turn = self._turns.get(view.camera, self._arrays.index.get(view.camera, 0))
         if turn % -(-len(self._rig) // ALL_FRAMES) == 0:
             stamp = max(0, view.stamp_ns + self._delays.get(view.camera, 0))
@@ -174,7 +177,7 @@ class OffsetsStage(Stateful):
         self._turns[view.camera] = turn + 1
 
     def _close(self) -> StepResult[ClockModel]:
-        """Estimate from the block, and begin the next one with its last tracked people."""
+        """Estimate the clocks from the block, and begin the next block with its last tracked set."""
         first, last = self._tracked[0].stamp_ns, self._tracked[-1].stamp_ns
         reference = (first + last) // 2
         frames = [frame for frame in self._frames if self._master(frame) <= last]
@@ -189,7 +192,7 @@ class OffsetsStage(Stateful):
         return StepResult(tuple(models), self._notices.of(clocks, jumps, 1e-9 * (last - first)))
 
     def _estimate(self, frames: list[CameraFrame], reference: int) -> tuple[CameraClocks, Array]:
-        """The clocks, and how far (C,) s each of them has jumped."""
+        """Return the clocks, and the jump (C,) s of each of them."""
         count, before = len(self._rig), self._in_force
         if before is not None:
             self._filter.move(1e-9 * (reference - before.reference_ns))
@@ -220,7 +223,7 @@ class OffsetsStage(Stateful):
         return clocks, jumps
 
     def _master(self, frame: CameraFrame) -> int:
-        """Time of a frame on the time line of the tracked people."""
+        """Return the time of a frame on the time line of the tracked persons, ns."""
         clocks, c = self._in_force, frame.camera
         if clocks is None or not self._correcting[c]:
             return frame.stamp_ns
@@ -238,10 +241,10 @@ def _jump(name: str, jump: float) -> Notice:
 
 
 def compile_kernels(rig: Rig, skeleton: SkeletonModel, arrays: RigArrays, prior: np.ndarray) -> None:
-    """Fit the clocks to somebody who does not move, which takes all kernels; or take them from the cache.
+    """Compile all kernels by a fit to a person at rest, or load them from the cache.
 
     Args:
-        prior: standard deviations (2C,) of the clocks, see `fit_clocks`.
+        prior: (2C,) standard deviations of the clocks, see `fit_clocks`.
     """
     first = next(iter(easy_instants(rig, skeleton)))
     sets = [

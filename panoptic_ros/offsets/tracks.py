@@ -1,4 +1,4 @@
-"""Where tracked people are between the instants of their sets."""
+"""Interpolate tracked persons between the instants of their sets."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from panoptic_ros.domain import TrackedPoseSet
 
 Array = np.ndarray
-LONGEST_GAP = 0.25  # s between two instants that are joined by a straight line
-BEYOND = 0.12  # s before the first and after the last instant
+LONGEST_GAP = 0.25  # s, maximum time between two instants for linear interpolation
+BEYOND = 0.12  # s before the first and after the last instant in which the nearest pose is used
 
 
 class Tracks:
-    """Joints of people at any instant, by straight lines between the instants of the sets.
+    """Joint positions of persons at any instant, by linear interpolation between the instants of the sets.
 
     Args:
-        reference_ns: the instant that counts as 0 s.
+        reference_ns: (ns) time that counts as 0 s.
     """
 
     def __init__(self, sets: Iterable[TrackedPoseSet], reference_ns: int):
@@ -33,7 +33,7 @@ class Tracks:
         self._positions = [np.stack(positions[i]) for i in self.ids]
 
     def at(self, time: float) -> tuple[Array, Array]:
-        """Who is there: rows (P,) of `ids`, and joints (P, J, 3) m, NaN where unknown."""
+        """Return the persons present at a time: rows (P,) of `ids`, and joints (P, J, 3) m or NaN."""
         rows, places = [], []
         for row, (times, positions) in enumerate(zip(self._times, self._positions)):
             if not times[0] - BEYOND <= time <= times[-1] + BEYOND:

@@ -1,13 +1,13 @@
-"""Kernel: the trajectory of every joint through all its rays, and what it says about the clocks.
+"""Fit the trajectory of every joint to its rays, and compute its information about the clocks (kernels).
 
 A trajectory is a uniform cubic B-spline with a penalty on its second differences, the prior of white
-acceleration. Observation i at the corrected time t_i is the linear pair of rows A_i X(t_i) = b_i. Moving the
-clock of its camera by do changes the residual by d_i do with d_i = A_i X'(t_i). Eliminating the spline
+acceleration. Observation i at the corrected time t_i is the linear pair of rows A_i X(t_i) = b_i. A change do
+of its camera's clock changes the residual by d_i do, with d_i = A_i X'(t_i). Elimination of the spline
 (banded Cholesky) leaves a small system for the clocks.
 
-Kernels for symmetric banded systems: factor, solve, and the part of the inverse inside of the band.
-
-A matrix (n, n) of half bandwidth b is kept as its lower band (n, b + 1): band[i, k] = A[i, i - k].
+The module also has kernels for symmetric banded systems: Cholesky factor, solution, and the part of the
+inverse inside the band. A matrix (n, n) of half bandwidth b is stored as its lower band (n, b + 1):
+band[i, k] = A[i, i - k].
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ import numpy as np
 
 from panoptic_ros.kernels import njit
 
-SPAN = 4  # control points that act at an instant
-WIDTH = 3 * SPAN  # band of three coordinates
+SPAN = 4  # number of control points with influence at an instant
+WIDTH = 3 * SPAN  # band width for three coordinates
 
 
 @njit(cache=True, error_model="numpy")
 def factor(band):
-    """Cholesky factor in place, A = L L^T; False if the matrix is not positive definite."""
+    """Compute the Cholesky factor in place, A = L L^T; return False if A is not positive definite."""
     n, width = band.shape
     for i in range(n):
         for k in range(min(i, width - 1), -1, -1):
@@ -44,7 +44,7 @@ def factor(band):
 
 @njit(cache=True, error_model="numpy")
 def forward(lower, right):
-    """right (n, m) <- L^-1 right."""
+    """Solve L x = right in place, for right (n, m)."""
     n, width = lower.shape
     for i in range(n):
         for k in range(1, min(width, i + 1)):
@@ -59,7 +59,7 @@ def forward(lower, right):
 
 @njit(cache=True, error_model="numpy")
 def backward(lower, right):
-    """right (n,) <- L^-T right."""
+    """Solve L^T x = right in place, for right (n,)."""
     n, width = lower.shape
     for i in range(n - 1, -1, -1):
         value = right[i]
@@ -70,7 +70,7 @@ def backward(lower, right):
 
 @njit(cache=True, error_model="numpy")
 def inverse_in_band(lower):
-    """The entries of A^-1 inside of the band (n, b + 1), from the factor (Takahashi's recursion)."""
+    """Return the entries of A^-1 inside the band (n, b + 1), from the factor (Takahashi's recursion)."""
     n, width = lower.shape
     inverse = np.zeros((n, width))
     for j in range(n - 1, -1, -1):
@@ -90,9 +90,12 @@ def inverse_in_band(lower):
 class SeriesFit(NamedTuple):
     """S trajectories fitted to N observations, given the clocks of C cameras.
 
-    information: (2C, 2C) and right: (2C,), the right-hand side, of the clocks' offsets and drifts.
-    positions, velocities: (N, 3). leverage: (N,) share of an observation that its trajectory follows.
-    rough: (S, 2) sum of squared second differences, and the trace of their covariance.
+    Args:
+        information: (2C, 2C) of the clocks' offsets and drifts.
+        right: (2C,) right-hand side.
+        positions, velocities: (N, 3) of the trajectory at each observation, m and m/s.
+        leverage: (N,) share of an observation that its trajectory follows.
+        rough: (S, 2) sum of squared second differences, and the trace of their covariance.
     """
 
     information: np.ndarray
@@ -104,10 +107,14 @@ class SeriesFit(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """N observations.
+    """Rays of N observations.
 
-    times: (N,) s, corrected. cameras: (N,). since: (N,) s from the reference instant of the clocks.
-    rows: (N, 2, 3), rights: (N, 2), in units of the noise. weights: (N,).
+    Args:
+        times: (N,) s, corrected.
+        cameras: (N,) indices.
+        since: (N,) s, uncorrected, from the reference time of the clocks.
+        rows, rights: (N, 2, 3) and (N, 2), in units of the noise.
+        weights: (N,) robust weights.
     """
 
     times: np.ndarray
@@ -119,10 +126,14 @@ class Rays(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """S series.
+    """S trajectories.
 
-    starts: (S + 1,) first observation of each. origins: (S,) s. counts: (S,) control points.
-    step: s between knots. stiffness: (S,) penalty on squared second differences.
+    Args:
+        starts: (S + 1,) index of the first observation of each.
+        origins: (S,) s, time of the first knot.
+        counts: (S,) number of control points.
+        step: (s) time between knots.
+        stiffness: (S,) penalty on squared second differences.
     """
 
     starts: np.ndarray
@@ -133,7 +144,14 @@ class Curves(NamedTuple):
 
 
 class _Knots(NamedTuple):
-    """Of one series: observations first..last, instant of the first knot (s), number of knots, step (s)."""
+    """Knots of one trajectory, and the range first..last (exclusive) of its observations.
+
+    Args:
+        first, last: indices of its first observation and of that of the next trajectory.
+        origin: (s) time of the first knot.
+        number: number of control points.
+        step: (s) time between knots.
+    """
 
     first: int
     last: int
@@ -143,8 +161,13 @@ class _Knots(NamedTuple):
 
 
 class _Clocks(NamedTuple):
-    """What is added up for C clocks: information (2C, 2C) and right side (2C,); cross (n, 2C) with the
-    n coordinates of a trajectory."""
+    """Sums for C clocks.
+
+    Args:
+        own: (2C, 2C) information.
+        right: (2C,) right-hand side.
+        cross: (n, 2C) coupling to the n coordinates of a trajectory.
+    """
 
     own: np.ndarray
     right: np.ndarray
@@ -152,7 +175,7 @@ class _Clocks(NamedTuple):
 
 
 class _Followed(NamedTuple):
-    """Per observation: positions and velocities (N, 3) of its trajectory, and leverage (N,)."""
+    """Values of the trajectory per observation: positions and velocities (N, 3), and leverage (N,)."""
 
     positions: np.ndarray
     velocities: np.ndarray
@@ -161,7 +184,10 @@ class _Followed(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def basis_at(place, count, basis, slope):
-    """Weights (4,) of control points at `place` (in knots) and their derivatives; the first one's index."""
+    """Compute the weights (4,) of control points at `place` (in knots) and their derivatives.
+
+    Returns: the index of the first of these control points.
+    """
     k = min(max(int(np.floor(place)), 0), count - SPAN)
     u = place - k
     v = 1.0 - u
@@ -178,7 +204,13 @@ def basis_at(place, count, basis, slope):
 
 @njit(cache=True, error_model="numpy")
 def fit_series(curves, rays, clocks):
-    """Fit all trajectories. curves: `Curves`; rays: `Rays`; clocks: number of cameras."""
+    """Fit all trajectories.
+
+    Args:
+        curves: `Curves`.
+        rays: `Rays`.
+        clocks: number of cameras.
+    """
     series = len(curves.counts)
     unknowns = 2 * clocks
     information, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
@@ -210,11 +242,11 @@ def fit_series(curves, rays, clocks):
 
 @njit(cache=True, error_model="numpy")
 def add_penalty(band, stiffness):
-    """The penalty on second differences of the control points, and a trace of ridge."""
+    """Add the penalty on second differences of the control points, and a small ridge."""
     n = len(band)
     for i in range(n):
         band[i, 0] += 1e-9 * stiffness
-    for i in range(0, n - 6):  # coordinate i % 3 of control points i // 3 and the next two
+    for i in range(0, n - 6):  # coordinate i % 3 of control point i // 3 and of the next two
         band[i, 0] += stiffness
         band[i + 3, 0] += 4.0 * stiffness
         band[i + 6, 0] += stiffness
@@ -225,7 +257,7 @@ def add_penalty(band, stiffness):
 
 @njit(cache=True, error_model="numpy")
 def add_observations(band, z, knots, rays):
-    """Normal equations of the observations of one series."""
+    """Add the normal equations of the observations of one trajectory."""
     first, last, origin, count, step = knots
     times, _, _, rows, rights, weights = rays
     basis, slope = np.empty(SPAN), np.empty(SPAN)
@@ -251,7 +283,7 @@ def add_observations(band, z, knots, rays):
 
 @njit(cache=True, error_model="numpy")
 def penalty_moments(z, inverse, out):
-    """Sum of squared second differences, and the trace of their covariance."""
+    """Add the sum of squared second differences, and the trace of their covariance, to `out`."""
     for i in range(len(z) - 6):
         d = z[i] - 2.0 * z[i + 3] + z[i + 6]
         out[0] += d * d
@@ -261,10 +293,11 @@ def penalty_moments(z, inverse, out):
 
 @njit(cache=True, error_model="numpy")
 def add_clocks(sums, z, inverse, knots, rays, followed):
-    """What the observations say about the clocks, given the trajectory z and its inverse in the band.
+    """Add the information of the observations about the clocks.
 
-    The right-hand side carries, besides the residuals, the derivative of the trajectory's own evidence
-    -1/2 log |H|: without it noise in the velocities pulls the clocks.
+    It is computed given the trajectory z and its inverse in the band. The right-hand side contains the
+    residuals and the derivative of the trajectory's own evidence, -1/2 log |H|. Without this term, noise in
+    the velocities would bias the clocks.
     """
     own, own_right, cross = sums
     first, last, origin, count, step = knots

@@ -1,4 +1,4 @@
-"""How certain the clocks are, and which cameras they are relative to."""
+"""Compute the uncertainty of the clocks, and choose the cameras that define their common reference."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ import numpy as np
 from panoptic_ros.offsets.estimate import Fit
 
 Array = np.ndarray
-KNOWN = 0.012  # s, standard deviation up to which an offset counts as known
-STAMP_JITTER = 5e-4  # s, of single stamps; all joints of a frame share it
-LONG_BLOCK, SHORT_BLOCK = 1.0, 0.25  # s over which means of residuals are taken
-LEAST_BLOCK = 5  # rays
-FEW_BLOCKS = 20
-EXCESS = 1.5  # ratio of variances beyond which means of residuals show a bias
-NORMAL_MEDIAN = 0.6745  # of |x|
-MIXED_NOISE = 1.38  # this ratio for independent noise: few rays in a block, and some much noisier than others
-AGREE = 3e-3  # s, offsets that differ less are the same
-CHANCE = 2.0  # standard deviations of their difference, up to which they may differ by chance
+KNOWN = 0.012  # s, maximum standard deviation of a known offset
+STAMP_JITTER = 5e-4  # s, jitter of a single timestamp; all joints of a frame share it
+LONG_BLOCK, SHORT_BLOCK = 1.0, 0.25  # s, block lengths over which residuals are averaged
+LEAST_BLOCK = 5  # minimum number of rays in a block
+FEW_BLOCKS = 20  # minimum number of blocks to estimate the variance excess
+EXCESS = 1.5  # ratio of variances beyond which the mean residuals show a bias
+NORMAL_MEDIAN = 0.6745  # median of |x| for a standard normal x
+MIXED_NOISE = 1.38  # variance ratio of independent noise in `_excess`: blocks have few rays of unequal noise
+AGREE = 3e-3  # s; offsets that differ by less count as equal
+CHANCE = 2.0  # standard deviations of the difference, by which equal offsets may differ by chance
 
 
 def covariance_of(fit: Fit, prior: Array) -> Array:
-    """Covariance (2C, 2C) of (offsets, drifts) about their means over the cameras.
+    """Return the covariance (2C, 2C) of (offsets, drifts) about their means over the cameras.
 
-    It is that of the estimate, inflated if noise is correlated over several frames, plus the jitter of
-    stamps and the effect of detector biases: a joint that is detected 25 mm ahead of a person who walks by
-    at 1 m/s looks like a clock that is 25 ms off.
+    It is the covariance of the estimate, inflated if noise is correlated over several frames. Timestamp
+    jitter and the effect of detector biases are added. For example, a joint detected 25 mm ahead of a person
+    who walks at 1 m/s looks like a clock that is 25 ms off.
     """
     cameras = len(fit.offsets)
     covariance = np.linalg.inv(fit.information / inflation(fit) + np.diag(prior**-2.0))
@@ -35,19 +35,22 @@ def covariance_of(fit: Fit, prior: Array) -> Array:
 
 
 def honest_information(fit: Fit, prior: Array) -> Array:
-    """Information (2C, 2C) that goes with `covariance_of`, without the prior."""
-    weak = np.diag(1e-3 * prior**-2.0)  # so that it can be inverted
+    """Return the information (2C, 2C) that corresponds to `covariance_of`, without the prior."""
+    weak = np.diag(1e-3 * prior**-2.0)  # makes the information invertible
     covariance = np.linalg.inv(fit.information / inflation(fit) + weak)
     return np.linalg.inv(covariance + np.diag(np.minimum(_floor(fit), prior**2))) - 0.99 * weak
 
 
 def inflation(fit: Fit) -> float:
-    """Factor of the variances, at least 1: squared excess, as correlated noise outlasts short blocks."""
+    """Return the factor of the variances, at least 1: the squared excess of short blocks.
+
+    It is squared because correlated noise is longer than a short block.
+    """
     return _excess(*_block_means(fit, SHORT_BLOCK)) ** 2
 
 
 def _floor(fit: Fit) -> Array:
-    """Variance (2C,) that more joints do not reduce: jitter of stamps, and biases of the detector."""
+    """Return the variance (2C,) that more joints do not reduce: timestamp jitter and detector biases."""
     cameras = len(fit.offsets)
     frames = [len(np.unique(fit.seen.stamp[fit.seen.camera == c])) for c in range(cameras)]
     jitter = STAMP_JITTER**2 / np.maximum(frames, 1.0)
@@ -55,10 +58,10 @@ def _floor(fit: Fit) -> Array:
 
 
 def detector_bias(fit: Fit) -> float:
-    """How far (m) joints are detected from where the rays of all cameras meet, over seconds.
+    """Return the typical distance (m) of detected joints from the point where the rays of all cameras meet.
 
-    It is taken across the motion, which clocks do not change. It is 0 if means over blocks of residuals are
-    as small as independent noise makes them.
+    It is averaged over blocks of `LONG_BLOCK`, and measured across the motion, where clocks have no effect.
+    It is 0 if the means of residuals over blocks are as small as expected for independent noise.
     """
     means, expected = _block_means(fit, LONG_BLOCK)
     if _excess(means, expected) < EXCESS:
@@ -68,13 +71,16 @@ def detector_bias(fit: Fit) -> float:
 
 
 def _block_means(fit: Fit, length: float) -> tuple[Array, Array]:
-    """Mean residuals (B,) m of a joint, camera and `length` s, and their variances (B,) if independent."""
+    """Return mean residuals (B,) m per joint, camera and block of `length` s, with their variances (B,) m^2.
+
+    The variances are those of independent residuals.
+    """
     seen = fit.seen
     if not len(seen.stamp):
         return np.empty(0), np.empty(0)
     speed = np.linalg.norm(fit.across, axis=1)
     normal = np.stack([-fit.across[:, 1], fit.across[:, 0]], axis=1) / np.maximum(speed, 1e-9)[:, None]
-    normal *= np.where(normal[:, :1] < 0.0, -1.0, 1.0)  # to and fro have one normal
+    normal *= np.where(normal[:, :1] < 0.0, -1.0, 1.0)  # motion to and fro has the same normal
     miss = (normal * fit.misses).sum(axis=1)
     block = np.floor(seen.stamp / length).astype(np.int64)
     keys = np.stack([seen.track, seen.joint, seen.camera, block], axis=1)
@@ -87,7 +93,7 @@ def _block_means(fit: Fit, length: float) -> tuple[Array, Array]:
 
 
 def _excess(means: Array, expected: Array) -> float:
-    """How many times larger the variance of means is than independent noise would make it, at least 1."""
+    """Return the ratio of the variance of means to that expected for independent noise, at least 1."""
     if len(means) < FEW_BLOCKS:
         return 1.0
     ratio = float(np.median(means**2 / np.maximum(expected, 1e-18))) / NORMAL_MEDIAN**2 / MIXED_NOISE
@@ -95,10 +101,10 @@ def _excess(means: Array, expected: Array) -> float:
 
 
 def _bias_variance(fit: Fit, bias: float) -> Array:
-    """Variance (C,) s^2 that a bias of `bias` m gives the offsets.
+    """Return the variance (C,) s^2 of the offsets that a detector bias of `bias` m causes.
 
-    People who move in another direction have another bias. One direction of one person counts as one bias,
-    however many joints and frames it has.
+    Persons who move in another direction have another bias. One direction of one person counts as one bias,
+    regardless of the number of joints and frames.
     """
     cameras = len(fit.offsets)
     if bias == 0.0:
@@ -115,9 +121,9 @@ def _bias_variance(fit: Fit, bias: float) -> Array:
 
 
 def acquainted(covariance: Array) -> Array:
-    """Cameras (C,) whose offsets are known against each other; all, if there are no two of them.
+    """Return the cameras (C,) whose offsets are known relative to each other; all, if fewer than two.
 
-    So a camera that sees no motion, and may have any offset, does not spoil what is known of the others.
+    A camera without motion may have any offset. Its exclusion keeps it from degrading the other offsets.
     """
     members = np.ones(len(covariance), bool)
     while members.sum() > 1:
@@ -131,9 +137,10 @@ def acquainted(covariance: Array) -> Array:
 
 
 def common_shift(offsets: Array, deviations: Array) -> float:
-    """The unobservable part that all offsets (C,) share, s, which is subtracted.
+    """Return the unobservable shift (s) common to all offsets (C,), to be subtracted.
 
-    If most cameras agree with each other, they keep their stamps; otherwise the mean is 0.
+    If most cameras agree, their common offset is subtracted, so that they keep their timestamps. Otherwise
+    the mean is subtracted.
     """
     best = np.zeros(len(offsets), bool)
     for offset, deviation in zip(offsets, deviations):

@@ -1,8 +1,8 @@
-"""Parameters as frozen dataclasses: one source for code, ROS, files, docs and the command line.
+"""Defines parameters as frozen dataclasses: one source for code, ROS, files, docs and the command line.
 
-A stage's configuration is a subclass of `Config` whose fields are made with `param`. From it come
-the ROS declarations (`nodes/`), `config/*.yaml`, `docs/parameters.md` and `--set stage.name=value`.
-No files are opened here.
+The configuration of a stage is a subclass of `Config`, with fields made by `param`. The ROS declarations
+(`nodes/`), `config/*.yaml`, `docs/parameters.md` and `--set stage.name=value` are derived from it. This
+package opens no files.
 """
 
 from panoptic_ros.params.config import (

@@ -1,4 +1,4 @@
-"""`param`, `Config` and what can be derived from them."""
+"""Defines `param` and `Config`, and derives mappings, texts and descriptions from configurations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from panoptic_ros.errors import ConfigError, ContractError, nearest, shown
 
 Value = bool | int | float | str | tuple[str, ...] | tuple[float, ...] | tuple[int, ...]
 
-LONGEST_INTEGER = 1023  # bits of a whole number that a float can hold
+LONGEST_INTEGER = 1023  # bits of an integer that a float can hold
 _SCALARS: tuple[type, ...] = (bool, int, float, str)
 _TUPLES: dict[Any, type] = {tuple[str, ...]: str, tuple[float, ...]: float, tuple[int, ...]: int}
 _KEY = "panoptic_param"
@@ -21,7 +21,13 @@ _KEY = "panoptic_param"
 
 @dataclass(frozen=True)
 class Param:
-    """One parameter: its name, type, default, unit, range and one sentence of documentation."""
+    """One parameter: name, type, default, unit, range and one sentence of documentation.
+
+    Args:
+        ge, le: inclusive lower and upper limit; None = no limit.
+        choices: permitted values of a text; () = any.
+        when: case in which a lab changes the parameter; "" = never, so the parameter is for experts.
+    """
 
     name: str
     type: Any  # bool, int, float, str or tuple[..., ...] of one of the latter three
@@ -31,16 +37,16 @@ class Param:
     le: float | None
     choices: tuple[str, ...]
     doc: str
-    when: str  # a lab changes it; "" = it does not
+    when: str  # case in which a lab changes it; "" = parameter for experts
 
     @property
     def expert(self) -> bool:
-        """Whether it is for experts: its default serves every lab, as far as we know."""
+        """Return whether the parameter is for experts: its default suits every lab, as far as we know."""
         return not self.when
 
     @property
     def told(self) -> str:
-        """The documentation, which says so if the parameter is for experts."""
+        """Return the documentation, marked as "Expert" if the parameter is for experts."""
         return f"Expert: {self.doc}" if self.expert else self.doc
 
 
@@ -64,21 +70,22 @@ def param(
     choices: tuple[str, ...] = (),
     when: str = "",
 ) -> Any:
-    """A dataclass field with a default, a unit, an inclusive range or choices, and a doc sentence.
+    """Return a dataclass field with a default, a unit, an inclusive range or choices, and a doc sentence.
 
     Args:
-        when: in what case a lab changes it and to what, for the first page of docs/parameters.md. Without it
-            the parameter is for experts, which is what a new one should be.
+        when: in what case a lab changes the parameter, and to which value, for the first page of
+            docs/parameters.md. Without it, the parameter is for experts. A new parameter should be for
+            experts.
     """
     return dataclasses.field(default=default, metadata={_KEY: _Spec(unit, ge, le, choices, doc, when)})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """Base of all configurations; checks types and ranges once, at construction.
+    """Base of all configurations. Construction checks types and ranges.
 
     Raises:
-        ConfigError: naming the parameter, its value and what is allowed.
+        ConfigError: naming the parameter, its value and the permitted values.
     """
 
     def __post_init__(self) -> None:
@@ -91,20 +98,27 @@ C = TypeVar("C", bound=Config)
 
 
 def describe(cls: type[Config]) -> tuple[Param, ...]:
-    """All parameters of a configuration, in the order of the fields."""
+    """Return all parameters of a configuration, in the order of the fields.
+
+    Raises:
+        ContractError: if a field was not made by `param`.
+    """
     hints = get_type_hints(cls)
     rows = []
     for field in dataclasses.fields(cls):
         spec = field.metadata.get(_KEY)
         if spec is None:
             raise ContractError(f"{cls.__name__}.{field.name} was not made with param()")
-        default: Any = field.default  # param() gives every field one
+        default: Any = field.default  # param() gives every field a default
         rows.append(Param(field.name, hints[field.name], default, **vars(spec)))
     return tuple(rows)
 
 
 def load(cls: type[C], values: Mapping[str, Any], where: str = "") -> C:
-    """A configuration from a mapping of names to values; missing names keep their defaults.
+    """Return a configuration from a mapping of names to values. Missing names keep their defaults.
+
+    Args:
+        where: prefix of the names in messages.
 
     Raises:
         ConfigError: on unknown names, wrong types or values out of range.
@@ -117,7 +131,7 @@ def load(cls: type[C], values: Mapping[str, Any], where: str = "") -> C:
 
 
 def config_of(configs: Mapping[str, Config], cls: type[C]) -> C:
-    """The configuration of a class among those of all stages.
+    """Return the configuration of a class from those of all stages.
 
     Raises:
         ContractError: if there is none.
@@ -129,23 +143,24 @@ def config_of(configs: Mapping[str, Config], cls: type[C]) -> C:
 
 
 def to_mapping(config: Config) -> dict[str, Any]:
-    """The configuration as plain values that `load` takes back; tuples become lists."""
+    """Return the configuration as plain values that `load` accepts. Tuples become lists."""
     rows = ((item.name, getattr(config, item.name)) for item in describe(type(config)))
     return {name: list(value) if isinstance(value, tuple) else value for name, value in rows}
 
 
 def diff(config: Config) -> dict[str, Any]:
-    """The parameters that differ from their defaults."""
+    """Return the parameters that differ from their defaults."""
     default = to_mapping(type(config)())
     return {name: value for name, value in to_mapping(config).items() if value != default[name]}
 
 
 def from_text(cls: type[Config], name: str, text: str) -> Any:
-    """The value of parameter `name` as written on a command line; lists are a,b or [a, b], or
-    ["a,b"] where there is a comma in an entry.
+    """Return the value of parameter `name` from its text on a command line.
+
+    A list is written as a,b or [a, b], or as ["a,b"] if an entry contains a comma.
 
     Raises:
-        ConfigError: if the name is unknown or the text is no value of its type.
+        ConfigError: if the name is unknown, or the text is no value of its type.
     """
     for item in describe(cls):
         if item.name == name:
@@ -174,7 +189,12 @@ def _type_name(kind: Any) -> str:
 
 
 def _checked(item: Param, value: Any, owner: str) -> Any:
-    """The value, converted without loss to the parameter's type."""
+    """Return the value, converted without loss to the parameter's type.
+
+    Raises:
+        ConfigError: if the type or the range is wrong.
+        ContractError: if the parameter's type is not supported.
+    """
     where = f"{owner}.{item.name}"
     if item.type in _TUPLES:
         if isinstance(value, str) or not isinstance(value, (list, tuple)):

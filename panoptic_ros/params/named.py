@@ -1,4 +1,4 @@
-"""Numbers by name in one parameter: ("cam01=8.3", "*=4")."""
+"""Parses parameters that assign values to names, such as ("cam01=8.3", "*=4")."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ ALL = "*"
 
 
 def named_words(where: str, entries: Iterable[str]) -> dict[str, str]:
-    """{name: word} of "name=word" entries; the name "*" stands for all that are not named.
+    """Return {name: word} from entries of the form "name=word". The name "*" stands for all other names.
 
     Args:
-        where: the parameter, for the message.
+        where: name of the parameter, for the message.
 
     Raises:
-        ConfigError: for an entry of another form, or a name twice.
+        ConfigError: for an entry of another form, or a repeated name.
     """
     words: dict[str, str] = {}
     for entry in entries:
@@ -31,10 +31,13 @@ def named_words(where: str, entries: Iterable[str]) -> dict[str, str]:
 
 
 def named_numbers(where: str, entries: Iterable[str]) -> dict[str, float]:
-    """The same with finite numbers.
+    """Return {name: number} from entries of the form "name=number". The numbers must be finite.
+
+    Args:
+        where: name of the parameter, for the message.
 
     Raises:
-        ConfigError: naming the entry that is none.
+        ConfigError: for an entry of another form, a repeated name, or a value that is no finite number.
     """
     numbers = {}
     for name, word in named_words(where, entries).items():
@@ -48,5 +51,5 @@ def named_numbers(where: str, entries: Iterable[str]) -> dict[str, float]:
 
 
 def of_name(values: Mapping[str, float], name: str) -> float:
-    """The number of a name, else that of "*", else 0."""
+    """Return the number of a name, else that of "*", else 0."""
     return values.get(name, values.get(ALL, 0.0))

@@ -1,7 +1,7 @@
-"""Motion of the surface of people: points followed in images, rigid parts and patches in 3D.
+"""Surface motion of people: points tracked in images, rigid parts and patches in 3D.
 
-`flow` runs beside detection, where the images are: it follows a pattern of points on every 2D person from
-image to image and gives 2D tracks alone. `PatchesStage` puts the tracks of the views of an instant on the
-people who are tracked, finds how every rigid part moved, with covariance (`rigid`), and keeps patches of
-their surface with identity. Joo et al. 2017, section 6; deviations are told in docs/patches.md.
+`flow` runs beside detection, in the process that has the images. It tracks a pattern of points on every 2D
+pose from image to image, and outputs 2D tracks only. `PatchesStage` assigns the 2D tracks of an instant's
+views to the tracked people. It estimates the motion of every rigid part, with covariance (`rigid`), and keeps
+surface patches with identity. The method is Joo et al. 2017, section 6; docs/patches.md lists the deviations.
 """

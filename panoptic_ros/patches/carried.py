@@ -1,7 +1,7 @@
-"""Skeletons that are carried on by the motion of their parts: steadier than measured ones, and without gaps.
+"""Skeletons propagated by the motions of their parts: steadier than measured ones, and without gaps.
 
-Patches are put on people by these, so that they find their part where no view measures its joints (Joo et al.
-2017, 6.3, associate anew on the filled skeleton).
+Patches are placed on people by these skeletons, so that they find their part where no view measures its
+joints. Joo et al. 2017, 6.3, instead repeat the association on the filled skeleton.
 """
 
 from __future__ import annotations
@@ -15,27 +15,29 @@ from panoptic_ros.geometry.robust import growth
 from panoptic_ros.geometry.rotations import rotation_of
 
 Array = np.ndarray
-FAR = 0.1  # m, of a measurement from what is carried, from which on it counts less
-LEAST_GAIN = 0.1  # whatever it is, so that what is wrong does not stay
+FAR = 0.1  # m, scale of the Cauchy weight of a measurement's distance from the propagated position
+LEAST_GAIN = 0.1  # least gain, so that wrong positions are corrected in time
 
 
 @dataclass(eq=False)
 class Carried:
-    """Joints (J, 3) m of a person, NaN = not known, and for how long they are carried (J,) s."""
+    """Propagated joints (J, 3) m of a person, NaN = unknown, and the time since their measurement (J,) s."""
 
     positions: Array
     ages: Array
 
     @classmethod
     def measured(cls, positions: Array) -> Carried:
-        """Of somebody new."""
+        """Return the state of a new person, from measured joints (J, 3) m."""
         return cls(positions.copy(), np.zeros(len(positions)))
 
     def displacements(self, parts: tuple[Part, ...], motions: dict[int, tuple[Array, Array]]) -> Array:
-        """How far (J, 3) m parts carry the joints, the mean of the parts that share one; NaN = none does.
+        """Return the displacements (J, 3) m of the joints by their parts; NaN = no part has a motion.
+
+        A joint that several parts share gets their mean.
 
         Args:
-            motions: by part: centre (3,) m and motion (6,), rotation vector and translation.
+            motions: Centre (3,) m and motion (6,), rotation vector and translation, by part.
         """
         sums, counts = np.zeros_like(self.positions), np.zeros(len(self.positions))
         rotation = np.empty((3, 3))
@@ -50,10 +52,15 @@ class Carried:
         return moved
 
     def take(self, moved: Array, measured: Array, dt: float, longest: float, gain: float) -> None:
-        """Go on by dt s: moved (J, 3) m by their parts, measured (J, 3) m, NaN = not.
+        """Propagate the joints by dt s, and correct them by the measured ones.
 
-        What is neither measured nor moved stays where it is; after `longest` s without a measurement a joint
-        is not known. gain: of a measurement that is near; 1 = of every one.
+        A joint without displacement and measurement keeps its position. After `longest` s without a
+        measurement it becomes unknown.
+
+        Args:
+            moved: (J, 3) m, displacements by the parts, NaN = none.
+            measured: (J, 3) m, measured joints, NaN = none.
+            gain: Gain of a measurement near the propagated position; 1 = take every measurement unchanged.
         """
         there, carried = np.isfinite(measured[:, 0]), np.isfinite(moved[:, 0] + self.positions[:, 0])
         expected = np.where(carried[:, None], self.positions + np.nan_to_num(moved), self.positions)

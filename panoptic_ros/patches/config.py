@@ -9,7 +9,7 @@ from panoptic_ros.params import Config, param
 
 @dataclass(frozen=True, kw_only=True)
 class PatchesConfig(Config):
-    """How the motion of people's parts is measured on their surface."""
+    """Configuration of the measurement of part motions on the surface of people."""
 
     active: bool = param(
         False,

@@ -1,7 +1,7 @@
-"""The surfaces that depth sensors measure, as a camera elsewhere sees them: a coarse depth buffer; compiled.
+"""Coarse depth buffer: the surfaces that depth sensors measure, as another camera sees them; compiled.
 
-Only points on people are looked up, with a tolerance of centimetres. So maps need not be of the same instant
-as the image, nor registered to it, and cells of a few pixels do.
+It serves only to look up points on people, with a tolerance of centimetres. So maps need not have the instant
+of the image, nor be registered to it, and cells of a few pixels suffice.
 """
 
 from __future__ import annotations
@@ -15,28 +15,28 @@ from panoptic_ros.domain import Camera
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
-CELL_PX = 4.0  # of the camera's image
-COLUMNS = 160  # of a map that is used; wider ones are thinned out
-NEAREST = 0.1  # m
+CELL_PX = 4.0  # px of the camera's image, size of a cell
+COLUMNS = 160  # columns of a map that are used; wider maps are subsampled
+NEAREST = 0.1  # m, least depth that counts
 
 
 def ready() -> None:
-    """Compile, or take from the cache."""
+    """Compile the kernels, or load them from the cache."""
     eye, depth = np.eye(3), np.ones((2, 2), np.float32)
-    depth.flags.writeable = False  # as maps are
+    depth.flags.writeable = False  # read-only, as maps are
     splat(depth, np.zeros((2, 2, 2)), 1, eye, np.zeros(3), np.zeros(2), 1.0, np.ones((2, 2)))
 
 
 class SensedMap(NamedTuple):
-    """A map of a depth sensor: (h, w) m along its z axis, 0 = unknown."""
+    """Map of a depth sensor: (h, w) m along its z axis, 0 = unknown."""
 
-    camera: Camera  # of the sensor
+    camera: Camera  # camera of the sensor
     plane: Array  # (h, w, 2) its pixels on the plane at distance 1
     depth: Array
 
 
 class DepthBuffer:
-    """The nearest surface in each cell of a camera's image."""
+    """Nearest measured surface in each cell of a camera's image."""
 
     def __init__(self, camera: Camera):
         self._pose = camera.cam_from_world
@@ -51,7 +51,7 @@ class DepthBuffer:
         self._shape = (int(rows), int(columns))
 
     def drawn(self, maps: Sequence[SensedMap]) -> Array:
-        """The cells (R, C) m of these maps, infinite where nothing is known."""
+        """Return the cells (R, C) m for these maps, infinite where nothing is known."""
         cells, pose = np.full(self._shape, np.inf), self._pose
         for sensed in maps:
             other = sensed.camera.cam_from_world
@@ -62,7 +62,7 @@ class DepthBuffer:
         return cells
 
     def depths(self, cells: Array, plane: Array) -> Array:
-        """Depths (N,) m of the nearest surface at places (N, 2) of the plane; infinite = not known."""
+        """Return the depths (N,) m of the nearest surface at points (N, 2) of the plane; inf = unknown."""
         at = np.floor((plane - self._low) / self._cell).astype(int)
         inside = ((at >= 0) & (at < cells.shape[::-1])).all(axis=1)
         found = np.full(len(plane), np.inf)
@@ -72,16 +72,18 @@ class DepthBuffer:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def splat(depth, plane, step, turn, shift, low, cell, cells):
-    """Draw every `step`-th pixel of a map into cells (R, C) m of another camera; nearer ones stay.
+    """Draw every `step`-th pixel of a map into cells (R, C) m of another camera; nearer surfaces stay.
 
     Args:
-        turn, shift: to the camera from the sensor. low: (2,) of the first cell, cell: its size, on the plane.
+        turn, shift: camera_from_sensor.
+        low: (2,) position of the first cell on the plane.
+        cell: Size of a cell on the plane.
     """
     point = np.empty(3)
     for y in range(0, depth.shape[0], step):
         for x in range(0, depth.shape[1], step):
             z = depth[y, x]
-            if not z > NEAREST:  # nor what is NaN
+            if not z > NEAREST:  # also False for NaN
                 continue
             for i in range(3):
                 ray = turn[i, 0] * plane[y, x, 0] + turn[i, 1] * plane[y, x, 1] + turn[i, 2]

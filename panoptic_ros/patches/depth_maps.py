@@ -1,8 +1,8 @@
-"""What depth sensors measure round people, and which of them can be believed.
+"""Depth maps of sensors near people, and the check of which sensors are reliable.
 
-Sensors stand anywhere and measure when they like, on the master time line; nothing is registered. A map
-counts for instants within 40 ms of it. A sensor whose maps do not meet the people that cameras see, as of a
-wrong scale or pose, is left out until they do.
+Sensors stand anywhere and measure at any time of the master clock; no map is registered to a camera. A map
+counts for instants within 40 ms of it. A sensor is left out while its maps do not meet the people that
+cameras see, for example with a wrong scale or pose.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from panoptic_ros.patches.lifting import Capsules
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
-KEPT = 4  # newest maps of a sensor
-NEAR_NS = 40_000_000  # between a map and the instant that it counts for
-SILENT_NS = 1_000_000_000  # after which a sensor that gave maps is told to be silent
-WINDOW = 2  # px to each side, of which the nearest surface counts
-FREE = 0.02  # m in front of it
-KNOWN = 9  # px of the 25 of a window that must be known
-MEETS = 0.1  # m by which a surface may miss a capsule
-FEWEST = 6  # points on people that tell of a map
-MEMORY = 0.2  # of the newest map, in the share that meets people
-LIES, TRUE = 0.25, 0.4  # shares below and above which a sensor is left out and believed
+KEPT = 4  # number of newest maps that are kept for a sensor
+NEAR_NS = 40_000_000  # greatest time between a map and the instant that it counts for
+SILENT_NS = 1_000_000_000  # time without a map after which a sensor is reported as silent
+WINDOW = 2  # px to each side of a point, window of which the nearest surface counts
+FREE = 0.02  # m, least distance of a free point in front of the surface
+KNOWN = 9  # least number of the 25 px of a window with a known depth
+MEETS = 0.1  # m, greatest distance between a surface and the capsule that it meets
+FEWEST = 6  # least number of points on people to judge a map
+MEMORY = 0.2  # weight of the newest map in the running share of points that meet people
+LIES, TRUE = 0.25, 0.4  # share up to which a sensor in use is left out; share above which one is used
 
 
 class DepthMaps:
-    """The newest maps of all sensors."""
+    """Newest maps of all depth sensors, and the reliability of each sensor."""
 
     def __init__(self, rig: Rig):
         self.cameras = {sensor.name: sensor.camera for sensor in rig.depth_sensors}
@@ -40,18 +40,18 @@ class DepthMaps:
         self.forget()
 
     def forget(self) -> None:
-        """Forget all maps, and who can be believed."""
+        """Forget all maps, and which sensors are reliable."""
         self.maps: dict[str, deque[DepthFrame]] = {}
-        self.shares: dict[str, float] = {}  # of points on people that maps meet
+        self.shares: dict[str, float] = {}  # running share of points on people that the maps meet
         self.believed: dict[str, bool] = {}
-        self.meets: dict[str, bool] = {}  # whether the newest map does, by itself
-        self.told: set[str] = set()  # sensors that are told to be silent
+        self.meets: dict[str, bool] = {}  # whether the newest map alone meets people
+        self.told: set[str] = set()  # sensors that are reported as silent
 
     def take(self, item: DepthFrame) -> None:
-        """One more map; older ones than the newest are left out.
+        """Add a map; maps that are older than the newest one are dropped.
 
         Raises:
-            DataError: if it is of a sensor that the rig does not have, or of another size.
+            DataError: if the rig has no such sensor, or the map has another size.
         """
         camera = self.cameras.get(item.camera)
         if camera is None:
@@ -64,7 +64,7 @@ class DepthMaps:
             own.append(item)
 
     def near(self, stamp_ns: int) -> list[tuple[int, SensedMap]]:
-        """The map of each believed sensor that is nearest to an instant, and its stamp."""
+        """Return the timestamp and the map nearest to an instant, for each reliable sensor."""
         return [
             found
             for name, found in self.nearest(stamp_ns)
@@ -72,7 +72,7 @@ class DepthMaps:
         ]
 
     def nearest(self, stamp_ns: int) -> list[tuple[str, tuple[int, SensedMap]]]:
-        """The same of all sensors, with their names."""
+        """Return the same for all sensors, with their names, regardless of reliability."""
         found = []
         for name in sorted(self.maps):
             item = min(self.maps[name], key=lambda item: abs(item.stamp_ns - stamp_ns))
@@ -86,7 +86,11 @@ class DepthMaps:
         return SensedMap(self.cameras[item.camera], self._planes[item.camera], depth)
 
     def judge(self, stamp_ns: int, capsules: Capsules) -> tuple[Notice, ...]:
-        """Hold the maps of an instant against the people there; tells, once, who is left out or silent."""
+        """Compare the maps of an instant with the people there, and update which sensors are reliable.
+
+        Returns:
+            one notice for each change: a sensor is left out or used again, is silent or gives maps again.
+        """
         notices = []
         for name, (_, sensed) in self.nearest(stamp_ns):
             share = meeting(sensed, capsules)
@@ -120,7 +124,7 @@ class DepthMaps:
 
 
 def _plane(camera: Camera) -> Array:
-    """Its pixels on the plane at distance 1: (h, w, 2)."""
+    """Return the pixels of a sensor on the plane at distance 1: (h, w, 2)."""
     width, height = camera.image_size
     rows, columns = np.indices((height, width))
     pixels = np.stack([columns, rows], axis=-1).reshape(-1, 2).astype(float)
@@ -129,7 +133,13 @@ def _plane(camera: Camera) -> Array:
 
 
 def meeting(sensed: SensedMap, capsules: Capsules) -> float:
-    """Share of places on people (K) whose surface a map has where they are; NaN: too few to tell."""
+    """Return the share of points on people whose surface a map measures at the expected depth.
+
+    It is NaN if too few points have a known depth.
+
+    Args:
+        capsules: Parts of the people; three points on each axis are tested.
+    """
     shares = np.array([0.2, 0.5, 0.8])[:, None, None]
     axis = (capsules.firsts + shares * (capsules.lasts - capsules.firsts)).reshape(-1, 3)
     places = sensed.camera.cam_from_world.apply(axis)
@@ -143,10 +153,10 @@ def meeting(sensed: SensedMap, capsules: Capsules) -> float:
 
 
 def in_front(sensed: SensedMap, points: Array) -> Array:
-    """Which of some points (N, 3) m are in free space: in front of all that a map has round them (N,).
+    """Return which points (N, 3) m are in free space: in front of every surface in the window (N,).
 
-    Holes are unknown, never free (Joo et al. 2017, 6.2, test the one pixel; its noise and that of joints on
-    thin limbs then make one true joint in twenty an outlier).
+    Holes are unknown, never free. Joo et al. 2017, 6.2, test one pixel only. With the noise of this pixel,
+    and of joints on thin limbs, one true joint in twenty would be an outlier.
     """
     depths, known = _window(sensed, points)
     places = sensed.camera.cam_from_world.apply(points)[:, 2]
@@ -155,7 +165,10 @@ def in_front(sensed: SensedMap, points: Array) -> Array:
 
 
 def _window(sensed: SensedMap, points: Array) -> tuple[Array, Array]:
-    """Smallest depth (N,) m in the window round each point (N, 3) m, and whether enough of it is known."""
+    """Return the smallest depth (N,) m in a window round each point (N, 3) m, and whether it is known.
+
+    It is known if enough pixels of the window have a depth.
+    """
     height, width = sensed.depth.shape
     pixels, inside = sensed.camera.project(np.nan_to_num(points))
     at = np.floor(np.nan_to_num(pixels) + 0.5)
@@ -172,14 +185,16 @@ def _window(sensed: SensedMap, points: Array) -> tuple[Array, Array]:
 def free_joints(
     depth: DepthMaps, parts: tuple[Part, ...], before: TrackedPoseSet, item: TrackedPoseSet, last: Array
 ) -> Array:
-    """Ids and joints (F, 2) of a set that some believed sensor sees through: they are outliers
-    (Joo et al. 2017, 6.2).
+    """Return ids and joints (F, 2) that a reliable sensor finds in free space (Joo et al. 2017, 6.2).
 
-    A map of another instant is held against where joints were then, between two sets. Joints of the face lie
-    on the surface and tell nothing.
+    These joints are outliers. Joint positions are interpolated between the two sets to the timestamp of the
+    map. Joints of the face lie on the surface, so they are not tested.
 
     Args:
-        last: those of the set before, which tell no motion.
+        depth: Maps of the sensors.
+        parts: Parts of the skeleton.
+        before, item: The previous set and the present one.
+        last: (F, 2) free joints of the previous set; their motion is taken as 0.
     """
     row_of = {number: row for row, number in enumerate(before.ids.tolist())}
     rows = np.array([row_of.get(number, -1) for number in item.ids.tolist()], np.int64)

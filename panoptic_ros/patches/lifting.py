@@ -1,8 +1,7 @@
-"""Points of images on the surface of people, known by their skeletons: capsules round the axes of parts;
-compiled.
+"""Lifting of image points to the surface of people: capsules round the axes of parts; compiled.
 
-The surface only needs to be known to a few centimetres (see `rigid`). What stands in front of a point,
-another part or person, hides it: the point then moves with that, and is left out.
+The surface needs to be known to a few centimetres only (see `rigid`). If another part or person is in front
+of a point, the point moves with that one, and is left out.
 """
 
 from __future__ import annotations
@@ -17,12 +16,17 @@ from panoptic_ros.domain.parts import Part
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
-IN_FRONT, INSIDE = 0.03, 0.8  # m by which what hides is nearer; share of its radius that counts
-HEAD_HALF = 0.01  # m, half of the axis of a head
+IN_FRONT, INSIDE = 0.03, 0.8  # m, least distance of an occluder from a point; share of its radius that counts
+HEAD_HALF = 0.01  # m, half length of the axis of a head
 
 
 class Capsules(NamedTuple):
-    """Axes of K parts: (K, 3) m both ends, (K,) m radius; NaN where not known."""
+    """Capsules of K parts.
+
+    Args:
+        firsts, lasts: (K, 3) m, ends of the axes; NaN = unknown.
+        radii: (K,) m.
+    """
 
     firsts: Array
     lasts: Array
@@ -30,7 +34,7 @@ class Capsules(NamedTuple):
 
 
 def axes(parts: tuple[Part, ...], skeleton: SkeletonModel, positions: Array) -> Capsules:
-    """The parts (S) of a person with joints (J, 3) m, NaN = not known."""
+    """Return the capsules of the parts (S) of a person with joints (J, 3) m, NaN = unknown."""
     firsts, lasts = np.full((len(parts), 3), np.nan), np.full((len(parts), 3), np.nan)
     names = [name.lower() for name in skeleton.joint_names]
     for k, part in enumerate(parts):
@@ -48,19 +52,22 @@ def axes(parts: tuple[Part, ...], skeleton: SkeletonModel, positions: Array) -> 
 
 
 def joined(bodies: Sequence[Capsules]) -> Capsules:
-    """The capsules of all people."""
+    """Return the capsules of all people."""
     nothing = Capsules(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     return Capsules(*(np.concatenate(rows) for rows in zip(nothing, *bodies)))
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def lift(origin, rays, own, capsules, points, normals, seen):
-    """Where rays (N, 3) from a camera at `origin` (3,) m meet their own capsules.
+    """Intersect rays (N, 3) from a camera at `origin` (3,) m with their own capsules.
+
+    A ray that misses its capsule gets its closest point to the capsule's axis.
 
     Args:
         own: (N,) index into the capsules.
-        points: (N, 3) m becomes the places, normals (N, 3) those out of the capsule. seen: (N,) becomes
-            whether the place is known and nothing else is in front.
+        points: (N, 3) m, output, positions on the surface.
+        normals: (N, 3), output, unit normals out of the capsule.
+        seen: (N,) output, whether the position is known and nothing else is in front.
     """
     nearest, foot = np.empty(3), np.empty(3)
     for n in range(len(rays)):
@@ -88,10 +95,14 @@ def lift(origin, rays, own, capsules, points, normals, seen):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def nearest_parts(points, rows, firsts, lasts, radii, nearest):
-    """nearest (N,) becomes which part of their people (N,) has its surface nearest to points (N, 3) m.
+    """Find the part of each point's person whose surface is nearest to the point.
 
-    -1: no part is known. firsts, lasts: (P, K, 3) m, ends of the axes of K parts of P people, NaN = not
-    known. radii: (K,) m.
+    Args:
+        points: (N, 3) m.
+        rows: (N,) person of each point.
+        firsts, lasts: (P, K, 3) m, ends of the axes of K parts of P people, NaN = unknown.
+        radii: (K,) m.
+        nearest: (N,) output, index of the part; -1: no part is known.
     """
     for n in range(len(points)):
         nearest[n], least = -1, np.inf
@@ -111,9 +122,12 @@ def nearest_parts(points, rows, firsts, lasts, radii, nearest):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _pass(origin, ray, capsules, k, nearest, foot):
-    """Depth m along a ray and distance m from the axis of a capsule, where the ray is nearest to it.
+    """Return depth m along a ray and distance m from a capsule's axis, where ray and axis are closest.
 
-    nearest, foot: (3,) become these places on the ray and on the axis. NaN: the axis is not known.
+    Both are NaN if the axis is unknown or behind the origin.
+
+    Args:
+        nearest, foot: (3,) outputs, the closest points on the ray and on the axis.
     """
     first, last = capsules.firsts[k], capsules.lasts[k]
     square = along = aside = across = 0.0

@@ -1,11 +1,9 @@
-"""How the parts of all people moved between two instants, from the 2D tracks of all views.
+"""Motions of the parts of all people between two instants, from the 2D tracks of all views.
 
-Parts hang together: a limb moves at its joint as the part that carries it does.
-
-The motion of every limb is corrected by that of the part above it, from the torso outwards: the displacement
-of the shared joint is a measurement of the limb's motion, with the covariance of the other's. Where the two
-contradict each other, both know less than they say, and the limb's covariance grows (the ratio of Birge
-1932).
+Parts are connected: a limb moves at its joint like the part above it. So the motion of every limb is
+corrected by that of the part above it, from the torso outwards. The displacement of the shared joint is a
+measurement of the limb's motion, with the covariance of the other motion. If the two contradict each other,
+both covariances are too small, and the limb's covariance is enlarged (the ratio of Birge 1932).
 """
 
 from __future__ import annotations
@@ -25,16 +23,16 @@ from panoptic_ros.patches.depth_buffer import DepthBuffer, SensedMap
 from panoptic_ros.patches.lifting import Capsules, axes, lift
 from panoptic_ros.patches.rigid import Bodies, Solved, Tracks, misses, solved, unsolved
 
-TIE_SIGMA = 0.003  # m, by which two parts move unlike at a joint: where it is, is known roughly
+TIE_SIGMA = 0.003  # m, standard deviation between two parts' motions at a joint (its position is rough)
 Array = np.ndarray
-ODD_INTERVAL = 0.5  # share by which the images of a view may be further apart than the instants
-AGREEING_SHARE = 0.3  # of the tracks of a part, that must agree with its motion
-NEAR_SURFACE = 0.1  # m, by which a measured surface may miss a capsule and still be its part's
-STILL = 0.0005  # m and rad, standard deviation of the best motion
+ODD_INTERVAL = 0.5  # greatest relative difference between a view's image interval and that of instants
+AGREEING_SHARE = 0.3  # least share of a part's tracks that must agree with its motion
+NEAR_SURFACE = 0.1  # m, greatest distance between a measured surface and the capsule of its part
+STILL = 0.0005  # m and rad, least standard deviation of a motion
 
 
 class Ties:
-    """Which part carries which, and at which joint."""
+    """Connections of parts: part above, part, and shared joint."""
 
     def __init__(self, parts: tuple[Part, ...]):
         torso = next((k for k, part in enumerate(parts) if part.name == "torso"), -1)
@@ -53,8 +51,9 @@ class Ties:
         """Correct the motions (M, 6) of one person's parts and their covariances (M, 6, 6), in place.
 
         Args:
-            rows: of the parts that have a motion. joints: (J, 3) m, before; NaN = not known.
-            centres: (M, 3) m of the motions.
+            rows: Row of each part that has a motion.
+            joints: (J, 3) m, at the first instant; NaN = unknown.
+            centres: (M, 3) m, centres of rotation of the motions.
         """
         for above, part, joint in self.of:
             if above not in rows or part not in rows or not np.isfinite(joints[joint, 0]):
@@ -73,7 +72,10 @@ class Ties:
 
 
 def _at(joint: Array, centre: Array, motion: Array) -> tuple[Array, Array]:
-    """Displacement (3,) m of a joint (3,) m, its derivative (3, 6) by a rotation (left) and a shift."""
+    """Return the displacement (3,) m of a joint (3,) m, and its derivative (3, 6) by the motion.
+
+    The derivative is by a rotation from the left and a translation.
+    """
     rotation = np.empty((3, 3))
     rotation_of(motion[:3], rotation)
     arm = rotation @ (joint - centre)
@@ -82,23 +84,23 @@ def _at(joint: Array, centre: Array, motion: Array) -> tuple[Array, Array]:
 
 
 def _composed(motion: Array, step: Array) -> Array:
-    """A motion (6,) and then a small one (6,)."""
+    """Return the composition of a motion (6,) with a small one (6,) after it."""
     # to first order in the step, which is far below a tenth of a radian
     half = step[:3] + 0.5 * np.cross(step[:3], motion[:3])
     return np.concatenate([motion[:3] + half, motion[3:] + step[3:]])
 
 
 class Lifted(NamedTuple):
-    """N tracks on people, ordered by part, and to which of M pairs of person and part each belongs."""
+    """N tracks on people, ordered by part, and the person and part of each."""
 
     tracks: Tracks
-    normals: Array  # (N, 3) of the surface, before
-    groups: Array  # (N,)
+    normals: Array  # (N, 3) of the surface, at the first instant
+    groups: Array  # (N,) index into `keys`
     keys: tuple[tuple[int, int], ...]  # (M) person and part
 
 
 class PartTracker:
-    """Puts 2D tracks on people and solves for the motions of their parts."""
+    """Tracker that assigns 2D tracks to people and solves for the motions of their parts."""
 
     def __init__(self, config: PatchesConfig, rig: Rig, skeleton: SkeletonModel, parts: tuple[Part, ...]):
         self._config, self._rig, self._skeleton, self._parts = config, rig, skeleton, parts
@@ -118,9 +120,12 @@ class PartTracker:
         tracks: Mapping[str, PatchTracks],
         maps: Sequence[SensedMap] = (),
     ) -> Lifted:
-        """The tracks of each camera, on the people of the instant before, dt s ago.
+        """Return the tracks of each camera, on the people of the previous instant, dt s ago.
 
-        maps: of depth sensors at that instant.
+        Args:
+            people: Propagated skeletons at that instant, by id.
+            tracks: 2D tracks by camera.
+            maps: Maps of depth sensors at that instant.
         """
         ids = [number for number in before.ids.tolist() if number in people]
         bodies = [axes(self._parts, self._skeleton, people[number].positions) for number in ids]
@@ -138,7 +143,10 @@ class PartTracker:
     def _of_view(
         self, item: PatchTracks, dt: float, persons: Array, capsules: Capsules, maps: Sequence[SensedMap]
     ) -> Iterator[tuple[Array, ...]]:
-        """Tracks of a view that are on people: points, cameras, targets, information, normals, capsules."""
+        """Yield the tracks of a view that are on people, as one tuple or none.
+
+        It holds points, cameras, targets, information, normals, and the index of each track's capsule.
+        """
         share = 1e9 * dt / (item.stamp_ns - item.before_ns)
         if abs(share - 1.0) > ODD_INTERVAL:
             return
@@ -168,7 +176,7 @@ class PartTracker:
         yield tuple(values[seen] for values in (points, cameras, targets, information, normals, own))
 
     def _on_plane(self, information: Array, camera: Camera) -> Array:
-        """Information (N, 3) px^-2 with the noise of the model, on the plane at distance 1."""
+        """Return information (N, 3) on the plane at distance 1, from px^-2; it includes the model noise."""
         floor = self._config.model_px**2
         xx, xy, yy = information.T
         a, b, c = 1.0 + floor * xx, floor * xy, 1.0 + floor * yy
@@ -178,7 +186,7 @@ class PartTracker:
         return np.stack([row / whole for row in rows], axis=1)
 
     def _ordered(self, found: list[tuple[Array, ...]], ids: list[int]) -> Lifted:
-        """All tracks, part by part; parts of people with no track are left out."""
+        """Return all tracks, sorted by part; parts without a track are left out."""
         none = (
             np.zeros((0, 3)),
             np.zeros(0, int),
@@ -198,8 +206,10 @@ class PartTracker:
         return Lifted(tracks, normals[order], groups, keys)
 
     def _solved(self, lifted: Lifted, bodies: Bodies) -> Solved:
-        """Motions of all parts, the torso's first: a track that goes with it, or stays where it is, says
-        little of a limb that does not.
+        """Return the motions of all parts, solved for the torsos first.
+
+        A track that also fits the torso's motion, or a point at rest, gets a low weight for a limb that moves
+        differently.
         """
         result = unsolved(len(lifted.keys))
         is_torso = np.array([self._parts[part].name == "torso" for _, part in lifted.keys], bool)
@@ -223,11 +233,14 @@ class PartTracker:
         bodies: Mapping[int, Carried],
         last: PartMotions,
     ) -> PartMotions:
-        """Motions of the parts that enough tracks agree on.
+        """Return the motions of the parts on which enough tracks agree.
 
         Args:
-            expected: (3,) rotation and, of the middle of its axis, place before (3,) and after (3,), by key.
-            bodies: skeletons before, by id. last: motions before, which may go on.
+            lifted: The tracks.
+            expected: (9,) by person and part: rotation vector, middle of the axis before, and after; see
+                `expectation`.
+            bodies: Skeletons at the first instant, by id.
+            last: Motions of the previous interval, which may continue.
         """
         count = len(lifted.keys)
         starts = np.searchsorted(lifted.groups, np.arange(count + 1))
@@ -271,11 +284,14 @@ class PartTracker:
 def on_surface(
     buffer: DepthBuffer, maps: Sequence[SensedMap], view: Array, origin: Array, points: Array, seen: Array
 ) -> None:
-    """Put points (N, 3) m on the surface that is measured near them; where that is elsewhere, something hides
-    them or the part is not there, and they are not seen. In place.
+    """Move points (N, 3) m to the measured surface near them, in place.
+
+    If the surface is elsewhere, something occludes the point or the part is not there: `seen` (N,) becomes
+    False.
 
     Args:
-        view: (3, 4) cam_from_world, origin: (3,) m of the camera.
+        view: (3, 4) cam_from_world.
+        origin: (3,) m, optical centre of the camera.
     """
     ahead = points @ view[:, :3].T + view[:, 3]
     depths = buffer.depths(buffer.drawn(maps), ahead[:, :2] / np.maximum(ahead[:, 2:], 1e-3))
@@ -287,11 +303,13 @@ def on_surface(
 
 
 def expectation(part: Part, before: Array, after: Array) -> Array | None:
-    """How the joints of a part say that it moved: rotation (3,) of its axis, place of its middle before and
-    after.
+    """Return the motion of a part according to its joints; None if no joint is known at both instants.
 
     Args:
-        before, after: (J, 3) m, NaN = not known.
+        before, after: (J, 3) m, NaN = unknown.
+
+    Returns:
+        (9,) rotation vector of the axis, then the middle of the axis before and after.
     """
     joints = list(part.joints)
     both = np.isfinite(before[joints, 0] + after[joints, 0])
@@ -309,7 +327,7 @@ def expectation(part: Part, before: Array, after: Array) -> Array | None:
 
 
 def no_motions() -> PartMotions:
-    """Of nobody."""
+    """Return motions of no parts."""
     none = np.zeros((0, 3))
     return PartMotions(
         np.zeros(0), np.zeros(0), none, none, none, np.zeros((0, 6, 6)), np.zeros(0), np.zeros(0)
@@ -317,7 +335,7 @@ def no_motions() -> PartMotions:
 
 
 def _about(centre: Array, expected: Array) -> Array:
-    """The motion (6,) about a centre (3,) m of what moves as `expectation` says."""
+    """Return the motion (6,) about a centre (3,) m of a part that moves as `expectation` returns."""
     rotation = np.empty((3, 3))
     rotation_of(expected[:3], rotation)
     moved = expected[6:] + rotation @ (centre - expected[3:6])

@@ -1,4 +1,4 @@
-"""How a patch moves besides its part, by the tracks near it, and which views see it; compiled."""
+"""Motion of a patch relative to its part, from nearby tracks, and its visibility per view; compiled."""
 
 from __future__ import annotations
 
@@ -9,32 +9,38 @@ import numpy as np
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
-SOFT = 0.005  # m, standard deviation by which a patch moves unlike its part
-NEAR = 0.03  # m, reach of the tracks that speak for a patch
-BEST_VIEWS = 6  # that a patch is measured in
-GRAZING = 0.15  # cosine of the angle of view, below which a view does not count
-LEAST_WEIGHT = 0.2  # of the tracks near a patch in a view, that the view counts
-# Logit of visibility: constant, cosine of the angle, weight of tracks near it, the same an instant before.
+SOFT = 0.005  # m, standard deviation of a patch's motion relative to its part
+NEAR = 0.03  # m, standard deviation of the Gaussian weight of nearby tracks
+BEST_VIEWS = 6  # greatest number of views that measure a patch
+GRAZING = 0.15  # least cosine between normal and view direction for a view that counts
+LEAST_WEIGHT = 0.2  # least weight of the tracks near a patch for a view that counts
+# Coefficients of the logit of visibility: constant, cosine of the view angle, weight of nearby tracks,
+# visibility at the previous instant.
 VISIBLE = (-2.2, 1.5, 2.5, 1.0)
 
 
 class Measured(NamedTuple):
-    """What tracks say of N patches."""
+    """Measurements of N patches."""
 
-    corrections: Array  # (N, 3) m, to where their parts carry them
+    corrections: Array  # (N, 3) m, relative to the motion of their parts
     sigmas: Array  # (N,) m
     visible: Array  # (N, V) in 0..1
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def measure(before, after, normals, numbers, starts, tracks, carried, views, seen, found):
-    """What the tracks of its part near each patch say of it: the triangulated rest of its motion.
+    """Measure each patch from the nearby tracks of its part: the triangulated residual motion.
 
     Args:
-        before, after: (N, 3) m, places; after: as parts carry them. normals: (N, 3), after.
-        numbers: (N,) group of tracks of each. starts: first track of each group. carried: (T, 3) m, where
-            parts carry the points of the tracks.
-        seen: (N, V) visibility an instant before. found: `Measured`, filled.
+        before: (N, 3) m, positions at the first instant.
+        after: (N, 3) m, positions as moved by the parts.
+        normals: (N, 3), at the second instant.
+        numbers: (N,) group of tracks of each patch.
+        starts: First track of each group.
+        carried: (T, 3) m, points of the tracks as moved by the parts.
+        views: (V, 3, 4) cam_from_world.
+        seen: (N, V) visibility at the previous instant.
+        found: `Measured`, output.
     """
     count = len(views)
     weights, cosines = np.empty(count), np.empty(count)
@@ -98,7 +104,12 @@ def measure(before, after, normals, numbers, starts, tracks, carried, views, see
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _add(view, point, information, rest, normal, gradient):
-    """Add what a view says of the motion of a point: a rest (2,) on its plane, with information (3,)."""
+    """Add a view's measurement of a point's motion to the normal equations.
+
+    Args:
+        information: (3,) xx, xy, yy on the plane at distance 1.
+        rest: (2,) residual motion on that plane.
+    """
     depth = _row(view, 2, point)
     rows = np.empty((2, 3))
     for i in range(2):
@@ -117,12 +128,12 @@ def _add(view, point, information, rest, normal, gradient):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _cosine(view, point, normal):
-    """Cosine of the angle between the normal of a point and the direction to a camera; -1 behind it."""
+    """Return the cosine of the angle between a point's normal and its direction to a camera; -1 behind it."""
     if _row(view, 2, point) <= 0.0:
         return -1.0
     along, square = 0.0, 0.0
     for i in range(3):
-        place = 0.0  # camera's place less the point's: - R^T (R x + t)
+        place = 0.0  # camera centre minus the point: - R^T (R x + t)
         for k in range(3):
             place -= view[k, i] * _row(view, k, point)
         along += place * normal[i]
@@ -132,5 +143,5 @@ def _cosine(view, point, normal):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _row(view, i, point):
-    """Coordinate i of a point (3,) in the frame of a camera."""
+    """Return coordinate i of a point (3,) in the frame of a camera."""
     return view[i, 0] * point[0] + view[i, 1] * point[1] + view[i, 2] * point[2] + view[i, 3]

@@ -1,9 +1,9 @@
-"""How a part moved, from where points on it are in two images of every view: Gauss-Newton, robust; compiled.
+"""Motion of a rigid part from points on it in two images of every view: robust Gauss-Newton, compiled.
 
-In place of Kabsch's fit to triangulated patches (Joo et al. 2017, 6.3) the residuals are those of the images:
-a point that one view alone follows counts as well, in the two directions that it tells, and the covariance of
-the motion follows from those of the 2D tracks. How deep a point lies need be known roughly only, as an error
-of depth changes its motion in its own image by the share that it is of the distance.
+It replaces Kabsch's fit to triangulated patches (Joo et al. 2017, 6.3). The residuals are those of the
+images, so a point that only one view tracks counts too, in the two directions that it measures. The
+covariance of the motion follows from those of the 2D tracks. Depths need only be known roughly: a relative
+error of the depth changes the motion in the point's own image by the same share.
 """
 
 from __future__ import annotations
@@ -19,21 +19,19 @@ from panoptic_ros.kernels import njit
 Array = np.ndarray
 ROUNDS = 8
 CAUCHY = 2.0  # standard deviations, scale of the Cauchy weight
-SETTLED = 1e-5  # m and rad, steps below which a motion is found
-FREEDOM = 6  # numbers of a motion
-AGREES = 9.0  # squared standard deviations of a track that agrees with the motion
+SETTLED = 1e-5  # m and rad, step below which the iteration ends
+FREEDOM = 6  # number of parameters of a motion
+AGREES = 9.0  # squared standard deviations, greatest residual of a track that agrees with the motion
 
 
 class Tracks(NamedTuple):
     """N 2D tracks, ordered by part."""
 
-    points: Array  # (N, 3) m, before
+    points: Array  # (N, 3) m, at the first instant
     cameras: Array  # (N,) index into the cameras
-    targets: Array  # (N, 2) on the plane at distance 1, afterwards
+    targets: Array  # (N, 2) on the plane at distance 1, at the second instant
     information: Array  # (N, 3) xx, xy, yy on that plane
-    others: (
-        Array  # (N,) squared standard deviations by which each misses what else it may be on; see `misses`
-    )
+    others: Array  # (N,) squared residual, in variances, under the best other motion; see `misses`
 
 
 class Solved(NamedTuple):
@@ -41,7 +39,7 @@ class Solved(NamedTuple):
 
     motions: Array  # (M, 6) rotation vector rad and translation m
     covariances: Array  # (M, 6, 6) of rotation from the left and translation
-    agreeing: Array  # (M,) tracks that agree
+    agreeing: Array  # (M,) number of tracks that agree
     spreads: Array  # (M,) root mean square of their residuals, in standard deviations
 
 
@@ -49,12 +47,12 @@ class Bodies(NamedTuple):
     """M parts to solve for."""
 
     starts: Array  # (M + 1,) first track of each part
-    centres: Array  # (M, 3) m, the points that translations speak of
-    guesses: Array  # (M, G, 6) motions, the best of which is where the search begins; the first is expected
+    centres: Array  # (M, 3) m, centres of rotation: translations are those of these points
+    guesses: Array  # (M, G, 6) motions; the search starts from the best. The first is the expected one
 
 
 class _Sums(NamedTuple):
-    """Of one part at a motion: its rotation (3, 3), and the normal equations (6, 6) and (6,)."""
+    """Rotation (3, 3) of a part at a motion, and the normal equations (6, 6) and (6,)."""
 
     rotation: Array
     normal: Array
@@ -62,17 +60,21 @@ class _Sums(NamedTuple):
 
 
 def solved(tracks: Tracks, bodies: Bodies, which: Array, views: Array, spread: Array, result: Solved) -> None:
-    """Motions of some parts, into the result.
+    """Solve for the motions of some parts, into `result`.
 
     Args:
-        which: rows of the parts. views: (V, 3, 4) cam_from_world.
+        tracks: The 2D tracks.
+        bodies: The parts.
+        which: Rows of the parts to solve for.
+        views: (V, 3, 4) cam_from_world.
         spread: (6,) standard deviation of motions from the expected one.
+        result: Output, see `unsolved`.
     """
     _solve(tracks, bodies, which, views, 1.0 / spread**2, result)
 
 
 def unsolved(count: int) -> Solved:
-    """Of so many parts, none of which has a motion yet."""
+    """Return a result for `count` parts, none of which has a motion yet."""
     return Solved(np.zeros((count, 6)), np.zeros((count, 6, 6)), np.zeros(count, np.int32), np.zeros(count))
 
 
@@ -103,7 +105,8 @@ def _solve(tracks, bodies, which, views, priors, result):
             if np.abs(step).max() < SETTLED:
                 break
         _accumulate(tracks, bodies, part, motion, views, sums, result)
-        # as large as the residuals are; six of them the motion took for itself, of a variance of 1 by prior
+        # Scale the covariance by the variance of the residuals. The motion has absorbed six residuals; they
+        # count with their prior variance of 1.
         found = max(result.agreeing[part], 1)
         normal /= result.spreads[part] ** 2 + 0.5 * FREEDOM / found
         for i in range(FREEDOM):
@@ -113,7 +116,10 @@ def _solve(tracks, bodies, which, views, priors, result):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _accumulate(tracks, bodies, part, motion, views, sums, result):
-    """Normal equations of one part at a motion, into `sums`; returns the cost, notes what agrees."""
+    """Compute the normal equations of a part at a motion into `sums`, and return the cost.
+
+    The number and the spread of the agreeing tracks are written to `result`.
+    """
     first, last, centre = bodies.starts[part], bodies.starts[part + 1], bodies.centres[part]
     rotation, normal, gradient = sums
     rotation_of(motion[:3], rotation)
@@ -146,7 +152,7 @@ def _accumulate(tracks, bodies, part, motion, views, sums, result):
         growth = noise_growth(whitened, CAUCHY)
         cost += np.log(growth)
         other = noise_growth(tracks.others[n], CAUCHY)
-        growth *= max(1.0, 0.5 * (1.0 + (growth / other) ** 2))  # it is rather on something else
+        growth *= max(1.0, 0.5 * (1.0 + (growth / other) ** 2))  # the track fits another motion better
         if whitened < AGREES:
             agreeing += 1
             square += 0.5 * whitened
@@ -163,7 +169,13 @@ def _accumulate(tracks, bodies, part, motion, views, sums, result):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def misses(tracks, first, last, centre, motion, views, least):
-    """least (N,) becomes at most the squared standard deviations by which tracks miss a motion (6,)."""
+    """Lower `least` (N,) to the squared residuals, in variances, of tracks under a motion (6,).
+
+    Args:
+        first, last: Range of the tracks.
+        centre: (3,) m, centre of rotation of the motion.
+        views: (V, 3, 4) cam_from_world.
+    """
     rotation, ahead = np.empty((3, 3)), np.empty(3)
     rotation_of(motion[:3], rotation)
     for n in range(first, last):

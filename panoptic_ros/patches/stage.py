@@ -1,4 +1,4 @@
-"""The stage: 2D tracks and tracked skeletons in, motions of parts and patches of the surface out."""
+"""Patches stage: from 2D tracks and tracked skeletons to part motions and surface patches."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 Array = np.ndarray
-KEPT = 16  # newest tracks of a camera that wait for their instant
-LONGEST_NS = 500_000_000  # between two instants, over which nothing is followed
+KEPT = 16  # number of newest tracks of a camera that wait for their instant
+LONGEST_NS = 500_000_000  # greatest time between two instants for which motions are computed
 NOTHING_FREE = np.zeros((0, 2), np.int64)
-SILENT = 25  # instants with people but without tracks, or without a motion, after which that is said
+SILENT = 25  # instants with people but without tracks, or without a motion, after which a notice is given
 NO_TRACKS = (
     Notice(
         "patches.no_tracks",
@@ -52,12 +52,10 @@ NO_MOTION = (
 
 
 class PatchesStage(Stateful):
-    """Motions of people's parts, and patches of their surface, for each set of skeletons.
+    """Stage for part motions and surface patches of people, for each set of skeletons.
 
-    Maps of depth sensors, if any, say where the surface is, what hides it, and which joints are in free
-    space.
-
-    Skeletons must name their 2D people (`TrackedPoseSet.sources`): these tie them to 2D tracks.
+    Maps of depth sensors, if any, state the position of the surface, its occluders, and joints in free space.
+    Skeletons must name their 2D poses (`TrackedPoseSet.sources`), which connect them with 2D tracks.
     """
 
     LAYOUT = StateLayout(
@@ -83,7 +81,7 @@ class PatchesStage(Stateful):
         self.reset()
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Forget all people."""
         self._tracks: dict[str, deque[PatchTracks]] = {}
         self._people: dict[int, Carried] = {}
         self._before: TrackedPoseSet | None = None
@@ -94,16 +92,16 @@ class PatchesStage(Stateful):
         self._depth.forget()
 
     def flush(self) -> StepResult[PatchTrajectories]:
-        """Nothing is buffered."""
+        """Reset the stage; it buffers no records."""
         self.reset()
         return StepResult()
 
     def step(self, item: PatchTracks | DepthFrame | TrackedPoseSet) -> StepResult[PatchTrajectories]:
-        """Patches of a set of skeletons; takes the 2D tracks of its views, and depth, before it.
+        """Return the patches of a set of skeletons, or accept the 2D tracks and depth maps that precede it.
 
         Raises:
-            DataError: if the record is of another skeleton, or of a camera or depth sensor that the rig does
-                not have, or of another size than its.
+            DataError: if the record has another skeleton, a camera or depth sensor that the rig lacks, or
+                another size than its sensor.
         """
         if isinstance(item, DepthFrame):
             self._depth.take(item)
@@ -134,7 +132,7 @@ class PatchesStage(Stateful):
         return StepResult((record,), (*notices, *self._silence(item, tracks)))
 
     def _capsules(self) -> dict[int, Capsules]:
-        """Of everybody, as carried, by id."""
+        """Return the capsules of all propagated skeletons, by id."""
         return {
             number: axes(self._parts, self._skeleton, own.positions) for number, own in self._people.items()
         }
@@ -148,7 +146,11 @@ class PatchesStage(Stateful):
     def _follow(
         self, before: TrackedPoseSet, item: TrackedPoseSet, tracks: dict[str, PatchTracks], free: Array
     ) -> None:
-        """Everybody from the instant before to this one; free: (F, 2) ids and joints that are not there."""
+        """Update all people and patches from the previous instant to this one.
+
+        Args:
+            free: (F, 2) ids and joints in free space, which count as not measured.
+        """
         dt, config = 1e-9 * (item.stamp_ns - before.stamp_ns), self._config
         maps = [sensed for _, sensed in self._depth.near(before.stamp_ns)]
         lifted = self._tracker.lifted(before, dt, self._people, tracks, maps)
@@ -164,7 +166,7 @@ class PatchesStage(Stateful):
         self._surface = new
 
     def _expected(self, measured: dict[int, Array], lifted: Lifted) -> dict[tuple[int, int], Array]:
-        """How skeletons say that parts moved."""
+        """Return the motions of parts according to the skeletons, by person and part; see `expectation`."""
         found = {}
         for person, part in lifted.keys:
             if person in measured:
@@ -174,7 +176,7 @@ class PatchesStage(Stateful):
         return found
 
     def _carry(self, measured: dict[int, Array], dt: float) -> None:
-        """Move all skeletons, and forget who is gone."""
+        """Propagate all skeletons, drop people without known joints, and add new people."""
         motions: dict[int, dict[int, tuple[Array, Array]]] = {}
         last = self._last
         both = np.concatenate([last.rotations, last.translations], axis=1)
@@ -216,7 +218,7 @@ class PatchesStage(Stateful):
         )
 
     def _silence(self, item: TrackedPoseSet, tracks: dict[str, PatchTracks]) -> tuple[Notice, ...]:
-        """Notices when people have no 2D tracks for long, or no motion by them, and when these come back."""
+        """Return notices when people have no 2D tracks or no motion for long, and when these resume."""
         if not len(item.ids):
             return ()
         self._silent, notices = _counted(self._silent, bool(tracks), NO_TRACKS)
@@ -227,14 +229,18 @@ class PatchesStage(Stateful):
 
 
 def _counted(count: int, good: bool, said: tuple[Notice, Notice]) -> tuple[int, tuple[Notice, ...]]:
-    """One more instant, good or not, after so many that were not; and what is to be said, once each time."""
+    """Count one more instant, good or bad, after `count` bad ones; return the new count and the notices.
+
+    Each notice of `said` is given once: the first after `SILENT` bad instants, the second when it is good
+    again.
+    """
     if good:
         return 0, said[1:] if count >= SILENT else ()
     return min(count + 1, SILENT + 1), said[:1] if count + 1 == SILENT else ()
 
 
 def _examples(context: StageContext) -> Iterator[PatchTracks | TrackedPoseSet]:
-    """A few instants of somebody in front of the first camera, and tracks on him: all kernels."""
+    """Yield a few instants of a person before the first camera, with tracks, to compile all kernels."""
     camera, skeleton = context.rig.cameras[0], context.skeleton
     count, rng = len(skeleton), np.random.default_rng(0)
     around = np.array([[0.0, 0.0, 3.0]]) + 0.3 * rng.uniform(-1.0, 1.0, (count, 3))

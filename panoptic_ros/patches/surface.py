@@ -1,9 +1,9 @@
-"""Patches of the surface of people: seeded where tracks are, moved with their parts and as the images say.
+"""Surface patches of people: created at 2D tracks, moved with their parts and corrected by the images.
 
-A patch is its part's for as long as the surface of that, a capsule, is the nearest of its person's at every
-instant: the least greatest distance of Joo et al. 2017, 6.2, from the surface in place of the axis, as parts
-differ in girth. Images put points on parts where the joints of one view are, which takes those beyond the end
-of a limb, and those of a chest behind an arm, for the limb's.
+A patch belongs to its part while the surface of this part, a capsule, is the nearest of its person's at every
+instant. This is the least greatest distance of Joo et al. 2017, 6.2. It is measured from the surface instead
+of the axis, because parts differ in girth. The test removes wrong points. Flow assigns points to parts by the
+2D joints of one view. It assigns to a limb also points beyond its end, and points on a chest behind an arm.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from panoptic_ros.patches.motions import Lifted
 from panoptic_ros.patches.patch_motion import SOFT, Measured, measure
 
 Array = np.ndarray
-LOOSE = 0.03  # m, by which it does not
-APART = 0.03  # m between patches that are seeded
+LOOSE = 0.03  # m, correction from which a patch ends, because it does not move with its part
+APART = 0.03  # m, least distance between new patches
 
 
 class Surface(NamedTuple):
@@ -38,7 +38,7 @@ class Surface(NamedTuple):
 
 
 def no_surface(views: int) -> Surface:
-    """No patches."""
+    """Return a surface without patches."""
     none = np.zeros(0, np.int64)
     return Surface(
         none, none, none, none, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros((0, views))
@@ -53,10 +53,11 @@ def moved(
     life: int,
     views: Array,
 ) -> Surface:
-    """The patches an instant later; those that end are left out.
+    """Return the patches one instant later, without those that end.
 
     Args:
-        bodies: parts of people then, by id. life: instants after which a patch ends.
+        bodies: Capsules of people at that instant, by id.
+        life: Number of instants after which a patch ends.
         views: (V, 3, 4) cam_from_world.
     """
     row_of = {key: row for row, key in enumerate(zip(motions.people.tolist(), motions.parts.tolist()))}
@@ -112,10 +113,12 @@ def seeded(
     most: Array,
     first_id: int,
 ) -> Surface:
-    """With new patches where tracks are, on parts that have few.
+    """Return the surface with new patches at tracks, on parts that have few.
 
     Args:
-        bodies: see `moved`. most: by part, patches that a person has on it. first_id: of the new ones.
+        bodies: See `moved`.
+        most: Greatest number of patches of a person, by part.
+        first_id: id of the first new patch.
     """
     numbers = [lifted.keys.index(key) for key in zip(motions.people.tolist(), motions.parts.tolist())]
     carried = carried_tracks(lifted, motions, np.array(numbers, np.int64))
@@ -152,10 +155,10 @@ def seeded(
 
 
 def carried_tracks(lifted: Lifted, motions: PartMotions, numbers: Array) -> Array:
-    """Where parts carry the points (N, 3) m of the tracks, NaN where a part has no motion.
+    """Return the points (N, 3) m of the tracks, moved by their parts; NaN where a part has no motion.
 
     Args:
-        numbers: (M,) of the groups of tracks of the motions.
+        numbers: (M,) group of tracks of each motion.
     """
     row_of = np.full(len(lifted.keys) + 1, -1)
     row_of[numbers] = np.arange(len(numbers))
@@ -170,7 +173,10 @@ def carried_tracks(lifted: Lifted, motions: PartMotions, numbers: Array) -> Arra
 
 
 def on_their_parts(points: Array, people: Array, parts: Array, bodies: Mapping[int, Capsules]) -> Array:
-    """Whether of all parts of their person (N,) theirs (N,) is nearest to points (N, 3) m; `moved`."""
+    """Return whether the part (N,) of each point (N, 3) m is the nearest part of its person (N,).
+
+    See the module for the distance.
+    """
     known = [number for number in dict.fromkeys(people.tolist()) if number in bodies]
     there = np.isin(people, known)
     rows = np.array([known.index(number) for number in people[there].tolist()], np.int64)
@@ -185,7 +191,10 @@ def on_their_parts(points: Array, people: Array, parts: Array, bodies: Mapping[i
 
 
 def spread_out(points: Array, others: Array, wanted: int) -> Array:
-    """Rows of so many points (N, 3) m, each the farthest from the others (M, 3) and from those before it."""
+    """Return rows of at most `wanted` points (N, 3) m that are far from each other and from `others` (M, 3).
+
+    Each is the farthest from the others and from those chosen before it.
+    """
     chosen: list[int] = []
     distances = np.full(len(points), np.inf)
     for other in others:
@@ -200,7 +209,7 @@ def spread_out(points: Array, others: Array, wanted: int) -> Array:
 
 
 def rotations_of(vectors: Array) -> Array:
-    """Rotations (M, 3, 3) of rotation vectors (M, 3) rad."""
+    """Return the rotations (M, 3, 3) of rotation vectors (M, 3) rad."""
     turns = np.empty((len(vectors), 3, 3))
     for vector, turn in zip(vectors, turns):
         rotation_of(vector, turn)

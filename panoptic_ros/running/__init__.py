@@ -1,1 +1,1 @@
-"""Orchestration: what joins files, sources, stages and nodes into a whole run; prints nothing by itself."""
+"""Orchestration: joins files, sources, stages and nodes into a run. This package prints nothing."""

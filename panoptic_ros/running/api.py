@@ -1,4 +1,4 @@
-"""The public Python API of the package: `panoptic_ros` exports these functions."""
+"""Public Python API of the package; `panoptic_ros` exports these functions."""
 
 from __future__ import annotations
 
@@ -19,14 +19,16 @@ from panoptic_ros.running.runs.run import run
 from panoptic_ros.running.solve import SolveTask
 
 __all__ = ["load_rig", "open_capture", "open_detections", "run", "solve", "write_skeletons"]
-Parameters = Mapping[str, Mapping[str, Any]]  # {stage: {parameter: value}}, as `--set stage.parameter=value`
+# {stage: {parameter: value}}, as in `--set stage.parameter=value`
+Parameters = Mapping[str, Mapping[str, Any]]
 
 
 def load_rig(path: Path | str, cameras: Sequence[str] | None = None) -> Rig:
-    """Read the calibrated cameras of a file, or of a folder that holds one.
+    """Read the calibrated cameras of a file, or of a folder that contains a calibration file.
 
     Args:
-        cameras: use only these; None = all.
+        path: calibration file or folder.
+        cameras: names of the cameras to use; None = all.
 
     Raises:
         UserError: if there is no calibration, or it cannot be used.
@@ -37,11 +39,11 @@ def load_rig(path: Path | str, cameras: Sequence[str] | None = None) -> Rig:
 def open_detections(
     path: Path | str, rig: Rig, parameters: Parameters | None = None, *, skeleton: str = AUTO
 ) -> SolveTask:
-    """Open the 2D people of a plain file, detections.json(.gz).
+    """Open the 2D poses of a plain file, detections.json(.gz).
 
     Args:
-        rig: the cameras that are used; the file may hold others.
-        skeleton: name or YAML file; "auto" = that which fits the joints of the file best.
+        rig: the cameras to use. The file may contain other cameras as well.
+        skeleton: name or YAML file of a skeleton; "auto" = the one that fits the joints of the file best.
 
     Raises:
         UserError: if the file or a parameter cannot be used.
@@ -55,7 +57,7 @@ def open_capture(
     """Open a capture folder: a calibration, and one video or folder of images per camera.
 
     Args:
-        cameras: use only these; None = all.
+        cameras: names of the cameras to use; None = all.
 
     Raises:
         UserError: if the folder or a parameter cannot be used.
@@ -64,15 +66,16 @@ def open_capture(
 
 
 def solve(recording: SolveTask | Plan) -> Sequence[TrackedPoseSet]:
-    """Return the people of every instant of a recording, in the order of time, in m in the world of the rig.
+    """Return the 3D poses of every instant of a recording, in time order, m, in the world frame of the rig.
 
-    All stages run in this process, without ROS and without files; `run` leaves reports and pictures too.
+    All stages run in this process, without ROS and without files. Use `run` to get reports and pictures as
+    well.
 
     Args:
-        recording: of `open_detections` or `open_capture`.
+        recording: the result of `open_detections` or `open_capture`.
 
     Raises:
-        UserError: if the images cannot be read or the model is missing.
+        UserError: if the images cannot be read or the pose model is missing.
     """
     if isinstance(recording, SolveTask):
         return solving.solve(recording).poses
@@ -82,10 +85,10 @@ def solve(recording: SolveTask | Plan) -> Sequence[TrackedPoseSet]:
 
 
 def write_skeletons(path: Path | str, recording: SolveTask | Plan, frames: Iterable[TrackedPoseSet]) -> None:
-    """Write skeletons as skeletons.json(.gz); equal frames give equal bytes.
+    """Write 3D poses to a file, skeletons.json(.gz). Equal frames give equal bytes.
 
     Args:
-        recording: from which they were solved, whose joints the file names.
+        recording: the recording that the frames were solved from. It provides the joint names of the file.
 
     Raises:
         EnvironmentProblem: if the file cannot be written.
@@ -94,9 +97,9 @@ def write_skeletons(path: Path | str, recording: SolveTask | Plan, frames: Itera
 
 
 class _Skeletons(list[TrackedPoseSet]):
-    """Keeps the result of a run."""
+    """List of the 3D poses of a run."""
 
     def take(self, key: str, record: Any) -> None:
-        """Keep a record of the topic `skeletons`."""
+        """Append a record of the topic `skeletons`; ignore all other topics."""
         if key == "skeletons":
             self.append(record)

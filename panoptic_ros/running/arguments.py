@@ -1,4 +1,4 @@
-"""Parsers of values of options, for verbs and studies: each is a `type` of argparse."""
+"""Parsers of option values for verbs and studies. Each serves as the `type` of an argparse option."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from panoptic_ros.errors import UsageError
 
 
 def output_file(text: str) -> Path:
-    """Return a file to write, checked before any work; for `type` of an option.
+    """Return the path of an output file after checking that it can be written.
+
+    Use it as the `type` of an option, so that the check precedes any work.
 
     Raises:
         UsageError: if the text is empty.
         DataError, EnvironmentProblem: if nothing can be written there.
     """
-    from panoptic_ros.io.files import check_output  # only now: --help must be quick
+    from panoptic_ros.io.files import check_output  # imported here to keep --help fast
 
     if not text:
         raise UsageError("the name of the file to write is empty; name a file")
@@ -26,7 +28,9 @@ def output_file(text: str) -> Path:
 
 
 def output_folder(text: str) -> Path:
-    """Return a folder to write into, checked before any work; for `type` of an option.
+    """Return the path of an output folder after checking that files can be written into it.
+
+    Use it as the `type` of an option, so that the check precedes any work.
 
     Raises:
         UsageError: if the text is empty.
@@ -41,7 +45,7 @@ def output_folder(text: str) -> Path:
 
 
 def within(kind: type[int] | type[float], low: float, high: float) -> Callable[[str], Any]:
-    """Return the parser of a number in a range."""
+    """Return a parser that accepts numbers from `low` to `high`."""
 
     def parse(text: str) -> float:
         try:

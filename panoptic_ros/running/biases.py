@@ -1,4 +1,4 @@
-"""A detector's biases from files of skeletons, and the table of them."""
+"""Measures the joint biases of a detector from files of skeletons, and writes the bias table."""
 
 from __future__ import annotations
 
@@ -24,15 +24,18 @@ def write_biases(
     leave_out: Sequence[int],
     progress: Progress,
 ) -> tuple[Benefit, ...]:
-    """Measure and write the table `out`; what it is worth for people whom it was not measured on.
+    """Measure the joint biases of a detector and write them to the table `out`.
 
     Args:
-        detector: whose joints these are, for the file.
-        leave_out: people of the truth on whom nothing is measured.
+        detector: name of the detector whose joints these are, stored in the file.
+        leave_out: ids of people of the truth to exclude from the measurement.
+
+    Returns:
+        for each person, the joint errors before and after correction by biases measured on all other people.
 
     Raises:
-        DataError: if nobody is found, or nobody whose torso is seen.
-        UsageError: if one of those left out is not found, or all are left out.
+        DataError: if no person of the truth is found in the result, or no person with a visible torso.
+        UsageError: if a person to leave out is not found, or all people are left out.
     """
     truth = read_sequence(truth_path)
     result = spelt_alike(read_sequence(result_path), truth).with_joints(truth.joint_names)
@@ -59,7 +62,12 @@ def write_biases(
 def _check_people(
     found: MeasuredBiases, leave_out: tuple[int, ...], truth_path: Path, result_path: Path
 ) -> None:
-    """Somebody was found, among them all who were left out, and somebody else."""
+    """Check that people were found, that all left-out people are among them, and that others remain.
+
+    Raises:
+        DataError: if no person was found.
+        UsageError: if a left-out person was not found, or no other person remains.
+    """
     if not found.found:
         raise DataError(f"nobody in {result_path} is near anybody in {truth_path}")
     for person in leave_out:
@@ -70,7 +78,10 @@ def _check_people(
 
 
 def _other_side(word: str, words: tuple[str, ...]) -> int:
-    """Index of the joint on the other side; its own in the middle or where there is none."""
+    """Return the index of the joint on the other side of the body.
+
+    A joint in the middle, or one without a counterpart, maps to its own index.
+    """
     for one, other in (("left_", "right_"), ("right_", "left_")):
         if word.startswith(one) and other + word.removeprefix(one) in words:
             return words.index(other + word.removeprefix(one))

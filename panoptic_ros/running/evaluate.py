@@ -1,4 +1,4 @@
-"""Scores of skeletons in a file against the truth in another."""
+"""Scores the skeletons of one file against the truth in another file."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ PROTOCOLS = ("default", *PCP_RULES)
 
 @dataclass(frozen=True)
 class Scores:
-    """What came of a comparison: scores by the names of `panoptic evaluate --json`, and a table."""
+    """Result of a comparison: scores by the names of `panoptic evaluate --json`, and a table as text."""
 
     values: dict[str, Any]
     table: str
 
     def missed(self, limits: Sequence[Limit]) -> list[str]:
-        """One phrase for every limit that the scores miss.
+        """Return one phrase for every limit that the scores miss.
 
         Raises:
             UsageError: if there is no score of that name.
@@ -44,10 +44,14 @@ class Scores:
 
 
 def read_limits(minimum: Sequence[str], maximum: Sequence[str]) -> list[Limit]:
-    """Bars for scores, each written as name=number.
+    """Parse limits for scores, each written as name=number.
+
+    Args:
+        minimum: lower limits.
+        maximum: upper limits.
 
     Raises:
-        UsageError: if one is not of that form.
+        UsageError: if a limit has another form.
     """
     return [parse_limit(text) for text in minimum] + [parse_limit(text, upper=True) for text in maximum]
 
@@ -65,14 +69,16 @@ def evaluate(
     """Compare a result with the truth.
 
     Args:
-        joints: compare only these: a skeleton or names separated by commas, see `only_joints`.
-        skip: leave out so many first frames of the truth.
-        align_time: first remove a constant offset of the result's stamps, found from the motion.
-        protocol: one of `PROTOCOLS`; all but the first count right limbs (PCP).
-        plots: folder to draw plots into.
+        joints: Restrict the comparison to a skeleton or to joint names separated by commas, see
+            `only_joints`.
+        skip: Number of frames to leave out at the beginning of the truth.
+        align_time: First estimate a constant offset of the result's timestamps from the motion, and remove
+            it.
+        protocol: One of `PROTOCOLS`. All except the first count correct limbs (PCP).
+        plots: Folder for plots.
 
     Raises:
-        UsageError: on choices that do not go together.
+        UsageError: if options contradict each other.
         DataError: if a file cannot be used.
     """
     if skip < 0:

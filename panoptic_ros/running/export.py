@@ -1,4 +1,4 @@
-"""`panoptic export`: results in formats that others read, by the suffix of the file."""
+"""Exports results for `panoptic export`. The suffix of the output file selects the format."""
 
 from __future__ import annotations
 
@@ -26,8 +26,14 @@ from panoptic_ros.view.page.recorded import RecordedScene
 
 
 class Wanted(NamedTuple):
-    """What of results is written: s from the beginning, None = to the end; the skeleton of bodies; the rig in
-    place of theirs, None = theirs."""
+    """Options of an export.
+
+    Args:
+        begin_s: start of the exported interval, s from the beginning of the recording.
+        end_s: end of the exported interval, s; None = the end of the recording.
+        segments: name or file of the segment model (skeleton) of the bodies.
+        rig: calibration file that replaces the rig of the results; None = use theirs.
+    """
 
     begin_s: float = 0.0
     end_s: float | None = None
@@ -36,14 +42,17 @@ class Wanted(NamedTuple):
 
 
 Writer = Callable[[Path, Path, Wanted, Progress], list[Path]]
-TextWriter = Callable[[SegmentModel, Sequence[BodyState], Path], str]  # the text of a person's file
+# returns the content of one person's file
+TextWriter = Callable[[SegmentModel, Sequence[BodyState], Path], str]
 
 
 def export(path: Path, out: Path, wanted: Wanted, progress: Progress = untold) -> list[Path]:
-    """Write results or a bag to a file; of formats for one person to one each. Returns the files.
+    """Write results or a bag to a file and return the paths of all files written.
+
+    Formats for a single person give one file per person.
 
     Raises:
-        UsageError: if there is no such format, or nothing to be written.
+        UsageError: if there is no such format, or nothing to write.
     """
     writer = WRITERS.get(out.suffix)
     if writer is None:
@@ -55,7 +64,7 @@ def export(path: Path, out: Path, wanted: Wanted, progress: Progress = untold) -
 
 
 def _write_html(path: Path, out: Path, wanted: Wanted, progress: Progress) -> list[Path]:
-    """One page that shows all of it, with images."""
+    """Write one HTML page that shows the whole recording, with images."""
     from panoptic_ros.view.page.one_file import one_file
 
     scene = open_recorded(path, wanted.rig)
@@ -75,7 +84,7 @@ def _write_html(path: Path, out: Path, wanted: Wanted, progress: Progress) -> li
 
 
 def _people_of(path: Path, wanted: Wanted) -> tuple[SegmentModel, dict[int, list[BodyState]]]:
-    """The bodies of results by id, by time.
+    """Return the segment model, and the bodies of the results by id in time order.
 
     Raises:
         DataError: if there are none.
@@ -96,7 +105,10 @@ def _people_of(path: Path, wanted: Wanted) -> tuple[SegmentModel, dict[int, list
 
 
 def _each(write: TextWriter) -> Writer:
-    """One file for each person: `out`, and with their ids if there are several."""
+    """Return a writer that makes one file per person.
+
+    A single person's file is named `out`. With several people, the id is added to each name.
+    """
 
     def write_all(path: Path, out: Path, wanted: Wanted, progress: Progress) -> list[Path]:
         model, people = _people_of(path, wanted)
@@ -111,7 +123,7 @@ def _each(write: TextWriter) -> Writer:
 
 
 def _urdf(model: SegmentModel, states: Sequence[BodyState], out: Path) -> str:
-    """The description of a body, in the lengths that it has."""
+    """Return the URDF of a body with its measured segment lengths."""
     places, frames = (np.array([getattr(s, name) for s in states]) for name in ("places", "frames"))
     number = states[0].id
     offsets = offsets_of(model, places, frames)
@@ -119,7 +131,7 @@ def _urdf(model: SegmentModel, states: Sequence[BodyState], out: Path) -> str:
 
 
 def _write_glb(path: Path, out: Path, wanted: Wanted, progress: Progress) -> list[Path]:
-    """One animated scene of everybody."""
+    """Write one animated scene that contains all people."""
     model, people = _people_of(path, wanted)
     colours = {number: rgb_of(number) for number in people}
     write_bytes(out, glb_bytes(read_body_shape(model), people, colours))

@@ -1,4 +1,4 @@
-"""The files of the repository that are generated from the parameters of the stages."""
+"""Generates the repository files that are derived from the parameters of the stages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ STAGES = tuple(NODES)
 
 
 def generated_files() -> dict[str, str]:
-    """Content of every generated file by its path in the repository."""
+    """Return the content of every generated file by its path in the repository."""
     classes = {name: config_class(name) for name in STAGES}
     files = {f"config/{name}.yaml": parameter_yaml(name, cls) for name, cls in classes.items()}
     files["docs/parameters.md"] = parameter_page(classes)

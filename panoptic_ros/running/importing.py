@@ -1,4 +1,4 @@
-"""Takes of public data sets to capture folders with their truth; videos are linked, not copied."""
+"""Converts takes of public data sets into capture folders with truth. Videos are linked, not copied."""
 
 from __future__ import annotations
 
@@ -20,14 +20,19 @@ from panoptic_ros.io.rigs import read_rig, write_rig
 
 Array = np.ndarray
 VIDEOS = (".mp4", ".avi", ".mkv", ".mov")
-LONGER = 2  # than the truth, a video may be
+LONGER = 2  # maximum length of a video, in multiples of the length of the truth
 
 
 def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:
-    """Rig, IMUs, subject, truth and links to the videos of a take, e.g. "s1/acting1"; lines about it.
+    """Convert a take of Total Capture, e.g. "s1/acting1", into a capture folder.
+
+    The folder gets the rig, IMU samples, the subject, the truth and links to the videos.
+
+    Returns:
+        lines about the take.
 
     Raises:
-        UserError: if a file is not there, twice there or not as it must be.
+        UserError: if a file is missing, exists twice or is invalid.
     """
     subject, action = _split(take)
     files = _Files(folder, subject)
@@ -64,10 +69,15 @@ def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:
 
 
 def import_human36m(folder: Path, take: str, out: Path) -> list[str]:
-    """Rig, truth of the joints and links to the videos of a take, e.g. "S9/Walking 1"; lines about it.
+    """Convert a take of Human3.6M, e.g. "S9/Walking 1", into a capture folder.
+
+    The folder gets the rig, the true joints and links to the videos.
+
+    Returns:
+        lines about the take.
 
     Raises:
-        UserError: as above.
+        UserError: if a file is missing, exists twice or is invalid.
     """
     subject, action = _split(take)
     number = re.fullmatch(r"s(\d+)", subject)
@@ -100,8 +110,13 @@ def import_human36m(folder: Path, take: str, out: Path) -> list[str]:
 
 
 def _seen(rig: Rig, places: Array) -> str:
-    """In the images of how many cameras the true pelvis (T, 3) m lies most of the time; none if the world or
-    the unit of one of the two is another."""
+    """Return a line with the number of cameras that see the true pelvis in most frames.
+
+    The number is 0 if rig and truth differ in world frame or unit.
+
+    Args:
+        places: (T, 3) m, positions of the pelvis.
+    """
     count = sum(bool(camera.sees(places).mean() > 0.5) for camera in rig.cameras)
     return f"the true pelvis is in the images of {count} of {len(rig)} cameras"
 
@@ -114,10 +129,12 @@ def _split(take: str) -> tuple[str, str]:
 
 
 class _Files:
-    """Files anywhere below a folder by their names, whatever case, as archives are unpacked in many ways.
+    """Index of all files below a folder by name.
+
+    It ignores case and depth, as archives are unpacked in many ways.
 
     Args:
-        subject: part of the path of what is the subject's, between slashes or underscores.
+        subject: name in the paths of the subject's files, delimited by slashes or underscores.
     """
 
     def __init__(self, folder: Path, subject: str):
@@ -128,10 +145,15 @@ class _Files:
         self._all = sorted(path for path in folder.rglob("*") if path.is_file())
 
     def one(self, *names: str, inside: str = "", anybody: bool = False) -> Path:
-        """The file of the first name that there is.
+        """Return the file with the first of these names that exists.
 
         Args:
-            inside: name of the folder in which it lies. anybody: it need not be the subject's.
+            inside: name of the folder that contains it; "" = any folder.
+            anybody: accept files of other subjects, too.
+
+        Raises:
+            UsageError: if several files have that name.
+            DataError: if no file has one of these names.
         """
         for name in names:
             found = [path for path in self._named(name, anybody) if inside in ("", path.parent.name.lower())]
@@ -143,7 +165,7 @@ class _Files:
         raise DataError(f"{self._folder} has no {' or '.join(names)}{where}, whatever case, of the take")
 
     def video(self, stem: str) -> Path | None:
-        """The video of this name, if there is one."""
+        """Return the video of this name, or None."""
         found = [path for end in VIDEOS for path in self._named(stem + end, anybody=False)]
         return found[0] if found else None
 
@@ -157,12 +179,13 @@ class _Files:
 
 
 def _link(folder: Path, videos: dict[str, Path | None], rate: float, count: int) -> int:
-    """How many cameras have a video; they are linked by the names of the cameras.
+    """Link the videos under their cameras' names, write timestamps.csv, and return the number of videos.
 
-    Data sets count frames: frame n is at n / rate, whatever the file of a video says.
+    Data sets count frames. So frame n gets the timestamp n / rate, whatever the video file states.
 
     Args:
-        rate, count: of the truth; a video may be longer.
+        rate: frame rate of the truth, Hz.
+        count: number of frames of the truth. A video may be up to `LONGER` times as long.
     """
     there = {name: path for name, path in videos.items() if path is not None}
     for name, path in there.items():

@@ -1,4 +1,4 @@
-"""Where a detector sees joints of bodies, from files, and the file of it."""
+"""Measures the joint offsets of a detector in the segment frames of bodies, from files, and writes them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from panoptic_ros.stage import Progress
 
 Array = np.ndarray
 BODIES = "kinematics.json.gz"
-NEAR_NS = 30_000_000  # between a skeleton and the body whose frames it is seen in
+NEAR_NS = 30_000_000  # ns, maximum time between a skeleton and the body that provides its segment frames
 
 
 def write_measured_offsets(
@@ -36,15 +36,21 @@ def write_measured_offsets(
     bodies_path: Path | None,
     progress: Progress,
 ) -> tuple[Benefit, ...]:
-    """Measure and write the file `out`; what it is worth for people whom it was not measured on.
+    """Measure the joint offsets of a detector and write them to the file `out`.
 
     Args:
-        truth_path: bodies, known ones or our own, or true skeletons. result_path: skeletons of the detector.
-        detector: its name, for the file. leave_out: people of the truth on whom nothing is measured.
-        bodies_path: of the result, where the truth is skeletons; None = those beside the result.
+        truth_path: File of bodies (ground truth or our own results), or file of true skeletons.
+        result_path: Skeletons from the detector.
+        detector: Name of the detector, stored in the file.
+        leave_out: Ids of people of the truth to exclude from the measurement.
+        bodies_path: Bodies of the result, where the truth holds skeletons; None = the file beside the result.
+
+    Returns:
+        for each person, the joint errors before and after correction by offsets measured on all other people.
 
     Raises:
-        UserError: if a file is not as it must be, nobody is found, or those left out are not found, or all.
+        UserError: if a file is invalid, no person is found, a left-out person is not found, or all are left
+            out.
     """
     model = read_body_model()
     spelling = SkeletonSequence(tuple(model.keypoints), ())
@@ -85,7 +91,7 @@ def write_measured_offsets(
 
 
 def _bodies(path: Path, model: SegmentModel) -> dict[int, list[BodyState]]:
-    """Bodies by their ids, in the order of time."""
+    """Return the bodies of a file by id, in time order."""
     names, states = read_bodies(path)
     if names != model.names:
         raise DataError(f"{path} is of another skeleton of segments: {', '.join(names[:4])}, ...")
@@ -96,13 +102,13 @@ def _bodies(path: Path, model: SegmentModel) -> dict[int, list[BodyState]]:
 
 
 def _stature(state: BodyState, model: SegmentModel) -> float:
-    """The stature that explains the lengths of a body, m."""
+    """Return the stature, m, that explains the segment lengths of a body."""
     apart = np.linalg.norm(state.places[1:] - state.places[model.parents[1:]], axis=-1)
     return float(np.median(apart / np.linalg.norm(model.shares[1:], axis=-1)))
 
 
 def _joints_of(states: dict[int, list[BodyState]], model: SegmentModel) -> SkeletonSequence:
-    """The joints of bodies, where the skeleton of segments has them."""
+    """Return the joints of bodies at their positions in the segment model."""
     segments = np.array([model.index(segment) for segment, _ in model.keypoints.values()])
     shares = np.array([share for _, share in model.keypoints.values()])
     at: dict[int, list[tuple[int, Array]]] = {}
@@ -124,7 +130,12 @@ def _posed(
     model: SegmentModel,
     of_truth: bool,
 ) -> PosedPeople:
-    """Everybody of the result who has a truth and a body; of_truth: bodies are those of the truth."""
+    """Return all people of the result that match a true person and have a body.
+
+    Args:
+        states: bodies by id, in time order.
+        of_truth: the bodies have the ids of the truth, otherwise those of the result.
+    """
     stamps = {number: np.array([state.stamp_ns for state in own]) for number, own in states.items()}
     rows = []
     for pair in pairs_in_turn(truth, result):

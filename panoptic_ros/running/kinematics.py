@@ -1,4 +1,4 @@
-"""2D people and IMU samples in files to bodies, without ROS."""
+"""Estimates bodies from files of 2D poses and IMU samples, without ROS."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from panoptic_ros.running.plans.rig_files import read_rig_at
 
 Array = np.ndarray
 PAPER = "malleson-2020"
-PRESETS: dict[str, dict[str, object]] = {  # 3.2.6 of the paper: every frame alone
+PRESETS: dict[str, dict[str, object]] = {  # section 3.2.6 of the paper: each frame is solved independently
     PAPER: {
         "window": False,
         "paper_weights": True,
@@ -40,7 +40,7 @@ PRESETS: dict[str, dict[str, object]] = {  # 3.2.6 of the paper: every frame alo
 
 @dataclass(frozen=True, eq=False)
 class BodyTask:
-    """What is to be solved, and lines about what was odd in the files."""
+    """Input of the body solver, with lines about irregularities in the files."""
 
     config: KinematicsConfig
     recording: Recording
@@ -50,7 +50,7 @@ class BodyTask:
 
     @property
     def model(self) -> SegmentModel:
-        """Of all subjects."""
+        """Return the segment model that all subjects share."""
         return self.subjects[0].body.model
 
 
@@ -62,10 +62,17 @@ def read_body_task(
     imu: Path | None,
     prior: str = "",
 ) -> BodyTask:
-    """Everything from files.
+    """Read the input of the body solver from files.
+
+    Args:
+        subjects: subject files.
+        rig: calibration file or folder. It needs `detections`.
+        detections: plain file of 2D poses. It needs `rig`.
+        imu: file of IMU samples. Cameras, IMUs or both must be given.
+        prior: file of the pose prior; "" = the one of the configuration.
 
     Raises:
-        UserError: on whatever the user can mend.
+        UserError: on any input fault that the user can fix.
     """
     if (rig is None) != (detections is None):
         raise UsageError("--rig and --detections belong together: give both, or neither for IMUs alone")
@@ -94,7 +101,11 @@ def read_body_task(
 
 
 def _worn_devices(imu: Path, people: Sequence[Subject], notices: list[str]) -> dict[str, ImuSeries]:
-    """Samples of a file, and lines about devices that nobody wears, or that are not in it."""
+    """Return the IMU samples of a file.
+
+    Args:
+        notices: receives lines about devices that no subject wears, and about worn devices without samples.
+    """
     devices = read_imus(imu, notices)
     worn = [device.name for subject in people for device in subject.devices]
     missing = [name for name in worn if name not in devices]
@@ -109,7 +120,7 @@ def _worn_devices(imu: Path, people: Sequence[Subject], notices: list[str]) -> d
 
 
 def solve_bodies(task: BodyTask) -> Solved:
-    """Solve a recording for its subjects."""
+    """Solve a recording for the bodies of its subjects."""
     solved = solve_recording(task.recording, task.subjects, task.config, task.statistics)
     return replace(solved, notices=[*task.notices, *solved.notices])
 
@@ -117,7 +128,15 @@ def solve_bodies(task: BodyTask) -> Solved:
 def body_config(
     preset: str = "", settings: Sequence[str] = (), *, lag: float | None = None, rate_hz: float | None = None
 ) -> KinematicsConfig:
-    """A configuration: what a preset fixes, then NAME=VALUE settings, then lag, s, and rate.
+    """Return a kinematics configuration.
+
+    Later values override earlier ones: the preset, then the settings, then lag and rate.
+
+    Args:
+        preset: name in `PRESETS`; "" = none.
+        settings: texts of the form NAME=VALUE.
+        lag: parameter `lag`, s; None = not overridden.
+        rate_hz: parameter `rate_hz`, Hz; None = not overridden.
 
     Raises:
         UserError: if there is no such preset or parameter, or a value is out of range.
@@ -145,10 +164,10 @@ def _value(text: str) -> object:
 
 
 def view_series(rig: Rig, people: PlainDetections) -> dict[int, ViewSeries]:
-    """2D people of every camera by time, on the plane at distance 1.
+    """Return the 2D poses of every camera by time, in normalised image coordinates (plane at distance 1).
 
     Raises:
-        CalibrationError: if there is a view whose camera the rig lacks.
+        CalibrationError: if the rig lacks the camera of a view.
     """
     index = {name: k for k, name in enumerate(rig.names)}
     rows: dict[int, dict[int, ViewPeople]] = {}

@@ -1,4 +1,4 @@
-"""Linear timecode in WAV files and videos: decoded, made."""
+"""Decodes and encodes linear timecode (LTC) in WAV files and videos."""
 
 from __future__ import annotations
 
@@ -14,10 +14,14 @@ from panoptic_ros.timecode import TimecodeConfig, decode_recording
 
 
 def decode_file(path: Path, channel: int = 0) -> tuple[int, list[TimecodeReading]]:
-    """Sample rate, Hz, and all readings of a channel of a WAV file, or of the sound track of another one.
+    """Return the sample rate, Hz, and all timecode readings of a channel.
+
+    Args:
+        path: WAV file, or another file with a sound track.
+        channel: index of the channel.
 
     Raises:
-        UserError: if it cannot be read, or has no such channel.
+        UserError: if the file cannot be read, or has no such channel.
     """
     sample_rate, samples = read_sound(path, channel)
     return sample_rate, decode_recording(TimecodeConfig(), path.stem, sample_rate, samples)
@@ -33,18 +37,18 @@ def encode_file(
     user_bits: str = "00000000",
     reverse: bool = False,
 ) -> tuple[int, Timecode, Timecode]:
-    """Write a WAV file with timecode; returns the number of words, and the first and the last label.
+    """Write a WAV file with timecode; return the number of words, the first label and the last label.
 
     Args:
         start: first label, HH:MM:SS:FF, or HH:MM:SS;FF for drop-frame.
         rate: frames per second: 23.976, 24, 25, 29.97, 29.97df (drop-frame) or 30.
-        seconds: length.
+        seconds: length, s.
         sample_rate: Hz.
         user_bits: 8 hex digits, group 8 first.
-        reverse: as of a tape that runs backwards.
+        reverse: write the signal of a tape that runs backwards.
 
     Raises:
-        UsageError: on values that cannot be.
+        UsageError: on impossible values.
         ClockError: if the rate has no such label.
         EnvironmentProblem: if the file cannot be written.
     """
@@ -60,10 +64,10 @@ def encode_file(
 
 
 def parse_timecode(text: str, rate: FrameRate) -> Timecode:
-    """A label as written; a semicolon before the frames means drop-frame.
+    """Parse a timecode label. A semicolon before the frames means drop-frame.
 
     Raises:
-        UsageError: if it is no label.
+        UsageError: if the text is no label.
         ClockError: if the rate has no such label.
     """
     match = re.fullmatch(r"(\d\d):(\d\d):(\d\d)([:;])(\d\d)", text)

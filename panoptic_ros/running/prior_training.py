@@ -1,4 +1,4 @@
-"""What poses look like, from recorded motion or from our own results."""
+"""Trains the pose prior from recorded motion or from our own results."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from panoptic_ros.kinematics.pose.prior import other_sides, train_prior
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
-RATE = 30.0  # Hz, at most, of poses that are looked at
-WORST = 0.05  # m, root mean square of a motion that does not fit
+RATE = 30.0  # Hz, maximum rate of the poses used; motion recorded at a higher rate is subsampled
+WORST = 0.05  # m, RMS residual above which a motion does not fit
 
 
 def train_from_files(
@@ -33,13 +33,18 @@ def train_from_files(
     progress: Progress,
     segments: str = DEFAULT_MODEL,
 ) -> list[str]:
-    """Train on all motions and write the prior; a line about each motion, and one about the prior.
+    """Train a pose prior on all motions of the files and write it.
 
     Args:
-        leave_out: names of clips that are not used. unit: of BVH files, m. segments: the skeleton.
+        leave_out: names of clips to exclude.
+        unit: unit of BVH files, m.
+        segments: name or file of the segment model (skeleton).
+
+    Returns:
+        a line about each motion, and one about the prior.
 
     Raises:
-        UserError: if a file is not as it must be, or nothing is left.
+        UserError: if a file is invalid, or no motion is left.
     """
     model = read_body_model(segments)
     poses: list[Array] = []
@@ -60,7 +65,7 @@ def train_from_files(
 
 
 def _motions(path: Path, model: SegmentModel, unit: float) -> list[tuple[str, Array, str]]:
-    """Name, rotation vectors (T, S, 3), and how well they fit, of the motions of a file."""
+    """Return name, rotation vectors (T, S, 3) and a text about the fit for each motion of a file."""
     if path.name.endswith((".json", ".json.gz")):
         return [_own_result(path, model)]
     if path.suffix.lower() == ".npz" and (clips := read_clips(path)):

@@ -1,4 +1,4 @@
-"""2D people in a file to skeletons, with the stages of the graph but without ROS."""
+"""Estimates 3D poses from a file of 2D poses, with the stages of the graph but without ROS."""
 
 from __future__ import annotations
 
@@ -28,12 +28,14 @@ from panoptic_ros.sync.far_views import without_far_views
 
 @dataclass(frozen=True)
 class SolveTask:
-    """2D people of a recording, with all that the stages need.
+    """Input of `solve`: the 2D poses of a recording, and everything that the stages need.
 
     Args:
-        sets: in the order of time.
-        joint_names: of the result, in the order of the skeleton's joints.
-        notices: lines about what was left out.
+        context: Rig, skeleton and extras of the stages.
+        configs: Configuration of every stage by name.
+        sets: Detection sets in time order.
+        joint_names: Joint names of the result, in the order of the skeleton's joints.
+        notices: Lines about input that was left out.
     """
 
     context: StageContext
@@ -49,12 +51,12 @@ class SolveTask:
 
 @dataclass(frozen=True)
 class Solution:
-    """What the stages made of it.
+    """Output of `solve`.
 
     Args:
-        poses: of every instant.
-        spent_ns: time that every stage took for each of its inputs.
-        notices: of all stages, in the order in which they came.
+        poses: 3D poses of every instant.
+        spent_ns: For every stage, the processing time of each of its inputs, ns.
+        notices: Notices of all stages, in the order of their arrival.
     """
 
     poses: Sequence[TrackedPoseSet]
@@ -71,18 +73,18 @@ def read_task(
     cameras: Sequence[str] | None = None,
     occluders: Path | None = None,
 ) -> SolveTask:
-    """What is to be solved, from files.
+    """Read the input of `solve` from files.
 
     Args:
-        rig: calibration file, or a folder with one.
-        detections: plain file of 2D people.
+        rig: Calibration file, or a folder that contains one.
+        detections: Plain file of 2D poses.
         parameters: {stage: {parameter: value}}.
-        skeleton: name or YAML file, or `AUTO`.
-        cameras: use only these.
-        occluders: file with fixed things that hide people.
+        skeleton: Name or YAML file, or `AUTO`.
+        cameras: Names of the cameras to use; None = all.
+        occluders: File of static objects that occlude people.
 
     Raises:
-        UserError: on whatever the user can mend.
+        UserError: on any input fault that the user can fix.
     """
     return task_of(
         with_occluders(read_rig_at(rig, cameras=cameras), occluders), detections, parameters, skeleton
@@ -92,10 +94,10 @@ def read_task(
 def task_of(
     rig: Rig, detections: Path, parameters: Mapping[str, Mapping[str, Any]], skeleton: str = AUTO
 ) -> SolveTask:
-    """Return what is to be solved with the cameras of a rig; see `read_task`.
+    """Return the input of `solve` for the cameras of a rig; for the arguments see `read_task`.
 
     Raises:
-        UserError: on whatever the user can mend.
+        UserError: on any input fault that the user can fix.
     """
     if len(rig) < 2:
         raise UsageError(f"{len(rig)} camera is not enough for 3D; give two or more")
@@ -107,16 +109,18 @@ def task_of(
 
 
 def check(task: SolveTask) -> tuple[Notice, ...]:
-    """Return the warnings of `panoptic rig check` on the rig of a task."""
+    """Return the warnings of `panoptic rig check` for the rig of a task."""
     sets, _ = without_far_views(task.sets)
     return check_rig(task.context.rig, sets, task.context.skeleton).warnings
 
 
 def solve(task: SolveTask, warnings: Sequence[Notice] = ()) -> Solution:
-    """Push all sets through the stages after sync, without views whose stamps disagree with the majority.
+    """Run all detection sets through the stages that follow sync.
+
+    Views whose timestamps disagree with the majority of their set are left out.
 
     Args:
-        warnings: what `check` says, which may be why nobody is found.
+        warnings: result of `check`. These warnings may explain why no person is found.
     """
     poses: list[TrackedPoseSet] = []
     sets, notices = without_far_views(task.sets)

@@ -1,4 +1,7 @@
-"""Takes that nobody closed: named at the start of the next one, and saved in a new folder."""
+"""Handles unclosed takes: live recordings that no process closed.
+
+The next run lists them at its start. Their intact content can be saved to a new folder.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +19,18 @@ from panoptic_ros.io.salvage.repair import Repair
 from panoptic_ros.io.storages import is_storage
 from panoptic_ros.io.takes import OPEN, is_recorded_now, mark_saved, unclosed_takes
 
-MOST_NAMED = 3  # takes; `panoptic doctor` names all
-FRAMES = ("skeletons.json.gz", "kinematics.json.gz")  # files of frames beside the bag of a run
+MOST_NAMED = 3  # takes listed at the start of a run; `panoptic doctor` lists all
+FRAMES = ("skeletons.json.gz", "kinematics.json.gz")  # frame files beside the bag of a run
 
 
 @dataclass(frozen=True)
 class SavedTake:
-    """What was saved of a take.
+    """Content that was saved from a take.
 
     Args:
-        bags: by path relative to the new folder, "" = the folder itself.
-        frames: by name of a file of frames: how many are whole. lost: one line each.
+        bags: Repaired bags by path relative to the new folder; "" = the folder itself.
+        frames: Number of intact frames by name of the frame file.
+        lost: One line about each loss.
     """
 
     bags: dict[str, Repair]
@@ -35,7 +39,10 @@ class SavedTake:
 
 
 def named_unclosed_takes() -> list[str]:
-    """Return a line for each of the takes of this user that were not closed, for the user; at most three."""
+    """Return one line for the user about each unclosed take of this user.
+
+    At most `MOST_NAMED` takes are listed. One more line gives the number of the others.
+    """
     takes = unclosed_takes()
     lines = [str(take) for take in takes[:MOST_NAMED]]
     if len(takes) > MOST_NAMED:
@@ -44,14 +51,14 @@ def named_unclosed_takes() -> list[str]:
 
 
 def save_take(source: Path, target: Path) -> SavedTake:
-    """Write what is whole of a bag or of a live take to a new folder; the old one keeps its files.
+    """Write the intact content of a bag or a live take to a new folder. The old folder keeps its files.
 
     Args:
         source: a bag, one of its files, the folder of a run, or a recording in parts.
-        target: must not be there.
+        target: the new folder. It must not exist.
 
     Raises:
-        DataError: if nothing is whole, or the take is being recorded.
+        DataError: if nothing is intact, or the take is still being recorded.
     """
     if source.is_dir() and is_recorded_now(source):
         raise DataError(f"{source} is being recorded now; end that first")
@@ -68,7 +75,7 @@ def save_take(source: Path, target: Path) -> SavedTake:
             try:
                 bags[part.name] = repair(part, folder / part.name)
                 lost += [f"{part.name}: {line}" for line in bags[part.name].lost]
-            except DataError as error:  # a part that had just begun
+            except DataError as error:  # the part had just begun and has no message yet
                 lost.append(f"{part.name}: {error}")
         for name in FRAMES:
             if (source / name).is_file():
@@ -81,7 +88,11 @@ def save_take(source: Path, target: Path) -> SavedTake:
 
 
 def _save_frames(source: Path, target: Path, lost: list[str]) -> int:
-    """Write the whole frames of a file; return how many there are."""
+    """Write the intact frames of a file; return their number.
+
+    Args:
+        lost: receives a line about each loss.
+    """
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always", CutFileWarning)
         try:
@@ -96,7 +107,11 @@ def _save_frames(source: Path, target: Path, lost: list[str]) -> int:
 
 
 def _copy_rest(source: Path, target: Path, known: list[str]) -> None:
-    """Copy the small files of a take: rig, report, logs."""
+    """Copy the small files of a take: rig, report, logs.
+
+    Args:
+        known: names of files and folders that are handled already.
+    """
     for path in source.iterdir():
         if path.name in known or path.name.startswith("."):
             continue

@@ -1,4 +1,4 @@
-"""Looking at live graphs from another shell."""
+"""Reads the status of live graphs from another shell."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from panoptic_ros.nodes.listeners.watch_node import WatchNode
 from panoptic_ros.nodes.middleware.runtime import start_ros
 from panoptic_ros.running.processes.children import prepare_environment
 
-PATIENCE_S = 6.0  # for the first word of a graph: discovery, and the second between two
-GATHERING_S = 1.5  # from the first word on, all nodes have told of themselves
+PATIENCE_S = 6.0  # s, timeout for the first status: covers discovery and the 1 s between two statuses
+GATHERING_S = 1.5  # s from the first status until all nodes have published theirs
 
 
 def watched(namespace: str | None, period_s: float, stop: Callable[[], bool]) -> Iterator[list[Told]]:
-    """What graphs tell of themselves, again and again.
+    """Yield the newest statuses of all nodes of live graphs, once per period.
 
     Args:
-        namespace: of one graph; None: all.
-        period_s: between two looks. stop: asked several times a second.
+        namespace: namespace of one graph; None = all graphs.
+        period_s: s between two results.
+        stop: stop condition, polled several times a second.
 
     Raises:
-        EnvironmentProblem: if no such graph tells of itself, naming those that do.
+        EnvironmentProblem: if no such graph publishes a status. The message names the graphs that do.
     """
     prepare_environment()
     start_ros([])

@@ -1,16 +1,16 @@
-"""Simulated captures with exact truth: people, cameras, faulty 2D detections, and images.
+"""Simulated captures with exact ground truth: people, cameras, faulty 2D detections, and images.
 
-In: a `Scene` (declarative, see `SCENES`) and a seed. Out: a `Simulation` with the rig, the detection sets
-of all instants (`detection_sets`), the true skeletons (`truth_document`), and, through `rendering`,
-images with depth and person ids per pixel. The same scene and seed give the same take.
+Input: a declarative `Scene` (see `SCENES`) and a seed. Output: a `Simulation` with the rig, the detection
+sets of all instants (`detection_sets`) and the true skeletons (`truth_document`). The package `rendering`
+adds images with depth and person ids per pixel. The same scene and seed give the same take.
 
-People are bodies of constant limb lengths whose joints are smooth functions of time, exact at any
-instant (`people`, `body`), so cameras need not be synchronised (`timing`). A simulated detector
-(`detector`) projects them and fails as a `Degradation` says: noise by quality, misses, outliers,
-occlusion by bodies and a table, guesses, swaps, merges, duplicates, ghosts.
+People are bodies of constant limb lengths. Their joints are smooth functions of time, exact at any instant
+(`people`, `body`), so cameras need not be synchronised (`timing`). A simulated detector (`detector`) projects
+them and adds the faults of a `Degradation`. The faults are noise that depends on quality, misses, outliers,
+occlusion by bodies and a table, guesses, swaps, merges, duplicates and ghosts.
 
-Limits: bodies are kinematic (no contact forces), people do not avoid each other's limbs, there are no
-fingers; noise is unbiased about the true joint, which real detectors' is not; calibration is exact.
+Limits: bodies are kinematic (no contact forces), people do not avoid each other's limbs, and there are no
+fingers. Noise is unbiased about the true joint, unlike the noise of real detectors. Calibration is exact.
 """
 
 from panoptic_ros.simulation.degradation import CLEAN, MILD, NOISY, Degradation

@@ -1,7 +1,7 @@
-"""Bodies of constant limb lengths, and how they follow what a motion prescribes.
+"""Bodies of constant limb lengths, posed by inverse kinematics.
 
-Body axes: x forward, y left, z up. Arms and legs are two-bone chains that reach for a target
-(inverse kinematics), so limb lengths are exact whatever the motion asks for.
+Body axes: x forward, y left, z up. Arms and legs are two-bone chains that reach for a target by inverse
+kinematics. So limb lengths stay exact for every motion.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ import numpy as np
 from panoptic_ros.simulation.skeleton import JOINTS, SIDES, J
 
 Array = np.ndarray
-ADULT = 1.75  # m, height that the offsets of the head are stated for
-REACH_SHARPNESS = 40.0  # how late a limb notices that its target is out of reach
-HEAD_POINTS = {  # relative to the neck, m, in the head's axes
+ADULT = 1.75  # m; body height for which the offsets of the head are stated
+REACH_SHARPNESS = 40.0  # exponent of the smooth limit on a limb's reach; a larger value gives a sharper limit
+HEAD_POINTS = {  # m; offsets from the neck in head axes
     "Nose": (0.128, 0.0, 0.165),
     "lEye": (0.105, 0.033, 0.195),
     "rEye": (0.105, -0.033, 0.195),
     "lEar": (0.022, 0.068, 0.173),
     "rEar": (0.022, -0.068, 0.173),
 }
-_SHARES = {  # of the height
+_SHARES = {  # segment lengths as fractions of the body height
     "torso": 0.287,
     "shoulder": 0.104,
     "upper_arm": 0.170,
@@ -36,22 +36,25 @@ _SHARES = {  # of the height
 
 @dataclass(frozen=True)
 class Body:
-    """Lengths of one person, m."""
+    """Segment lengths of one person, m."""
 
     height: float
     torso: float  # BodyCenter to Neck
-    shoulder: float  # half of the width
+    shoulder: float  # half of the shoulder width
     upper_arm: float
     forearm: float
-    hip: float  # half of the width
+    hip: float  # half of the hip width
     thigh: float
     shank: float
-    ankle: float  # its height over the floor
+    ankle: float  # height of the ankle above the floor
     head: float  # scale of the head, 1 = adult
 
     @classmethod
     def draw(cls, rng: np.random.Generator, height: float) -> Body:
-        """A person of this height, each length varied by about 3 %; children have larger heads."""
+        """Draw the body of a person of this height (m), with each length varied by about 3 %.
+
+        Children get relatively larger heads.
+        """
         vary = np.clip(rng.normal(1.0, 0.03, len(_SHARES)), 0.93, 1.07)
         lengths = {name: float(height * share * v) for (name, share), v in zip(_SHARES.items(), vary)}
         head = (height / ADULT) ** 0.4 * rng.uniform(0.97, 1.03)
@@ -59,44 +62,44 @@ class Body:
 
     @property
     def leg(self) -> float:
-        """Hip to ankle, stretched, m."""
+        """Return the length of the stretched leg, hip to ankle, m."""
         return self.thigh + self.shank
 
     @property
     def arm(self) -> float:
-        """Shoulder to wrist, stretched, m."""
+        """Return the length of the stretched arm, shoulder to wrist, m."""
         return self.upper_arm + self.forearm
 
     @property
     def seat(self) -> float:
-        """Height of BodyCenter when sitting on a chair, m."""
+        """Return the height of BodyCenter when sitting on a chair, m."""
         return min(0.53, self.ankle + 1.02 * self.shank)
 
 
 @dataclass(frozen=True, eq=False)
 class LowerBody:
-    """What the legs and the trunk are to do at T instants."""
+    """Target motion of legs and trunk at T instants."""
 
     pelvis: Array  # (T, 3) BodyCenter, m
     heading: Array  # (T,) rad
-    lean: Array  # (T,) trunk forward, rad
-    ankles: Array  # (T, 2, 3) targets left, right, m
-    steps: Array  # (T,) gait cycles so far
+    lean: Array  # (T,) forward lean of the trunk, rad
+    ankles: Array  # (T, 2, 3) ankle targets, left and right, m
+    steps: Array  # (T,) number of gait cycles so far
 
 
 @dataclass(frozen=True, eq=False)
 class UpperBody:
-    """What the arms and the head are to do at T instants."""
+    """Target motion of arms and head at T instants."""
 
-    hands: Array  # (T, 2, 3) wrists from the shoulders: forward, outward, up, in arm lengths
-    twist: Array  # (T,) chest against pelvis, rad
-    head_turn: Array  # (T,) head against chest, rad
-    head_nod: Array  # (T,) down positive, rad
+    hands: Array  # (T, 2, 3) wrists relative to the shoulders: forward, outward, up, in arm lengths
+    twist: Array  # (T,) rotation of the chest relative to the pelvis, rad
+    head_turn: Array  # (T,) rotation of the head relative to the chest, rad
+    head_nod: Array  # (T,) pitch of the head, positive downwards, rad
 
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """Joints (T, 19, 3) m and the rotations (T, 3, 3) world from body part."""
+    """Joints (T, 19, 3) m and the rotations (T, 3, 3) of pelvis, chest and head, world from body part."""
 
     joints: Array
     pelvis: Array
@@ -105,7 +108,7 @@ class Posture:
 
 
 def assume_posture(body: Body, lower: LowerBody, upper: UpperBody) -> Posture:
-    """The posture of a body that does as it is told, as far as its limbs reach."""
+    """Return the posture that follows the targets as far as the limbs reach."""
     pelvis = axes_of(lower.heading, np.zeros_like(lower.heading))
     chest = axes_of(lower.heading + upper.twist, lower.lean)
     facing = lower.heading + upper.twist + upper.head_turn
@@ -142,7 +145,7 @@ def assume_posture(body: Body, lower: LowerBody, upper: UpperBody) -> Posture:
 
 
 def axes_of(heading: Array, pitch: Array) -> Array:
-    """Rotations (T, 3, 3) with columns forward, left, up; a positive pitch looks down."""
+    """Return rotations (T, 3, 3) with columns forward, left, up; a positive pitch looks down."""
     ch, sh, cp, sp = np.cos(heading), np.sin(heading), np.cos(pitch), np.sin(pitch)
     level = np.zeros_like(ch)
     columns = ([ch * cp, sh * cp, -sp], [-sh, ch, level], [ch * sp, sh * sp, cp])
@@ -150,16 +153,17 @@ def axes_of(heading: Array, pitch: Array) -> Array:
 
 
 def reach(start: Array, target: Array, pole: Array, first: float, second: float) -> tuple[Array, Array]:
-    """Middle and end joint (T, 3) of a limb with bones `first` and `second` m from `start` to `target`.
+    """Return the middle and end joints (T, 3) of a limb from `start` to `target` with bones of `first` and
+    `second` m.
 
-    The middle joint bends towards `pole`. Where the target is out of reach, too far or too near, the
-    limb ends at the limit in its direction, smoothly in time.
+    The middle joint bends towards `pole`. If the target is too far or too near, the limb ends at its reach
+    limit in the direction of the target. The limit is smooth in time.
     """
     line = target - start
     distance = np.maximum(np.linalg.norm(line, axis=-1, keepdims=True), 1e-6)
     direction = line / distance
     far, near, p = 0.995 * (first + second), 1.01 * abs(first - second), REACH_SHARPNESS
-    span = ((distance**-p + far**-p) ** -1.0 + near**p) ** (1.0 / p)  # a smooth minimum and maximum
+    span = ((distance**-p + far**-p) ** -1.0 + near**p) ** (1.0 / p)  # smooth minimum and maximum
     along = 0.5 * (span + (first * first - second * second) / span)
     across = pole - (pole * direction).sum(-1, keepdims=True) * direction
     across /= np.linalg.norm(across, axis=-1, keepdims=True)

@@ -1,7 +1,8 @@
-"""Clocks with exact truth: devices that hear timecode, cameras on their clocks, and what happens to them.
+"""Simulated clocks with exact truth: devices that receive timecode, cameras stamped by device clocks, and
+clock faults.
 
-True time is ns since the start; master time is that of the timecode's first label plus true time. Readings
-are made without audio, so that hours are quick; `ltc_signal` makes the audio.
+True time is in ns since the start. Master time is the first label of the timecode plus true time. Readings
+are generated without audio, so that hours of simulation are fast; `ltc_signal` generates the audio.
 """
 
 from __future__ import annotations
@@ -17,17 +18,22 @@ import numpy as np
 from panoptic_ros.domain import FrameRate, Timecode, TimecodeReading
 
 SECOND = 1_000_000_000
-Stream = Iterator[tuple[float, int, "TimecodeReading | CameraFrame"]]  # arrival, order, item
-FRAMES = 100_000_000  # numbers of frames are those of a camera, whatever its name
+# (arrival time in s, stream number, item)
+Stream = Iterator[tuple[float, int, "TimecodeReading | CameraFrame"]]
+# spacing of the cameras' frame number ranges, so that a number identifies the camera even after a renaming
+FRAMES = 100_000_000
 
 
 @dataclass(frozen=True)
 class SimulatedClock:
-    """A clock that starts anywhere, runs too fast, wanders with the temperature, and may jump.
+    """Clock with an arbitrary start, a rate error, a temperature-dependent wander, and jumps.
 
     Args:
-        wander: amplitude of the drift's slow wave; wander_s: its period.
-        steps: (true s, s by which the clock is put forward then).
+        offset_ns: Time shown at true time 0, ns.
+        drift: Relative rate error; positive runs too fast.
+        wander: Amplitude of the slow sinusoidal change of the drift.
+        wander_s: Period of that change, s.
+        steps: Jumps as (true time s, jump in s; positive puts the clock forward).
     """
 
     offset_ns: int = 0
@@ -37,7 +43,7 @@ class SimulatedClock:
     steps: tuple[tuple[float, float], ...] = ()
 
     def stamp(self, true_ns: int) -> int:
-        """What it shows at a true time."""
+        """Return the time (ns) that the clock shows at a true time (ns)."""
         seconds = true_ns / SECOND
         turn = 2.0 * np.pi / self.wander_s
         gained = self.drift * seconds + self.wander / turn * (1.0 - np.cos(turn * seconds))
@@ -48,13 +54,15 @@ class SimulatedClock:
 
 @dataclass(frozen=True)
 class HearingDevice:
-    """A device that hears timecode.
+    """Device that receives timecode.
 
     Args:
-        rate: of the timecode that it hears; all generators show the same time.
-        noise_s: standard deviation of a word's start.
-        latency_s: from a word's start to its reading.
-        silent: (from, to) true s in which it is off.
+        clock: Clock of the device.
+        rate: Frame rate of the received timecode. All generators show the same time.
+        noise_s: Standard deviation of a word's measured start, s.
+        latency_s: Delay from the start of a word to its reading, s.
+        sample_rate: Audio sample rate, Hz.
+        silent: Periods (from, to) of true time in s without readings.
     """
 
     name: str
@@ -68,11 +76,15 @@ class HearingDevice:
 
 @dataclass(frozen=True)
 class SimulatedCamera:
-    """A camera whose frames are stamped by a device's clock.
+    """Camera whose frames get timestamps from a device's clock.
 
     Args:
-        lost: share of the frames that are dropped; off: (from, to) true s without any.
-        latency_s: from exposure to arrival.
+        device: Name of the device.
+        rate: Frame rate, Hz.
+        phase_s: True time of the first exposure, s.
+        lost: Share of frames that are dropped.
+        latency_s: Delay from exposure to arrival, s.
+        off: Periods (from, to) of true time in s without frames.
     """
 
     name: str
@@ -86,7 +98,7 @@ class SimulatedCamera:
 
 @dataclass(frozen=True)
 class CameraFrame:
-    """A frame, and when it was really exposed."""
+    """Frame with its timestamp and its true exposure time."""
 
     camera: str
     stamp_ns: int
@@ -96,13 +108,14 @@ class CameraFrame:
 
 @dataclass(frozen=True)
 class ClockWorld:
-    """All of it.
+    """Complete simulation of devices and cameras with their clocks.
 
     Args:
-        first_s: master time of the start, s of the day; a multiple of 1001 s fits all rates.
-        jumps: (true s, s by which all generators are set on then).
-        swap: (true s, names): from then on devices and cameras have other names, with all that hangs on
-            them.
+        seconds: Duration of the simulation, s.
+        first_s: Master time of the start in s of the day. A multiple of 1001 s fits all frame rates.
+        jumps: Jumps of all generators as (true time s, jump in s; positive puts them forward).
+        swap: (true time s, names). From this time on, devices and cameras report under other names, each with
+            its own clock and data.
     """
 
     devices: Sequence[HearingDevice]
@@ -114,11 +127,11 @@ class ClockWorld:
     seed: int = 0
 
     def master_ns(self, true_ns: int) -> int:
-        """Master time of a true time."""
+        """Return the master time (ns) of a true time (ns)."""
         return self.first_s * SECOND + true_ns
 
     def events(self) -> Iterator[TimecodeReading | CameraFrame]:
-        """Readings and frames in the order of their arrival."""
+        """Yield readings and frames in the order of their arrival."""
         readings = (self._readings(device, k) for k, device in enumerate(self.devices))
         frames = (self._frames(camera, k) for k, camera in enumerate(self.cameras))
         for _, _, item in heapq.merge(*readings, *frames, key=lambda event: event[:2]):

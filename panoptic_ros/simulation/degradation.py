@@ -1,4 +1,4 @@
-"""How a detector of 2D people fails."""
+"""Fault model of a simulated detector of 2D poses."""
 
 from __future__ import annotations
 
@@ -7,24 +7,27 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Degradation:
-    """Faults of a simulated detector; what has no unit is a probability per frame and view."""
+    """Fault parameters of a simulated detector.
 
-    noise_px: float = 1.0  # of a visible joint of average quality, per axis
-    size_px: float | None = None  # if set, noise grows with the diagonal of the person's box / this
-    memory: float = 0.0  # correlation of the noise with the frame before
+    Values without a unit are probabilities per frame and view.
+    """
+
+    noise_px: float = 1.0  # standard deviation per axis of a visible joint of average quality
+    size_px: float | None = None  # if set, noise scales with the diagonal of the person's box / size_px
+    memory: float = 0.0  # correlation of the noise with that of the previous frame
     joint_miss: float = 0.0  # a visible joint is missing
-    outlier: float = 0.0  # a joint is somewhere else
-    outlier_px: float = 40.0  # how far, on average
-    hidden_miss: float = 0.5  # a hidden joint is missing; else it is guessed
-    hidden_noise: float = 4.0  # noise of guesses, as a multiple of noise_px
+    outlier: float = 0.0  # a joint is displaced by about `outlier_px`
+    outlier_px: float = 40.0  # mean displacement of an outlier
+    hidden_miss: float = 0.5  # a hidden joint is missing; otherwise its position is guessed
+    hidden_noise: float = 4.0  # noise of guessed joints, as a multiple of noise_px
     person_miss: float = 0.0  # a person is missing
     fewest_joints: int = 4  # people with fewer visible joints are missing
     limb_swap: float = 0.0  # left and right arms, or legs, are exchanged
-    back_swap: float = 0.0  # everything left and right, for people seen from behind
+    back_swap: float = 0.0  # all left and right joints are exchanged, for people seen from behind
     duplicate: float = 0.0  # a person is reported twice
     merge: float = 0.0  # two people who overlap in the image exchange or share joints
     ghosts: float = 0.0  # mean number of false people per view
-    hold: int = 1  # frames for which person misses and swaps last
+    hold: int = 1  # number of consecutive frames with the same person misses and swaps
 
 
 CLEAN = Degradation()

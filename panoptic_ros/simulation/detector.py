@@ -1,13 +1,11 @@
-"""A detector of 2D people that knows the truth and fails as told.
+"""Simulated detector of 2D poses: it projects the true joints and adds the faults of a `Degradation`.
 
-Array axes: C cameras, P people, 19 joints. All of one instant is done at once.
+Array axes: C cameras, P people, 19 joints. All cameras and people of one instant are processed together.
 
-False people: some at fixed places of the background, some anywhere.
+A joint is occluded by bodies, a table or walls. A body is a set of capsules around its bones. A joint is
+hidden if the segment from the camera to a point just in front of the joint passes through a capsule.
 
-Which joints are hidden behind a body or under a table.
-
-A body is a set of capsules round its bones. A joint is hidden if the segment from the camera to a
-point just in front of it passes through a capsule.
+False people (ghosts) appear partly at fixed background positions and partly at random positions.
 """
 
 from __future__ import annotations
@@ -25,30 +23,36 @@ from panoptic_ros.simulation.silhouettes import box_overlap, boxes_of, seen_from
 from panoptic_ros.simulation.skeleton import JOINTS, J, both_sides
 from panoptic_ros.simulation.walls import Wall, behind_walls
 
-OWN = 0.7  # capsules are thinner against joints of their own body
-SKIN = 0.03  # m, joints are seen this much in front of their centre
-TABLE_HEIGHT = 0.70  # m
-BATCH = 16  # views at once, to bound the memory
-STEADY = 0.8  # probability that a ghost at a fixed place shows, per frame
-FIXED_SHARE = 0.5  # of all ghosts
+OWN = 0.7  # scale of capsule radii against joints of the same body
+SKIN = 0.03  # m; visible surface point of a joint, in front of its centre
+TABLE_HEIGHT = 0.70  # m; height of the table top
+BATCH = 16  # number of views processed together, to bound the memory
+STEADY = 0.8  # probability per frame that a ghost at a fixed position is reported
+FIXED_SHARE = 0.5  # share of ghosts at fixed positions
 FOUND = 0.7  # share of a ghost's joints that are reported
-FEWEST = 4  # joints
+FEWEST = 4  # smallest number of joints of a ghost
 TEMPLATES = 8
 Array = np.ndarray
 ARMS = both_sides("Shoulder", "Elbow", "Wrist")
 LEGS = both_sides("Hip", "Knee", "Ankle")
 EVERYTHING = both_sides("Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle", "Eye", "Ear")
-EXCHANGED = (*ARMS, *LEGS, np.concatenate(LEGS))  # what two people who overlap exchange
-AVERAGE_QUALITY = 0.72  # noise is `noise_px` there
-OVERLAP = 0.2  # of boxes, from which on people can merge
-MELT = 0.3  # share of merges in which one of the two vanishes
-DUPLICATE_KEEPS = 0.6  # of the joints
+EXCHANGED = (*ARMS, *LEGS, np.concatenate(LEGS))  # joint groups that two overlapping people can exchange
+AVERAGE_QUALITY = 0.72  # quality score at which the noise is exactly `noise_px`
+OVERLAP = 0.2  # smallest box overlap (`box_overlap`) at which two people can merge
+MELT = 0.3  # share of merges in which one of the two people vanishes
+DUPLICATE_KEEPS = 0.6  # share of joints kept in a duplicate
 POINT_DIGITS, SCORE_DIGITS = 6, 3
 
 
 @dataclass(frozen=True)
 class Capsule:
-    """Two ends as mixtures of joints, a radius (m, for an adult), and joints it never hides."""
+    """Capsule of a body part, the volume that hides joints.
+
+    Args:
+        start, end: End points as weighted sums of joints, by joint name.
+        radius: Radius in m, for an adult.
+        spares: Joints of the same body that this capsule never hides.
+    """
 
     start: dict[str, float]
     end: dict[str, float]
@@ -88,7 +92,7 @@ CAPSULES = [  # trunk, head, and both sides
 
 
 def _mixture(ends: list[dict[str, float]]) -> Array:
-    """Weights (K, 19) of joints for one end of the K capsules."""
+    """Return joint weights (K, 19) of one end of the K capsules."""
     weights = np.zeros((len(ends), len(JOINTS)))
     for row, end in zip(weights, ends):
         for name, weight in end.items():
@@ -103,14 +107,14 @@ _SPARED = np.array([[name in capsule.spares for capsule in CAPSULES] for name in
 
 
 def hidden_joints(centres: Array, joints: Array, present: Array, heights: Array, table: float) -> Array:
-    """Which joints (C, P, 19) cannot be seen.
+    """Return a mask (C, P, 19) of the joints that are hidden by bodies or the table.
 
     Args:
-        centres: (C, 3) m, of the cameras.
-        joints: (C, P, 19, 3) m, at each camera's instant.
-        present: (C, P) who is there; others hide nothing.
-        heights: (P,) m, of the people.
-        table: radius (m) of a round table over the origin, 0 = none.
+        centres: Camera centres (C, 3) m.
+        joints: Joints (C, P, 19, 3) m at each camera's exposure.
+        present: Presence (C, P) of people. Absent people hide nothing.
+        heights: Body heights (P,) m.
+        table: Radius (m) of a round table centred at the origin, 0 = no table.
     """
     cameras, people = present.shape
     points = joints.reshape(cameras, -1, 3)
@@ -131,7 +135,10 @@ def hidden_joints(centres: Array, joints: Array, present: Array, heights: Array,
 
 
 def _radii(people: int, heights: Array) -> Array:
-    """Radius (P * 19, P * K) m of every capsule against every joint, 0 = never hides it."""
+    """Return the radius (P * 19, P * K) m of every capsule against every joint.
+
+    The radius is 0 where the capsule never hides the joint.
+    """
     radius = np.tile(np.outer(heights / ADULT, _RADIUS).ravel(), (people * len(JOINTS), 1))
     for k in range(people):
         rows = slice(k * len(JOINTS), (k + 1) * len(JOINTS))
@@ -141,10 +148,14 @@ def _radii(people: int, heights: Array) -> Array:
 
 
 def segment_distances(origins: Array, points: Array, starts: Array, ends: Array) -> Array:
-    """Distances (C, N, K) m between the segments origin-point and the segments start-end.
+    """Return distances (C, N, K) m between sight segments (origin to point) and capsule axes (start to end).
 
-    origins (C, 3), points (C, N, 3), starts and ends (C, K, 3). The closest points of two segments
-    are where the two infinite lines are closest, clamped to one segment, then to the other.
+    The closest points of the two infinite lines are clamped to one segment, then to the other.
+
+    Args:
+        origins: Camera centres (C, 3) m.
+        points: Observed points (C, N, 3) m.
+        starts, ends: Ends of the capsule axes (C, K, 3) m.
     """
     sight, axis = points - origins[:, None], ends - starts
     offset = origins[:, None] - starts  # (C, K, 3)
@@ -165,7 +176,7 @@ def segment_distances(origins: Array, points: Array, starts: Array, ends: Array)
 
 
 def under_table(centres: Array, points: Array, radius: float) -> Array:
-    """Which points (C, N) lie behind the table top, a disc over the origin, for each camera."""
+    """Return a mask (C, N) of points hidden by the table top, a horizontal disc centred above the origin."""
     drop = points[..., 2] - centres[:, None, 2]
     share = (TABLE_HEIGHT - centres[:, None, 2]) / np.where(drop == 0.0, 1e-9, drop)
     crossing = centres[:, None, :2] + share[..., None] * (points - centres[:, None])[..., :2]
@@ -174,7 +185,12 @@ def under_table(centres: Array, points: Array, radius: float) -> Array:
 
 
 class Ghosts:
-    """The false people of every camera. `rate` is their mean number per view."""
+    """Generator of false people in every camera.
+
+    Args:
+        rate: Mean number of ghosts per view.
+        noise_px: Standard deviation of their joints per axis, px.
+    """
 
     def __init__(self, rng: np.random.Generator, rate: float, noise_px: float, cameras: Sequence[Camera]):
         self._rate, self._noise, self._cameras = rate, noise_px, cameras
@@ -183,7 +199,7 @@ class Ghosts:
         self._fixed = [[self._place(rng, c) for _ in range(n)] for c, n in zip(cameras, counts)]
 
     def appear(self, rng: np.random.Generator, camera: int) -> list[tuple[Array, Array]]:
-        """Points (19, 2) px, NaN = missing, and scores (19,) of the ghosts in one image."""
+        """Return the ghosts of one image as pairs of points (19, 2) px, NaN = missing, and scores (19,)."""
         shapes = [place for place in self._fixed[camera] if rng.random() < STEADY]
         count = rng.poisson((1.0 - FIXED_SHARE) * self._rate)
         shapes += [self._place(rng, self._cameras[camera]) for _ in range(count)]
@@ -197,7 +213,7 @@ class Ghosts:
         return ghosts
 
     def _place(self, rng: np.random.Generator, camera: Camera) -> Array:
-        """A template (19, 2) px somewhere in the image."""
+        """Return a template (19, 2) px at a random position in the image."""
         width, height = camera.image_size
         middle = rng.uniform(0.1, 0.9, 2) * [width, height]
         size = height * rng.uniform(0.15, 0.5)
@@ -205,7 +221,10 @@ class Ghosts:
 
 
 def _template(rng: np.random.Generator) -> Array:
-    """Somebody who stands, seen from a side, (19, 2) of height 1 round 0, y down."""
+    """Return the joints (19, 2) of a standing person from a random horizontal direction, y down.
+
+    They are scaled to height 1 and centred at 0.
+    """
     person = draw_person(rng, 0, "stand", 1.7, 0.1)
     angle = rng.uniform(0.0, 2.0 * np.pi)
     joints = person.joints(rng.uniform(0.0, 10.0, 1))[0]
@@ -217,10 +236,12 @@ def _template(rng: np.random.Generator) -> Array:
 
 @dataclass(frozen=True)
 class Absence:
-    """What is not detected of a person from `start` until `end` (s).
+    """Period from `start` until `end` (s) in which a person, or some of its joints, is not detected.
 
     Args:
-        cameras: of the rig, by number; empty = all. joints: by name; empty = the whole person.
+        person: Index of the person.
+        cameras: Indices of cameras in the rig; empty = all.
+        joints: Joint names; empty = the whole person.
     """
 
     person: int
@@ -230,7 +251,7 @@ class Absence:
     joints: tuple[str, ...] = ()
 
     def holds(self, times: Array) -> Array:
-        """Of which cameras (C,), exposed at these times s."""
+        """Return a mask (C,) of cameras that are affected at their exposure times (C,) s."""
         among = np.isin(np.arange(len(times)), self.cameras) if self.cameras else np.ones(len(times), bool)
         during: Array = (times >= self.start) & (times < self.end) & among
         return during
@@ -238,11 +259,15 @@ class Absence:
 
 @dataclass(frozen=True, eq=False)
 class Sightings:
-    """What one camera reports: points (Q, 19, 2) px, NaN = missing, and scores (Q, 19).
+    """Detections of one camera.
 
-    sources: (Q, 19, 2) true person and joint of each reported joint, -1 = nobody's (missing,
-        outlier, ghost, duplicate). For tests and for studies of the best that can be done.
-    sigmas: (Q, 19) px, standard deviation of the noise of a joint that has a source, NaN else.
+    Args:
+        points: Joints (Q, 19, 2) px, NaN = missing.
+        scores: Scores (Q, 19).
+        sources: True person and joint (Q, 19, 2) of each reported joint, for tests and for studies of the
+            best possible result. The value -1 marks joints without a source: missing, outlier, ghost,
+            duplicate.
+        sigmas: Standard deviation (Q, 19) px of the noise of joints with a source, NaN otherwise.
     """
 
     points: Array
@@ -253,7 +278,7 @@ class Sightings:
 
 @dataclass(frozen=True, eq=False)
 class _Marks:
-    """Single joints before they are put together: (C, P, 19, ...)."""
+    """Joint detections (C, P, 19, ...) before they are assembled into people."""
 
     points: Array
     scores: Array
@@ -263,7 +288,10 @@ class _Marks:
 
 
 class SimulatedDetector:
-    """Detects people frame after frame; frames must be asked for in order, from 0."""
+    """Simulated detector for all cameras.
+
+    Frames must be requested in order from 0, because the noise is correlated between frames.
+    """
 
     def __init__(
         self,
@@ -284,7 +312,7 @@ class SimulatedDetector:
         self._ghosts = Ghosts(ghosts, degradation.ghosts, degradation.noise_px, rig.cameras)
 
     def detect(self, index: int, times: Array) -> list[Sightings]:
-        """What every camera reports in frame `index`, exposed at `times` (C,) s."""
+        """Return the detections of every camera in frame `index`, exposed at `times` (C,) s."""
         rng = np.random.default_rng([*self._seed, 1, index])
         slow = np.random.default_rng([*self._seed, 2, index // self._faults.hold])
         joints = np.stack([person.joints(times) for person in self._people], axis=1)
@@ -296,13 +324,14 @@ class SimulatedDetector:
         marks = self._mark(rng, index, points, visible, hidden, boxes)
         marks = replace(marks, found=self._without(times, marks.found))
         reported = self._report(slow, times, (marks.found & ~hidden).sum(-1))
-        pick = np.moveaxis(np.indices(visible.shape)[1:], 0, -1).copy()  # (C, P, 19, 2): person, joint
+        # person and joint indices (C, P, 19, 2)
+        pick = np.moveaxis(np.indices(visible.shape)[1:], 0, -1).copy()
         self._swap(slow, pick, seen_from_behind(joints, self._centres))
         self._merge(rng, pick, reported, boxes)
         return self._collect(rng, marks, reported, pick)
 
     def _project(self, joints: Array) -> tuple[Array, Array]:
-        """Points (C, P, 19, 2) px and whether they are in the image."""
+        """Return points (C, P, 19, 2) px and a mask of points inside the image."""
         points, visible = np.empty(joints.shape[:-1] + (2,)), np.empty(joints.shape[:-1], bool)
         for c, camera in enumerate(self._rig.cameras):
             pixels, seen = camera.project(joints[c])
@@ -318,10 +347,10 @@ class SimulatedDetector:
         hidden: Array,
         boxes: Array,
     ) -> _Marks:
-        """Noise, outliers, misses and scores of single joints."""
+        """Return the joints with noise, outliers, misses and scores."""
         faults, shape = self._faults, visible.shape
         quality = np.where(hidden, rng.beta(3.0, 4.0, shape), rng.beta(6.0, 2.0, shape))
-        spread = np.exp(1.2 * (AVERAGE_QUALITY - quality))  # the better, the more exact
+        spread = np.exp(1.2 * (AVERAGE_QUALITY - quality))  # better quality gives smaller noise
         sigmas = faults.noise_px * np.where(hidden, faults.hidden_noise, spread)
         if faults.size_px is not None:
             size = np.linalg.norm(np.nan_to_num(boxes[..., 2:] - boxes[..., :2]), axis=-1)
@@ -340,7 +369,7 @@ class SimulatedDetector:
         return _Marks(points, scores, visible & inside & ~missed, sigmas, outliers)
 
     def _report(self, rng: np.random.Generator, times: Array, seen: Array) -> Array:
-        """Whether people are reported at all (C, P), given their numbers of visible joints."""
+        """Return a mask (C, P) of reported people, given their numbers of visible joints `seen` (C, P)."""
         reported = (seen >= self._faults.fewest_joints) & (rng.random(seen.shape) >= self._faults.person_miss)
         for absence in self._absences:
             if not absence.joints:
@@ -348,7 +377,7 @@ class SimulatedDetector:
         return reported
 
     def _without(self, times: Array, found: Array) -> Array:
-        """The joints found (C, P, 19) but for those that absences take away."""
+        """Return the mask of found joints (C, P, 19) without those that absences remove."""
         found = found.copy()
         for absence in self._absences:
             for name in absence.joints:
@@ -356,7 +385,7 @@ class SimulatedDetector:
         return found
 
     def _swap(self, rng: np.random.Generator, pick: Array, behind: Array) -> None:
-        """Exchange left and right in `pick`, in place."""
+        """Exchange left and right joints in `pick`, in place."""
         draws = rng.random((*behind.shape, 3))
         for c, p in np.argwhere(draws[..., 0] < self._faults.limb_swap):
             _exchange(pick[c, p], *(ARMS if draws[c, p, 1] < 0.5 else LEGS))
@@ -364,7 +393,7 @@ class SimulatedDetector:
             _exchange(pick[c, p], *EVERYTHING)
 
     def _merge(self, rng: np.random.Generator, pick: Array, reported: Array, boxes: Array) -> None:
-        """Let people who overlap exchange limbs or melt into one, in place."""
+        """Let overlapping people exchange limbs or melt into one, in place."""
         draws = rng.random((*reported.shape, reported.shape[1], 3))
         takes = rng.random((*reported.shape, len(JOINTS))) < 0.5
         for c, a, b in np.argwhere(draws[..., 0] < self._faults.merge):
@@ -382,7 +411,7 @@ class SimulatedDetector:
     def _collect(
         self, rng: np.random.Generator, marks: _Marks, reported: Array, pick: Array
     ) -> list[Sightings]:
-        """The people of every view in random order, with duplicates and ghosts."""
+        """Return the people of every view in random order, with duplicates and ghosts."""
         doubled = rng.random(reported.shape) < self._faults.duplicate
         shift = rng.standard_normal(marks.points.shape)
         kept = rng.random(marks.found.shape) < DUPLICATE_KEEPS
@@ -414,7 +443,7 @@ def _exchange(pick: Array, left: Array, right: Array) -> None:
 
 
 def _hide(points: Array, scores: Array, found: Array) -> tuple[Array, Array]:
-    """Points with NaN and scores with 0 where a joint is not found; with the digits that matter."""
+    """Return rounded points and scores, with NaN and 0 where a joint is not found."""
     points = np.where(found[:, None], np.round(points, POINT_DIGITS), np.nan)
     return points, np.where(found, np.round(scores, SCORE_DIGITS), 0.0)
 

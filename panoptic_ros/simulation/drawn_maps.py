@@ -1,4 +1,4 @@
-"""Score maps as a network would give them, drawn from 2D people: a Gaussian round every joint."""
+"""Score maps drawn from 2D poses, as a network would output them: a Gaussian blob around every joint."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class MapDrawing:
-    """A network's grid and what its blobs look like.
+    """Grid of a network's score maps and the shape of its blobs.
 
     Args:
-        network: (width, height) px of its input; the image is scaled to fit into it, at the top left.
-        stride: px of the input per cell.
-        sigma: of a blob, in cells.
-        cut: smaller values are 0.
+        network: Input size (width, height) px. The image is scaled to fit at the top left.
+        stride: Input px per cell.
+        sigma: Standard deviation of a blob, in cells.
+        cut: Threshold below which values become 0.
     """
 
     network: tuple[int, int] = (512, 288)
@@ -29,24 +29,27 @@ class MapDrawing:
 
     @property
     def grid_size(self) -> tuple[int, int]:
-        """Width and height in cells."""
+        """Return width and height of the grid in cells."""
         return self.network[0] // self.stride, self.network[1] // self.stride
 
     def grid_from_image(self, image_size: tuple[int, int]) -> Array:
-        """(2, 3), see `ScoreMaps`: pixel centres and cell centres are whole numbers."""
+        """Return the affine map (2, 3) from image to grid, see `ScoreMaps`.
+
+        Pixel centres and cell centres have integer coordinates.
+        """
         scale = min(n / s for n, s in zip(self.network, image_size)) / self.stride
         shift = 0.5 * scale - 0.5
         return np.array([[scale, 0.0, shift], [0.0, scale, shift]])
 
 
 def with_drawn_maps(item: DetectionSet, drawing: MapDrawing) -> DetectionSet:
-    """The same 2D people, every view with score maps of them."""
+    """Return the same detections with score maps drawn for every view."""
     views = tuple(replace(view, maps=draw_maps(view, drawing)) for view in item.views)
     return replace(item, views=views)
 
 
 def draw_maps(view: ViewDetections, drawing: MapDrawing) -> ScoreMaps:
-    """One patch per joint of every person that lies on the grid; its peak is the joint's score."""
+    """Return one patch per joint inside the grid, for every person; its peak is the joint's score."""
     affine, grid = drawing.grid_from_image(view.image_size), np.array(drawing.grid_size)
     persons, joints = np.nonzero(view.scores > 0.0)
     cells = view.points[persons, joints] @ affine[:, :2].T + affine[:, 2]

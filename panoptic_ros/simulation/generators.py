@@ -1,4 +1,4 @@
-"""Timecode generators that cameras are locked to, and what a recorder hears of them."""
+"""Timecode generators to which cameras are locked, and the audio of a recorder that receives them."""
 
 from __future__ import annotations
 
@@ -13,26 +13,27 @@ from panoptic_ros.simulation.ltc_signal import AudioFaults, degrade_audio, encod
 
 Array = np.ndarray
 SECOND = 1_000_000_000
-RECORDER = "timecode"  # name of the device that hears all of them
+RECORDER = "timecode"  # name of the device that records all generators
 SAMPLE_RATE = 48_000
-CRYSTAL = 1.0 + 40e-6  # of the recorder: its samples per sample that it says
-EARLY_S, LATE_S = 1.5, 0.5  # by which the recording is longer than the take
-NOISE_DB = 30.0
-BLOCK = 4800  # samples
+CRYSTAL = 1.0 + 40e-6  # true sample rate of the recorder / its nominal rate: 40 ppm too fast
+EARLY_S, LATE_S = 1.5, 0.5  # s; length of the recording before and after the take
+NOISE_DB = 30.0  # dB; signal-to-noise ratio of the recorded timecode
+BLOCK = 4800  # samples of an audio block
 
 
 @dataclass(frozen=True)
 class Generator:
-    """A timecode generator, and the clock of the cameras that are locked to it.
+    """Timecode generator that is also the clock of the cameras locked to it.
 
-    Its cameras expose where words begin, and are stamped by what these say: frames since midnight over the
-    exact rate.
+    Its cameras expose at the starts of words. Their timestamps follow from the labels: frames since midnight
+    / exact rate.
 
     Args:
-        clock: name. rate: see `timecode_rate`.
-        first: number of the frame that begins at `begin_s`, since midnight.
-        begin_s: true s, the same for all.
-        drift_ppm: how much too fast it runs.
+        clock: Name of the clock.
+        rate: Name of the frame rate, see `timecode_rate`.
+        first: Number since midnight of the frame that begins at `begin_s`.
+        begin_s: True time in s, the same for all generators.
+        drift_ppm: Relative rate error in ppm; positive runs too fast.
     """
 
     clock: str
@@ -43,16 +44,16 @@ class Generator:
 
     @property
     def frame_rate(self) -> FrameRate:
-        """Of the timecode."""
+        """Return the nominal frame rate of the timecode."""
         return timecode_rate(self.rate)
 
     @property
     def true_rate(self) -> float:
-        """Frames per true second."""
+        """Return the number of frames per true second."""
         return float(self.frame_rate.exact) * self._speed
 
     def stamp_ns(self, true_s: float) -> int:
-        """What its clock shows."""
+        """Return the time (ns) that the generator's clock shows at a true time (s)."""
         begin = round(self.first * SECOND / self.frame_rate.exact)
         return begin + round(SECOND * (true_s - self.begin_s) * self._speed)
 
@@ -61,12 +62,13 @@ class Generator:
         return 1.0 + 1e-6 * self.drift_ppm
 
     def sound(self, begin_s: float, count: int, samples_per_s: float, seed: int) -> Array:
-        """What a recorder hears of it (N,).
+        """Return the audio (N,) that a recorder receives from this generator.
 
         Args:
-            begin_s: true s, of the first sample. count: of samples.
-            samples_per_s: per true second, of a recorder that says `SAMPLE_RATE`.
-            seed: of the noise.
+            begin_s: True time of the first sample, s.
+            count: Number of samples.
+            samples_per_s: Samples per true second of a recorder with nominal rate `SAMPLE_RATE`.
+            seed: Seed of the noise.
         """
         number = ceil((begin_s - self.begin_s) * self.true_rate)
         label = Timecode.from_frame_count(self.first + number, self.frame_rate)
@@ -84,18 +86,23 @@ class Generator:
 
 
 def recorded(generators: Sequence[Generator], seconds: float) -> Array:
-    """What one recorder hears of all, each on a channel (N, C), from before to after a take."""
+    """Return the audio (N, C) of one recorder with one generator per channel.
+
+    It begins before the take and ends after it.
+    """
     count, rate = int((EARLY_S + seconds + LATE_S) * SAMPLE_RATE), SAMPLE_RATE * CRYSTAL
     heard = [generator.sound(-EARLY_S, count, rate, generator.first) for generator in generators]
     return np.stack(heard, axis=1)
 
 
 def filmed(generators: Sequence[Generator], locked: Generator, begin_s: float, seconds: float) -> Array:
-    """The sound track (N, C) of a camera that takes pictures and samples by a generator.
+    """Return the sound track (N, C) of a camera whose frames and samples are clocked by a generator.
 
     Args:
-        generators: on its channels. locked: the generator.
-        begin_s: true s, of the first sample. seconds: on the camera's clock.
+        generators: Generators on the channels.
+        locked: Generator that clocks the camera.
+        begin_s: True time of the first sample, s.
+        seconds: Duration on the camera's clock, s.
     """
     count = int(seconds * SAMPLE_RATE)
     rate = SAMPLE_RATE * locked.true_rate / float(locked.frame_rate.exact)
@@ -104,7 +111,7 @@ def filmed(generators: Sequence[Generator], locked: Generator, begin_s: float, s
 
 
 def recorded_blocks(generators: Sequence[Generator], seconds: float) -> list[AudioBlock]:
-    """The same as blocks of the recorder, whose clock is its count of samples."""
+    """Return `recorded` as audio blocks of the recorder, stamped by its sample count."""
     samples, clocks = recorded(generators, seconds), tuple(generator.clock for generator in generators)
     firsts = range(0, len(samples), BLOCK)
     return [

@@ -1,4 +1,7 @@
-"""What arms and head do. Hands are stated from the shoulder: forward, outward, up, in arm lengths."""
+"""Motions of arms and head.
+
+Hand positions are relative to the shoulder: forward, outward, up, in arm lengths.
+"""
 
 from __future__ import annotations
 
@@ -13,20 +16,21 @@ from panoptic_ros.simulation.smooth import Pulses, Wander, ease
 Array = np.ndarray
 HANGING = np.array([0.06, 0.10, -0.95])
 WAVE_HZ = 3.0
-EMBRACE, EMBRACING = (0.9, 2.3), 0.35  # s, from and until; in which arms go up or down
+# (begin, end) of the embrace in s, and duration in s of raising or lowering the arms
+EMBRACE, EMBRACING = (0.9, 2.3), 0.35
 HandMove = Callable[[Array, Array], Array]  # times (T,), gait cycles (T,) -> change of hands (T, 2, 3)
 
 
 @dataclass(frozen=True)
 class Gesture:
-    """Arms that do `move`, on top of hanging and wandering, and a head that looks around."""
+    """Upper-body motion: hanging, wandering arms with `move` added, and a head that looks around."""
 
     look: Wander  # twist of the chest, turn and nod of the head, rad
-    wander: Wander  # both hands
+    wander: Wander  # random motion of both hands
     move: HandMove
 
     def __call__(self, t: Array, steps: Array) -> UpperBody:
-        """The upper body at times (T,) s and gait cycles (T,)."""
+        """Return the upper body at times (T,) s and gait cycles (T,)."""
         look = self.look(t)
         hands = HANGING + self.wander(t).reshape(-1, 2, 3) + self.move(t, steps)
         return UpperBody(hands, look[:, 0], look[:, 1], 0.1 + look[:, 2])
@@ -34,7 +38,7 @@ class Gesture:
 
 @dataclass(frozen=True)
 class Swinging:
-    """Arms against the legs."""
+    """Arms that swing opposite to the legs."""
 
     def __call__(self, t: Array, steps: Array) -> Array:
         swing = 0.32 * np.cos(2.0 * np.pi * steps)
@@ -46,7 +50,7 @@ class Swinging:
 
 @dataclass(frozen=True)
 class Talking:
-    """Both hands gesture in front of the body."""
+    """Gestures of both hands in front of the body."""
 
     motion: Wander
 
@@ -57,7 +61,7 @@ class Talking:
 
 @dataclass(frozen=True)
 class Reaching:
-    """One hand goes to a place and back, now and then."""
+    """Repeated reaching of one hand to a fixed goal and back."""
 
     hand: int
     pulses: Pulses
@@ -69,7 +73,7 @@ class Reaching:
 
 @dataclass(frozen=True)
 class Waving:
-    """One raised hand waves fast."""
+    """Fast waving of one raised hand."""
 
     hand: int
 
@@ -81,7 +85,7 @@ class Waving:
 
 @dataclass(frozen=True)
 class AtTable:
-    """Hands over a table, one goes to the mouth now and then."""
+    """Hands held over a table, with one hand going to the mouth at intervals."""
 
     hand: int
     motion: Wander
@@ -96,9 +100,9 @@ class AtTable:
 
 @dataclass(frozen=True)
 class Embracing:
-    """Both arms go round somebody who stands before one, and stay there for a while."""
+    """Embrace: both arms reach around a person in front, hold, and return."""
 
-    begin: float  # s
+    begin: float  # s; begin of raising the arms
     end: float
 
     def __call__(self, t: Array, steps: Array) -> Array:
@@ -108,7 +112,7 @@ class Embracing:
 
 
 def draw_gesture(rng: np.random.Generator, kind: str) -> Gesture:
-    """A random gesture: "swing", "talk", "reach", "wave", "table" or "embrace"."""
+    """Draw a random gesture of a kind: "swing", "talk", "reach", "wave", "table" or "embrace"."""
     look = Wander.draw(rng, [0.07, 0.25, 0.085], 0.1, 0.5)
     wander = Wander.draw(rng, [0.014] * 6, 0.2, 0.8)
     hand = int(rng.integers(2))
@@ -127,7 +131,7 @@ def draw_gesture(rng: np.random.Generator, kind: str) -> Gesture:
 
 
 def _one_hand(hand: int, change: Array) -> Array:
-    """Change (T, 2, 3) of both hands that moves only one (T, 3)."""
+    """Return the change (T, 2, 3) of both hands that moves only hand `hand` by `change` (T, 3)."""
     hands = np.zeros((len(change), 2, 3))
     hands[:, hand] = change
     return hands

@@ -1,4 +1,7 @@
-"""What the cameras of a take hear: its people talk in turn, in a room, each camera on its own clock."""
+"""Audio that the cameras of a take record.
+
+People talk in turn in a reverberant room, and each camera records on its own clock.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +17,16 @@ from panoptic_ros.simulation.voices import talk
 
 Array = np.ndarray
 SECOND = 1_000_000_000
-EARLY_S, LATE_S = 25.0, 3.0  # by which cameras hear before and after they see
-RATES = (16_000, 22_050, 48_000, 44_100)  # Hz, dealt out in turn
-HEIGHT = 3.2  # m, of the room
-WALL = 0.6  # m, behind the outermost camera
-REVERBERATION = (0.3, 0.6)  # s
-BLOCK = 8000  # samples
+EARLY_S, LATE_S = 25.0, 3.0  # s; length of the audio before and after the images
+RATES = (16_000, 22_050, 48_000, 44_100)  # Hz; sample rates assigned to the cameras in rotation
+HEIGHT = 3.2  # m; height of the room
+WALL = 0.6  # m; distance of the walls behind the outermost cameras
+REVERBERATION = (0.3, 0.6)  # s; range of the reverberation time
+BLOCK = 8000  # samples of an audio block
 
 
 def recorders(take: Simulation) -> list[Recorder]:
-    """The microphone of each camera, where the camera is."""
+    """Return one microphone per camera, at the camera's position."""
     corner = _corner(take)
     return [
         Recorder(
@@ -38,7 +41,7 @@ def recorders(take: Simulation) -> list[Recorder]:
 
 
 def heard_by(take: Simulation) -> Iterator[tuple[str, Recorder, Array]]:
-    """Each camera, its microphone, and what that records (N,)."""
+    """Yield each camera's name, its microphone, and the recorded samples (N,)."""
     rng = np.random.default_rng([*take.seed, 6])
     corner = _corner(take)
     centres = np.array([camera.centre for camera in take.rig.cameras])
@@ -51,7 +54,7 @@ def heard_by(take: Simulation) -> Iterator[tuple[str, Recorder, Array]]:
 
 
 def heard_blocks(take: Simulation) -> Iterator[tuple[float, AudioBlock]]:
-    """The same as blocks, with the times of the schedule at which they begin."""
+    """Yield the recordings as audio blocks, each with its start time in s of the schedule."""
     for name, recorder, samples in heard_by(take):
         for first in range(0, len(samples), BLOCK):
             stamp = round(SECOND * recorder.clock_s) + first * SECOND // recorder.sample_rate
@@ -61,13 +64,13 @@ def heard_blocks(take: Simulation) -> Iterator[tuple[float, AudioBlock]]:
 
 
 def _corner(take: Simulation) -> Array:
-    """The corner of the room in the world; its floor is the world's."""
+    """Return the corner (3,) m of the room in the world frame, with the room's floor at z = 0."""
     lowest = np.min([camera.centre for camera in take.rig.cameras], axis=0) - WALL
     return np.array([lowest[0], lowest[1], 0.0])
 
 
 def _voices(take: Simulation, rng: np.random.Generator, corner: Array) -> list[DrySound]:
-    """Sentences of people who take turns, each from where a head is then."""
+    """Return sentences of people who talk in turn, each at the speaker's head position at that time."""
     sounds, at = [], -EARLY_S - 1.0
     while at < take.seconds + LATE_S:
         length = float(rng.uniform(1.5, 4.0))

@@ -1,19 +1,23 @@
-"""Exact depth maps made like those of a time-of-flight sensor."""
+"""Depth maps with the errors of a time-of-flight sensor, made from exact ones."""
 
 from __future__ import annotations
 
 import numpy as np
 
 Array = np.ndarray
-SIGMA, AT = 0.0015, 2.0  # m, at so many m; it grows with the square of depth (Khoshelham and Elberink 2012)
-STEP = 0.001  # m
-HOLES = 0.02  # share of pixels that are unknown
-EDGE = 0.05  # m between neighbours
-MIXED, LOST = 0.3, 0.5  # shares of the pixels at edges that mix both surfaces, and that are unknown
+# SIGMA: depth noise (m) at depth AT (m); it grows with the square of depth (Khoshelham and Elberink 2012)
+SIGMA, AT = 0.0015, 2.0
+STEP = 0.001  # m; depth quantisation
+HOLES = 0.02  # share of pixels without a value
+EDGE = 0.05  # m; depth range within 3 x 3 pixels above which a pixel is at an edge
+MIXED, LOST = 0.3, 0.5  # shares of edge pixels that mix both surfaces, and that have no value
 
 
 def kinect_like(depth: Array, rng: np.random.Generator) -> Array:
-    """A map (h, w) float32 m with noise, steps, holes, and mixed and lost pixels at edges; 0 = unknown."""
+    """Return a depth map (h, w) float32 m with sensor errors, 0 = no value.
+
+    The errors are noise, quantisation, holes, and mixed and lost pixels at edges.
+    """
     height, width = depth.shape
     padded = np.pad(depth.astype(np.float64), 1, mode="edge")
     around = np.stack([padded[i : i + height, k : k + width] for i in range(3) for k in range(3)])

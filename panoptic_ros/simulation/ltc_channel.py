@@ -1,8 +1,8 @@
-"""What tapes, lines, rooms and recorders do to a timecode signal, with the exact start of every word.
+"""Distortions of a timecode signal by tapes, lines, rooms and recorders, with the exact start of every word.
 
-Edges are moved in continuous time (speed, wow, jitter), drawn at four times the sample rate, taken through
-echoes and filters there, and through the recorder's low pass to the sample rate. All filters but the
-high pass and the echoes are symmetric, so edges stay where they are.
+Edges are moved in continuous time (speed, wow, jitter) and drawn at four times the sample rate. Echoes and
+filters act at that rate, and the recorder's low pass then reduces it to the sample rate. All filters except
+the high pass and the echoes are symmetric, so edges keep their positions.
 """
 
 from __future__ import annotations
@@ -24,29 +24,31 @@ from panoptic_ros.simulation.ltc_signal import (
 )
 
 Array = np.ndarray
-FINER = 4
-RISE_SECONDS = 40e-6
-RECORDER_BAND = 0.46  # of the sample rate
-TAPS = 64  # samples of the recorder's filter
-RAMP_SECONDS = 5.0
+FINER = 4  # oversampling factor
+RISE_SECONDS = 40e-6  # s; 10 to 90 % rise time of an edge
+RECORDER_BAND = 0.46  # cut-off of the recorder's low pass, as a share of the sample rate
+TAPS = 64  # length of the recorder's low pass in samples
+RAMP_SECONDS = 5.0  # s; duration of a speed ramp
 
 
 @dataclass(frozen=True, kw_only=True)
 class Channel:
-    """All off by default.
+    """Distortions of a channel, all off by default.
 
     Args:
-        speed: of the tape.
-        ramp: by which the speed changes in `RAMP_SECONDS`, up and then down again.
-        wow, wow_hz: depth and rate of a swinging speed.
-        flutter, flutter_hz: the same once more, with a phase by the seed.
-        jitter_s: standard deviation of single edges.
-        low_pass_hz, high_pass_hz: symmetric; first order, as a coupling capacitor.
-        echo_s, direct_db: time in which echoes fall by 60 dB; the direct sound against all echoes.
-        clip: of the peak, after noise.
-        amplitude: peak, of full scale.
-        inverted: the other polarity.
-        faults: of the line and the recorder.
+        speed: Speed of the tape, 1 = nominal.
+        ramp: Relative speed change within `RAMP_SECONDS`, up and then down again.
+        wow, wow_hz: Relative depth and frequency of a sinusoidal speed error.
+        flutter, flutter_hz: A second sinusoidal speed error, with a phase drawn from the seed.
+        jitter_s: Standard deviation of single edges, s.
+        low_pass_hz: Cut-off of a symmetric low pass, Hz.
+        high_pass_hz: Cut-off of a first-order high pass, as of a coupling capacitor, Hz.
+        echo_s: Time in which echoes decay by 60 dB, s.
+        direct_db: Level of the direct sound relative to all echoes, dB.
+        clip: Clipping level as a share of the peak, applied after noise.
+        amplitude: Peak as a share of full scale.
+        inverted: Inverted polarity.
+        faults: Faults of the line and the recorder.
     """
 
     speed: float = 1.0
@@ -77,14 +79,15 @@ def play_ltc(
     user_bits: int = 0,
     reverse: bool = False,
 ) -> LtcSignal:
-    """Audio of words as it arrives through a channel.
+    """Return the audio of timecode words after a channel.
 
     Args:
-        start: label of the first word in the file; later ones count up, or down if `reverse`.
-        lead: s of silence before; there and after is what the line adds.
+        start: Label of the first word in the file. Later words count up, or down if `reverse`.
+        words: Number of words.
+        lead: Silence before the signal in s. The silence around the signal contains only what the line adds.
 
     Raises:
-        UsageError: if there is nothing to play.
+        UsageError: If there is nothing to play.
     """
     if words < 1 or sample_rate < 1000 or channel.speed <= 0.0:
         raise UsageError(f"cannot play {words} words at {sample_rate} Hz and speed {channel.speed}")
@@ -108,7 +111,7 @@ def play_ltc(
 
 
 def _warped(times: Array, channel: Channel) -> Array:
-    """When what should come at some times comes."""
+    """Return the actual times (s) of events with nominal times `times` (s), given the speed errors."""
     warped = times
     if channel.ramp:
         swing = np.pi / RAMP_SECONDS
@@ -124,7 +127,7 @@ def _warped(times: Array, channel: Channel) -> Array:
 
 
 def _in_the_room(wave: Array, rate: int, channel: Channel, rng: np.random.Generator) -> Array:
-    """Echoes after the direct sound."""
+    """Return the wave with echoes after the direct sound."""
     if not channel.echo_s:
         return wave
     time = np.arange(int(channel.echo_s * rate)) / rate
@@ -136,7 +139,7 @@ def _in_the_room(wave: Array, rate: int, channel: Channel, rng: np.random.Genera
 
 
 def _recorded(wave: Array, sample_rate: int, channel: Channel) -> Array:
-    """At the sample rate, through the low pass and the coupling."""
+    """Return the wave at `sample_rate`, after the low pass and the high pass of the recorder."""
     corner = RECORDER_BAND * sample_rate
     if channel.low_pass_hz:
         corner = min(corner, channel.low_pass_hz)

@@ -1,8 +1,9 @@
-"""Linear timecode (SMPTE ST 12-1) as audio, with the exact start of every word, and what happens to it.
+"""Linear timecode (SMPTE ST 12-1) as audio, with the exact start of every word, and faults of the audio.
 
-Made edge by edge at fractional sample positions, independently of `timecode/`, so that each is a
-check of the other. Biphase mark: a transition at the start of every bit, another in the middle
-of a one. Edges are Gaussian steps of 40 us rise time (10 to 90 %), or what the sample rate passes.
+The signal is built edge by edge at fractional sample positions, independently of `timecode/`, so that the
+encoder and the decoder check each other. The code is biphase mark: a transition at the start of every bit,
+and another in the middle of a one. Edges are Gaussian steps of 40 us rise time (10 to 90 %), or slower where
+the sample rate limits them.
 """
 
 from __future__ import annotations
@@ -19,19 +20,19 @@ from panoptic_ros.errors import UsageError
 Array = np.ndarray
 BITS = 80
 RISE_SECONDS = 40e-6
-BAND_LIMIT = 0.45  # samples: standard deviation of an edge behind a recorder's low pass
-SYNC_BITS = (0, 0) + (1,) * 12 + (0, 1)  # bits 64 to 79 in the order of sending
+BAND_LIMIT = 0.45  # samples; smallest standard deviation of an edge after a recorder's low pass
+SYNC_BITS = (0, 0) + (1,) * 12 + (0, 1)  # bits 64 to 79 in transmission order
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LtcSignal:
-    """Audio and its truth.
+    """Timecode audio and its ground truth.
 
     Args:
-        samples: (N,) float32.
-        sample_rate: Hz.
-        labels: one per word, in the order of the file.
-        starts: (W,) fractional sample index of the first edge of bit 0 of each word.
+        samples: Samples (N,) float32.
+        sample_rate: Sample rate in Hz.
+        labels: Label of each word, in the order of the file.
+        starts: Fractional sample index (W,) of the first edge of bit 0 of each word.
     """
 
     samples: Array
@@ -41,11 +42,11 @@ class LtcSignal:
 
 
 def word_bits(label: Timecode, user_bits: int = 0, balanced: bool = True) -> list[int]:
-    """The 80 bits of a word in the order of sending.
+    """Return the 80 bits of a word in transmission order.
 
     Args:
         user_bits: 32 bits, user group 1 in the lowest four.
-        balanced: set the polarity bit so that the number of zeros is even.
+        balanced: Set the polarity bit so that the number of zeros is even.
     """
     bits = [0] * BITS
     fields = [
@@ -83,17 +84,17 @@ def encode_ltc(
     reverse: bool = False,
     balanced: bool = True,
 ) -> LtcSignal:
-    """Audio of `words` words.
+    """Return the audio of `words` words.
 
     Args:
-        start: label of the first word in the file; later ones count up, or down if `reverse`.
-        lead, tail: samples of silence around the signal; lead may be fractional.
-        speed: of the tape; 1.01 plays one per cent too fast.
-        amplitude: peak, of full scale.
-        inverted: the other polarity.
+        start: Label of the first word in the file. Later words count up, or down if `reverse`.
+        lead, tail: Samples of silence before and after the signal. `lead` may be fractional.
+        speed: Speed of the tape. A value of 1.01 plays one per cent too fast.
+        amplitude: Peak as a share of full scale.
+        inverted: Inverted polarity.
 
     Raises:
-        UsageError: if there is nothing to encode.
+        UsageError: If there is nothing to encode.
     """
     if words < 1 or sample_rate < 1000 or speed <= 0.0:
         raise UsageError(f"cannot encode {words} words at {sample_rate} Hz and speed {speed}")
@@ -111,7 +112,10 @@ def encode_ltc(
 def word_edges(
     start: Timecode, words: int, *, user_bits: int = 0, reverse: bool = False, balanced: bool = True
 ) -> tuple[list[Timecode], Array]:
-    """Labels of consecutive words, and where their edges are, in cells; the last ends the last bit."""
+    """Return the labels of consecutive words and the positions of their edges in bit cells.
+
+    The last edge ends the last bit.
+    """
     step = -1 if reverse else 1
     labels = [Timecode.from_frame_count(start.frame_count + step * i, start.rate) for i in range(words)]
     bits = np.array([word_bits(label, user_bits, balanced)[::step] for label in labels]).ravel()
@@ -120,7 +124,15 @@ def word_edges(
 
 
 def square_wave(edges: Array, count: int, sigma: float, cell: float) -> Array:
-    """A wave of +-1 that changes at the edges; silence before the first and half a cell after the last."""
+    """Return a wave (`count`,) of +-1 that changes sign at the edges.
+
+    It is silent before the first edge and from half a cell after the last. Edges are Gaussian steps.
+
+    Args:
+        edges: Fractional sample positions, increasing.
+        sigma: Standard deviation of an edge, samples.
+        cell: Samples per bit.
+    """
     at = np.arange(count, dtype=np.float64)
     wave = np.zeros(count)
     reach = int(np.ceil(6.0 * sigma)) + 1
@@ -138,15 +150,16 @@ def square_wave(edges: Array, count: int, sigma: float, cell: float) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class AudioFaults:
-    """What a line, a microphone or a sound card do to a signal; all off by default.
+    """Faults of a line, a microphone or a sound card, all off by default.
 
     Args:
-        snr_db: white noise over the whole band, rms of the signal against rms of the noise.
-        hum_db, hum_hz: mains hum, rms against the rms of the signal.
-        dc: constant, of full scale.
-        gain_db, gain_hz: slow gain changes as of an automatic control, +- dB.
-        clicks_per_s: short bursts of four times the peak.
-        bits: resolution of the recorder; clips at full scale.
+        snr_db: White noise over the whole band: rms of the signal relative to rms of the noise, dB.
+        hum_db, hum_hz: Mains hum: rms relative to the rms of the signal in dB, and frequency in Hz.
+        dc: Constant offset, as a share of full scale.
+        gain_db, gain_hz: Amplitude (+- dB) and frequency of slow gain changes, as of an automatic gain
+            control.
+        clicks_per_s: Rate of short bursts with four times the peak.
+        bits: Resolution of the recorder, which clips at full scale.
     """
 
     snr_db: float | None = None
@@ -161,7 +174,7 @@ class AudioFaults:
 
 
 def degrade_audio(samples: Array, sample_rate: int, faults: AudioFaults) -> Array:
-    """The samples (N,) float32 as they come out of a bad line."""
+    """Return the samples (N,) float32 after the faults of a line."""
     rng = np.random.default_rng(faults.seed)
     time = np.arange(len(samples)) / sample_rate
     signal = samples.astype(np.float64)
@@ -184,10 +197,10 @@ def degrade_audio(samples: Array, sample_rate: int, faults: AudioFaults) -> Arra
 
 
 def timecode_rate(name: str) -> FrameRate:
-    """A rate by its usual name: 23.976, 24, 25, 29.97, 29.97df, 30.
+    """Return a frame rate by its usual name: 23.976, 24, 25, 29.97, 29.97df, 30.
 
     Raises:
-        UsageError: for others.
+        UsageError: For other names.
     """
     known = {
         "23.976": FrameRate(24, Fraction(24000, 1001)),

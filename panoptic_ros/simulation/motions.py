@@ -1,4 +1,7 @@
-"""What legs and trunk do: stepping along a path, standing, sitting. Times are (T,) s."""
+"""Motions of legs and trunk: stepping along a path, standing, sitting.
+
+Times are (T,) s.
+"""
 
 from __future__ import annotations
 
@@ -14,21 +17,22 @@ from panoptic_ros.simulation.smooth import Pulses, Wander, ease
 
 Array = np.ndarray
 Motion = Callable[[Array, Body], LowerBody]
-STANCE = 0.58  # share of a gait cycle for which a foot is on the floor
-SITTING_DOWN = 1.4  # s
+STANCE = 0.58  # share of a gait cycle in which a foot is on the floor
+SITTING_DOWN = 1.4  # s; duration of sitting down
 
 
 @dataclass(frozen=True)
 class Stepping:
-    """Walking, running or turning along a path; a foot stays where it is while on the floor."""
+    """Walking, running or turning along a path; a foot does not move while it is on the floor."""
 
     path: Path
-    cadence: float  # cycles per second
-    start: float = 0.0  # cycles at t = 0
-    lift: float = 0.09  # m, of the swinging foot
+    cadence: float  # gait cycles per second
+    start: float = 0.0  # gait cycles at t = 0
+    lift: float = 0.09  # m; peak height of the swinging foot
 
     def __call__(self, t: Array, body: Body) -> LowerBody:
-        steps = self.start + self.cadence * t + 0.02 * np.sin(0.9 * t)  # nobody is a metronome
+        # a small variation, because people do not keep an exact cadence
+        steps = self.start + self.cadence * t + 0.02 * np.sin(0.9 * t)
         ground, heading = self.path(steps)
         height = body.ankle + 0.945 * body.leg - 0.012 * np.cos(4.0 * np.pi * steps)
         ankles = np.stack([self._ankle(steps, body, k) for k in range(2)], axis=1)
@@ -36,11 +40,11 @@ class Stepping:
         return LowerBody(pelvis, heading, np.full_like(t, 0.05), ankles, steps)
 
     def _ankle(self, steps: Array, body: Body, k: int) -> Array:
-        """Ankle (T, 3) of the left (k = 0) or the right leg, half a cycle later."""
+        """Return the ankle (T, 3) m of the left leg (k = 0) or the right leg, which is half a cycle later."""
         late = 0.5 * k
         cycle = np.floor(steps + late)
         swing = np.maximum(steps + late - cycle - STANCE, 0.0) / (1.0 - STANCE)
-        stance = cycle - late + 0.5 * STANCE  # the pelvis passes the planted foot then
+        stance = cycle - late + 0.5 * STANCE  # gait cycles at which the pelvis passes the planted foot
         before, after = (self._footprint(stance + n, body, k) for n in (0.0, 1.0))
         ground = before + ease(swing)[:, None] * (after - before)
         return np.column_stack([ground, body.ankle + self.lift * (4.0 * swing * (1.0 - swing)) ** 3])
@@ -53,12 +57,12 @@ class Stepping:
 
 @dataclass(frozen=True)
 class Standing:
-    """Standing on both feet and swaying; crouching now and then, or sitting down once."""
+    """Standing and swaying on both feet, with optional crouching at intervals or sitting down once."""
 
-    place: tuple[float, float]  # m, between the feet
+    place: tuple[float, float]  # m; point between the feet
     heading: float  # rad
     sway: Wander  # forward m, sideways m, turn rad
-    crouch: Callable[[Array], Array] | None = None  # how far down, 0 to 1, at times (T,) s
+    crouch: Callable[[Array], Array] | None = None  # crouch depth, 0 to 1, at times (T,) s
     sit_at: float | None = None  # s
 
     def __call__(self, t: Array, body: Body) -> LowerBody:
@@ -82,9 +86,9 @@ class Standing:
 
 @dataclass(frozen=True)
 class Sitting:
-    """Sitting on a chair, leaning forward now and then."""
+    """Sitting on a chair, leaning forward at intervals."""
 
-    place: tuple[float, float]  # m, under the pelvis
+    place: tuple[float, float]  # m; floor point under the pelvis
     heading: float  # rad
     sway: Wander  # forward m, sideways m, turn rad
     lean: Pulses
@@ -100,7 +104,15 @@ class Sitting:
 def _planted(
     place: tuple[float, float], heading: float, body: Body, local: Array, ahead: float, spread: float
 ) -> tuple[Array, Array]:
-    """Pelvis (T, 3) from body axes, and ankles (T, 2, 3) `ahead` m of it, `spread` hip widths apart."""
+    """Return the pelvis (T, 3) m from body axes to world, and fixed ankles (T, 2, 3) m.
+
+    Args:
+        place: Origin of the body axes on the floor (x, y) m.
+        heading: Direction of the body's x axis, rad.
+        local: Pelvis (T, 3) m in body axes.
+        ahead: Distance of the ankles in front of the origin, m.
+        spread: Distance between the ankles, in hip widths.
+    """
     axes = axes_of(np.array([heading]), np.zeros(1))[0]
     origin = np.array([*place, 0.0])
     feet = np.array([[ahead, sign * spread * body.hip, body.ankle] for _, sign in SIDES])

@@ -1,4 +1,4 @@
-"""Where people walk: positions on the floor and headings as functions of gait cycles."""
+"""Walking paths: positions on the floor and headings as functions of gait cycles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Path = Callable[[Array], tuple[Array, Array]]  # cycles (T,) -> positions (T, 2)
 
 @dataclass(frozen=True)
 class Straight:
-    """Straight on from `start` (m, at cycle 0)."""
+    """Straight path from `start` (m, at cycle 0)."""
 
     start: tuple[float, float]
     heading: float  # rad
@@ -29,12 +29,15 @@ class Straight:
 
 @dataclass(frozen=True)
 class ThereAndBack:
-    """Straight on to a goal, some time there, and backwards the same way; steps go on meanwhile."""
+    """Straight path to a goal, a stay, and the same way backwards.
+
+    Steps continue during the stay.
+    """
 
     goal: tuple[float, float]  # m
     heading: float  # rad
-    length: float  # m, of the way
-    cycles: tuple[float, float, float]  # on the way, at the goal, on the way back
+    length: float  # m; length of the path
+    cycles: tuple[float, float, float]  # gait cycles on the way, at the goal, and on the way back
 
     def __call__(self, cycles: Array) -> tuple[Array, Array]:
         there, stay, back = self.cycles
@@ -46,14 +49,14 @@ class ThereAndBack:
 
 @dataclass(frozen=True)
 class Round:
-    """Round a centre on a circle with dents of three and two lobes."""
+    """Closed path around a centre: a circle with radial variations of two and three lobes."""
 
     centre: tuple[float, float]  # m
     radius: float  # m
     start: float  # rad, at cycle 0
     turn: float  # rad per cycle; negative = clockwise
     dents: tuple[float, float] = (0.0, 0.0)  # relative depth of two and three lobes
-    shifts: tuple[float, float] = (0.0, 0.0)  # rad
+    shifts: tuple[float, float] = (0.0, 0.0)  # rad; phases of the lobes
 
     def __call__(self, cycles: Array) -> tuple[Array, Array]:
         angle = self.start + self.turn * cycles
@@ -70,7 +73,7 @@ class Round:
 
 @dataclass(frozen=True)
 class OnTheSpot:
-    """Turning without going anywhere."""
+    """Turning on the spot."""
 
     centre: tuple[float, float]  # m
     start: float  # rad

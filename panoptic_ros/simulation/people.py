@@ -1,4 +1,4 @@
-"""People: a body, what it does, and when it is there."""
+"""Simulated people: a body, its motion, and the time of its presence."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from panoptic_ros.simulation.smooth import Pulses, Wander
 
 Array = np.ndarray
 
-ACTIVITIES = {  # activity: gesture
+ACTIVITIES = {  # gesture of each activity
     "walk": "swing",
     "run": "swing",
     "stand": "talk",
@@ -28,46 +28,46 @@ ACTIVITIES = {  # activity: gesture
     "sit-down": "talk",
     "sit": "table",
 }
-APART_UNTIL = np.arange(0.0, 6.0, 0.1)  # s, when distances between people are checked
-TRIES = 200
+APART_UNTIL = np.arange(0.0, 6.0, 0.1)  # s; times at which distances between people are checked
+TRIES = 200  # largest number of people drawn to find one at a sufficient distance
 
 
 @dataclass(frozen=True)
 class Person:
-    """Somebody whose joints are known exactly at every instant."""
+    """Simulated person whose joints are exact at every instant."""
 
     id: int
     body: Body
     motion: Motion
     gesture: Gesture
     present: tuple[float, float] = (-np.inf, np.inf)  # s, from and until
-    bystander: bool = False  # not part of the task: may be reported or not
+    bystander: bool = False  # not part of the task, so a result may contain this person or not
 
     def posture(self, t: Array) -> Posture:
-        """Joints and rotations at times (T,) s."""
+        """Return joints and rotations at times (T,) s."""
         t = np.asarray(t, np.float64)
         lower = self.motion(t, self.body)
         return assume_posture(self.body, lower, self.gesture(t, lower.steps))
 
     def joints(self, t: Array) -> Array:
-        """Joints (T, 19, 3) m at times (T,) s."""
+        """Return joints (T, 19, 3) m at times (T,) s."""
         return self.posture(t).joints
 
     def is_present(self, t: Array) -> Array:
-        """Whether the person is there (T,)."""
+        """Return a mask (T,) of the times at which the person is present."""
         return (t >= self.present[0]) & (t < self.present[1])
 
 
 def draw_sway(rng: np.random.Generator) -> Wander:
-    """Sway of somebody on the spot."""
+    """Draw the sway of a person who stays on the spot."""
     return Wander.draw(rng, [0.014, 0.021, 0.14], 0.1, 0.5)
 
 
 def draw_person(rng: np.random.Generator, number: int, activity: str, height: float, area: float) -> Person:
-    """Somebody of this height (m) who does `activity` within `area` m of the origin.
+    """Draw a person of this height (m) who does `activity` within `area` m of the origin.
 
     Raises:
-        UsageError: if the activity is not known.
+        UsageError: If the activity is unknown.
     """
     if activity not in ACTIVITIES:
         raise UsageError(f"unknown activity {activity!r}; there are {', '.join(ACTIVITIES)}")
@@ -79,7 +79,7 @@ def draw_person(rng: np.random.Generator, number: int, activity: str, height: fl
 def draw_group(
     rng: np.random.Generator, activities: Sequence[str], area: float, gap: float = 0.75
 ) -> list[Person]:
-    """One person per activity, `gap` m apart where possible; every fifth is a child."""
+    """Draw one person per activity, at least `gap` m apart where possible; every fifth is a child."""
     people: list[Person] = []
     for number, activity in enumerate(activities):
         tall = rng.uniform(1.1, 1.4) if number % 5 == 4 else rng.uniform(1.55, 1.95)
@@ -92,7 +92,7 @@ def draw_group(
 
 
 def keep_apart(make: Callable[[], Person], others: Sequence[Person], gap: float) -> Person:
-    """The first person made who stays `gap` m away from the others, or the best of many."""
+    """Return the first drawn person who stays `gap` m away from the others, or the best of `TRIES` draws."""
     best, best_distance = make(), -1.0
     for attempt in range(TRIES):
         person = best if attempt == 0 else make()
@@ -105,7 +105,7 @@ def keep_apart(make: Callable[[], Person], others: Sequence[Person], gap: float)
 
 
 def _closest(person: Person, others: Sequence[Person]) -> float:
-    """Smallest distance (m) on the floor between the person and any other."""
+    """Return the smallest floor distance (m) between the person and any other."""
     own = person.motion(APART_UNTIL, person.body).pelvis[:, :2]
     tracks = [other.motion(APART_UNTIL, other.body).pelvis[:, :2] for other in others]
     return min((float(np.linalg.norm(own - track, axis=1).min()) for track in tracks), default=np.inf)
@@ -116,7 +116,7 @@ def _draw_motion(rng: np.random.Generator, activity: str, body: Body, area: floa
         return _draw_walk(rng, body, area, fast=activity == "run")
     away, angle = area * np.sqrt(rng.uniform(0.0, 1.0)), rng.uniform(0.0, 2.0 * np.pi)
     place = (float(away * np.cos(angle)), float(away * np.sin(angle)))
-    heading = float(angle + np.pi + rng.normal(0.0, 0.8))  # mostly towards the middle
+    heading = float(angle + np.pi + rng.normal(0.0, 0.8))  # mostly towards the origin
     if activity == "turn":
         return Stepping(OnTheSpot(place, heading, rng.uniform(0.7, 1.2)), 0.8, rng.uniform(0, 1), 0.05)
     sway = draw_sway(rng)
@@ -130,7 +130,7 @@ def _draw_motion(rng: np.random.Generator, activity: str, body: Body, area: floa
 
 
 def _draw_walk(rng: np.random.Generator, body: Body, area: float, fast: bool) -> Stepping:
-    """A round within `area` m of the origin."""
+    """Draw a walk or run on a closed path within `area` m of the origin."""
     radius = float(rng.uniform(0.55 if fast else 0.27, 0.62) * area)
     away, angle = rng.uniform(0.0, max(area - 1.1 * radius, 0.0)), rng.uniform(0.0, 2.0 * np.pi)
     stride = min((0.80 if fast else 0.62) * body.height, 0.9 * radius)

@@ -14,26 +14,29 @@ from panoptic_ros.geometry import Intrinsics, Rigid
 Array = np.ndarray
 HD = (1920, 1080)
 VGA = (640, 480)
-GOLDEN = np.pi * (3.0 - np.sqrt(5.0))  # rad, spreads points evenly
-DOME_RADIUS = 2.745  # m
-DOME_CENTRE = np.array([0.0, 0.0, 1.40])  # m
-DOME_PANELS = ((8, -10.0), (7, 22.0), (5, 52.0))  # panels per row, elevation in degrees
-DOME_PANEL_RADIUS = 0.55  # m
+GOLDEN = np.pi * (3.0 - np.sqrt(5.0))  # rad; golden angle, which spreads points evenly
+DOME_RADIUS = 2.745  # m; radius of the camera dome
+DOME_CENTRE = np.array([0.0, 0.0, 1.40])  # m; centre of the camera dome
+DOME_PANELS = ((8, -10.0), (7, 22.0), (5, 52.0))  # (panels per row, elevation in degrees)
+DOME_PANEL_RADIUS = 0.55  # m; radius of a panel
 
 
 class RigPlan(Protocol):
-    """Something that puts up cameras."""
+    """Plan of a camera arrangement."""
 
     def build(self, rng: np.random.Generator) -> Rig:
-        """The cameras."""
+        """Return the cameras."""
         ...
 
 
 @dataclass(frozen=True)
 class Lens:
-    """Image size (width, height) px, range of focal lengths px, and which cameras are distorted.
+    """Parameters of the cameras' lenses.
 
-    distorted_every: 0 = none, 1 = all, n = the last of every n.
+    Args:
+        image_size: Image size (width, height) px.
+        focal: Range of focal lengths, px.
+        distorted_every: Cameras with distortion: 0 = none, 1 = all, n = the last of every n.
     """
 
     image_size: tuple[int, int] = HD
@@ -43,7 +46,14 @@ class Lens:
 
 @dataclass(frozen=True)
 class Ring:
-    """Cameras round the space, looking inwards. radius, heights (from, to), look_at in m."""
+    """Cameras on a ring around the space, looking inwards.
+
+    Args:
+        cameras: Number of cameras.
+        radius: Radius of the ring, m.
+        heights: Range of camera heights, m.
+        look_at: Height of the target point, m.
+    """
 
     cameras: int
     radius: float = 4.2
@@ -52,7 +62,7 @@ class Ring:
     lens: Lens = Lens()
 
     def build(self, rng: np.random.Generator) -> Rig:
-        """The cameras cam00, cam01, ..."""
+        """Return the cameras cam00, cam01, ..."""
         _check_count(self.cameras)
         cameras = []
         for i in range(self.cameras):
@@ -66,14 +76,14 @@ class Ring:
 
 @dataclass(frozen=True)
 class Corners:
-    """Cameras in the corners of a room (its size in m); a fifth over a long wall."""
+    """Cameras in the corners of a room with size `room` (x, y) m; a fifth one is above a long wall."""
 
     cameras: int
     room: tuple[float, float] = (7.0, 6.0)
     lens: Lens = Lens(focal=(1100.0, 1250.0), distorted_every=2)
 
     def build(self, rng: np.random.Generator) -> Rig:
-        """The cameras corner0, corner1, ..."""
+        """Return the cameras corner0, corner1, ..."""
         if not 1 <= self.cameras <= 5:
             raise UsageError(f"a room has places for 1 to 5 cameras, not {self.cameras}")
         x, y = 0.5 * self.room[0], 0.5 * self.room[1]
@@ -88,13 +98,13 @@ class Corners:
 
 @dataclass(frozen=True)
 class Dome:
-    """Cameras on a spiral over the dome, from 1 m to 3.6 m of height."""
+    """Cameras on a spiral over the dome, at heights from 1 m to 3.6 m."""
 
     cameras: int = 31
     lens: Lens = Lens(distorted_every=1)
 
     def build(self, rng: np.random.Generator) -> Rig:
-        """The cameras 00_00, 00_01, ..."""
+        """Return the cameras 00_00, 00_01, ..."""
         _check_count(self.cameras)
         cameras = []
         for i, height in enumerate(np.linspace(-0.15, 0.80, self.cameras)):
@@ -106,13 +116,13 @@ class Dome:
 
 @dataclass(frozen=True)
 class PanelDome:
-    """Cameras on the 20 panels of the dome, `per_panel` on each: 480 in full."""
+    """Cameras on the 20 panels of the dome, `per_panel` on each: 480 by default."""
 
     per_panel: int = 24
     lens: Lens = Lens(VGA, (440.0, 520.0), distorted_every=1)
 
     def build(self, rng: np.random.Generator) -> Rig:
-        """The cameras 01_01 (panel, number) to 20_24."""
+        """Return the cameras 01_01 (panel, number) to 20_24."""
         _check_count(self.per_panel)
         number = np.arange(self.per_panel)
         spread = DOME_PANEL_RADIUS / DOME_RADIUS * np.sqrt((number + 0.5) / self.per_panel)  # rad
@@ -133,7 +143,7 @@ class PanelDome:
 
 
 def looking_at(place: Array, target: Array, roll: float = 0.0) -> Rigid:
-    """cam_from_world of a camera at `place` (3,) m that faces `target`, rolled by `roll` rad."""
+    """Return cam_from_world of a camera at `place` (3,) m that faces `target`, rolled by `roll` rad."""
     forward = (target - place) / np.linalg.norm(target - place)
     level = np.cross(forward, [0.0, 0.0, 1.0])
     level /= np.linalg.norm(level)
@@ -146,7 +156,7 @@ def looking_at(place: Array, target: Array, roll: float = 0.0) -> Rigid:
 def _camera(
     rng: np.random.Generator, name: str, place: Array, target: Array, lens: Lens, index: int
 ) -> Camera:
-    """A camera with a random focal length, principal point, roll and, maybe, distortion."""
+    """Draw a camera with random focal length, principal point, roll and, depending on `lens`, distortion."""
     width, height = lens.image_size
     focal = rng.uniform(*lens.focal)
     cx, cy = 0.5 * (width - 1) + rng.normal(0.0, 8.0), 0.5 * (height - 1) + rng.normal(0.0, 8.0)
@@ -172,13 +182,13 @@ def _check_count(cameras: int) -> None:
 
 
 def farthest_first(rig: Rig, count: int) -> Rig:
-    """`count` cameras of a rig, in its order, spread as in Joo et al. 2017, 7.3.
+    """Return `count` well-spread cameras of a rig, in the rig's order, as in Joo et al. 2017, 7.3.
 
-    Each is the one farthest from those taken before it, so smaller choices are parts of larger ones.
-    The first is the one farthest from the middle of all.
+    Each camera is the one farthest from those chosen before it, so smaller choices are subsets of larger
+    ones. The first camera is the one farthest from the mean of all camera centres.
 
     Raises:
-        UsageError: if the rig has fewer.
+        UsageError: If the rig has fewer cameras.
     """
     if not 1 <= count <= len(rig):
         raise UsageError(f"{count} cameras of a rig of {len(rig)}")

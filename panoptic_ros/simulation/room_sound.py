@@ -1,8 +1,8 @@
-"""Sound in a room: from where it is made, over walls, to microphones with clocks of their own.
+"""Sound in a room, from its sources over wall reflections to microphones with their own clocks.
 
-Impulse responses are those of a box: the direct sound and its first reflections by image sources (Allen and
-Berkley 1979), and a diffuse tail that falls by 60 dB in the reverberation time, as loud as Sabine's theory
-has it. So beyond the critical distance, a metre in a living room, most of what is heard is tail.
+Impulse responses are those of a box. The direct sound and the first reflections come from image sources
+(Allen and Berkley 1979). A diffuse tail decays by 60 dB in the reverberation time, with the level that
+Sabine's theory predicts. So beyond the critical distance, about a metre in a living room, the tail dominates.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from panoptic_ros.simulation.voices import RATE
 
 Array = np.ndarray
 SPEED_OF_SOUND = 343.0  # m/s
-ORDER = 2  # walls that an image has been reflected by, at most
-TAIL_AFTER_S = 0.008  # from the direct sound
-HALF_KERNEL = 16  # samples of a delayed pulse
-FINER = 2  # by which sound is resampled before a recorder takes it
+ORDER = 2  # largest number of wall reflections of an image source
+TAIL_AFTER_S = 0.008  # s from the direct sound to the beginning of the tail
+HALF_KERNEL = 16  # samples; half length of a fractionally delayed pulse
+FINER = 2  # oversampling factor before a recorder samples the sound
 
 
 @dataclass(frozen=True)
 class Room:
-    """A box from the origin on.
+    """Box-shaped room with one corner at the origin.
 
     Args:
-        size: (x, y, z) m. reverberation_s: in which sound falls by 60 dB.
+        size: Size (x, y, z) m.
+        reverberation_s: Time in which sound decays by 60 dB, s.
     """
 
     size: tuple[float, float, float] = (7.0, 6.0, 3.0)
@@ -38,20 +39,20 @@ class Room:
 
     @property
     def absorption(self) -> float:
-        """Share of the energy that a wall takes, after Sabine."""
+        """Return the share of energy that a wall absorbs, after Sabine."""
         x, y, z = self.size
         return min(0.95, 0.161 * x * y * z / (2.0 * (x * y + y * z + z * x) * self.reverberation_s))
 
     @property
     def critical_distance(self) -> float:
-        """Where the direct sound is as loud as the tail, m."""
+        """Return the distance (m) at which the direct sound is as loud as the tail."""
         return 0.057 * float(np.sqrt(np.prod(self.size) / self.reverberation_s))
 
     def response(self, source: Array, microphone: Array, rng: np.random.Generator) -> Array:
-        """Impulse response (N,) at `RATE`, 1 at a distance of 1 m without walls.
+        """Return the impulse response (N,) at `RATE`; the direct sound at 1 m distance has amplitude 1.
 
         Args:
-            source, microphone: (3,) m, inside of the room.
+            source, microphone: Positions (3,) m, inside the room.
         """
         direct = float(np.linalg.norm(source - microphone))
         length = int((direct / SPEED_OF_SOUND + self.reverberation_s) * RATE) + 2 * HALF_KERNEL
@@ -73,7 +74,7 @@ class Room:
 
 
 def _add_pulse(response: Array, at: float, gain: float) -> None:
-    """Add a pulse of all frequencies at a fractional sample."""
+    """Add a band-limited pulse at a fractional sample position."""
     first = int(at) - HALF_KERNEL + 1
     begin, end = max(0, first), min(len(response), first + 2 * HALF_KERNEL)
     if begin < end:
@@ -83,10 +84,11 @@ def _add_pulse(response: Array, at: float, gain: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class DrySound:
-    """What somebody or something makes at one place.
+    """Dry sound from one place, without the room.
 
     Args:
-        place: (3,) m. pieces: (true s, samples (N,) at `RATE`).
+        place: Position (3,) m.
+        pieces: Pieces as (true time s, samples (N,) at `RATE`).
     """
 
     place: Array
@@ -95,14 +97,16 @@ class DrySound:
 
 @dataclass(frozen=True)
 class Recorder:
-    """A microphone, and the clock and the counting of the device behind it.
+    """Microphone with the clock and the sample counter of its device.
 
-    Its sample n is of true time begin_s + n / (sample_rate (1 + drift)), and its clock shows
-    clock_s + n / sample_rate then.
+    Sample n has the true time begin_s + n / (sample_rate (1 + drift)). The device clock then shows clock_s +
+    n / sample_rate.
 
     Args:
-        place: m. sample_rate: Hz, as it says. drift: how much too fast its clock runs.
-        snr_db: all sound over the noise of its own.
+        place: Position (3,) m.
+        sample_rate: Nominal sample rate, Hz.
+        drift: Relative rate error of its clock; positive runs too fast.
+        snr_db: Level of all sound relative to the microphone's own noise, dB.
     """
 
     place: tuple[float, float, float]
@@ -113,21 +117,24 @@ class Recorder:
     snr_db: float = 10.0
 
     def stamp_s(self, true_s: float) -> float:
-        """What its clock shows."""
+        """Return the time (s) that the device clock shows at a true time (s)."""
         return self.clock_s + (true_s - self.begin_s) * (1.0 + self.drift)
 
 
 def record(
     room: Room, sounds: Sequence[DrySound], recorder: Recorder, seconds: float, seed: Sequence[int]
 ) -> Array:
-    """What a recorder has (N,) float32 after so many seconds, peak 0.5; noise alone where all is silent."""
+    """Return the samples (N,) float32 of a recorder, `seconds` long on its nominal rate, with peak 0.5.
+
+    The result is noise alone where all is silent.
+    """
     rng = np.random.default_rng([*seed, 0])
-    begin = recorder.begin_s - 0.05  # s of the common time line before the first sample
+    begin = recorder.begin_s - 0.05  # true time in s, a little before the first sample
     count = int((seconds + 0.1) * RATE)
     heard = np.zeros(count)
     place = np.array(recorder.place)
     for k, sound in enumerate(sounds):
-        dry = np.zeros(count + RATE)  # from a second before, so that tails of what was before are there
+        dry = np.zeros(count + RATE)  # one extra second before, so that tails of earlier sounds are included
         for at, piece in sound.pieces:
             _add(dry, round((at - begin + 1.0) * RATE), piece)
         if dry.any():

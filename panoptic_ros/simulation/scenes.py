@@ -1,4 +1,4 @@
-"""Scenes by name. A scene says everything but the seed."""
+"""Named scenes. A scene defines everything except the seed."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from panoptic_ros.simulation.walls import Wall
 
 @dataclass(frozen=True)
 class Scene:
-    """People, cameras, and how the cameras' detector fails.
+    """Declarative scene: people, cameras, and the faults of the cameras' detector.
 
     Raises:
-        UsageError: on an unknown staging or values that make no sense.
+        UsageError: For an unknown staging or inconsistent values.
     """
 
-    about: str  # what it is for, a few words
+    about: str  # purpose in a few words
     activities: tuple[str, ...]  # one per person, see people.ACTIVITIES
     rig: RigPlan
     staging: str = "random"  # see stagings.STAGINGS
-    area: float = 2.3  # m, radius of the space that people use
-    table: float = 0.0  # m, radius of a round table over the origin, 0 = none
-    walls: tuple[Wall, ...] = ()  # that hide people
+    area: float = 2.3  # m; radius of the space that people use
+    table: float = 0.0  # m; radius of a round table centred at the origin, 0 = none
+    walls: tuple[Wall, ...] = ()  # walls that hide people
     degradation: Degradation = CLEAN
     timing: Timing = IN_STEP
-    absences: tuple[Absence, ...] = ()  # people whom nobody detects for a while
+    absences: tuple[Absence, ...] = ()  # periods in which people or joints are not detected
     frames: int = 90
-    rendered: bool = False  # images in place of 2D people
+    rendered: bool = False  # the take has images instead of simulated detections
 
     def __post_init__(self) -> None:
         if self.staging not in STAGINGS:
@@ -46,7 +46,11 @@ LOWER_HALF = ("BodyCenter", *(side + name for side in "lr" for name in ("Hip", "
 
 
 def _walk_out(person: int, two: float, one: float, end: float) -> tuple[Absence, ...]:
-    """Of eight cameras, 2 and 4 see the upper half of somebody from `two` s on; from `one` s on 2 alone."""
+    """Return absences that reduce a person's views, for a rig of eight cameras.
+
+    From `two` s on, only cameras 2 and 4 see the person, and only its upper half. From `one` s on, only
+    camera 2 does. The absences end at `end` s.
+    """
     others = (0, 1, 3, 5, 6, 7)
     return (
         Absence(person, two, end, others),
@@ -60,8 +64,9 @@ _EIGHT = ("walk", "walk", "talk", "reach", "turn", "crouch", "wave", "sit-down")
 _TWO_CLOCKS = Timing(
     29.97,
     generators=(
-        Generator("A", "25", 10 * 3600 * 25, drift_ppm=-7.0),  # 10:00:00:00
-        Generator("B", "29.97", (11 * 3600 + 17) * 30 + 4, begin_s=0.013, drift_ppm=31.0),  # 11:00:17:04
+        Generator("A", "25", 10 * 3600 * 25, drift_ppm=-7.0),  # first label 10:00:00:00
+        # first label 11:00:17:04
+        Generator("B", "29.97", (11 * 3600 + 17) * 30 + 4, begin_s=0.013, drift_ppm=31.0),
     ),
 )
 _VGA_LENS = Lens(VGA, (425.0, 440.0), distorted_every=0)
@@ -305,10 +310,10 @@ SCENES: dict[str, Scene] = {
 
 
 def scene(name: str) -> Scene:
-    """The scene of this name.
+    """Return the scene with this name.
 
     Raises:
-        UsageError: if there is none.
+        UsageError: If there is none.
     """
     if name not in SCENES:
         raise UsageError(f"unknown scene {name!r}; there are {', '.join(SCENES)}")

@@ -1,4 +1,4 @@
-"""Boxes of people in images, and which side of them shows."""
+"""Bounding boxes of people in images, and the test for people seen from behind."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Array = np.ndarray
 
 
 def boxes_of(points: Array, visible: Array) -> Array:
-    """Boxes (..., 4) px, left top right bottom, of visible joints (..., J); NaN if there are none."""
+    """Return boxes (..., 4) px (left, top, right, bottom) of the visible joints (..., J); NaN if none."""
     low = np.where(visible[..., None], points, np.inf).min(-2)
     high = np.where(visible[..., None], points, -np.inf).max(-2)
     boxes = np.concatenate([low, high], axis=-1)
@@ -18,7 +18,7 @@ def boxes_of(points: Array, visible: Array) -> Array:
 
 
 def box_overlap(a: Array, b: Array) -> float:
-    """Area that two boxes share, as a part of the smaller one; 0 for empty boxes."""
+    """Return the intersection area of two boxes divided by the smaller area; 0 for empty boxes."""
     sides = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
     smaller = min(float(np.prod(box[2:] - box[:2])) for box in (a, b))
     if not (sides > 0.0).all() or not smaller > 0.0:
@@ -27,7 +27,12 @@ def box_overlap(a: Array, b: Array) -> float:
 
 
 def seen_from_behind(joints: Array, centres: Array) -> Array:
-    """Who (C, P) turns the back to the camera, for joints (C, P, 19, 3) and centres (C, 3)."""
+    """Return a mask (C, P) of people who have their back to the camera.
+
+    Args:
+        joints: Joints (C, P, 19, 3) m.
+        centres: Camera centres (C, 3) m.
+    """
     across = joints[:, :, J["lShoulder"]] - joints[:, :, J["rShoulder"]]
     forward = np.cross(across, [0.0, 0.0, 1.0])
     towards = centres[:, None] - joints[:, :, J["Neck"]]

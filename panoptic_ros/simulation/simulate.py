@@ -1,4 +1,4 @@
-"""A scene and a seed become cameras, 2D people and the truth."""
+"""Simulation of a take: a scene and a seed determine cameras, 2D detections and ground truth."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ POSITION_DIGITS = 9
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """One take of a scene: who and what is there, and when the cameras expose."""
+    """One take of a scene: rig, people, exposure times and camera clocks."""
 
     scene: Scene
-    seed: tuple[int, ...]  # everything random derives from it
+    seed: tuple[int, ...]  # root seed of all random numbers
     rig: Rig
     people: tuple[Person, ...]
     schedule: Schedule
-    clocks: tuple[CameraClock, ...] = ()  # of the cameras, where each has its own
+    clocks: tuple[CameraClock, ...] = ()  # one clock per camera, empty if the cameras share one
 
     def sightings(self) -> Iterator[tuple[int, list[Sightings]]]:
-        """Index of each set and what every camera reports, also of cameras without an image."""
+        """Yield each set's index and the detections of every camera, including cameras without an image."""
         scene = self.scene
         detector = SimulatedDetector(
             (*self.seed, 4),
@@ -52,7 +52,7 @@ class Simulation:
             yield index, detector.detect(index, np.where(np.isnan(exposures), tick, exposures))
 
     def detection_sets(self, skeleton_hash: str = SKELETON.hash) -> Iterator[DetectionSet]:
-        """The 2D people of every instant, in the joints of `SKELETON`."""
+        """Yield the 2D detections of every instant, in the joints of `SKELETON`."""
         for index, views in self.sightings():
             stamps = self.schedule.stamps[index]
             seen = [
@@ -65,23 +65,28 @@ class Simulation:
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
+        """Return the duration in s, up to the last instant."""
         return float(self.schedule.ticks[-1])
 
     def master_ns(self, seconds: float) -> int:
-        """Master time of a time of the schedule: that of the first generator or camera clock, if there are
-        any."""
+        """Return the master time (ns) of a time of the schedule (s).
+
+        This is the time of the first camera's clock or of the first generator, if there are any.
+        """
         return self.stamp_ns(0, seconds)
 
     def stamp_ns(self, camera: int, seconds: float) -> int:
-        """What the clock of a camera shows at a time of the schedule."""
+        """Return the time (ns) that a camera's clock shows at a time of the schedule (s)."""
         if self.clocks:
             return self.clocks[camera].stamp_ns(seconds)
         generators = self.scene.timing.generators
         return generators[camera % len(generators)].stamp_ns(seconds) if generators else to_stamp(seconds)
 
     def is_ignored(self, person: Person, tick: float) -> bool:
-        """Whether a result may have a person or not: bystanders, and people while nobody can detect them."""
+        """Return whether a result may contain a person or not.
+
+        This holds for bystanders and for people while no camera can detect them.
+        """
         unseen = any(
             a.person == person.id and a.start <= tick < a.end and not a.cameras and not a.joints
             for a in self.scene.absences
@@ -89,9 +94,9 @@ class Simulation:
         return person.bystander or unseen
 
     def truth_document(self) -> dict[str, Any]:
-        """True skeletons at the instants of the sets, as a `panoptic-skeletons-1` document.
+        """Return the true skeletons at the instants of the sets, as a `panoptic-skeletons-1` document.
 
-        People who are ignored carry "ignore".
+        Ignored people have an entry "ignore".
         """
         ticks = self.schedule.ticks
         joints = [np.round(person.joints(ticks), POSITION_DIGITS).tolist() for person in self.people]
@@ -110,18 +115,22 @@ class Simulation:
 
 
 def simulate(scene: Scene, seed: int, frames: int | None = None) -> Simulation:
-    """One take of a scene; the same scene and seed always give the same take.
+    """Return one take of a scene; the same scene and seed always give the same take.
 
-    A longer take begins with a shorter one. `frames` replaces the scene's own number.
+    A longer take begins with a shorter one.
+
+    Args:
+        frames: Number of frames. Default: that of the scene.
 
     Raises:
-        UsageError: on a negative seed or no frames.
+        UsageError: For a negative seed or fewer than one frame.
     """
     count = scene.frames if frames is None else frames
     if seed < 0 or count < 1:
         raise UsageError(f"a simulation needs a seed from 0 and frames from 1, not {seed} and {count}")
     setting = repr((scene.activities, scene.staging, scene.rig, scene.area, scene.table))
-    root = (seed, zlib.crc32(setting.encode()))  # other faults of the detector: the same people
+    # the seed ignores the detector's faults, so that other faults act on the same people
+    root = (seed, zlib.crc32(setting.encode()))
     rig = replace(scene.rig.build(np.random.default_rng([*root, 1])), occluders=occluders_of(scene.walls))
     stage = Stage(scene.activities, scene.area, scene.table)
     people = STAGINGS[scene.staging](np.random.default_rng([*root, 2]), stage)
@@ -132,7 +141,7 @@ def simulate(scene: Scene, seed: int, frames: int | None = None) -> Simulation:
 
 
 def _with_clocks(rig: Rig, generators: Sequence[Generator]) -> Rig:
-    """The rig whose cameras name the generators that they are locked to."""
+    """Return the rig with each camera's clock set to the generator that the camera is locked to."""
     if not generators:
         return rig
     clocks = [generators[k % len(generators)].clock for k in range(len(rig))]

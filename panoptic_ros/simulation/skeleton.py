@@ -1,4 +1,4 @@
-"""The joints of simulated people: the 19 of the CMU Panoptic data set."""
+"""Joints of simulated people: the 19 joints of the CMU Panoptic data set."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ JOINTS = (
     "rEar",
 )
 J = {name: index for index, name in enumerate(JOINTS)}
-SIDES = (("l", 1.0), ("r", -1.0))  # first letter of the joints, sign of the body's y axis
+SIDES = (("l", 1.0), ("r", -1.0))  # (first letter of the joints, sign of the body's y axis)
 
 _BONES = (
     "BodyCenter Neck",
@@ -63,5 +63,5 @@ SKELETON = SkeletonModel(
 
 
 def both_sides(*names: str) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the left and of the right joints of these names."""
+    """Return the indices of the left and of the right joints of these names."""
     return np.array([J["l" + name] for name in names]), np.array([J["r" + name] for name in names])

@@ -1,4 +1,4 @@
-"""What goes wrong with measured joints, put on true ones: noise, outliers, and wrists that are missing."""
+"""Faults of measured joints, added to true joints: noise, outliers, and gaps in the wrists."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import NamedTuple
 import numpy as np
 
 Array = np.ndarray
-NOISE = 0.02  # m, root mean square of the error of a joint
-OUTLIERS, AWAY = 0.05, 0.15  # share of joints that are so many m away
-LENGTHS = (5, 15)  # instants of a gap
-GAPS = 2  # of every wrist, one in each half of the recording
+NOISE = 0.02  # m; root mean square of a joint's 3D error
+OUTLIERS, AWAY = 0.05, 0.15  # share of outlier joints, and their displacement in m
+LENGTHS = (5, 15)  # (shortest, longest) gap in instants
+GAPS = 2  # number of gaps per wrist, one in each half of the recording
 
 
 class Faulty(NamedTuple):
-    """Joints (J, 3) m of people by instant, NaN = missing; and which are missing in a gap."""
+    """Faulty joints (J, 3) m by instant and person, NaN = missing, and the set of joints missing in gaps."""
 
     joints: list[dict[int, Array]]
-    gaps: set[tuple[int, int, int]]  # instant, person, joint
-    covariance: Array  # (3, 3) m^2 of the noise
+    gaps: set[tuple[int, int, int]]  # (instant, person, joint)
+    covariance: Array  # covariance (3, 3) m^2 of the noise
 
 
 def with_faults(truth: Sequence[Mapping[int, Array]], joint_names: Sequence[str], seed: int) -> Faulty:
-    """True joints (J, 3) m of people by instant, with faults that the seed draws."""
+    """Return the true joints (J, 3) m, by instant and person, with random faults drawn from the seed."""
     rng, sigma = np.random.default_rng(seed), NOISE / np.sqrt(3.0)
     gaps: set[tuple[int, int, int]] = set()
     people = sorted({person for instant in truth for person in instant})

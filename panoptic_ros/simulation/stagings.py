@@ -1,4 +1,4 @@
-"""How people are placed: at random, spread out, crossing, entering and leaving, round a table, ..."""
+"""Arrangements of people: at random, spread out, crossing, entering and leaving, round a table, ..."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from panoptic_ros.simulation.people import ACTIVITIES, Person, draw_group, draw_
 from panoptic_ros.simulation.smooth import Pulses
 
 Array = np.ndarray
-OWN_SPACE = 0.6  # m, radius of the place of somebody who is spread out
+OWN_SPACE = 0.6  # m; radius of one person's own space in a spread-out staging
 
 
 @dataclass(frozen=True)
 class Stage:
-    """What a staging needs to know; lengths in m."""
+    """Parameters of a staging; lengths in m."""
 
     activities: tuple[str, ...]  # one per person
     area: float  # radius of the space that people use
@@ -29,12 +29,12 @@ class Stage:
 
 
 def at_random(rng: np.random.Generator, stage: Stage) -> list[Person]:
-    """Anywhere in the area, at a distance from each other."""
+    """Place people anywhere in the area, at a distance from each other."""
     return draw_group(rng, stage.activities, stage.area)
 
 
 def spread(rng: np.random.Generator, stage: Stage) -> list[Person]:
-    """Everybody in a place of their own on a circle of half the area's radius."""
+    """Place each person in its own space on a circle of half the area's radius."""
     count = len(stage.activities)
     start, away = rng.uniform(0.0, 2.0 * np.pi), (0.5 * stage.area if count > 1 else 0.0)
     people = []
@@ -47,7 +47,7 @@ def spread(rng: np.random.Generator, stage: Stage) -> list[Person]:
 
 
 def in_rooms(rng: np.random.Generator, stage: Stage) -> list[Person]:
-    """One in each quarter of the area, anywhere in a place of their own."""
+    """Place one person in each quarter of the area, anywhere in its own space."""
     people = []
     for number, activity in enumerate(stage.activities):
         person = draw_person(rng, number, activity, rng.uniform(1.55, 1.90), OWN_SPACE)
@@ -58,7 +58,7 @@ def in_rooms(rng: np.random.Generator, stage: Stage) -> list[Person]:
 
 
 def crossing(rng: np.random.Generator, stage: Stage) -> list[Person]:
-    """Two people on neighbouring circles who meet head-on, 0.5 m apart, at t = 1.5 s."""
+    """Place two people on neighbouring circles so that they meet head-on, 0.5 m apart, at t = 1.5 s."""
     radius, stride, cadence, gap, meeting = 1.2, 1.05, 0.9, 0.5, 1.5
     tilt = rng.uniform(0.0, 2.0 * np.pi)
     people = []
@@ -74,7 +74,7 @@ def crossing(rng: np.random.Generator, stage: Stage) -> list[Person]:
 
 
 def embrace(rng: np.random.Generator, stage: Stage) -> list[Person]:
-    """Two people who walk up to each other, embrace, and part."""
+    """Let two people walk up to each other, embrace, and part."""
     tilt, people = rng.uniform(0.0, 2.0 * np.pi), []
     for number, side in enumerate((0.0, np.pi)):
         toward = np.array([np.cos(tilt + side), np.sin(tilt + side)])
@@ -89,8 +89,8 @@ def embrace(rng: np.random.Generator, stage: Stage) -> list[Person]:
 
 
 def enter_leave(rng: np.random.Generator, stage: Stage) -> list[Person]:
-    """Three people who walk through the area one after another, and one who stays."""
-    visits = ((0.6, np.inf), (-np.inf, 1.9), (1.2, 3.6))  # s
+    """Let three people walk through the area one after another while a fourth stays."""
+    visits = ((0.6, np.inf), (-np.inf, 1.9), (1.2, 3.6))  # s; (from, until) of each visit
     standing = Standing((0.0, 0.0), rng.uniform(0.0, 2.0 * np.pi), draw_sway(rng))
     stays = Person(len(visits), Body.draw(rng, 1.7), standing, draw_gesture(rng, "talk"))
     people: list[Person] = []
@@ -104,7 +104,7 @@ def enter_leave(rng: np.random.Generator, stage: Stage) -> list[Person]:
 
 
 def round_table(rng: np.random.Generator, stage: Stage) -> list[Person]:
-    """On chairs around the table, facing it; the fifth is a child."""
+    """Place people on chairs around the table, facing it; the fifth is a child."""
     count = len(stage.activities)
     people = []
     for number in range(count):
@@ -122,7 +122,7 @@ def round_table(rng: np.random.Generator, stage: Stage) -> list[Person]:
 
 
 def among(rng: np.random.Generator, stage: Stage) -> list[Person]:
-    """A child in the middle and the others half a metre round it, who face it and crouch."""
+    """Place a child in the middle and the others half a metre around it, facing it and crouching."""
     people = []
     start, others = rng.uniform(0.0, 2.0 * np.pi), len(stage.activities) - 1
     for number, activity in enumerate(stage.activities):
@@ -137,7 +137,7 @@ def among(rng: np.random.Generator, stage: Stage) -> list[Person]:
 
 
 def with_bystanders(rng: np.random.Generator, stage: Stage) -> list[Person]:
-    """At random, and three more people who do not belong to the task, behind the cameras."""
+    """Place people at random, and three bystanders, who are not part of the task, behind the cameras."""
     people = draw_group(rng, stage.activities, stage.area)
     start = rng.uniform(0.0, 2.0 * np.pi)
     for k, activity in enumerate(("talk", "turn", "reach")):
@@ -163,7 +163,7 @@ STAGINGS: dict[str, Staging] = {
 
 
 def _visitor(rng: np.random.Generator, number: int, visit: Sequence[float], area: float) -> Person:
-    """Somebody who walks straight through the area, there during the visit (from, until; s)."""
+    """Return a person who walks straight through the area and is present during `visit` (from, until; s)."""
     stride, cadence = 1.0, 0.9
     enter, leave = visit
     duration = 2.0 * area / (stride * cadence)
@@ -178,7 +178,7 @@ def _visitor(rng: np.random.Generator, number: int, visit: Sequence[float], area
 
 
 def _moved(motion: Motion, shift: Array) -> Motion:
-    """The same motion at another place."""
+    """Return the same motion shifted by `shift` (2,) m."""
     if isinstance(motion, Stepping) and isinstance(motion.path, (OnTheSpot, Round)):
         x, y = np.array(motion.path.centre) + shift
         return replace(motion, path=replace(motion.path, centre=(float(x), float(y))))

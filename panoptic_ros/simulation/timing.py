@@ -1,4 +1,4 @@
-"""When cameras expose, and which exposures belong together."""
+"""Exposure times of cameras, and their assignment to detection sets."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ import numpy as np
 from panoptic_ros.simulation.generators import Generator
 
 Array = np.ndarray
-EPOCH_NS = 1_000_000_000  # stamp of t = 0
-OWN_EPOCH_NS = 60_000_000_000  # the same of the first camera, where each has a clock of its own
+EPOCH_NS = 1_000_000_000  # timestamp of t = 0
+# timestamp of t = 0 on the first camera's clock, where each camera has its own clock
+OWN_EPOCH_NS = 60_000_000_000
 
 
 @dataclass(frozen=True)
 class OwnClocks:
-    """Cameras that stamp frames and sound by clocks of their own, behind that of the first camera.
+    """Own clocks of the cameras, which stamp frames and sound and run behind the first camera's clock.
 
     Args:
-        behind: s, from and to. drift_ppm: standard deviation of their rate errors; twice of it is the most.
+        behind: Range of the clock offsets behind the first camera, s.
+        drift_ppm: Standard deviation of the rate errors, which are clipped at twice this value.
     """
 
     behind: tuple[float, float] = (0.5, 9.0)
@@ -30,14 +32,15 @@ class OwnClocks:
 class Timing:
     """Frame rates and clocks of the cameras."""
 
-    rate: float = 30.0  # Hz, of the truth and of the sets
-    camera_rates: tuple[float, ...] = ()  # Hz, dealt out in turn; empty: all `rate`
-    phase: float = 0.0  # s, cameras start uniformly within +- this
+    rate: float = 30.0  # Hz; rate of the ground truth and of the detection sets
+    # Hz; assigned to the cameras in rotation; empty: all cameras use `rate`
+    camera_rates: tuple[float, ...] = ()
+    phase: float = 0.0  # s; first exposures are uniform within +- this
     drift_ppm: float = 0.0  # standard deviation of the cameras' rate errors
-    stamp_jitter: float = 0.0  # s, standard deviation of stamp minus exposure
+    stamp_jitter: float = 0.0  # s; standard deviation of timestamp minus exposure
     drop: float = 0.0  # probability that a camera's frame is lost
-    generators: tuple[Generator, ...] = ()  # dealt out in turn, in place of rates, phases and drifts
-    own_clocks: OwnClocks | None = None  # of the cameras, which hear what people say
+    generators: tuple[Generator, ...] = ()  # assigned in rotation; they replace rates, phases and drifts
+    own_clocks: OwnClocks | None = None  # clocks of the cameras, which also record sound
 
 
 IN_STEP = Timing()
@@ -45,12 +48,13 @@ IN_STEP = Timing()
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """F sets of C cameras; times in s.
+    """Schedule of F sets of C cameras, times in s.
 
-    ticks: (F,) instants of the sets and of the truth.
-    exposures: (F, C) when each camera exposed, NaN = no image in this set.
-    stamps: (F, C) when it says that it did.
-    rates: (C,) frames per second.
+    Args:
+        ticks: Instants (F,) of the sets and of the ground truth.
+        exposures: True exposure time (F, C) of each camera, NaN = no image in this set.
+        stamps: Timestamp (F, C) of each exposure.
+        rates: Frame rate (C,) of each camera, Hz.
     """
 
     ticks: Array
@@ -59,7 +63,10 @@ class Schedule:
     rates: Array
 
     def numbers(self, camera: int) -> Array:
-        """(N,) int: of a camera's exposures, in its frame periods since the first; lost ones are left out."""
+        """Return the numbers (N,) int of a camera's exposures, in frame periods since the first.
+
+        Lost exposures are left out.
+        """
         exposures = self.exposures[:, camera]
         there = exposures[~np.isnan(exposures)]
         numbers: Array = np.rint((there - there[0]) * self.rates[camera]).astype(int)
@@ -67,7 +74,7 @@ class Schedule:
 
 
 def make_schedule(seed: Sequence[int], timing: Timing, frames: int, cameras: int) -> Schedule:
-    """Deal every camera's exposures out to the sets nearest in time.
+    """Assign every camera's exposures to the sets nearest in time.
 
     A longer schedule begins with a shorter one.
     """
@@ -84,7 +91,7 @@ def make_schedule(seed: Sequence[int], timing: Timing, frames: int, cameras: int
         numbers = np.arange(-2, int(frames * rates[camera] / timing.rate) + 3)
         times = phases[camera] + periods[camera] * numbers
         groups = np.rint(times * timing.rate).astype(int)
-        groups, first = np.unique(groups, return_index=True)  # the first of two in one set
+        groups, first = np.unique(groups, return_index=True)  # keep the first of two exposures in one set
         inside = (groups >= 0) & (groups < frames)
         exposures[groups[inside], camera] = times[first[inside]]
     exposures[losses.random((frames, cameras)) < timing.drop] = np.nan
@@ -94,18 +101,18 @@ def make_schedule(seed: Sequence[int], timing: Timing, frames: int, cameras: int
 
 @dataclass(frozen=True)
 class CameraClock:
-    """What a camera's clock shows: OWN_EPOCH_NS - behind_s + t (1 + drift)."""
+    """Clock of a camera. At time t (s) it shows OWN_EPOCH_NS - behind_s + t (1 + drift)."""
 
     behind_s: float = 0.0
     drift: float = 0.0
 
     def stamp_ns(self, seconds: float) -> int:
-        """At a time of the schedule."""
+        """Return the time (ns) that the clock shows at a time of the schedule (s)."""
         return OWN_EPOCH_NS + round(1e9 * (float(seconds) * (1.0 + self.drift) - self.behind_s))
 
 
 def camera_clocks(seed: Sequence[int], timing: Timing, cameras: int) -> tuple[CameraClock, ...]:
-    """The own clock of each camera, the first of which is right; none if they share one."""
+    """Return each camera's own clock, the first one exact, or () if the cameras share a clock."""
     if timing.own_clocks is None:
         return ()
     rng = np.random.default_rng([*seed, 5])
@@ -116,5 +123,5 @@ def camera_clocks(seed: Sequence[int], timing: Timing, cameras: int) -> tuple[Ca
 
 
 def to_stamp(seconds: float) -> int:
-    """The stamp (ns) of a time (s)."""
+    """Return the timestamp (ns) of a time (s)."""
     return EPOCH_NS + round(float(seconds) * 1e9)

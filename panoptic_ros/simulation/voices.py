@@ -1,4 +1,4 @@
-"""What is heard in a room before the room has its say: talk and claps, as dry sounds."""
+"""Dry sounds of talk and claps, without the acoustics of a room."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import numpy as np
 from scipy.signal import butter, lfilter, sosfilt
 
 Array = np.ndarray
-RATE = 16_000  # Hz, of dry sounds
-SYLLABLES = (3.0, 5.5)  # a second
-VOICED = 0.75  # share of the syllables that are
-PITCH = (95.0, 230.0)  # Hz
-FORMANTS = ((300.0, 800.0), (900.0, 2200.0), (2300.0, 3200.0))  # Hz, from and to
-CLAP_BAND = (500.0, 5000.0)  # Hz
+RATE = 16_000  # Hz; sample rate of dry sounds
+SYLLABLES = (3.0, 5.5)  # syllables per second, from and to
+VOICED = 0.75  # share of voiced syllables
+PITCH = (95.0, 230.0)  # Hz; range of the voice pitch
+FORMANTS = ((300.0, 800.0), (900.0, 2200.0), (2300.0, 3200.0))  # Hz; frequency ranges of three formants
+CLAP_BAND = (500.0, 5000.0)  # Hz; pass band of a clap's noise
 
 
 def talk(rng: np.random.Generator, seconds: float) -> Array:
-    """Something like a sentence (N,) of one person: syllables with pauses, rms 1 over its length."""
+    """Return a sentence-like sound (N,) of one person: syllables with pauses, rms 1 over its length."""
     pitch = rng.uniform(*PITCH)
     sound = np.zeros(int(seconds * RATE))
     at = 0.0
@@ -50,7 +50,7 @@ def _syllable(rng: np.random.Generator, pitch: float, length: float) -> Array:
 
 
 def clap(rng: np.random.Generator) -> Array:
-    """One clap of two hands (N,), peak about 1."""
+    """Return one hand clap (N,), peak about 1."""
     time = np.arange(int(0.08 * RATE)) / RATE
     shape = np.minimum(1.0, time / 0.001) * np.exp(-time / rng.uniform(0.004, 0.012))
     noise = rng.standard_normal(len(time))

@@ -1,4 +1,4 @@
-"""Walls of simulated scenes: upright boxes on the floor, through which nothing is seen."""
+"""Opaque walls of simulated scenes: upright boxes on the floor."""
 
 from __future__ import annotations
 
@@ -14,21 +14,25 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Wall:
-    """A box along the axes of the world: size (x, y, z) m, and the middle of its foot (x, y) m."""
+    """Axis-aligned box on the floor with size (x, y, z) m and the centre (x, y) m of its base."""
 
     size: tuple[float, float, float]
     place: tuple[float, float] = (0.0, 0.0)
 
     @property
     def centre(self) -> Array:
-        """(3,) m."""
+        """Return the centre of the box (3,) m."""
         return np.array([*self.place, 0.5 * self.size[2]])
 
 
 def behind_walls(centres: Array, joints: Array, walls: Sequence[Wall]) -> Array:
-    """Which joints (C, P, J) a wall hides from the cameras; joints (C, P, J, 3) m, centres (C, 3) m.
+    """Return a mask (C, P, J) of joints that a wall hides from the cameras.
 
-    A line of sight meets a box where it is between all three pairs of its sides at once.
+    A line of sight hits a box where it lies between all three pairs of opposite faces at once.
+
+    Args:
+        centres: Camera centres (C, 3) m.
+        joints: Joints (C, P, J, 3) m.
     """
     origin = centres[:, None, None]
     direction = joints - origin
@@ -43,7 +47,7 @@ def behind_walls(centres: Array, joints: Array, walls: Sequence[Wall]) -> Array:
 
 
 def occluders_of(walls: Sequence[Wall]) -> Occluders | None:
-    """The walls as a rig knows them; None if there are none."""
+    """Return the walls as occluders of a rig, or None without walls."""
     if not walls:
         return None
     return Occluders.joined(Occluders.box(np.array(w.size), np.eye(3), w.centre) for w in walls)

@@ -1,7 +1,7 @@
-"""Landmarks beyond the 19 joints: face, hands and feet of simulated people, by their shared names.
+"""Landmarks of simulated people beyond the 19 joints: face, hands and feet, by their shared names.
 
-The names are those of the vocabulary that skeleton files share (`config/skeletons`), so any of these
-skeletons can be simulated: `landmarks(person, t)["left_big_toe"]`.
+The names come from the vocabulary that skeleton files share (`config/skeletons`), so any of these skeletons
+can be simulated, e.g. `landmarks(person, t)["left_big_toe"]`.
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ from panoptic_ros.simulation.timing import to_stamp
 
 Array = np.ndarray
 FINGERS = ("thumb", "forefinger", "middle_finger", "ring_finger", "pinky_finger")
-FINGER_REACH = (0.045, 0.085, 0.110, 0.130)  # m from the hand's root, of the joints of a finger
+# m; distances of a finger's joints from the wrist along the forearm
+FINGER_REACH = (0.045, 0.085, 0.110, 0.130)
 FINGER_GAP = 0.02  # m between fingers
-FOOT = {"big_toe": (0.17, -0.02), "small_toe": (0.14, 0.05), "heel": (-0.05, 0.0)}  # forward, outward, m
+# offsets from the ankle: forward, outward, m
+FOOT = {"big_toe": (0.17, -0.02), "small_toe": (0.14, 0.05), "heel": (-0.05, 0.0)}
 SOLE = 0.05  # m below the ankle
-MISS = 0.05  # of a joint
+MISS = 0.05  # probability that a joint is missing
 SCORE = (0.6, 0.95)
 
 
 def landmarks(person: Person, t: Array) -> dict[str, Array]:
-    """Positions (T, 3) m of every landmark at times (T,) s, by its name in the vocabulary."""
+    """Return positions (T, 3) m of every landmark at times (T,) s, by its name in the vocabulary."""
     posture = person.posture(t)
     joints = dict(zip(JOINTS, posture.joints.swapaxes(0, 1)))
     found = {"nose": joints["Nose"], "neck": joints["Neck"], "mid_hip": joints["BodyCenter"]}
@@ -48,7 +50,7 @@ def landmarks(person: Person, t: Array) -> dict[str, Array]:
 
 
 def _hand(side: str, sign: float, elbow: Array, wrist: Array, chest: Array) -> dict[str, Array]:
-    """A flat hand that prolongs the forearm, the thumb on the inner side."""
+    """Return the joints of a flat hand that extends the forearm, with the thumb on the inner side."""
     along = (wrist - elbow) / np.linalg.norm(wrist - elbow, axis=-1, keepdims=True)
     across = np.cross(along, chest[..., 0])
     across *= sign / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-3)
@@ -65,7 +67,7 @@ def _hand(side: str, sign: float, elbow: Array, wrist: Array, chest: Array) -> d
 
 
 def _face() -> Array:
-    """The 68 points (68, 3) m of a face in the head's axes, from the neck; 0 to 7 are on the right."""
+    """Return the face points (68, 3) m in head axes from the neck; points 0 to 7 are on the right."""
     turn = np.linspace(0.0, np.pi, 17)
     jaw = np.column_stack([0.03 + 0.075 * np.sin(turn), -0.07 * np.cos(turn), 0.19 - 0.12 * np.sin(turn)])
     arch = [0.210, 0.220, 0.223, 0.220, 0.215]
@@ -109,10 +111,10 @@ def _face() -> Array:
 
 
 def named_joints(person: Person, t: Array, names: Sequence[str]) -> Array:
-    """Positions (T, J, 3) m of landmarks by their names in the vocabulary.
+    """Return positions (T, J, 3) m of landmarks by their names in the vocabulary.
 
     Raises:
-        UsageError: if simulated people have no such landmark.
+        UsageError: If simulated people lack such a landmark.
     """
     known = landmarks(person, t)
     missing = [name for name in names if name not in known]
@@ -124,7 +126,10 @@ def named_joints(person: Person, t: Array, names: Sequence[str]) -> Array:
 def project_joints(
     rig: Rig, skeleton: SkeletonModel, joints: Array, index: int, seconds: float, noise_px: float, seed: int
 ) -> DetectionSet:
-    """2D people of joints (P, J, 3) m in all views: noise and single misses, nobody hides anybody."""
+    """Return the detections of joints (P, J, 3) m in all views, with noise and missing joints.
+
+    People do not hide each other.
+    """
     rng = np.random.default_rng([seed, index])
     views = []
     for camera in rig.cameras:

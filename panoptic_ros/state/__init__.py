@@ -1,11 +1,13 @@
-"""What a stage remembers, as bytes that another stage of the same kind can begin from.
+"""Serialises the state of a stage to bytes. Another stage of the same kind can begin from these bytes.
 
-A `StateLayout` names once which attributes of a stage are its state; `Stateful` gives a stage `state` and
-`begin` from it. The bytes are values and named fields, never code: classes come from the layout alone. A
-head says which stage, layout, configuration and context they are for, and has a checksum: foreign, cut or
-damaged bytes are refused. Everything is restored to the last bit: floats, the order of arrays in memory,
-which arrays are read-only, and which objects that can change several others refer to. Equal states are equal
-bytes, whether or not their stage began from bytes.
+A `StateLayout` defines which attributes of a stage are its state. `Stateful` uses it to give a stage the
+methods `state` and `begin`. The bytes contain values and named fields, never code: classes come from the
+layout alone. A head identifies stage, layout, configuration and context, and contains a checksum. So bytes of
+another stage, and cut or damaged bytes, are rejected.
+
+Everything is restored exactly: floats to the last bit, the memory order of arrays, which arrays are
+read-only, and which mutable objects are shared. Equal states give equal bytes, whether or not their stage
+began from bytes.
 """
 
 from panoptic_ros.state.layout import Fields, StateLayout

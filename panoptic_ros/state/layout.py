@@ -1,4 +1,4 @@
-"""Which attributes of a stage are its state, and of which classes its content may be."""
+"""Defines which attributes of a stage are its state, and which classes that state may contain."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Fields:
-    """A class whose instances may be part of a state, and the names of all of their attributes.
+    """Class whose instances may be part of a state, with the names of all of its attributes.
 
     Args:
-        is_value: instances never change, so it does not matter whether two are one and the same.
-        make: makes an instance from the values of these names, where they are not all of its attributes and
-            the rest, such as large tables, follows from them. It must bear any values.
+        cls: The class.
+        names: Names of the attributes to store.
+        is_value: Instances are immutable, so their identity does not matter.
+        make: Makes an instance from the values of `names`. It is needed if `names` are not all attributes,
+            because others, such as large tables, follow from them. It must accept any values.
     """
 
     cls: type
@@ -29,12 +31,15 @@ class Fields:
     def named(
         cls, owner: type, names: str, *, is_value: bool = False, make: Callable[..., Any] | None = None
     ) -> Fields:
-        """Of a plain class, whose attributes nothing but this list tells: "a b c"."""
+        """Return the fields of a plain class. Only this list, e.g. "a b c", states its attributes."""
         return cls(owner, tuple(names.split()), is_value, make)
 
     @classmethod
     def of(cls, entry: type | Fields) -> Fields:
-        """Of a dataclass, NamedTuple or Enum, which tell their fields themselves; others as they are."""
+        """Return the fields of a dataclass, NamedTuple or Enum, which define them.
+
+        An entry that is `Fields` already is returned unchanged.
+        """
         if isinstance(entry, Fields):
             return entry
         if issubclass(entry, Enum):
@@ -46,23 +51,24 @@ class Fields:
 
     @property
     def text(self) -> str:
-        """For the hash of the layout."""
+        """Return the text that represents this class in the hash of the layout."""
         return f"{self.cls.__name__}({' '.join(self.names)})"
 
 
 class StateLayout:
-    """The state of one kind of stage.
+    """Layout of the state of one kind of stage.
 
-    Names of attributes may be dotted, of parts of the stage; a part that is None has no state.
+    Attribute names may contain dots to address parts of the stage. A part that is None has no state.
 
     Args:
-        stage: its name, for the head of the bytes and for errors.
-        attributes: that are the state: all that a step may change and a later one may look at.
-        classes: of the objects in it, besides plain values, arrays and containers.
-        shared: attributes that stay as the constructor made them, but that parts of the state refer to.
-        lasting: those of the attributes that a stage keeps when it forgets what it measured.
-        same: what must be equal in a stage that begins from a state, by what errors call it, e.g.
-            {"cameras": "_rig.names"}; compared by hashes of `repr`.
+        stage: Name of the stage, for the head of the bytes and for errors.
+        attributes: Names of the attributes that form the state. A step may change them, and a later step may
+            read them.
+        classes: Classes of the objects in the state, in addition to plain values, arrays and containers.
+        shared: Attributes that stay as the constructor made them, but that parts of the state refer to.
+        lasting: Those of `attributes` that a stage keeps in `forget`.
+        same: Attributes that must be equal in a stage that begins from a state, by their names in errors,
+            e.g. {"cameras": "_rig.names"}. Hashes of their `repr` are compared.
     """
 
     def __init__(
@@ -83,22 +89,22 @@ class StateLayout:
         self.schema = _hash("\n".join(names))
 
     def values(self, stage: object) -> list[Any]:
-        """The state, attribute by attribute."""
+        """Return the values of the state, in the order of `attributes`."""
         return [_value(stage, name) for name in self.attributes]
 
     def set_values(self, stage: object, values: Iterable[Any]) -> None:
-        """Replace the state."""
+        """Replace the state by these values."""
         for name, value in zip(self.attributes, values, strict=True):
             owner, last = _place(stage, name)
             if owner is not None:
                 setattr(owner, last, value)
 
     def shared_objects(self, stage: object) -> dict[str, Any]:
-        """What the state refers to without holding it."""
+        """Return the objects that the state refers to but does not contain, by name."""
         return {name: _value(stage, name) for name in self.shared}
 
     def conditions(self, stage: object) -> dict[str, str]:
-        """Hashes of what must be equal."""
+        """Return the hashes of the attributes that must be equal, by their names in errors."""
         return {what: _hash(repr(_value(stage, name))) for what, name in self.same.items()}
 
 
@@ -108,7 +114,10 @@ def _value(stage: object, name: str) -> Any:
 
 
 def _place(stage: object, name: str) -> tuple[Any, str]:
-    """The part of a stage that has an attribute, None if it is not there, and the attribute's last name."""
+    """Return the part of a stage that owns an attribute, and the attribute's last name.
+
+    The part is None if it does not exist.
+    """
     *path, last = name.split(".")
     for part in path:
         stage = None if stage is None else getattr(stage, part)

@@ -1,25 +1,26 @@
-"""Stages that hand over their state.
+"""Converts the state of a stage to bytes and back.
 
-The bytes round a state: what they are, whom they are for, and whether they are whole.
+The bytes begin with a fixed head: mark (8 bytes), version, length of the text, total length (unsigned,
+little-endian), and the BLAKE2b hash of the rest. A JSON text follows, which identifies the stage and contains
+its values as a tree. The arrays follow the text, one after another. Each begins at a multiple of 16 bytes
+from the end of the text.
 
-Mark (8 bytes), version, length of the text and of all (unsigned, little-endian), BLAKE2b of what follows;
-then a JSON text, and the arrays one after another, each at a multiple of 16 from the end of the text.
+In the tree, None, bool, int, str and finite floats represent themselves. Every other value is a list that
+begins with a tag:
 
-Values as a tree for JSON, and arrays beside it.
-
-None, bool, int, str and finite floats stand for themselves. All else is a list that begins with a tag:
-
-    x  float that is not finite, 8 bytes as hexadecimal digits
-    v  scalar of numpy: type, bytes as hexadecimal digits
-    a  array: type, shape; A = read-only. If it does not lie in C order: the axes from the slowest to the
-       quickest, and whether there are gaps
-    t l q s z d c  tuple, list, deque (with its limit), set, frozenset, dict, Counter: items, or keys, values
-    #  inside of those, in place of many ints or floats: type and number, the values being an array
-    e  member of an Enum: number of the class in the layout, name
-    o  object: number of the class in the layout, fields in its order
-    &  the object with that number again. What can change is counted as it begins: arrays that are not
-       read-only, containers but for tuples and frozensets, and objects; values are written each time
-    =  an object that the stage has from its constructor, by name
+    x  Non-finite float: 8 bytes as hexadecimal digits.
+    v  Numpy scalar: dtype, bytes as hexadecimal digits.
+    a  Array: dtype, shape. If it is not in C order, the axes from the slowest to the fastest follow, and
+       whether the memory has gaps.
+    A  Read-only array, otherwise as a.
+    t l q s z d c
+       Tuple, list, deque (with its maximum length), set, frozenset, dict, Counter: items, or keys and values.
+    #  Inside those, instead of many ints or floats: dtype and count. The values are an array.
+    e  Enum member: index of its class in the layout, name.
+    o  Object: index of its class in the layout, fields in the order of the layout.
+    &  Reference to a mutable object, by its number. Writable arrays, containers except tuple and frozenset,
+       and objects are numbered in the order in which their writing begins. Immutable values are repeated.
+    =  Reference to an object that the stage has from its constructor, by name.
 """
 
 from __future__ import annotations
@@ -48,7 +49,13 @@ FIXED = struct.Struct("<8sIQQ16s")
 def closed(
     layout: StateLayout, conditions: Mapping[str, str], tree: Any, arrays: Sequence[np.ndarray]
 ) -> bytes:
-    """The state of a stage as bytes, from its tree (see `Writer`) and its arrays."""
+    """Return the state of a stage as bytes.
+
+    Args:
+        conditions: hashes of what must be equal, see `StateLayout`.
+        tree: values of the state, see `Writer`.
+        arrays: arrays of the tree, in order.
+    """
     head = {"stage": layout.stage, "layout": layout.schema, "same": dict(conditions), "tree": tree}
     text = json.dumps(head, allow_nan=False, separators=(",", ":")).encode()
     parts = [text]
@@ -60,10 +67,10 @@ def closed(
 
 
 def opened(layout: StateLayout, conditions: Mapping[str, str], state: bytes) -> tuple[Any, memoryview]:
-    """The tree and the bytes of the arrays.
+    """Check the bytes of a state; return its tree and the bytes of its arrays.
 
     Raises:
-        DataError: if they are not a whole state of this kind of stage.
+        DataError: if the bytes are not a complete state of this kind of stage.
     """
     what = f"the state to begin {layout.stage} from"
     if len(state) < FIXED.size or state[: len(MARK)] != MARK:
@@ -100,20 +107,22 @@ def _digest(body: bytes | memoryview) -> bytes:
 
 Array = np.ndarray
 PLAIN = frozenset((type(None), bool, int, str))
-VALUES = frozenset((tuple, frozenset))  # containers that cannot change
-MANY = 8  # ints or floats from which on they are written as an array
-KINDS = "biufcSU"  # of arrays
+VALUES = frozenset((tuple, frozenset))  # immutable containers
+MANY = 8  # minimum number of ints or floats that are written as an array
+KINDS = "biufcSU"  # permitted dtype kinds of arrays
 
 
 class Writer:
-    """Turns the values of one state into a tree; its arrays are kept in order."""
+    """Converts the values of one state to a tree, and collects their arrays in order."""
 
     def __init__(self, layout: StateLayout, shared: Mapping[str, Any]):
         self._layout = layout
         self._names = {id(value): name for name, value in shared.items() if type(value) not in PLAIN}
         self._attributes = [frozenset(fields.names) for fields in layout.classes]
-        self._numbers: dict[int, int] = {}  # of what was written, by id; the stage keeps all of it alive
-        self._made: list[Any] = []  # for this writer alone; kept, as ids of what is gone are given again
+        # numbers of the written mutable objects by id(); the stage keeps these objects alive
+        self._numbers: dict[int, int] = {}
+        # lists made by this writer; kept alive, as Python reuses the ids of freed objects
+        self._made: list[Any] = []
         self.arrays: list[Array] = []
         self._writers: dict[type, Callable[[Any], list[Any]]] = {
             np.ndarray: self._array,
@@ -127,7 +136,7 @@ class Writer:
         }
 
     def node(self, value: Any) -> Any:
-        """The tree of a value.
+        """Return the tree of a value.
 
         Raises:
             ContractError: if the layout lacks its class or one of its attributes.
@@ -198,27 +207,30 @@ class Writer:
 
 
 def slowest_first(array: Array) -> list[int]:
-    """The axes from the largest stride to the smallest; first those of length 1, whose stride is no order."""
+    """Return the axes in order of decreasing stride.
+
+    Axes of length 1 come first, as their strides imply no order.
+    """
     return sorted(
         range(array.ndim), key=lambda k: (array.shape[k] > 1, -abs(array.strides[k]) * (array.shape[k] > 1))
     )
 
 
 UNFINISHED = object()
-NO_NUMBER = -1  # of what cannot change
+NO_NUMBER = -1  # immutable values have no number
 
 
 class Reader:
-    """Makes the values of one state.
+    """Restores the values of one state from its tree and arrays.
 
-    No code of their classes runs: fields are set one by one. Only what the layout has a function for is made
-    by it.
+    No code of the value classes runs, as fields are set directly. The exception is a class with a `make`
+    function in the layout.
     """
 
     def __init__(self, layout: StateLayout, shared: Mapping[str, Any], data: memoryview):
         self._layout, self._shared, self._data = layout, shared, data
         self._position = 0
-        self._found: list[Any] = []  # what can change, in the order in which it begins
+        self._found: list[Any] = []  # mutable objects by number, in the order in which their reading begins
         self._readers: dict[str, Callable[[Sequence[Any], int], Any]] = {
             "a": self._array,
             "A": self._array,
@@ -233,10 +245,10 @@ class Reader:
         }
 
     def values(self, tree: Any) -> list[Any]:
-        """What the state holds, in the order of the layout's attributes.
+        """Return the values of the state, in the order of the layout's attributes.
 
         Raises:
-            DataError: if the tree is none of this layout.
+            DataError: if the tree does not match the layout.
         """
         try:
             values = self.node(tree)
@@ -249,7 +261,7 @@ class Reader:
         raise DataError(f"the state to begin {stage} from cannot be read ({problem}); hand it over anew")
 
     def node(self, node: Any) -> Any:
-        """The value of a tree."""
+        """Return the value of a tree."""
         if type(node) is not list:
             return node
         tag = node[0]
@@ -282,7 +294,7 @@ class Reader:
             return found
         return [self.node(node) for node in nodes]
 
-    # Containers that may hold themselves are entered before they are filled.
+    # Containers that may contain themselves are registered before they are filled.
 
     def _list(self, node: Sequence[Any], number: int) -> list[Any]:
         value: list[Any] = []
@@ -305,7 +317,7 @@ class Reader:
     def _filled(self, value: dict[Any, Any], node: Sequence[Any], number: int) -> dict[Any, Any]:
         self._found[number] = value
         for key, entry in zip(node[1::2], node[2::2], strict=True):
-            name = self.node(key)  # first, as it was written
+            name = self.node(key)  # key before value, in the order of writing
             value[name] = self.node(entry)
         return value
 
@@ -339,7 +351,12 @@ class Reader:
         return array
 
     def _in_order(self, dtype: np.dtype[Any], shape: Sequence[int], axes: Sequence[int], gaps: bool) -> Array:
-        """An array whose axes lie in memory from the slowest to the quickest, with gaps if it had any."""
+        """Return the next array of the data with its original memory layout.
+
+        Args:
+            axes: axes in memory order, from the slowest to the fastest.
+            gaps: whether the array had gaps in memory.
+        """
         dense = self._values(dtype, prod(shape)).reshape([shape[k] for k in axes])
         if gaps:
             wide = np.zeros((*dense.shape[:-1], 2 * dense.shape[-1]), dtype)
@@ -348,7 +365,7 @@ class Reader:
         return dense.transpose(np.argsort(axes))
 
     def _values(self, dtype: np.dtype[Any], count: int) -> Array:
-        """The next array of the data, on its own."""
+        """Return a copy of the next array in the data."""
         if count < 0:
             raise ValueError(f"an array of {count} values")
         start, size = self._position, count * dtype.itemsize
@@ -359,7 +376,11 @@ class Reader:
 
 
 def _plain(text: str) -> np.dtype[Any]:
-    """A type of numbers or texts; nothing that holds objects."""
+    """Return a dtype of numbers or text.
+
+    Raises:
+        ValueError: for any other dtype, e.g. one that holds objects.
+    """
     dtype = np.dtype(text)
     if dtype.kind not in KINDS:
         raise ValueError(f"an array of {dtype}")
@@ -367,34 +388,34 @@ def _plain(text: str) -> np.dtype[Any]:
 
 
 class Stateful:
-    """Gives a class with a `LAYOUT` the methods `state` and `begin`."""
+    """Mixin that gives a stage with a `LAYOUT` the methods `state`, `begin` and `forget`."""
 
     LAYOUT: ClassVar[StateLayout]
 
     def reset(self) -> None:
-        """Forget everything, as if just constructed."""
+        """Reset the stage to its state after construction."""
         raise NotImplementedError
 
     def forget(self) -> None:
-        """Forget what was measured, and keep what the layout calls lasting, such as ids that are taken."""
+        """Discard the measurements, but keep the layout's lasting attributes, such as used ids."""
         kept = {name: getattr(self, name) for name in self.LAYOUT.lasting}
         self.reset()
         for name, value in kept.items():
             setattr(self, name, value)
 
     def state(self) -> bytes:
-        """All that later steps depend on; the stage is unchanged."""
+        """Return everything that later steps depend on, as bytes. The stage is unchanged."""
         layout = self.LAYOUT
         writer = Writer(layout, layout.shared_objects(self))
         tree = writer.node(layout.values(self))
         return closed(layout, layout.conditions(self), tree, writer.arrays)
 
     def begin(self, state: bytes) -> None:
-        """Replace all of the stage's own state by what `state` gave.
+        """Replace the stage's own state by a result of `state`.
 
         Raises:
-            DataError: if the bytes are not whole, or of another kind of stage, version, configuration or
-                context; the stage is then unchanged.
+            DataError: if the bytes are incomplete, or belong to another kind of stage, version, configuration
+                or context. The stage is then unchanged.
         """
         layout = self.LAYOUT
         tree, data = opened(layout, layout.conditions(self), state)

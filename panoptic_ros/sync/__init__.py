@@ -1,23 +1,25 @@
-"""Sync: from the views of single cameras to one set per instant of the master time line.
+"""Group the views of single cameras into one set per instant of the master time line.
 
-In: ViewDetections, ClockModel of any number of clocks, and EndOfStream in replay. Out: DetectionSet, in the
-order of time, whatever the order of arrival between cameras.
+Input: ViewDetections, ClockModels of any number of clocks, and EndOfStream in replay. Output: DetectionSets
+in time order. The order of arrival between cameras does not matter.
 
-How: live, a camera whose clock disagrees with that of most cameras is left out and named (`agreement`,
-`majority`). In recordings, and where clock models are used, a frame is dropped if its stamp is an outlier,
-seconds off those of its camera before and after (`outliers`). The clock model of a camera, if there is one,
-moves its stamps to master time (`correction`). If frames show that the clock of their camera may have jumped,
-they wait for a model that knows of the jump.
-Instants are those of the fastest camera, of a chosen one, or a fixed grid (`instants`). They are predicted,
-updated by the frames of the master camera, and continue where it drops some. Each camera gives the frame
-that is nearest, within 0.6 of a period, and each frame at most once (`queue`). So 25 fps beside 29.97 fps
-gives 29.97 sets a second, with each slow camera in five of six. Views keep their own stamps, or are
-interpolated to the instant (`resample`, `links`). If the clock of all cameras is set back, sets run on
-(`jumps`). In recordings, cameras of another time are left out (`overlap`, `far_views`).
+1. Live: leave out and name a camera whose clock disagrees with the majority (`agreement`, `majority`).
+2. In recordings, and for cameras with clock models: drop frames with outlier timestamps, which are seconds
+   off those before and after (`outliers`).
+3. Convert timestamps to master time with the clock model of the camera, if there is one (`correction`). If
+   frames show that the clock may have jumped, they wait for a model that covers the jump.
+4. Choose the instants: those of the fastest camera, of a selected camera, or of a fixed grid (`instants`).
+   They are predicted and updated with the frames of the master camera. They continue if the master camera
+   drops frames.
+5. Take from each camera the frame nearest to the instant, within 0.6 periods, and each frame at most once
+   (`queue`). For example, 25 fps beside 29.97 fps gives 29.97 sets/s, with the slow camera in five of six.
+6. Keep the timestamps of the views, or interpolate the 2D poses to the instant (`resample`).
+7. If the clock of all cameras is set back, set times continue to increase (`jumps`).
+8. In recordings, leave out cameras from another time (`overlap`, `far_views`).
 
 Live, a set is closed at its deadline in capture time, and late frames are counted. Limits: without a clock
-model, a single camera whose clock jumps is left out, not corrected. A constant error of stamps below a second
-is not visible here.
+model, a single camera whose clock jumps is left out and not corrected. A constant timestamp error below 1 s
+is not observable here.
 """
 
 from panoptic_ros.sync.config import SyncConfig

@@ -1,8 +1,8 @@
-"""Live: cameras whose clock disagrees with that of the majority are left out and named.
+"""Live: leave out and name the cameras whose clock disagrees with the majority.
 
-Each camera has one accepted clock line, that of the majority (see `majority`), and one pending line of frames
-that are off it. Three frames over 0.5 s decide about a pending line. If most cameras are on it, the time line
-moves there. Else the camera is left out until its frames agree again.
+The accepted clock offset is that of the majority of cameras (see `majority`). Each camera also has a pending
+line with its frames that deviate from it. Three frames over 0.5 s decide on a pending line. If most cameras
+are on it, the accepted offset moves there. Otherwise the camera is left out until its frames agree again.
 """
 
 from __future__ import annotations
@@ -17,34 +17,36 @@ from panoptic_ros.stage import Notice
 from panoptic_ros.sync.majority import Group, Majority
 
 SECOND = 1_000_000_000
-SURE = 3  # frames that decide about a pending line
-SURE_NS = SECOND // 2  # time that these span; a burst after a stall is shorter, and 1 s is the limit
-START_NS = SECOND  # after the first frame, the time line begins without cameras that gave none
-ALONE_NS = 10 * SECOND  # after which a camera that no other one confirms is named
-AGAIN_NS = 5 * SECOND  # between notices of one camera; /diagnostics forget a warning after 10 s
-OFFSETS = 5  # frames whose median clock offset a notice gives; latency scatters that of a single one
-HELD = 64  # frames of a pending line that are kept
-NEAR_NS = 2 * SECOND  # between two frames of one line, for cameras above 2 Hz
-NEAR_STEPS = 4  # the same in steps of a slower camera
-MOST_NEAR_NS = 40 * SECOND  # the same for all cameras: four steps of 0.1 Hz
+SURE = 3  # minimum number of frames that decide on a pending line
+# ns that these frames must span; a burst after a stall is shorter, and the limit is 1 s
+SURE_NS = SECOND // 2
+# ns after the first frame at which the time line begins without cameras that have no frames yet
+START_NS = SECOND
+ALONE_NS = 10 * SECOND  # ns after which a camera that no other camera confirms is named
+AGAIN_NS = 5 * SECOND  # ns between notices on one camera; /diagnostics drops a warning after 10 s
+OFFSETS = 5  # frames whose median clock offset is reported; single ones scatter with the latency
+HELD = 64  # maximum number of frames kept on a pending line
+NEAR_NS = 2 * SECOND  # ns, maximum step between consecutive frames of one line, for cameras above 2 Hz
+NEAR_STEPS = 4  # the same limit in frame steps, for slower cameras
+MOST_NEAR_NS = 40 * SECOND  # ns, upper bound of that limit for all cameras: four steps at 0.1 Hz
 YEAR_NS = 365 * 86_400 * SECOND
-PERIODS_BY_STAMPS = 3  # allowance without times of arrival: the order of frames tells time to a period or two
+PERIODS_BY_STAMPS = 3  # periods of tolerance without arrival times; frame order gives time to 1 or 2 periods
 
 
 class StampedFrame(Protocol):
-    """A frame of a camera: an image, or the 2D people in it."""
+    """Frame of a camera: an image, or the 2D poses detected in it."""
 
     @property
     def camera(self) -> str:
-        """Name of the camera."""
+        """Return the name of the camera."""
 
     @property
     def stamp_ns(self) -> int:
-        """Stamp on the clock of the camera, ns."""
+        """Return the timestamp on the clock of the camera, ns."""
 
     @property
     def frame_number(self) -> int:
-        """Number that the camera gave it."""
+        """Return the frame number given by the camera."""
 
 
 Frame = TypeVar("Frame", bound=StampedFrame)
@@ -52,16 +54,16 @@ Frame = TypeVar("Frame", bound=StampedFrame)
 
 @dataclass
 class PendingLine(Generic[Frame]):
-    """The frames of one camera that are off the time line.
+    """Frames of one camera that deviate from the accepted clock offset.
 
     Args:
-        frames: the newest of them.
-        count: the number of all of them.
-        since: arrival of the first, ns. None means that there are none.
-        offsets: clock offsets of the newest frames from the time line, ns.
-        out: whether the camera is left out.
-        text: its notice.
-        noticed_at: arrival at which the notice was given last, ns.
+        frames: (list) newest of these frames.
+        count: (number) all of these frames, including those no longer kept.
+        since: (ns) arrival of the first of them; None if there are none.
+        offsets: (ns) clock offsets of the newest frames relative to the accepted offset.
+        out: True if the camera is left out.
+        text: notice text for the camera.
+        noticed_at: (ns) arrival time at the last notice.
     """
 
     frames: list[Frame] = field(default_factory=list)
@@ -73,7 +75,7 @@ class PendingLine(Generic[Frame]):
     noticed_at: int = 0
 
     def add(self, view: Frame, at: int) -> list[Frame]:
-        """Append a frame; return those that are no longer kept."""
+        """Append a frame; return the frames that are no longer kept."""
         self.since = at if self.since is None else self.since
         self.count += 1
         self.frames.append(view)
@@ -85,14 +87,15 @@ class PendingLine(Generic[Frame]):
         return lost
 
     def is_sure(self, at: int) -> bool:
-        """Whether there are enough frames to decide."""
+        """Return whether there are enough frames to decide."""
         return self.count >= SURE and self.since is not None and at - self.since >= SURE_NS
 
     def clear(self, following: Frame | None = None) -> tuple[list[Frame], list[Frame]]:
-        """Empty the line; return the frames that lead to its last one or the next one, and all others.
+        """Empty the line; return the frames that continue up to its end or to `following`, and the others.
 
         Args:
-            following: the next frame, which is on the time line.
+            following: next frame of the camera, which has the accepted offset; None to keep up to the last
+                frame.
         """
         frames, self.frames, self.count, self.since = self.frames, [], 0, None
         self.offsets.clear()
@@ -111,33 +114,35 @@ class PendingLine(Generic[Frame]):
 
 
 class Agreement(Generic[Frame]):
-    """Passes the frames that are on the time line of the majority.
+    """Filter that passes the frames whose clock offset is that of the majority.
 
     Args:
-        cameras: names in the order of the rig.
-        start_ns: how long after the first frame the time line waits for cameras that gave none.
+        cameras: names, in rig order.
+        start_ns: (ns) time after the first frame for which the time line waits for cameras without frames.
     """
 
     def __init__(self, cameras: Sequence[str], start_ns: int = START_NS):
         self._by_arrival, self._by_stamps = Majority(cameras), Majority(cameras, PERIODS_BY_STAMPS)
-        self._stamps: dict[str, int] = {}  # the newest of each camera, where no times of arrival are told
+        # newest timestamp of each camera, used if arrival times are missing
+        self._stamps: dict[str, int] = {}
         self._lines: dict[str, PendingLine[Frame]] = {name: PendingLine() for name in cameras}
         self._start_ns = min(start_ns, START_NS)
         self._began: int | None = None  # arrival of the first frame
 
     @property
     def offset(self) -> int | None:
-        """The clock offset of the time line by arrival, ns; None before it has begun."""
+        """Return the accepted clock offset by arrival times (ns); None before the time line has begun."""
         return self._by_arrival.offset
 
     def take(
         self, view: Frame, came_ns: int | None = None, host_ns: int | None = None
     ) -> tuple[list[Frame], list[Notice]]:
-        """Return the frames that may be grouped, in the order of their stamps.
+        """Add a frame; return the frames that may be grouped in timestamp order, and notices.
 
         Args:
-            came_ns: arrival on a monotonic clock. None: the median of the cameras' newest stamps stands in.
-            host_ns: arrival on the host's clock, which decides where there is no majority.
+            came_ns: arrival on a monotonic clock. None: the median of the cameras' newest timestamps is used
+                instead.
+            host_ns: arrival on the host's clock, which decides if there is no majority.
         """
         if came_ns is None:
             self._stamps[view.camera] = view.stamp_ns
@@ -157,7 +162,10 @@ class Agreement(Generic[Frame]):
         return [], notices
 
     def end(self, camera: str) -> tuple[list[Frame], list[Notice]]:
-        """End a camera; return its frames if the time line has not begun. Later, those off it are lost."""
+        """End a camera; return its frames if the time line has not begun, and notices.
+
+        Once the time line has begun, its frames with a deviating offset are dropped.
+        """
         line = self._lines[camera]
         begun = self._by_arrival.offset is not None or self._by_stamps.offset is not None
         frames, line.frames = line.frames, []
@@ -168,7 +176,7 @@ class Agreement(Generic[Frame]):
     def _gather(
         self, majority: Majority, view: Frame, at: int, host: int | None
     ) -> tuple[list[Frame], list[Notice]]:
-        """Begin the time line once all cameras, or most of those that live, have given frames."""
+        """Begin the time line once all cameras have given frames, or after a waiting time."""
         line = self._lines[view.camera]
         self._began = at if self._began is None else self._began
         notices = [_out_of_time(lost) for lost in line.add(view, at)]
@@ -190,7 +198,7 @@ class Agreement(Generic[Frame]):
     # ------------------------------------------------------------------ pending lines
 
     def _admit(self, line: PendingLine[Frame], view: Frame) -> tuple[list[Frame], list[Notice]]:
-        """Pass a frame that is on the time line, with those before it that lead to it."""
+        """Pass a frame with the accepted offset, and the pending frames that directly precede it."""
         if not line.count and not line.out:
             return [view], []
         notices: list[Notice] = []
@@ -205,7 +213,7 @@ class Agreement(Generic[Frame]):
     def _decide(
         self, majority: Majority, camera: str, at: int, host: int | None, notices: list[Notice]
     ) -> tuple[list[Frame], list[Notice]]:
-        """Move the time line to a pending line, or leave the camera of that line out."""
+        """Move the accepted offset to a pending line, or leave the camera of that line out."""
         view = self._lines[camera].frames[-1]
         assert majority.offset is not None
         groups = majority.groups(at)
@@ -228,10 +236,10 @@ class Agreement(Generic[Frame]):
         return [], notices
 
     def _leave_out(self, view: Frame, at: int, rulers: Sequence[str], notices: list[Notice]) -> None:
-        """Leave a camera out; name it now, and in the same words while it is out.
+        """Leave a camera out; name it now, and repeat the same notice while it is out.
 
         Args:
-            rulers: the cameras that the host's time bears out, where there is no majority.
+            rulers: cameras confirmed by the host's time, if there is no majority.
         """
         line = self._lines[view.camera]
         if not line.out:
@@ -248,7 +256,7 @@ class Agreement(Generic[Frame]):
         notices += [_out_of_time(lost) for lost in line.keep(SURE)]
 
     def _release(self, majority: Majority, notices: list[Notice]) -> tuple[list[Frame], list[Notice]]:
-        """Pass all pending frames of cameras that are on the time line now."""
+        """Pass all pending frames of cameras that now have the accepted offset."""
         views: list[Frame] = []
         for name, line in self._lines.items():
             if (line.count or line.out) and majority.agrees(majority.votes[name].offset):
@@ -262,7 +270,7 @@ class Agreement(Generic[Frame]):
 def _choose(
     groups: Iterable[Group], majority: Majority, host: int | None, incumbent: Group | None = None
 ) -> Group:
-    """The group that the host's time bears out; else the one that ruled so far; else the first."""
+    """Return the group that agrees with the host's time, else the incumbent group, else the first group."""
     groups = list(groups)
     if host is not None:
         near = min(groups, key=lambda group: abs(group.offset - host))
@@ -280,7 +288,7 @@ def _off(view: StampedFrame, text: str) -> Notice:
 
 
 def _off_text(view: StampedFrame, offset: int, whom: str) -> str:
-    """Name a camera that is left out, with its clock offset from the time line, ns."""
+    """Return the notice text for a camera that is left out, with its clock offset (ns) from the others."""
     why = "set its clock, or the time source of its driver"
     if view.stamp_ns < YEAR_NS < view.stamp_ns - offset:
         why = "they count from another start, e.g. that of the device: " + why
@@ -292,7 +300,7 @@ def _off_text(view: StampedFrame, offset: int, whom: str) -> str:
 
 
 def _decided(view: StampedFrame, best: Group, groups: Sequence[Group]) -> Notice:
-    """Name the cameras of both sides where the host's time decides for the new one."""
+    """Return a notice with the cameras of both sides if the host's time decided for a new offset."""
     others = [name for group in groups for name in group.names if name not in best.names]
     text = (
         f"stamps of camera {' and '.join(best.names)} disagree with those of "

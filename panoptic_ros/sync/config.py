@@ -1,4 +1,4 @@
-"""Parameters of sync."""
+"""Parameters of the sync stage."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from panoptic_ros.params import Config, named_numbers, named_words, param
 
 @dataclass(frozen=True, kw_only=True)
 class SyncConfig(Config):
-    """How frames of different cameras are put together."""
+    """Parameters for grouping frames of different cameras into sets."""
 
     master: str = param(
         "auto",

@@ -1,4 +1,4 @@
-"""From the stamps of cameras to the master time line: clock models, delays, and clocks that jump."""
+"""Convert camera timestamps to master time with clock models and delays, and handle clocks that jump."""
 
 from __future__ import annotations
 
@@ -17,46 +17,52 @@ from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.sync.outliers import LATEST_NS
 
 SECOND = 1_000_000_000
-FOREVER = 2**63 - 1  # a model that needs no observations to stay true
-HELD = 64  # live: frames of a camera that wait for a clock
-UNHEARD_S = 2.0  # of frames that wait for a clock of which nothing was heard
-SILENT_S = 3.0  # from the last observation of a clock to a frame
-FAR_S = 600.0  # from all observations of a clock to the first frame of a camera, which cannot be of it
-GAP_S = 0.3  # a longer step between frames may hide a jump of the clock
-ODD_STEP = 0.2  # of a period, from whole periods
-MOST_PERIODS = 2  # now and then one frame is lost; more may be a jump by whole periods
-PATIENCE_S = 2.0  # of frames, to wait for a new clock model after a gap
+FOREVER = 2**63 - 1  # ns, `until_ns` of a model that stays valid without observations
+HELD = 64  # live: maximum number of frames per camera that wait for a clock
+UNHEARD_S = 2.0  # s of waiting frames after which a clock without any model is reported
+SILENT_S = 3.0  # s without observations of a clock after which it is reported
+FAR_S = 600.0  # s, maximum distance of a camera's first frame from the observations of its clock
+GAP_S = 0.3  # s; a longer step between frames may hide a clock jump
+ODD_STEP = 0.2  # periods, maximum deviation of a frame step from whole periods
+MOST_PERIODS = 2  # longest regular frame step: one frame may be dropped; a longer step may be a clock jump
+PATIENCE_S = 2.0  # s of frames that wait for a new clock model after a gap
 BEFORE_JUMP = "its clock jumped before anything was known about it"
-LARGEST_DRIFT = 5e-3  # bad crystals are 1e-4 off, and rates that are taken for one another 1e-3
-RECENT = 9  # frame steps that tell a camera's period
+LARGEST_DRIFT = 5e-3  # bad crystals deviate by 1e-4, and confused frame rates by 1e-3
+RECENT = 9  # number of frame steps whose median is the period of a camera
 
 
 @dataclass
 class CameraClock:
-    """One camera's clock.
+    """Clock of one camera.
 
     Args:
-        model: the line that its frames are on; following: the next one, after a jump of the clock.
-        held: frames after an irregular step, which wait for a model that knows of it.
+        model: clock line of its frames; None before the first model.
+        following: next clock line, after a jump of the clock; None if there is none.
+        held: frames after an irregular step, which wait for a model that covers the step.
+        newest: (ns) timestamp of the newest frame that is not held.
+        steps: (ns) newest regular steps between frames.
+        told: True once a step back has been reported.
     """
 
     model: ClockModel | None = None
     following: ClockModel | None = None
     held: deque[ViewDetections] = field(default_factory=deque)
-    newest: int | None = None  # stamp of its newest frame that is not held
+    newest: int | None = None  # timestamp of the newest frame that is not held
     steps: deque[int] = field(default_factory=lambda: deque(maxlen=RECENT))
     told: bool = False
 
 
 class StampCorrection:
-    """Moves the stamps of views to master time.
+    """Converter of view timestamps to master time.
 
-    A camera whose clock is observed (a model with `until_ns`) can jump. Its own frames show that at once:
-    they go back, or their step is no whole number of periods, or more than two periods. From there on its
-    frames wait for a model with readings after the step. So no frame is given a wrong time.
+    The clock of a camera can jump if it is observed (its model has a finite `until_ns`). The camera's own
+    frames show a jump immediately. Their timestamps go back, or their step is not a whole number of periods,
+    or it is longer than two periods. From then on, frames of the camera wait for a model with readings after
+    the step. Therefore no frame gets a wrong time.
 
     Args:
-        clocks: of each camera, the clock that the rig names, "" = none.
+        clocks: by camera, the name of its clock in the rig; "" = none.
+        config: parameters of the stage.
     """
 
     def __init__(self, clocks: Mapping[str, str], config: SyncConfig):
@@ -65,16 +71,20 @@ class StampCorrection:
         self._clocks = dict(clocks)
         self._cameras = {name: CameraClock() for name in clocks}
         self._most_held = HELD if config.deadline_s else max(HELD, config.queue_limit)
-        self._heard: dict[str, bool] = {}  # clocks that have models: whether they are told to be silent
-        self._told: set[str] = set()  # clocks that are told to be unheard, or far from frames
-        self._implausible: set[str] = set()  # clocks whose last model could not be true
+        # clocks with models; True once the clock has been reported as silent
+        self._heard: dict[str, bool] = {}
+        self._told: set[str] = set()  # clocks reported as having no model, or as far from the frames
+        self._implausible: set[str] = set()  # clocks whose last model was impossible
 
     def _required(self, camera: str) -> str | None:
-        """The clock whose model the frames of a camera wait for, if any."""
+        """Return the clock whose model the frames of a camera must wait for, if any."""
         return self._device.get(camera, self._device.get(ALL))
 
     def _is_for(self, model: ClockModel, name: str) -> bool:
-        """Whether a model is of the clock that stamps a camera: that of a name goes before one of its own."""
+        """Return whether a model applies to a camera.
+
+        The model of the clock named in the rig takes precedence over a model with the camera's own name.
+        """
         required, known = self._required(name), self._cameras[name].model
         if required is not None:
             return model.device == required
@@ -82,7 +92,7 @@ class StampCorrection:
         return named or (model.device == name and (known is None or known.device == name))
 
     def clock(self, model: ClockModel) -> tuple[list[ViewDetections], tuple[Notice, ...]]:
-        """Take a model, if it can be true; return the frames that waited for it, in master time."""
+        """Add a clock model if it is plausible; return the frames released by it, in master time."""
         if abs(model.drift) > LARGEST_DRIFT:
             return [], self._refuse(model)
         self._implausible.discard(model.device)
@@ -95,7 +105,7 @@ class StampCorrection:
             known = camera.model
             if known is None or known.device != model.device or known.segment == model.segment:
                 camera.model = model
-            elif model.segment < known.segment:  # who writes the models began anew
+            elif model.segment < known.segment:  # the source of the models has restarted
                 camera.model, camera.following = model, None
             else:
                 camera.following = model
@@ -103,7 +113,7 @@ class StampCorrection:
         return released, tuple(notices)
 
     def view(self, view: ViewDetections) -> tuple[list[ViewDetections], tuple[Notice, ...]]:
-        """Take a frame; return the frames that are on the master time line now."""
+        """Add a frame; return the frames that can now be converted to master time."""
         notices: list[Notice] = []
         camera = self._cameras[view.camera]
         if camera.model is None and self._required(view.camera) is None:
@@ -117,22 +127,22 @@ class StampCorrection:
         return self._moved([view], camera.model, notices), tuple(notices)
 
     def corrects(self, name: str) -> bool:
-        """Whether a camera has a clock model or waits for one."""
+        """Return whether a camera has a clock model or waits for one."""
         return self._cameras[name].model is not None or self._required(name) is not None
 
     def holds(self, name: str) -> bool:
-        """Whether frames of a camera wait for its clock."""
+        """Return whether frames of a camera wait for its clock."""
         return bool(self._cameras[name].held)
 
     def end(self, name: str) -> tuple[Notice, ...]:
-        """A camera gives no more: the time of frames that still wait is never known."""
+        """End a camera; its waiting frames are dropped, as their time will never be known."""
         held = self._cameras[name].held
         lost = [_lost(view, "its clock was not heard") for view in held]
         held.clear()
         return tuple(lost)
 
     def _refuse(self, model: ClockModel) -> tuple[Notice, ...]:
-        """Tell of a model that cannot be true, once until a good one comes."""
+        """Report an impossible model: a warning once, then info until a plausible model arrives."""
         told = model.device in self._implausible
         self._implausible.add(model.device)
         text = (
@@ -142,10 +152,10 @@ class StampCorrection:
         severity: Severity = "info" if told else "warning"
         return (Notice("sync.clock_implausible", severity, text, {"device": model.device}),)
 
-    # ------------------------------------------------------------------ clocks that are not heard
+    # ------------------------------------------------------------------ clocks without observations
 
     def _unheard(self, camera: CameraClock, name: str) -> tuple[Notice, ...]:
-        """Tell once that frames wait for a clock that nobody hears."""
+        """Report once that frames wait for a clock without any model."""
         clock = self._required(name)
         if camera.model is not None or clock is None or clock in self._told:
             return ()
@@ -161,7 +171,7 @@ class StampCorrection:
         return (Notice("sync.clock_unheard", "warning", text, {"device": clock}),)
 
     def _silent(self, model: ClockModel, stamp_ns: int) -> tuple[Notice, ...]:
-        """Tell once that a clock has not been heard for some time."""
+        """Report once that a clock has not been observed for `SILENT_S`."""
         if model.until_ns == FOREVER or stamp_ns - model.until_ns < SILENT_S * SECOND:
             return ()
         if self._heard.get(model.device, True):
@@ -171,7 +181,10 @@ class StampCorrection:
         return (Notice("sync.clock_silent", "warning", text, {"device": model.device}),)
 
     def _is_far(self, camera: CameraClock, notices: list[Notice]) -> bool:
-        """Whether the first frames of a camera cannot be stamped by the clock that was heard; told once."""
+        """Return whether the first frames of a camera are too far from the clock's observations.
+
+        The clock then cannot be the clock of the camera. This is reported once per clock.
+        """
         model, first = camera.model, camera.held[0]
         if camera.newest is not None or model is None or model.until_ns == FOREVER:
             return False
@@ -190,7 +203,7 @@ class StampCorrection:
     # ------------------------------------------------------------------ irregular steps
 
     def _odd(self, camera: CameraClock, stamp_ns: int) -> bool:
-        """Whether the clock may have jumped since the camera's last frame."""
+        """Return whether the clock may have jumped since the camera's last frame."""
         assert camera.model is not None
         if camera.model.until_ns == FOREVER:
             return False
@@ -218,7 +231,7 @@ class StampCorrection:
         return tuple(notices)
 
     def _release(self, camera: CameraClock, notices: list[Notice]) -> list[ViewDetections]:
-        """The held frames, if a model knows their time."""
+        """Return the held frames in master time, if a model covers them."""
         if camera.newest is None:
             self._drop_unknown(camera, notices)
         if not camera.held or camera.model is None or self._is_far(camera, notices):
@@ -241,7 +254,7 @@ class StampCorrection:
         return self._moved(views, camera.model, notices)
 
     def _drop_unknown(self, camera: CameraClock, notices: list[Notice]) -> None:
-        """Drop frames before a jump that came before the first model: their time cannot be known."""
+        """Drop frames from before a jump that precedes the first model: their time is unknown."""
         model, held = camera.model, camera.held
         if model is None:
             return
@@ -249,7 +262,8 @@ class StampCorrection:
         jumps = [k + 1 for k, step in enumerate(steps) if not 0 < step <= GAP_S * SECOND]
         lost = [held.popleft() for _ in range(jumps[-1] if jumps else 0)]
         if lost and not model.from_ns <= held[0].stamp_ns <= model.until_ns:
-            camera.newest = lost[-1].stamp_ns  # the model knows nothing of the jump: the rest waits
+            # the model does not cover the jump, so the remaining frames wait
+            camera.newest = lost[-1].stamp_ns
         while model.segment and held and held[0].stamp_ns < model.from_ns:
             lost.append(held.popleft())
         notices += [_lost(view, BEFORE_JUMP) for view in lost]
@@ -257,7 +271,7 @@ class StampCorrection:
     # ------------------------------------------------------------------ regular steps
 
     def _switch(self, camera: CameraClock, stamp_ns: int) -> None:
-        """Take a new line that no irregular step announced, once the old one is over."""
+        """Switch to the next clock line, even without an irregular step, once the current one has ended."""
         old, new = camera.model, camera.following
         if old is None or new is None or stamp_ns < new.from_ns:
             return
@@ -272,7 +286,7 @@ class StampCorrection:
     def _moved(
         self, views: Iterable[ViewDetections], model: ClockModel | None, notices: list[Notice]
     ) -> list[ViewDetections]:
-        """Frames in master time; those outside of it are dropped, as their model must be wrong."""
+        """Return frames in master time; drop those with impossible times, as their model is wrong."""
         moved = []
         for view in views:
             delay = round(1e6 * of_name(self._delays, view.camera))
@@ -286,7 +300,10 @@ class StampCorrection:
 
 
 def _away_s(model: ClockModel, stamp_ns: int) -> float:
-    """How far a stamp is from all observations of a clock."""
+    """Return the distance (s) of a timestamp from the time span of a clock's observations.
+
+    It is negative inside the span.
+    """
     return max(stamp_ns - model.until_ns, model.from_ns - stamp_ns) / SECOND
 
 

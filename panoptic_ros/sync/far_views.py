@@ -1,4 +1,4 @@
-"""Recorded sets: views whose stamps disagree with those of most views of their set."""
+"""Remove from recorded sets the views whose timestamps disagree with the majority of their set."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from panoptic_ros.domain import DetectionSet
 from panoptic_ros.stage import Notice
 
 SECOND = 1_000_000_000
-LEAST_REACH_NS = SECOND  # views of one instant differ by less at any rate of video
-REACH_PERIODS = 1  # the same in periods of slower sets
+LEAST_REACH_NS = SECOND  # ns; views of one instant differ by less at any video rate
+REACH_PERIODS = 1  # the same limit in periods of the sets, for slow sets
 
 
 def without_far_views(sets: Sequence[DetectionSet]) -> tuple[list[DetectionSet], list[Notice]]:
-    """Leave out views far from the majority of their set; give such a set the stamp of its majority.
+    """Remove views far from the majority of their set; such a set gets the timestamp of the majority.
 
-    Among groups of equal size, the one nearest to the stamp of its set stays.
+    Among groups of equal size, the one nearest to the timestamp of the set is kept.
 
     Args:
-        sets: in the order of their stamps.
+        sets: sets in timestamp order.
 
     Returns:
-        The sets, and a notice for each camera whose views were left out.
+        The sets, and a notice for each camera whose views were removed.
     """
     steps = sorted(later.stamp_ns - item.stamp_ns for item, later in pairwise(sets))
     period = steps[len(steps) // 2] if steps else 0
@@ -53,10 +53,10 @@ def without_far_views(sets: Sequence[DetectionSet]) -> tuple[list[DetectionSet],
 
 
 def _majority(stamps: Sequence[int], wanted: int, reach: int) -> tuple[list[int], int]:
-    """Return the largest group of stamps within reach, and the number of groups of its size.
+    """Return the largest group of timestamps within reach, and the number of groups of that size.
 
     Args:
-        wanted: the stamp that decides between groups of one size.
+        wanted: timestamp that decides between groups of equal size.
     """
     ordered = sorted(stamps)
     groups = [[other for other in ordered[k:] if other - first <= reach] for k, first in enumerate(ordered)]

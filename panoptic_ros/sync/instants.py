@@ -1,4 +1,4 @@
-"""The master time line: at which instants sets are wanted."""
+"""Define the instants on the master time line for which sets are formed."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ import numpy as np
 from panoptic_ros.sync.config import SyncConfig
 
 SECOND = 1_000_000_000
-SAME_RATE = 0.02  # cameras that differ by less have the same rate
-STEPS = 60  # frame steps whose mean is the period
-LEAST_STEPS = 3
-PULL = 0.3  # gain of the update of instants by a frame of the master camera
-FARTHEST = 0.25  # of a period: an innovation counts no more than that
-PHASE_GAIN = 0.05  # of the update of a camera's phase against the master camera
-ALIKE = 0.05  # of the period: stamps that differ by less are those of one trigger
+SAME_RATE = 0.02  # maximum relative difference of the periods of cameras with equal rate
+STEPS = 60  # maximum number of frame steps whose mean is the period
+LEAST_STEPS = 3  # minimum number of frame steps for a valid period
+PULL = 0.3  # gain of the update of an instant by a frame of the master camera
+FARTHEST = 0.25  # periods, limit of the innovation
+PHASE_GAIN = 0.05  # gain of the update of a camera's phase relative to the master camera
+ALIKE = 0.05  # periods; timestamps closer than this come from one trigger
 
 
 class Pace:
-    """The period of a camera from its newest frames, as a function of their stamps alone."""
+    """Period of a camera, from the timestamps of its newest frames alone."""
 
     def __init__(self) -> None:
         self._steps: deque[int] = deque(maxlen=STEPS)
         self.newest: int | None = None
 
     def add(self, stamp_ns: int) -> float:
-        """Take the next stamp; return the period so far in ns, 0 while it is not sure."""
+        """Add the next timestamp; return the period so far in ns, 0 while it is uncertain."""
         if self.newest is not None:
             self._steps.append(stamp_ns - self.newest)
         self.newest = stamp_ns
@@ -36,7 +36,10 @@ class Pace:
 
     @property
     def period(self) -> float:
-        """The mean of the steps near the lower median, which drops and late stamps do not move; ns."""
+        """Return the mean (ns) of the frame steps near their lower median.
+
+        Drops and late timestamps hardly affect it.
+        """
         if not self._steps:
             return 0.0
         steps = np.array(self._steps, float)
@@ -45,7 +48,7 @@ class Pace:
 
 
 def exact_rate(rate_hz: float) -> Fraction:
-    """The rate that is meant: 23.976, 29.97 and 59.94 are 24, 30 and 60 times 1000/1001."""
+    """Return the exact rate meant by a rounded one: 23.976, 29.97 and 59.94 are 24, 30 and 60 * 1000/1001."""
     television = Fraction(round(rate_hz * 1.001) * 1000, 1001)
     if abs(float(television) - rate_hz) < 1e-3:
         return television
@@ -61,19 +64,19 @@ class Grid:
         self.period = float(SECOND / self._rate)
 
     def nearest(self, stamp_ns: int) -> int:
-        """The instant nearest to a stamp."""
+        """Return the instant nearest to a timestamp."""
         return self._at(round((stamp_ns - self._phase) * self._rate / SECOND))
 
     def after(self, instant: int) -> int:
-        """The next instant."""
+        """Return the next instant."""
         return self._at(round((instant - self._phase) * self._rate / SECOND) + 1)
 
     def settle(self, instant: int, frames: Mapping[str, int]) -> int:
-        """The instant itself, whatever frames there are."""
+        """Return the instant unchanged, as a fixed grid does not depend on frames."""
         return instant
 
     def stamp_of(self, instant: int, stamps: Sequence[int]) -> int:
-        """The stamp of the instant's set: the instant, whatever the stamps of its frames."""
+        """Return the timestamp of the set: the instant itself."""
         return instant
 
     def _at(self, count: int) -> int:
@@ -81,10 +84,10 @@ class Grid:
 
 
 class CameraInstants:
-    """Instants that follow the frames of one camera: predicted, and updated by every frame that comes.
+    """Instants that follow the frames of one camera: predicted, and updated by each new frame.
 
-    Late stamps move them little, and dropped frames leave no gap. While the master camera has no frame,
-    cameras of the same rate stand in, with the phase that they have had against it.
+    Late timestamps move the instants little, and dropped frames leave no gap. While the master camera has no
+    frame, cameras of the same rate replace it. Their phase relative to the master camera is estimated before.
     """
 
     def __init__(self, master: str, period: float, same_rate: frozenset[str]):
@@ -95,17 +98,17 @@ class CameraInstants:
         self._last: int | None = None
 
     def nearest(self, stamp_ns: int) -> int:
-        """The instant nearest to a stamp."""
+        """Return the instant nearest to a timestamp."""
         if self._last is None:
             return stamp_ns
         return self._last + round(round((stamp_ns - self._last) / self.period) * self.period)
 
     def after(self, instant: int) -> int:
-        """The next instant."""
+        """Return the next instant."""
         return instant + round(self.period)
 
     def settle(self, instant: int, frames: Mapping[str, int]) -> int:
-        """The instant, moved by the frames that were chosen for it."""
+        """Return the instant, updated by the frames chosen for it."""
         if self.master in frames:
             error = float(frames[self.master] - instant)
         else:
@@ -122,7 +125,7 @@ class CameraInstants:
         return settled
 
     def stamp_of(self, instant: int, stamps: Sequence[int]) -> int:
-        """The stamp of the instant's set: the instant; for cameras with one trigger, the median of theirs."""
+        """Return the timestamp of the set: the instant, or the median timestamp of triggered cameras."""
         if not stamps:
             return instant
         middle = sorted(stamps)[(len(stamps) - 1) // 2]
@@ -134,11 +137,11 @@ Instants = Grid | CameraInstants
 
 
 def choose_master(periods: Mapping[str, float], wanted: str) -> tuple[str, float, frozenset[str]]:
-    """The camera that sets follow, its period, and all cameras of its rate.
+    """Return the camera that sets follow, its period (ns), and all cameras of the same rate.
 
     Args:
-        periods: ns by camera, in the order of the rig; 0 = not known.
-        wanted: a camera, or "auto".
+        periods: (ns) by camera, in rig order; 0 = unknown.
+        wanted: name of a camera, or "auto".
     """
     known = {name: period for name, period in periods.items() if period > 0.0}
     fastest = min(known.values(), default=0.0)

@@ -1,4 +1,4 @@
-"""Clocks that are set back: the time line of the sets runs on."""
+"""Handle camera clocks that are set back: the time line of the sets continues to increase."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ from panoptic_ros.domain import ViewDetections
 from panoptic_ros.stage import Notice
 
 SECOND = 1_000_000_000
-SMALL_NS = SECOND // 10  # stamps that go back by less are frames out of order
-SURE = 3  # frames after a step back that make it certain
-SURE_NS = 7 * SECOND // 10  # that these span before a single camera is named: others may follow
-HELD = 64  # frames that wait after a step back
-ALONE = 30  # frames of one camera while no other gives any: then there is nothing to compare with
+SMALL_NS = SECOND // 10  # ns; smaller steps back are frames out of order
+SURE = 3  # number of frames after a step back that confirm it
+# ns that these frames must span before a single camera is named: other cameras may follow
+SURE_NS = 7 * SECOND // 10
+HELD = 64  # maximum number of frames that wait after a step back
+ALONE = 30  # frames of one camera, without frames of others, after which the other cameras count as ended
 
 
 @dataclass
 class GuardedCamera:
-    """One camera.
+    """State of one camera.
 
     Args:
-        newest: its newest stamp, ns.
-        period: time between its newest two stamps, ns.
+        newest: (ns) newest timestamp.
+        period: (ns) time between the two newest timestamps.
         back: frames after a step back.
-        noticed: whether a notice has named the step.
-        goes_on: whether it gave a good frame since the first camera stepped back.
+        noticed: True once the step has been reported.
+        goes_on: True if the camera has given a good frame since the first camera stepped back.
     """
 
     newest: int | None = None
@@ -37,10 +38,11 @@ class GuardedCamera:
 
 
 class SetBackGuard:
-    """Holds frames whose stamps go back.
+    """Guard that holds frames whose timestamps go back.
 
-    If the stamps of all cameras go back, a clock that they share was set back. The frames are then moved
-    ahead by the same time, so that stamps of sets never go back. Frames of a single camera are left out.
+    If the timestamps of all cameras go back, their common clock was set back. The frames are then shifted
+    forward by the same time, so that set timestamps never go back. If only one camera goes back, its frames
+    are left out.
     """
 
     def __init__(self, cameras: Sequence[str]):
@@ -48,7 +50,7 @@ class SetBackGuard:
         self._shift = 0
 
     def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
-        """Return the frames that may be grouped, on a time line that never goes back."""
+        """Add a frame; return the frames that may be grouped, on a time line that never goes back."""
         if self._shift:
             view = replace(view, stamp_ns=view.stamp_ns + self._shift)
         camera = self._cameras[view.camera]
@@ -74,7 +76,7 @@ class SetBackGuard:
         camera.back.append(view)
         living = self._living()
         if len(camera.back) >= ALONE and not any(c.goes_on for c in self._cameras.values()):
-            living = [c for c in living if c.back]  # the others have ended
+            living = [c for c in living if c.back]  # the other cameras have ended
         if not all(len(c.back) >= SURE for c in living):
             return [], self._tell(camera, view)
         jumps = sorted((c.newest or 0) + c.period - c.back[0].stamp_ns for c in living)
@@ -94,7 +96,7 @@ class SetBackGuard:
         return views, [Notice("sync.clock_set_back", "warning", text, {"step_s": -jump / SECOND})]
 
     def _living(self) -> list[GuardedCamera]:
-        """Cameras that have given a frame within the last two seconds of the newest."""
+        """Return the cameras with a frame within two seconds of the newest frame."""
         newest = max((c.newest or -1 for c in self._cameras.values()), default=-1)
         return [
             c
@@ -103,13 +105,13 @@ class SetBackGuard:
         ]
 
     def _tell(self, camera: GuardedCamera, view: ViewDetections) -> list[Notice]:
-        """Warn once a jump; its other frames are counted."""
+        """Return one warning per jump; its other frames are reported as info."""
         values = {"camera": view.camera, "device": view.camera, "stamp_ns": view.stamp_ns}
         if camera.noticed:
             text = f"frame {view.frame_number} of camera {view.camera} waits: it is earlier than those before"
             return [Notice("sync.out_of_time", "info", text, values)]
         if len(camera.back) < SURE or view.stamp_ns - camera.back[0].stamp_ns < SURE_NS:
-            return []  # the others may follow
+            return []  # the other cameras may follow
         camera.noticed = True
         back_s = ((camera.newest or 0) - view.stamp_ns) / SECOND
         text = (

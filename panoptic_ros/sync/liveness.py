@@ -1,4 +1,4 @@
-"""Live: how far capture time has come, and which cameras are silent."""
+"""Live: track how far capture time has advanced, and which cameras are silent."""
 
 from __future__ import annotations
 
@@ -9,14 +9,20 @@ from dataclasses import dataclass, field
 from panoptic_ros.stage import Notice
 
 SECOND = 1_000_000_000
-SURE = 3  # frames of one camera that make a time certain: a wrong stamp or two close no set
-SILENT_PERIODS = 3  # without a frame, after which nobody waits for a camera
-PAUSE_NS = 2 * SECOND  # a longer step of capture time is a pause of everybody
+SURE = 3  # frames of one camera that confirm a time; one or two wrong timestamps close no set
+SILENT_PERIODS = 3  # periods without a frame after which sets no longer wait for a camera
+PAUSE_NS = 2 * SECOND  # ns; a longer step of capture time is a pause of all cameras
 
 
 @dataclass
 class LiveCamera:
-    """One camera: its newest stamps, and how much capture time had gone by when its newest frame came."""
+    """Newest frames of one camera.
+
+    Args:
+        recent: (ns) newest timestamps.
+        heard_ns: (ns) elapsed capture time when the newest frame arrived; None before the first frame.
+        silent: True if the camera is silent.
+    """
 
     recent: deque[int] = field(default_factory=lambda: deque(maxlen=SURE))
     heard_ns: int | None = None
@@ -24,19 +30,19 @@ class LiveCamera:
 
 
 class Liveness:
-    """Tells which cameras are waited for, by what the others give meanwhile.
+    """Detector of silent cameras, which compares each camera with the capture time of the others.
 
-    A camera is silent when capture time has gone on by three of its periods since its newest frame came. Its
-    first frame makes it one of the living again.
+    A camera is silent once capture time has advanced by three of its periods since its newest frame. Its next
+    frame makes it active again.
     """
 
     def __init__(self, cameras: Sequence[str]):
         self._cameras = {name: LiveCamera() for name in cameras}
-        self.now_ns: int | None = None  # capture time
-        self._passed_ns = 0  # of capture time, without pauses
+        self.now_ns: int | None = None  # ns, capture time so far
+        self._passed_ns = 0  # ns of capture time that have elapsed, without pauses
 
     def heard(self, name: str) -> tuple[Notice, ...]:
-        """A frame of a camera has come that can be used, now or later."""
+        """Record that a camera has given a frame that is usable now or later."""
         camera = self._cameras[name]
         before, camera.heard_ns = camera.heard_ns, self._passed_ns
         if not camera.silent:
@@ -46,7 +52,7 @@ class Liveness:
         return (Notice("sync.camera_back", "info", f"camera {name} gives frames{away}", {"camera": name}),)
 
     def took(self, name: str, stamp_ns: int) -> None:
-        """A good frame of a camera, in master time."""
+        """Record a good frame of a camera, with its timestamp in master time."""
         camera = self._cameras[name]
         camera.recent.append(stamp_ns)
         if len(camera.recent) == SURE:
@@ -59,17 +65,18 @@ class Liveness:
             self._passed_ns += self.now_ns - before
 
     def has_passed(self, instant: int, by_ns: int) -> bool:
-        """Whether capture time is so much later than an instant."""
+        """Return whether capture time is later than an instant by more than `by_ns`."""
         return self.now_ns is not None and self.now_ns - instant > by_ns
 
     def find_silent(
         self, names: Iterable[str], least_ns: float, period_of: Callable[[str], float]
     ) -> tuple[Notice, ...]:
-        """Tell of cameras that have become silent; each names its camera.
+        """Return a notice for each camera that has become silent.
 
         Args:
-            names: of the cameras that are still expected to give frames.
-            least_ns: between their frames, at least. period_of: the same of one camera.
+            names: cameras that are still expected to give frames.
+            least_ns: (ns) minimum period of the cameras.
+            period_of: (ns) period of one camera, by name.
         """
         notices = []
         for name in names:

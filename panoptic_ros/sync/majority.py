@@ -1,8 +1,8 @@
-"""The time line that most cameras share, from their stamps and the times at which frames arrive.
+"""Find the clock offset that most cameras share, from their timestamps and the arrival times of frames.
 
-The clock offset of a frame is its stamp minus its arrival. Cameras on one clock have the same offset, but for
-latency. The newest offset of each camera is its vote. The time line has the offset of the largest group of
-votes. So no single camera can move it.
+The clock offset of a frame is its timestamp minus its arrival time. Cameras on one clock have the same
+offset, except for latency. The newest offset of each camera is its vote. The accepted offset is that of the
+largest group of votes. Therefore no single camera can move it.
 """
 
 from __future__ import annotations
@@ -13,20 +13,22 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 SECOND = 1_000_000_000
-LEAST_REACH_NS = SECOND  # between cameras, latencies of a loaded detector differ by less
-MOST_PERIOD_NS = 2 * SECOND  # allowance for slow cameras: a wrap of 2^32 ns is 4.3 s and must stay outside
-GAPS = 5  # frames whose median gap is the period of a camera
-FRESH_NS = 2 * SECOND  # age of a vote that still counts, for cameras above 2 Hz
-FRESH_PERIODS = 4  # the same in periods of a slower camera
+LEAST_REACH_NS = SECOND  # ns; the latencies of cameras differ by less, even with a loaded detector
+# ns, maximum allowance for slow cameras; 2^32 ns = 4.3 s must be outside, to detect a wrap
+MOST_PERIOD_NS = 2 * SECOND
+GAPS = 5  # number of frame gaps whose median is the period of a camera
+FRESH_NS = 2 * SECOND  # ns, maximum age of a valid vote, for cameras above 2 Hz
+FRESH_PERIODS = 4  # the same limit in periods, for slower cameras
 
 
 @dataclass
 class Vote:
-    """The newest frame of one camera.
+    """Vote of one camera: its newest frame.
 
     Args:
-        offset: its stamp minus its arrival, ns. at: its arrival, ns; None: there was no frame.
-        gaps: ns between the newest arrivals.
+        offset: (ns) timestamp minus arrival time.
+        at: (ns) arrival time; None before the first frame.
+        gaps: (ns) intervals between the newest arrivals.
     """
 
     offset: int = 0
@@ -35,7 +37,7 @@ class Vote:
 
     @property
     def period(self) -> int:
-        """The median time between arrivals, ns; 0 before the second frame."""
+        """Return the median interval between arrivals, ns; 0 before the second frame."""
         return sorted(self.gaps)[len(self.gaps) // 2] if self.gaps else 0
 
 
@@ -47,22 +49,22 @@ class Group(NamedTuple):
 
 
 class Majority:
-    """Holds the clock offset of the time line.
+    """Accepted clock offset, and the votes of all cameras.
 
     Args:
-        cameras: names in the order of the rig.
-        periods: how many periods of a slow camera its offset may vary by.
+        cameras: names, in rig order.
+        periods: tolerance of the offset of a slow camera, in periods.
     """
 
     def __init__(self, cameras: Iterable[str], periods: int = 1):
         self.votes = {name: Vote() for name in cameras}
-        self.offset: int | None = None  # of the time line
-        self.reach = LEAST_REACH_NS  # from it, in which a camera agrees
+        self.offset: int | None = None  # ns, accepted clock offset; None before the time line has begun
+        self.reach = LEAST_REACH_NS  # ns, maximum distance from the accepted offset at which a camera agrees
         self._periods = periods
-        self._count = 0  # of votes since the offset was updated
+        self._count = 0  # number of votes since the last update of the offset
 
     def vote(self, camera: str, stamp_ns: int, at: int) -> int:
-        """Take a frame; return its clock offset, ns."""
+        """Add a frame; return its clock offset, ns."""
         vote = self.votes[camera]
         if vote.at is not None:
             vote.gaps.append(at - vote.at)
@@ -74,7 +76,7 @@ class Majority:
         return vote.offset
 
     def agrees(self, offset: int) -> bool:
-        """Return whether a clock offset is that of the time line."""
+        """Return whether a clock offset agrees with the accepted one."""
         return self.offset is not None and abs(offset - self.offset) <= self.reach
 
     @property
@@ -83,7 +85,7 @@ class Majority:
         return all(vote.at is not None for vote in self.votes.values())
 
     def groups(self, at: int) -> list[Group]:
-        """Return the groups of cameras with fresh votes, the largest first, then in the order of the rig."""
+        """Return the groups of cameras with valid votes, sorted by size (descending), then by rig order."""
         fresh = self._fresh(at)
         found: list[Group] = []
         left = dict(fresh)
@@ -103,7 +105,7 @@ class Majority:
         return sorted(found, key=lambda group: (-len(group.names), order.index(group.names[0])))
 
     def _fresh(self, at: int) -> dict[str, int]:
-        """The votes that are not too old, by camera."""
+        """Return the votes that are not too old, by camera."""
         return {
             name: vote.offset
             for name, vote in self.votes.items()
@@ -111,7 +113,7 @@ class Majority:
         }
 
     def _update(self, at: int) -> None:
-        """Follow the cameras that agree, and allow for the slowest of them."""
+        """Update the accepted offset from the agreeing cameras, and the tolerance from the slowest one."""
         fresh = self._fresh(at)
         agreeing = [name for name, offset in fresh.items() if self.agrees(offset)]
         if agreeing:
@@ -121,5 +123,5 @@ class Majority:
 
 
 def _median(offsets: Sequence[int]) -> int:
-    """The lower median."""
+    """Return the lower median."""
     return sorted(offsets)[(len(offsets) - 1) // 2]

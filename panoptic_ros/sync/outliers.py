@@ -1,4 +1,4 @@
-"""Outliers among stamps: single frames of a camera that goes on as before."""
+"""Remove outlier timestamps: single frames far off a camera line that otherwise continues."""
 
 from __future__ import annotations
 
@@ -10,19 +10,20 @@ from panoptic_ros.domain import ViewDetections
 from panoptic_ros.stage import Notice
 
 SECOND = 1_000_000_000
-FAR_NS = 2 * SECOND  # from the last frame of a camera; what is farther is a pause, a jump or an outlier
-PERIODS = 4  # of a slow camera, which are not far yet
-SURE = 3  # frames in a row that show a pause or a jump
-LATEST_NS = (2**31 - 1) * SECOND  # messages hold no later stamps
+FAR_NS = 2 * SECOND  # ns from the last frame of a camera; farther frames mean a pause, a jump or an outlier
+PERIODS = 4  # periods of a slow camera that are not yet far
+SURE = 3  # number of consecutive frames that confirm a pause or a jump
+LATEST_NS = (2**31 - 1) * SECOND  # ns; ROS messages cannot hold later timestamps
 
 
 @dataclass
 class StampLine:
-    """One camera's line of stamps.
+    """Timestamps of one camera.
 
     Args:
-        newest: stamp of its newest frame on the line; reach: how far from it the next one may be, ns.
-        off: frames off the line, which so far are consecutive among themselves.
+        newest: (ns) timestamp of the newest frame on the line; None before the first.
+        reach: (ns) maximum distance of the next frame from it.
+        off: frames off the line that are consecutive among themselves so far.
     """
 
     newest: int | None = None
@@ -31,19 +32,19 @@ class StampLine:
 
 
 class StampOutliers:
-    """Drops frames whose stamps are far off those of their own camera before and after.
+    """Filter for frames whose timestamps are far off those of the same camera before and after.
 
-    A frame seconds away from the last one waits for the next two. If one of these is on the old line, the
-    stamp of the first was an outlier. If all three are consecutive, the camera paused or its clock jumped,
-    and all are given. The first frames of a camera wait in the same way. What is given depends on the
-    stamps of that camera alone.
+    A frame seconds away from the last one waits for the next two frames. If one of these is on the old line,
+    the waiting frame was an outlier. If all three are consecutive, the camera paused or its clock jumped, and
+    all are passed. The first frames of a camera wait in the same way. The result depends on the timestamps of
+    that camera alone.
     """
 
     def __init__(self, cameras: Sequence[str]):
         self._cameras = {name: StampLine() for name in cameras}
 
     def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
-        """The frames that are on the line of their camera now, and notices about those that were not."""
+        """Add a frame; return the frames now on the line of their camera, and notices on outliers."""
         if view.stamp_ns >= LATEST_NS:
             return [], [_outlier(view)]
         camera = self._cameras[view.camera]
@@ -61,7 +62,7 @@ class StampOutliers:
         return released, notices
 
     def end(self, name: str) -> tuple[list[ViewDetections], list[Notice]]:
-        """End a camera: its only frames are given; after others, those that still wait are dropped."""
+        """End a camera; pass waiting frames if they are its only ones, otherwise drop them."""
         camera = self._cameras[name]
         waiting, camera.off = camera.off, []
         if camera.newest is None:
@@ -74,7 +75,7 @@ def _steps(views: Sequence[ViewDetections]) -> list[int]:
 
 
 def _in_a_row(steps: Sequence[int]) -> bool:
-    """Whether stamps increase by steps that one camera may make."""
+    """Return whether timestamps increase by steps that are plausible for one camera."""
     return not steps or (min(steps) > 0 and max(steps) <= max(FAR_NS, PERIODS * min(steps)))
 
 

@@ -1,7 +1,8 @@
-"""Recordings: cameras whose frames lie at another time than those of most cameras.
+"""Recordings: find cameras whose frames lie at another time than those of most cameras.
 
-There are no times of arrival. A camera may begin later, or end earlier. But frames of one camera alone give
-no people. Two things show another time: a first frame far from those of the others, and no frame beside one.
+Recordings have no arrival times. A camera may begin later or end earlier than others. But frames of a single
+camera give no 3D poses. Two signs show a wrong time: a first frame far from those of the others, and no frame
+near one of another camera.
 """
 
 from __future__ import annotations
@@ -12,26 +13,26 @@ from panoptic_ros.domain import ViewDetections
 from panoptic_ros.stage import Notice
 
 SECOND = 1_000_000_000
-APART_NS = 60 * SECOND  # cameras of one take are started within a minute
+APART_NS = 60 * SECOND  # ns; cameras of one take are started within a minute
 
 
 class Overlap:
-    """Holds which cameras have been beside others.
+    """Record of the cameras that have been in a set with other cameras.
 
     Args:
-        cameras: names in the order of the rig.
+        cameras: names, in rig order.
     """
 
     def __init__(self, cameras: Sequence[str]):
         self._cameras = tuple(cameras)
-        self._joined: set[str] = set()  # cameras that were in a set with another one
+        self._joined: set[str] = set()  # cameras that were in a set with another camera
         self._apart: set[str] = set()  # cameras that begin far from the others and have not joined them
         self._told: set[str] = set()
         self.started = False
-        self._begin = 0  # first stamp of most cameras
+        self._begin = 0  # first timestamp of most cameras
 
     def start(self, firsts: Mapping[str, int]) -> list[Notice]:
-        """Take the first stamps of the cameras; name those that begin far from most of them."""
+        """Compare the first timestamps of the cameras; return notices on those far from the majority."""
         self.started = True
         ordered = sorted(firsts.values())
         groups = [[s for s in ordered[k:] if s - first <= APART_NS] for k, first in enumerate(ordered)]
@@ -60,14 +61,14 @@ class Overlap:
         return camera in self._apart
 
     def is_early(self, view: ViewDetections, reach: float = SECOND) -> bool:
-        """Return whether a frame of a camera that is apart lies before those of most cameras."""
+        """Return whether a frame of a camera that is apart precedes the frames of most cameras."""
         return view.camera in self._apart and view.stamp_ns < self._begin - reach
 
     def closes(self, views: Sequence[ViewDetections], others_over: bool) -> tuple[bool, list[Notice]]:
-        """Take the views of a set; return whether it may be given.
+        """Update from the views of a set; return whether the set may be published, and notices.
 
         Args:
-            others_over: whether all cameras without a view in the set have ended.
+            others_over: True if all cameras without a view in the set have ended.
         """
         names = {view.camera for view in views}
         if names - self._apart and len(names) > 1:

@@ -1,4 +1,4 @@
-"""The frames of one camera that wait, and which of them belongs to an instant."""
+"""Queue the frames of one camera, and choose the frame for an instant."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from panoptic_ros.domain import ViewDetections
 from panoptic_ros.sync.instants import Pace
 
-EARLY = 0.45  # of a period: a frame so little before an instant needs no comparison with the next one
-SLOWER = 1.05  # times the time between instants: the period of a slower camera
+EARLY = 0.45  # periods; a frame closer before an instant is taken without waiting for the next frame
+SLOWER = 1.05  # minimum ratio of a slower camera's period to the time between instants
 
 
 @dataclass(frozen=True)
 class Waiting:
-    """A frame with the period of its camera as it was known then, ns (0: not known)."""
+    """Queued frame, with the period of its camera when it was queued, ns (0: unknown)."""
 
     view: ViewDetections
     period: float
@@ -26,11 +26,11 @@ class Waiting:
 
 @dataclass(frozen=True)
 class Choice:
-    """What a camera gives to an instant.
+    """Frame that a camera contributes to an instant.
 
     Args:
-        decided: False while a better frame may still come.
-        frame: None: the camera has none.
+        decided: False while a better frame may still arrive.
+        frame: chosen frame; None if the camera has none.
         surplus: older frames that no instant has used.
     """
 
@@ -40,9 +40,9 @@ class Choice:
 
 
 class CameraQueue:
-    """The waiting frames of one camera, in the order of their stamps.
+    """Queue of the frames of one camera, in timestamp order.
 
-    What is chosen depends on stamps alone, never on when frames arrived.
+    The choice depends on timestamps alone, never on arrival times.
     """
 
     def __init__(self, keeps_last: bool = True) -> None:
@@ -51,27 +51,28 @@ class CameraQueue:
         self.pace = Pace()
         self.ended = False
         self.silent = False
-        self.last_given: Waiting | None = None  # of an earlier instant, or too old for this one
+        self.last_given: Waiting | None = None  # newest frame taken or dropped
 
     @property
     def gives_no_more(self) -> bool:
-        """Whether nobody waits for its next frame."""
+        """Return whether sets no longer wait for the camera: it has ended or is silent."""
         return self.ended or self.silent
 
     def add(self, view: ViewDetections) -> bool:
-        """Append a frame; False if it is not later than the one before."""
+        """Append a frame; return False if it is not later than the previous one."""
         if self.pace.newest is not None and view.stamp_ns <= self.pace.newest:
             return False
         self.frames.append(Waiting(view, self.pace.add(view.stamp_ns)))
         return True
 
     def choose(self, instant: int, reach: float, spacing: float, over: bool) -> Choice:
-        """The frame nearest to an instant; nothing changes until `take`.
+        """Return the frame nearest to an instant; the queue is unchanged until `take`.
 
         Args:
-            reach: the farthest it may be, ns.
-            spacing: between instants, ns. A slower camera's frame beyond half of it is left to the next one.
-            over: whether no more frames are waited for.
+            reach: (ns) maximum distance of the frame from the instant.
+            spacing: (ns) time between instants. A frame of a slower camera beyond half of it is left to the
+                next instant.
+            over: True if sets wait for no more frames.
         """
         surplus: list[ViewDetections] = []
         over = over or self.gives_no_more
@@ -99,7 +100,7 @@ class CameraQueue:
         return Choice(True, best, tuple(surplus))
 
     def take(self, choice: Choice) -> None:
-        """Remove a choice and what is older."""
+        """Remove the chosen frame and all older ones."""
         count = len(choice.surplus) + (choice.frame is not None)
         for _ in range(count):
             last = self.frames.popleft()

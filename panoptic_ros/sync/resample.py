@@ -1,6 +1,6 @@
-"""2D people moved to the instant of a set, between two frames of their camera.
+"""Interpolate the 2D poses of a camera to the instant of a set, between two of its frames.
 
-`link_people` finds the same people in two frames of one camera.
+`link_people` matches the persons in two frames of one camera.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from panoptic_ros.domain import Camera, ViewDetections
 from panoptic_ros.sync.queue import CameraQueue, Choice, Waiting
 
 Array = np.ndarray
-FARTHEST = 0.25  # of a person's size, that a joint may move between two frames
-LONGEST = 1.6  # of a period, between two frames with a line between them
-SPEED = 1.0  # m/s: how fast a joint may move if nothing is known of it
-DEPTH = 5.0  # m
-NOISE_PX = 2.0  # of a joint of score 1
-NEAR = 0.05  # of a person's size: the scale on which joints of one person agree
+FARTHEST = 0.25  # person sizes, maximum motion of a joint between two frames
+LONGEST = 1.6  # periods, maximum time between two frames for interpolation
+SPEED = 1.0  # m/s, speed assumed for a joint without a known motion
+DEPTH = 5.0  # m, depth assumed to convert that speed to pixels
+NOISE_PX = 2.0  # px, noise of a joint with score 1
+NEAR = 0.05  # person sizes, distance scale for joints of the same person
 LEAST_AGREEMENT = 0.2
 
 
 @dataclass(frozen=True)
 class Neighbours:
-    """A chosen frame of a camera with its neighbours."""
+    """Chosen frame of a camera with its neighbouring frames."""
 
     before: Waiting | None
     chosen: Waiting
@@ -34,7 +34,7 @@ class Neighbours:
 
     @classmethod
     def of(cls, queue: CameraQueue, choice: Choice, camera: Camera) -> Neighbours:
-        """Those of the frame that was chosen of a queue, before it is taken out."""
+        """Return the frame chosen from a queue with its neighbours, before it is removed from the queue."""
         assert choice.frame is not None
         surplus = len(choice.surplus)
         before = queue.frames[surplus - 1] if surplus else queue.last_given
@@ -43,12 +43,12 @@ class Neighbours:
 
 
 def interpolate(view: Neighbours, instant: int) -> ViewDetections:
-    """The chosen frame's people at the instant, with its stamp; score maps are left out.
+    """Return the 2D poses of the chosen frame, interpolated to the instant; score maps are dropped.
 
-    If both frames around the instant have a joint of a linked person, the joint is interpolated linearly.
-    Its variance is (1-a)^2 + a^2 of that of one frame, which is smaller; its score is the mean of both.
-    Other joints stay where the chosen frame has them. How far they may have moved meanwhile (1 m/s) counts
-    as noise and lowers their scores.
+    If both frames around the instant have a joint of a linked person, the joint is interpolated linearly. Its
+    variance is (1-a)^2 + a^2 times that of one frame, which is smaller. Its score is the mean of both scores,
+    weighted like the position. Other joints stay at their position in the chosen frame. Their possible motion
+    in the meantime (1 m/s) counts as noise and lowers their scores.
     """
     chosen = view.chosen.view
     if chosen.stamp_ns == instant:
@@ -73,7 +73,7 @@ def interpolate(view: Neighbours, instant: int) -> ViewDetections:
 
 
 def _around(view: Neighbours, instant: int) -> tuple[ViewDetections, ViewDetections] | None:
-    """The frames before and after the instant, if they are consecutive."""
+    """Return the frames before and after the instant, if they are consecutive."""
     chosen = view.chosen
     pair = (chosen, view.after) if chosen.stamp < instant else (view.before, chosen)
     first, second = pair
@@ -86,21 +86,23 @@ def _around(view: Neighbours, instant: int) -> tuple[ViewDetections, ViewDetecti
 
 
 def _trust(view: ViewDetections, instant: int, camera: Camera) -> Array:
-    """The factor by which a joint loses score, as it may have moved since."""
+    """Return the factor that lowers the score of a joint, because it may have moved since the frame."""
     seconds = abs(instant - view.stamp_ns) * 1e-9
     moved = SPEED * seconds * camera.intrinsics.matrix[0, 0] / DEPTH
     return np.asarray(NOISE_PX**2 / (NOISE_PX**2 + moved**2))
 
 
 def link_people(first: ViewDetections, second: ViewDetections) -> list[tuple[int, int]]:
-    """Pairs of people, by the joints that lie near each other: sum of exp(-d^2 / 2 (0.05 size)^2).
+    """Return pairs of persons in two frames, matched by joints close to each other (Hungarian assignment).
 
-    The sum counts per joint of the person with fewer joints; pairs below 0.2 are none. Hungarian assignment.
+    The agreement of a pair is the sum over joints of exp(-d^2 / 2 (0.05 size)^2). It is divided by the number
+    of joints of the person with fewer joints. Pairs below 0.2 are discarded.
     """
     if not (len(first.points) and len(second.points)):
         return []
     seen_first, seen_second = first.scores > 0.0, second.scores > 0.0
-    size = np.maximum(person_sizes(first)[:, None], person_sizes(second)[None])  # (P, Q)
+    # (P, Q) larger size of each pair
+    size = np.maximum(person_sizes(first)[:, None], person_sizes(second)[None])
     both = seen_first[:, None] & seen_second[None]
     squared = np.square(first.points[:, None] - second.points[None]).sum(-1)
     near = np.where(both, np.exp(-0.5 * squared / np.square(NEAR * size)[..., None]), 0.0).sum(-1)
@@ -111,7 +113,7 @@ def link_people(first: ViewDetections, second: ViewDetections) -> list[tuple[int
 
 
 def person_sizes(view: ViewDetections) -> Array:
-    """The larger side of each person's box (P,), px; at least 1."""
+    """Return the longer side of each person's bounding box (P,), px; at least 1."""
     points = np.where(view.scores[..., None] > 0.0, view.points, np.nan)
     sizes = np.ones(len(points))
     for k, person in enumerate(points):

@@ -1,7 +1,4 @@
-"""The sync stage.
-
-What sync remembers.
-"""
+"""Sync stage: group the views of all cameras into sets, and define the state to save."""
 
 from __future__ import annotations
 
@@ -33,11 +30,11 @@ from panoptic_ros.sync.queue import CameraQueue, Waiting
 from panoptic_ros.sync.resample import Neighbours, interpolate
 
 SECOND = 1_000_000_000
-FIRST_FRAMES = 4  # of every camera, from which their rates are found
-REACH = 0.6  # of the time between sets
-START = 2  # deadlines: time for cameras to give their first frames, live
+FIRST_FRAMES = 4  # frames of every camera needed to estimate the frame rates
+REACH = 0.6  # periods of the sets, maximum distance of a frame from its instant
+START = 2  # live: deadlines to wait for the first frames of all cameras
 EARLY = "most cameras begin much later"
-USUAL_PERIOD = SECOND / 30  # where a capture is too short to show any
+USUAL_PERIOD = SECOND / 30  # ns, period used if a capture is too short to measure one
 LAYOUT = StateLayout(
     "sync",
     (
@@ -91,11 +88,11 @@ LAYOUT = StateLayout(
 
 
 class SyncStage(Stateful):
-    """Groups views by their times on the master time line.
+    """Stage that groups views by their times on the master time line.
 
-    A set is given when every camera of the rig has the frame that is nearest to the instant of the set, or a
-    frame beyond it, or has ended. So with `deadline_s` = 0 sets depend on stamps alone. Else (live) cameras
-    that are silent are not waited for, and no camera beyond the deadline.
+    A set is complete once every camera of the rig is decided. A camera is decided if it has the frame nearest
+    to the instant, or a later frame, or has ended. With `deadline_s` = 0, sets therefore depend on timestamps
+    alone. Otherwise (live), sets do not wait for silent cameras, and for no camera after the deadline.
     """
 
     LAYOUT = LAYOUT
@@ -115,7 +112,7 @@ class SyncStage(Stateful):
         self.reset()
 
     def reset(self) -> None:
-        """Forget all frames and clocks; the next set has index 0."""
+        """Drop all frames and clocks; the next set has index 0."""
         self._outliers = StampOutliers(self._rig.names)
         self._correction = StampCorrection({c.name: c.clock for c in self._rig.cameras}, self._config)
         live, start_ns = self._deadline_ns > 0, START * self._deadline_ns
@@ -128,24 +125,24 @@ class SyncStage(Stateful):
         self._liveness = Liveness(self._rig.names) if self._deadline_ns else None
         self._queues = {name: CameraQueue(self._interpolates) for name in self._rig.names}
         self._in_order = list(self._queues.values())
-        self._current: int | None = None  # the instant that waits for its frames
-        self._decided = 0  # of the queues in order have their choice for it
+        self._current: int | None = None  # instant that waits for its frames
+        self._decided = 0  # number of queues in `_in_order` with a decided choice for that instant
         self._instants: Instants | None = Grid(self._config) if self._config.rate_hz > 0.0 else None
-        self._next: int | None = None  # instant
-        self._closed: int | None = None  # the newest instant whose set was given or left out
-        self._stamp = -1  # of the newest set
-        self._first: int | None = None  # of the stamps of the first frames
+        self._next: int | None = None  # next instant
+        self._closed: int | None = None  # newest instant whose set was published or dropped
+        self._stamp = -1  # timestamp of the newest set
+        self._first: int | None = None  # oldest timestamp among the first frames
         self._index = 0
 
     def arrived(self, came_ns: int, host_ns: int) -> None:
-        """Take the arrival of the records that come next (see `stage.Timed`)."""
+        """Set the arrival time of the records that follow (see `stage.Timed`)."""
         self._came = came_ns, host_ns
 
     def step(self, item: ViewDetections | EndOfStream | ClockModel) -> StepResult[DetectionSet]:
-        """Take the view of a camera, its end of stream, or a clock model.
+        """Process a view of a camera, the end of a camera's stream, or a clock model.
 
         Raises:
-            DataError: if the rig lacks the camera, or the skeleton is another.
+            DataError: the rig has no such camera, or the skeleton differs.
         """
         notices: list[Notice] = []
         if isinstance(item, ClockModel):
@@ -176,7 +173,7 @@ class SyncStage(Stateful):
         return self._give(notices, final=False)
 
     def flush(self) -> StepResult[DetectionSet]:
-        """Give all sets that still wait."""
+        """Return all remaining sets, and reset the stage."""
         notices: list[Notice] = []
         for camera in self._rig.names:
             self._end(camera, notices)
@@ -239,7 +236,7 @@ class SyncStage(Stateful):
                 notices.append(_dropped("sync.queue_full", lost, "too many frames wait"))
 
     def _is_late(self, stamp_ns: int) -> bool:
-        """Whether the instant after the newest closed one is out of a frame's reach."""
+        """Return whether a frame's set is already closed: the frame is too old for the next instant."""
         if self._closed is None or self._instants is None:
             return False
         return stamp_ns < self._instants.after(self._closed) - self._reach(self._instants)
@@ -269,7 +266,7 @@ class SyncStage(Stateful):
         return StepResult(tuple(sets), tuple(notices))
 
     def _all_decided(self, instants: Instants, instant: int, over: bool) -> bool:
-        """Whether every camera has its choice. A decided choice stays: no camera is asked twice."""
+        """Return whether every camera has its choice. A decided choice is final and not repeated."""
         reach, queues = self._reach(instants), self._in_order
         while self._decided < len(queues):
             queue = queues[self._decided]
@@ -279,7 +276,7 @@ class SyncStage(Stateful):
         return True
 
     def _start_overlap(self, notices: list[Notice], final: bool) -> None:
-        """Recordings: once all cameras have shown their first stamps, find those that begin far apart."""
+        """Recordings: find cameras that begin far from the others, once all first frames are known."""
         overlap, queues = self._overlap, self._queues
         if overlap is None or overlap.started:
             return
@@ -290,7 +287,7 @@ class SyncStage(Stateful):
                     notices.append(_dropped("sync.out_of_time", queue.frames.popleft().view, EARLY, "info"))
 
     def _begin(self, final: bool) -> Instants | None:
-        """The instants, once all cameras show their rates."""
+        """Return the instants, once the rates of all cameras are known."""
         queues = self._queues
         needed = min(FIRST_FRAMES, self._config.queue_limit)
         enough = all(len(q.frames) >= needed or q.ended for q in queues.values())
@@ -314,7 +311,7 @@ class SyncStage(Stateful):
         return self._instants
 
     def _upcoming(self, instants: Instants, final: bool) -> int | None:
-        """The next instant that has frames; None while that is not known."""
+        """Return the next instant that has frames; None while it is unknown."""
         heads = [queue.frames[0].stamp for queue in self._queues.values() if queue.frames]
         instant = instants.nearest(min(heads)) if self._next is None else self._next
         while instant + self._reach(instants) < min(heads):
@@ -332,7 +329,7 @@ class SyncStage(Stateful):
         return self._window_ns or REACH * instants.period
 
     def _bracketed(self, instant: int) -> bool:
-        """Whether every camera has a frame at or after the instant, or has ended."""
+        """Return whether every camera has a frame at or after the instant, or has ended."""
         return all(
             q.gives_no_more or any(f.stamp >= instant for f in q.frames) for q in self._queues.values()
         )
@@ -340,17 +337,20 @@ class SyncStage(Stateful):
     # ------------------------------------------------------------------ live
 
     def _is_overdue(self, instant: int) -> bool:
-        """Whether no camera is waited for any more."""
+        """Return whether the deadline of an instant has passed, so that its set waits for no camera."""
         return self._liveness is not None and self._liveness.has_passed(instant, self._deadline_ns)
 
     def _hear(self, camera: str, notices: list[Notice]) -> None:
-        """A frame has come in time, or waits for its clock. Others do not tell that their camera lives."""
+        """Record that a camera is alive: a frame was in time, or waits for its clock.
+
+        Other frames do not prove that their camera is alive.
+        """
         if self._liveness is not None:
             notices += self._liveness.heard(camera)
             self._queues[camera].silent = False
 
     def _find_silent(self, instants: Instants, notices: list[Notice]) -> None:
-        """Find the cameras that nobody waits for."""
+        """Find the cameras that sets no longer wait for."""
         if self._liveness is None:
             return
         told = self._liveness.find_silent(
@@ -367,7 +367,7 @@ class SyncStage(Stateful):
     def _close(
         self, instants: Instants, instant: int, over: bool, sets: list[DetectionSet], notices: list[Notice]
     ) -> None:
-        """Take the chosen frames out of the queues and make a set of them."""
+        """Remove the chosen frames from the queues and form a set of them."""
         reach = self._reach(instants)
         choices = {
             name: queue.choose(instant, reach, instants.period, over) for name, queue in self._queues.items()
@@ -400,7 +400,7 @@ class SyncStage(Stateful):
         self._index += 1
 
     def _overlaps(self, views: list[ViewDetections], notices: list[Notice]) -> bool:
-        """Return whether a set may be given (see `Overlap`)."""
+        """Return whether a set may be published (see `Overlap`)."""
         if self._overlap is None:
             return True
         own = {view.camera for view in views}

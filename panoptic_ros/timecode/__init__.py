@@ -1,33 +1,45 @@
-"""Linear timecode (LTC, SMPTE ST 12-1) from audio: labels, and the exact instants that they stand for.
+"""Decode linear timecode (LTC, SMPTE ST 12-1) from audio, and time each word to a fraction of a sample.
 
-In: `AudioBlock`s of one or several devices. Out: a `TimecodeReading` per word, with the fractional
-sample at which it starts and a standard deviation.
+Input: `AudioBlock`s of one or several devices. Output: one `TimecodeReading` per word, with the fractional
+sample at which the word starts and its standard deviation.
 
-`decoder` is the method on one page. It uses four rooms, each of which knows only those before it:
+Terms: a word is the 80-bit LTC codeword of one frame, and a cell is the duration of one of its bits. A tick
+is the boundary of a half cell. A label is the time in a word: hours, minutes, seconds, frames. A counting is
+a sequence of consecutive labels. Stopped timecode repeats one label.
 
-* `signal`: clicks are bridged, a linear-phase high pass takes DC and hum away (`conditioning`).
-* `word`: cell length and phase are those with the largest energy of half-cell integrals, with no decisions
-  on the way (`acquisition`); where the speed changes, half cells are followed edge by edge (`tracking`).
-  Bits come from a two-state Viterbi search over half cells, which is soft and free of polarity but for what
-  the sync word before each says of it (`viterbi`). A word's start is a least-squares fit of a line, or of a
-  polynomial where the speed changes, to its known edges. The scatter of the edges gives its deviation
-  (`edges`).
-* `label`: the words of a stretch are judged together against labels that count on (`stretch`). Echoes of a
-  room turn the same bits in all words, so labels must also be explained by a linear channel.
-  Later words are judged against the label that must come next, with the user bits of the words before and
-  against the labels of the frames beside (`evidence`): timecode that stands still must not count on. A word
-  that clicks or noise contradict is reported only between others that do not. User bits are the last that
-  were certain, 0 before.
-* `follow`: words are read one by one (`reading`), each where the speed of the last words predicts it
-  (`following`), or where it is tracked while the speed changes (`wander`).
+`decoder` describes the whole method on one page. It uses four subpackages. Each of them imports only those
+listed before it:
 
-Loops are compiled (`kernels`).
+* `signal`: bridges clicks. A linear-phase high-pass filter then removes DC and hum (`conditioning`).
+* `word`: turns a stretch of signal into the 80 bits of a word. At constant speed, cell length and phase are
+  those that maximise the energy of the half-cell integrals (`acquisition`). No bits are decided in that step.
+  Where the speed changes, half cells are tracked edge by edge (`tracking`). A two-state Viterbi search over
+  half cells gives soft bits (`viterbi`). It does not depend on polarity, except for the sync word before each
+  word. A least-squares fit to the edges of the decoded bits gives the start of a word (`edges`). The fit is a
+  line, or a polynomial where the speed changes. The scatter of the edges gives the standard deviation of the
+  start.
+* `label`: turns words into consecutive labels. All words of a stretch are judged together against consecutive
+  labels (`stretch`). Room echoes flip the same bits in every word, so a linear channel must also explain the
+  labels. Later words are judged against the label expected next (`evidence`). They must also fit better than
+  the labels of the neighbouring frames, so that stopped timecode is not read as counting. User bits of
+  earlier words are assumed in that test. A word that clicks or noise contradict is reported only if the words
+  around it are not contradicted. The reported user bits are the last certain ones, or 0 before any are
+  certain.
+* `follow`: reads one word after another (`reading`). The speed of the last words predicts where the next word
+  begins (`following`). While the speed changes, the next word is tracked instead (`wander`).
 
-Limits: 23.976 to 30 fps at 0.78 to 1.27 times their speed, forwards and backwards, 8 to 96 kHz; down to
--6 dB of white noise over the band at 48 kHz and -3 dB at 16 kHz; speeds that change need 6 dB at 48 kHz
-and 9 dB at 16 kHz or so. Where the speed is so far off that the length of a word fits another rate, the rate
-(not the label) is a guess until the frame count has wrapped once. A delay that all words share (echoes of a
-room, a lopsided filter) is part of the start and not of its deviation.
+All inner loops are compiled with `kernels`.
+
+Limits:
+
+* Frame rates 23.976 to 30 fps at 0.78 to 1.27 times nominal speed, forwards and backwards.
+* Sample rates 8 to 96 kHz.
+* SNR at constant speed: at least -6 dB (white noise over the band) at 48 kHz, and -3 dB at 16 kHz.
+* SNR at changing speed: at least about 6 dB at 48 kHz, and about 9 dB at 16 kHz.
+* If the speed error makes the word length fit another rate, the rate is a guess until the frame count has
+  wrapped once. The label is not affected.
+* A delay that all words share (room echoes, an asymmetric filter) shifts the start. The standard deviation
+  does not include it.
 """
 
 from panoptic_ros.timecode.config import TimecodeConfig

@@ -9,7 +9,7 @@ from panoptic_ros.params import Config, named_words, param
 
 @dataclass(frozen=True, kw_only=True)
 class TimecodeConfig(Config):
-    """Decoding of linear timecode."""
+    """Parameters of linear timecode (LTC) decoding."""
 
     agreeing_words: int = param(
         3, ge=2, le=10, doc="Consecutive words whose labels must agree before any of them is reported."

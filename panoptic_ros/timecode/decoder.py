@@ -1,14 +1,15 @@
-"""One device's samples to words: the story of the method.
+"""Decode the words in the samples of one device. This module shows the method from end to end.
 
-1. The stream is worked on in hops of fixed length, so words do not depend on how it was cut into blocks.
-   Every hop is conditioned: clicks are bridged, DC and hum are filtered away (`signal`).
-2. Until there is a signal, the decoder searches for one: the cell length and phase of most energy, the
-   direction, and the place of the sync word (`word.acquisition`). It locks to the signal if the labels of its
-   words count on (`follow.lock`, `label.stretch`). Where the speed changes it is tracked (`word.tracking`).
-3. Each word of the signal is judged against the label that must come next, where the last words say that it
-   begins (`follow.reading`). Then it is timed by a fit of its edges (`word.edges`).
-4. Words are handed out as soon as one of them rules out the labels beside theirs.
-5. After `lost_words` unreadable words all is forgotten, so that noise cannot poison anything, and 2 follows.
+1. Process the stream in hops of fixed length, so that words do not depend on the block size. Condition each
+   hop: bridge clicks, then filter DC and hum (`signal`).
+2. Search while no signal is locked: find the cell length and phase of maximum energy, the direction and the
+   sync word position (`word.acquisition`). Lock to the signal if its labels are consecutive (`follow.lock`,
+   `label.stretch`). Track the signal where its speed changes (`word.tracking`).
+3. Judge each word against the next expected label, at the start that the last words predict
+   (`follow.reading`). Then fit the word's edges to time it (`word.edges`).
+4. Hold words back until one of them rules out the neighbouring labels. Then report them.
+5. Drop the signal and all held words after `lost_words` unreadable words, so that noise cannot corrupt later
+   words. Continue with step 2.
 """
 
 from __future__ import annotations
@@ -23,29 +24,30 @@ from panoptic_ros.timecode.signal.stream import Hops, Stream
 from panoptic_ros.timecode.word.acquisition import CHANGING, LONG, SHORT, acquire
 
 Array = np.ndarray
-HOP_SECONDS = 0.1
-TURNS = ((SHORT, CHANGING), (LONG, CHANGING))  # what is looked for in successive hops
+HOP_SECONDS = 0.1  # s, length of one hop
+TURNS = ((SHORT, CHANGING), (LONG, CHANGING))  # searches tried at a hop; hops alternate between the two rows
 
 
 class LtcDecoder:
-    """Words of one uninterrupted stream."""
+    """Decoder of the timecode words in one uninterrupted stream of samples."""
 
     def __init__(self, config: TimecodeConfig, sample_rate: int):
         self._config = config
         self._hop = int(HOP_SECONDS * sample_rate)
         self._hops = Hops(self._hop)
         self._stream = Stream(sample_rate, config.high_pass_hz)
-        self._follow: Follow | None = None  # the signal, once there is one
-        self._held: list[Word] = []  # words that wait for one that upholds them
-        self._read_until = -np.inf  # end of the last word that was handed out
+        self._follow: Follow | None = None  # locked signal; None while searching
+        # words read but not reported: no later word has ruled out the neighbouring labels
+        self._held: list[Word] = []
+        self._read_until = -np.inf  # samples, end of the last reported word
         self._searches = 0
 
     def push(self, samples: Array) -> list[Word]:
-        """Words that became complete with samples (N,)."""
+        """Return the words that samples (N,) completed."""
         return [word for hop in self._hops.push(samples) for word in self._work(hop)]
 
     def finish(self) -> list[Word]:
-        """The words that end with the stream."""
+        """Return the words completed by the end of the stream."""
         return self._work(self._hops.finish(self._stream.delay + self._hop), last=True)
 
     def _work(self, samples: Array, last: bool = False) -> list[Word]:
@@ -59,7 +61,10 @@ class LtcDecoder:
         return words
 
     def _search(self, last: bool) -> Follow | None:
-        """Look for a signal: soon after its start, through noise, with changing speed."""
+        """Search for a signal and lock to it: just after its start, in noise, or at changing speed.
+
+        Returns: the locked signal, or None if none is found.
+        """
         self._searches += 1
         stream, config = self._stream, self._config
         for search in (SHORT, LONG, CHANGING) if last else TURNS[self._searches % len(TURNS)]:
@@ -71,10 +76,10 @@ class LtcDecoder:
         return None
 
     def _next_word(self, follow: Follow) -> list[Word]:
-        """Read the next word; those that may be handed out now."""
+        """Read the next word and return the words that can now be reported."""
         early = follow.early
         word = read_word(follow, self._stream)
-        if word is None and early:  # the words so far are of something else
+        if word is None and early:  # the held words do not belong to this signal
             self._held = []
         if follow.misses >= self._config.lost_words:
             self._follow, self._held = None, []

@@ -1,4 +1,7 @@
-"""The timecode of a whole recording: all words of a signal get the rate that its last word has."""
+"""Decode the timecode of a whole recording.
+
+Every word of a signal gets the frame rate of the signal's last word.
+"""
 
 from __future__ import annotations
 
@@ -18,15 +21,15 @@ PIECE_SECONDS = 1.0
 def decode_recording(
     config: TimecodeConfig, device: str, sample_rate: int, samples: Array, stamp_ns: int = 0
 ) -> list[TimecodeReading]:
-    """Decode a whole recording.
+    """Decode the timecode of a whole recording.
 
     Args:
-        samples: (N,) of one channel, the first at `stamp_ns`.
+        samples: (N,) samples of one channel; the first sample is at `stamp_ns`.
 
-    Returns: all readings, in the order of the recording.
+    Returns: all readings, in recording order.
 
     Raises:
-        DataError: samples are not finite.
+        DataError: a sample is not finite.
     """
     if not np.isfinite(samples).all():
         raise DataError(f"audio of {device} has samples that are not finite")

@@ -1,8 +1,7 @@
-"""The timecode stage: audio blocks of any number of devices to readings.
+"""Timecode stage: decode the audio blocks of any number of devices into timecode readings.
 
-All compiled loops of the rooms, called once with the types that they are called with later.
-
-What the timecode stage remembers of a device.
+The stage keeps one `Device` record per device, with one decoder per channel. `compile_kernels` calls every
+compiled loop of the timecode package once, with the argument types of later calls.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ from panoptic_ros.timecode.word.search import best_grid, scan_lengths, sync_mean
 from panoptic_ros.timecode.word.tracking import track
 from panoptic_ros.timecode.word.viterbi import WordLevels, best_path, match, soft_bits
 
-STAMPS_SECONDS = 3.0  # of block stamps are kept: more than a word waits to be reported
+STAMPS_SECONDS = 3.0  # s of block timestamps to keep: longer than any word is held back
 
 
 @dataclass
@@ -47,8 +46,12 @@ class Channel:
     """One channel of a device that is searched for timecode.
 
     Args:
-        number: of the channel, counted from 0.
-        clock: whose timecode it carries; None: nobody says.
+        number: channel index, from 0.
+        clock: name of the clock whose timecode the channel carries. "" = the device's own clock, None = not
+            named.
+        decoder: decoder of the channel's samples.
+        last: (None before the first) last word of the channel. The next word is checked against it for jumps
+            and lost audio.
     """
 
     number: int
@@ -62,9 +65,12 @@ class Device:
     """One uninterrupted stream of a device.
 
     Args:
-        clocks: of its channels, as they are named.
-        main: of channels that nobody named, the one whose timecode the device's clock is held against.
-        several: whether another timecode was heard on others, too.
+        clocks: (C,) clock names of all channels; empty if not named.
+        stamps: (first sample index, timestamp in ns) of each recent block.
+        next_sample: (index) first sample of the next block.
+        main: channel whose timecode counts for the device's own clock if channels are not named. The first
+            channel decoded becomes the main channel.
+        several: True once an unnamed channel carries a timecode different from that of `main`.
     """
 
     name: str
@@ -72,7 +78,8 @@ class Device:
     first_sample: int
     clocks: tuple[str, ...]
     channels: list[Channel]
-    stamps: deque[tuple[int, int]] = field(default_factory=deque)  # first sample and stamp of blocks
+    # index of the first sample and timestamp (ns) of each block
+    stamps: deque[tuple[int, int]] = field(default_factory=deque)
     next_sample: int = 0
     main: int | None = None
     several: bool = False
@@ -121,7 +128,7 @@ LAYOUT = StateLayout(
 
 @lru_cache(maxsize=1)
 def compile_kernels() -> None:
-    """Compile all kernels, or take them from numba's cache: a stream that runs must not wait for that."""
+    """Compile all kernels or load them from numba's cache, so that a running stream does not wait for it."""
     _compile_conditioning()
     _compile_words()
 
@@ -150,12 +157,14 @@ def _compile_words() -> None:
 
 
 class TimecodeStage(Stateful):
-    """See the package. A gap or another sample rate starts a device anew; nothing of before is remembered.
+    """Stage that decodes `AudioBlock`s into `TimecodeReading`s; see the package docstring.
 
-    Every channel that carries the timecode of a named clock has a decoder, or every channel if none is named.
-    Then the first that is understood is the timecode that the device's own clock is held against.
+    A gap in the samples or a changed sample rate discards the state of the device and starts a new decoder.
 
-    The constructor compiles the kernels, or takes them from numba's cache.
+    If the channels of a device have clock names, each channel with a name gets a decoder. Otherwise every
+    channel gets one, and the first channel decoded gives the timecode of the device's own clock.
+
+    The constructor compiles the kernels or loads them from numba's cache.
     """
 
     LAYOUT = LAYOUT
@@ -170,10 +179,10 @@ class TimecodeStage(Stateful):
         compile_kernels()
 
     def step(self, item: AudioBlock) -> StepResult[TimecodeReading]:
-        """Readings that the block completes.
+        """Return the readings that the block completes.
 
         Raises:
-            DataError: if it has other channels than the parameter names.
+            DataError: the number of channels differs from the number of clock names.
         """
         readings: list[TimecodeReading] = []
         notices: list[Notice] = []
@@ -198,17 +207,20 @@ class TimecodeStage(Stateful):
         return StepResult(tuple(readings), tuple(notices))
 
     def flush(self) -> StepResult[TimecodeReading]:
-        """Words that end with the stream."""
+        """Return the readings completed by the end of the stream, and reset the stage."""
         readings = [r for device in self._devices.values() for r in self._finish(device)]
         self.reset()
         return StepResult(tuple(readings))
 
     def reset(self) -> None:
-        """Forget all devices."""
+        """Drop the state of all devices."""
         self._devices = {}
 
     def _clocks(self, block: AudioBlock) -> tuple[str, ...]:
-        """Of the channels; empty: nobody names any."""
+        """Return the clock name of each channel of a block; empty if the channels are not named.
+
+        The parameter `timecode.channels` takes precedence over the names in the block.
+        """
         named = self._named.get(block.device, block.clocks)
         if named and len(named) != block.samples.shape[1]:
             raise DataError(
@@ -218,7 +230,10 @@ class TimecodeStage(Stateful):
         return named
 
     def _start(self, block: AudioBlock, clocks: tuple[str, ...]) -> Device:
-        """Begin with the decoders of the channels; one that is named as its device tells of its own clock."""
+        """Create the device record, with one decoder per channel that may carry timecode.
+
+        A channel with the name of its own device carries the timecode of the device's own clock.
+        """
         names: list[str | None] = [None] * block.samples.shape[1] if not clocks else list(clocks)
         channels = [
             Channel(number, "" if name == block.device else name, LtcDecoder(self._config, block.sample_rate))
@@ -228,7 +243,7 @@ class TimecodeStage(Stateful):
         return Device(block.device, block.sample_rate, block.first_sample, clocks, channels)
 
     def _finish(self, device: Device) -> list[TimecodeReading]:
-        """Words that end with the stream of a device."""
+        """Return the readings completed by the end of a device's stream."""
         readings = []
         for channel in device.channels:
             words = channel.decoder.finish()
@@ -238,7 +253,7 @@ class TimecodeStage(Stateful):
 
 
 def _continues(device: Device, block: AudioBlock, clocks: tuple[str, ...]) -> bool:
-    """Whether a block is what comes next of a device."""
+    """Return whether a block directly continues the stream of a device."""
     return (
         block.first_sample == device.next_sample
         and block.sample_rate == device.sample_rate
@@ -248,8 +263,10 @@ def _continues(device: Device, block: AudioBlock, clocks: tuple[str, ...]) -> bo
 
 
 def _choose(device: Device, channel: Channel, words: list[Word]) -> list[Notice]:
-    """Of channels that nobody named, the first that is understood counts; told once if others carry another
-    timecode."""
+    """Select the main channel of a device with unnamed channels: the first one decoded.
+
+    Returns: one notice per device, the first time that another channel carries a different timecode.
+    """
     if not words or channel.clock is not None:
         return []
     if device.main is None:
@@ -287,7 +304,7 @@ def _read(device: Device, channel: Channel, words: list[Word]) -> list[TimecodeR
 
 
 def _breaks(device: Device, channel: Channel, words: list[Word]) -> list[Notice]:
-    """Notices where labels or samples do not continue those of the last word."""
+    """Return notices for words whose labels or samples do not continue those of the previous word."""
     notices: list[Notice] = []
     for word in words:
         heard = Heard(word, _stamp(device, device.first_sample + word.start))
@@ -299,7 +316,7 @@ def _breaks(device: Device, channel: Channel, words: list[Word]) -> list[Notice]
 
 
 def _stamp(device: Device, sample: float) -> int:
-    """The instant of a fractional sample on the device's clock, from the block that holds it."""
+    """Return the timestamp (ns, device clock) of a fractional sample, from the block that contains it."""
     first, stamp = next((block for block in reversed(device.stamps) if block[0] <= sample), device.stamps[0])
     return max(0, stamp + round((sample - first) / device.sample_rate * 1e9))
 

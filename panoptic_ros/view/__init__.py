@@ -1,6 +1,7 @@
-"""What a person sees: overlays, mosaics, videos, 3D plots, the report, the live table, progress.
+"""Drawings and tables for human readers: overlays, mosaics, videos, 3D plots, run report, live table,
+progress bars.
 
-In: records of the graph and images. Out: pictures and videos in files, text for a terminal. Pictures
-are drawn with OpenCV, plots with matplotlib without a display. Limits: no window is ever
-opened; viewers for RViz and Foxglove are fed by the nodes.
+Input: records of the graph and images. Output: pictures and videos in files, and text for a terminal. OpenCV
+draws pictures; matplotlib draws plots without a display. No module opens a window. The nodes publish the data
+for RViz and Foxglove.
 """

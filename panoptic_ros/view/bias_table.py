@@ -1,4 +1,4 @@
-"""What a table of biases is worth, person by person."""
+"""Table of the leave-one-person-out benefit of a joint bias table."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from panoptic_ros.evaluation.bias import Benefit
 
 
 def bias_table(benefits: Sequence[Benefit]) -> str:
-    """Every person, judged with the offsets of all others."""
+    """Return a text table of each person's error and PCK, before and after bias removal.
+
+    The removed biases were measured on all other people (leave one out).
+    """
     lines = ["person, measured on the others    median mm   after    PCK 5 cm   after"]
     for b in benefits:
         lines.append(_row(str(b.person), b.median_before, b.median_after, b.pck_before, b.pck_after))

@@ -1,4 +1,4 @@
-"""Bodies drawn as bodies: shaded surfaces of their segments, in pictures and in plots."""
+"""Shaded surface meshes of body segments, drawn into images and 3D plots."""
 
 from __future__ import annotations
 
@@ -15,19 +15,27 @@ from panoptic_ros.geometry.capsules import capsule_mesh
 from panoptic_ros.geometry.rotations import from_quaternions
 
 Array = np.ndarray
-SIDES, RINGS = 10, 2  # of capsules
-OPACITY = 0.7  # over an image
-LIGHT = np.array([0.35, 0.25, 0.9]) / np.linalg.norm([0.35, 0.25, 0.9])  # where it comes from, in the world
-AMBIENT = 0.45  # share of light from everywhere
-FAR = 1e5  # px; triangles that reach farther are not drawn
-BITS = 4  # of pixels' fractions
-NEAR_NS = 50_000_000  # a body is drawn into an image that is at most so far from it in time
-LENGTH_M = 0.002  # by which lengths may differ from those of a surface that is there
+SIDES, RINGS = 10, 2  # facets around and rings along each capsule mesh
+OPACITY = 0.7  # weight of the rendered body when blended over an image
+# unit vector towards the light, world frame
+LIGHT = np.array([0.35, 0.25, 0.9]) / np.linalg.norm([0.35, 0.25, 0.9])
+AMBIENT = 0.45  # ambient share of the brightness, 0 to 1
+FAR = 1e5  # px; triangles with a corner beyond this are not drawn
+BITS = 4  # fractional bits of OpenCV's fixed-point pixel coordinates
+NEAR_NS = 50_000_000  # ns; largest time difference between a body state and the image that it is drawn into
+LENGTH_M = 0.002  # m; a cached surface is rebuilt when a segment length changes by more than this
 
 
 class DrawnBody(NamedTuple):
-    """A body of an instant: its places (S, 3) m and frames (S, 3, 3), world from segment, and its lengths,
-    offsets (S, 3) m."""
+    """Pose and segment lengths of one body at one instant.
+
+    Args:
+        stamp_ns: Time of the state.
+        id: Track id.
+        places: Segment origins (S, 3) m, world.
+        frames: Rotations (S, 3, 3), world from segment.
+        offsets: Segment offsets (S, 3) m, which set the body's lengths.
+    """
 
     stamp_ns: int
     id: int
@@ -37,7 +45,7 @@ class DrawnBody(NamedTuple):
 
 
 def drawn_bodies(item: BodyStateSet) -> list[DrawnBody]:
-    """The bodies of an instant."""
+    """Return the drawable bodies of one body state set."""
     return [
         DrawnBody(
             item.stamp_ns, number, item.positions[k], from_quaternions(item.orientations[k]), item.offsets[k]
@@ -47,7 +55,15 @@ def drawn_bodies(item: BodyStateSet) -> list[DrawnBody]:
 
 
 class _Surface(NamedTuple):
-    """Of a body: its lengths, and of each vertex the segment, place and normal in its frame; triangles."""
+    """Triangle mesh of one body, with vertices in segment frames.
+
+    Args:
+        offsets: Segment offsets (S, 3) m that the mesh was built for.
+        owners: Segment index (V,) of each vertex.
+        points: Vertices (V, 3) m, segment frame.
+        normals: Unit normals (V, 3), segment frame.
+        triangles: Vertex indices (T, 3).
+    """
 
     offsets: Array
     owners: Array
@@ -57,14 +73,14 @@ class _Surface(NamedTuple):
 
 
 class BodySurfaces:
-    """Surfaces of bodies; those of one person are made once, as lengths hardly change."""
+    """Surface meshes of bodies, cached per person because segment lengths hardly change."""
 
     def __init__(self, shape: BodyShape):
         self._shape = shape
         self._made: dict[int, _Surface] = {}
 
     def place(self, body: DrawnBody) -> tuple[Array, Array, Array]:
-        """Vertices (V, 3) m and normals (V, 3) in the world, and triangles (T, 3)."""
+        """Return vertices (V, 3) m and normals (V, 3) in the world frame, and triangles (T, 3)."""
         made = self._made.get(body.id)
         if made is None or np.abs(made.offsets - body.offsets).max() > LENGTH_M:
             made = self._made[body.id] = self._make(body.offsets)
@@ -86,20 +102,20 @@ class BodySurfaces:
 
 
 def shades(normals: Array, triangles: Array) -> Array:
-    """Brightness (T,) of triangles, 0 to 1."""
+    """Return the brightness (T,) of triangles, 0 to 1."""
     facing = (normals[triangles].mean(axis=1) @ LIGHT).clip(0.0, 1.0)
     found: Array = AMBIENT + (1.0 - AMBIENT) * facing
     return found
 
 
 class ShapedBodies(NamedTuple):
-    """Bodies of one instant or of a recording, by time, and their surfaces."""
+    """Bodies of one instant or of a whole recording, sorted by time, with their surface cache."""
 
     bodies: Sequence[DrawnBody]
     surfaces: BodySurfaces
 
     def near(self, stamp_ns: int) -> ShapedBodies:
-        """Of each person the body nearest to an instant, at most `NEAR_NS` from it."""
+        """Return the body nearest in time to `stamp_ns` for each person, within `NEAR_NS`."""
         stamps = [body.stamp_ns for body in self.bodies]
         begin, end = bisect_left(stamps, stamp_ns - NEAR_NS), bisect_left(stamps, stamp_ns + NEAR_NS)
         found: dict[int, DrawnBody] = {}
@@ -113,11 +129,11 @@ class ShapedBodies(NamedTuple):
 def draw_bodies(
     canvas: Array, camera: Camera, shaped: ShapedBodies, colors: Sequence[Sequence[int]], scale: float
 ) -> None:
-    """Draw bodies over a picture, what is behind first.
+    """Draw bodies into an image, far triangles first.
 
     Args:
-        canvas: (H, W, 3) uint8, `scale` times as large as the camera's images.
-        colors: blue, green, red of each body.
+        canvas: Image (H, W, 3) uint8, `scale` times as large as the camera's images. It is modified in place.
+        colors: BGR colour of each body.
     """
     rows: list[tuple[Array, Array, Array]] = []
     for body, color in zip(shaped.bodies, colors):
@@ -125,7 +141,7 @@ def draw_bodies(
         pixels, seen = camera.project(points)
         depths = camera.cam_from_world.apply(points)[:, 2]
         shown = ((pixels + 0.5) * scale - 0.5)[triangles]
-        # those that face the camera are clockwise, as y goes down
+        # front faces have negative signed area, because the image y axis points down
         a, b, c = shown.swapaxes(0, 1)
         with np.errstate(invalid="ignore"):
             area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])

@@ -1,4 +1,4 @@
-"""Errors of bodies by cameras and IMUs as a picture, as Fig. 7 of Malleson et al. 2020."""
+"""Plot of body errors against the number of cameras and IMUs, as Fig. 7 of Malleson et al. 2020."""
 
 from __future__ import annotations
 
@@ -16,18 +16,22 @@ PANELS = {
     "procrustes_mm": "joints, mm, after Procrustes",
     "deg": "orientations, deg, global",
 }
-LINES = (("", "_std", "--", "x"), ("_median", "_mad", "-", "o"))  # middle, spread, line, marker
-BESIDE = 0.09  # cameras between the bars of two numbers of IMUs
+# (key suffix of centre, key suffix of spread, line style, marker)
+LINES = (("", "_std", "--", "x"), ("_median", "_mad", "-", "o"))
+BESIDE = 0.09  # horizontal spacing of error bars that share a camera count, in units of the camera axis
 
 
 def body_study_plot(rows: Sequence[Mapping[str, Any]], ours: str, origin: str = "") -> bytes:
-    """A PNG: dashed mean and standard deviation, solid median and MAD, a colour for each number of IMUs.
+    """Return a PNG with one colour per number of IMUs. Dashed: mean and standard deviation. Solid: median and
+    MAD.
 
-    Above our method, below the other, on the same scale. The place without cameras drifts and is left out.
+    Our method is in the upper row, the other method below, on the same scale. The global position error
+    without cameras is left out because it drifts.
 
     Args:
-        rows: of the study, with cameras, imus, method, and mean, median, std and MAD of each panel.
-        ours: the method above. origin: of the captures, for the title.
+        rows: Rows of the study, with cameras, imus, method, and mean, median, std and MAD of each panel.
+        ours: Name of the method in the upper row.
+        origin: Origin of the captures, for the title.
     """
     methods = sorted({row["method"] for row in rows}, key=lambda name: name != ours)
     figure = Figure(figsize=(15.0, 3.8 * len(methods)), layout="constrained")
@@ -40,7 +44,7 @@ def body_study_plot(rows: Sequence[Mapping[str, Any]], ours: str, origin: str = 
             axes.set(title=f"{method}: {label}", xlabel="cameras")
             axes.title.set_fontsize(9)
             axes.grid(True, alpha=0.3)
-    for axes in grid.flat:  # once all is drawn: methods share the scale
+    for axes in grid.flat:  # set limits after everything is drawn, because the methods share the y axis
         axes.set_ylim(bottom=0.0)
     grid[0, 0].legend(fontsize=7)
     figure.suptitle(f"dashed: mean, std; solid: median, MAD; {origin}", fontsize=9)
@@ -50,7 +54,7 @@ def body_study_plot(rows: Sequence[Mapping[str, Any]], ours: str, origin: str = 
 
 
 def _draw(axes: Axes, rows: Sequence[Mapping[str, Any]], key: str) -> None:
-    """All lines of a panel."""
+    """Draw all error-bar lines of one panel."""
     kinds = sorted({row["imus"] for row in rows})
     for n, imus in enumerate(kinds):
         mine = [row for row in rows if row["imus"] == imus and (row["cameras"] or key != "mm")]

@@ -1,4 +1,4 @@
-"""Clocks that were found from motion or from sound, in words."""
+"""Text lines that report clock offsets estimated from motion or from sound."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 from panoptic_ros.offsets import CameraClocks
 from panoptic_ros.offsets.sound import HeardClocks
 
-AIR = 3.0  # standard deviations of their difference beyond which motion and sound contradict each other
+AIR = 3.0  # gate, in standard deviations of the difference, beyond which motion and sound offsets contradict
 
 
 def clock_lines(clocks: CameraClocks) -> list[str]:
-    """What was found, in words."""
+    """Return text lines with the offset and drift of every camera, estimated from motion."""
     width = max(len(name) for name in clocks.cameras)
     lines = ["clocks from motion (to be added to the stamps):"]
     for c, name in enumerate(clocks.cameras):
@@ -38,7 +38,7 @@ def clock_lines(clocks: CameraClocks) -> list[str]:
 
 
 def sound_lines(found: HeardClocks) -> list[str]:
-    """What was found, in words."""
+    """Return text lines with the offset and drift of every camera, estimated from sound."""
     clocks = found.clocks
     width = max(len(name) for name in clocks.cameras)
     lines = ["clocks from sound (to be added to the stamps):"]
@@ -66,7 +66,7 @@ def sound_lines(found: HeardClocks) -> list[str]:
 
 
 def pair_lines(found: HeardClocks) -> list[str]:
-    """One line about each pair."""
+    """Return one text line about each camera pair."""
     lines = []
     for pair in found.pairs:
         what = f"agree in {pair.clear} of {pair.windows} windows of 2 s"
@@ -79,10 +79,11 @@ def pair_lines(found: HeardClocks) -> list[str]:
 
 
 def contradictions(sound: HeardClocks, motion: CameraClocks) -> list[str]:
-    """Lines about cameras of which motion says something else than sound.
+    """Return warnings about cameras whose motion offset contradicts their sound offset.
 
     Args:
-        motion: clocks that were found of stamps corrected by those from sound.
+        sound: Clocks estimated from sound.
+        motion: Clocks estimated from motion, on timestamps already corrected by `sound`.
     """
     known = sound.clocks.known & motion.known
     if known.sum() < 2:

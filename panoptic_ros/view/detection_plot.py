@@ -13,10 +13,10 @@ MARKS = "osD^vP*X<>"
 
 
 def write_plot(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> None:
-    """Draw the settings as PNG; the first is the one that others are compared with.
+    """Draw all detector settings as PNG. The first row is the reference that a horizontal line marks.
 
     Raises:
-        EnvironmentProblem: if the file cannot be written.
+        EnvironmentProblem: If the file cannot be written.
     """
     figure = Figure(figsize=(10.5, 4.2), dpi=110, layout="constrained")
     FigureCanvasAgg(figure)

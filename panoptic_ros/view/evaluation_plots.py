@@ -14,15 +14,15 @@ from panoptic_ros.io.files import atomic_path
 from panoptic_ros.view.plotting import Axes, Figure, FigureCanvasAgg
 
 Draw = Callable[[Axes, Sequence[FramePair], Sequence[str]], None]
-LARGEST = 0.15  # m, end of the PCK curve
-COLOURS = 10  # of matplotlib's default cycle
+LARGEST = 0.15  # m; upper end of the PCK curve
+COLOURS = 10  # number of colours in matplotlib's default cycle
 
 
 def write_plots(folder: Path, pairs: Sequence[FramePair], joint_names: Sequence[str]) -> list[Path]:
-    """Draw all plots as PNG into `folder`; returns their paths.
+    """Draw all plots as PNG into `folder` and return their paths.
 
     Raises:
-        EnvironmentProblem: if a file cannot be written.
+        EnvironmentProblem: If a file cannot be written.
     """
     paths = []
     for name, draw in PLOTS.items():
@@ -36,7 +36,7 @@ def write_plots(folder: Path, pairs: Sequence[FramePair], joint_names: Sequence[
 
 
 def draw_pck(axes: Axes, pairs: Sequence[FramePair], joint_names: Sequence[str]) -> None:
-    """Share of joints that are closer than a threshold: of matched people, and of everybody."""
+    """Draw the share of joints with an error below a threshold, for matched and for all true people."""
     thresholds = np.linspace(0.0, LARGEST, 151)
     for everybody, label, style in ((False, "matched people", "-"), (True, "everybody", "--")):
         curve = pck_curve(pairs, len(joint_names), thresholds, everybody)
@@ -47,7 +47,7 @@ def draw_pck(axes: Axes, pairs: Sequence[FramePair], joint_names: Sequence[str])
 
 
 def draw_joints(axes: Axes, pairs: Sequence[FramePair], joint_names: Sequence[str]) -> None:
-    """Median error of every joint, with quartiles as a box and the 5th and 95th percentile."""
+    """Draw the error of every joint: median, quartiles as a box, 5th and 95th percentile as whiskers."""
     columns = [column[~np.isnan(column)] for column in matched_distances(pairs, len(joint_names)).T]
     axes.boxplot([1e3 * column for column in columns], whis=(5, 95), showfliers=False)
     axes.set_xticks(range(1, len(joint_names) + 1), joint_names, rotation=60, ha="right")
@@ -56,7 +56,7 @@ def draw_joints(axes: Axes, pairs: Sequence[FramePair], joint_names: Sequence[st
 
 
 def draw_times(axes: Axes, pairs: Sequence[FramePair], joint_names: Sequence[str]) -> None:
-    """Mean joint error of every true person over time; gaps are frames without a match."""
+    """Draw the mean joint error of every true person over time, with gaps at frames without a match."""
     times = _seconds(pairs)
     for number in _people(pairs):
         errors = np.full(len(pairs), np.nan)
@@ -72,7 +72,7 @@ def draw_times(axes: Axes, pairs: Sequence[FramePair], joint_names: Sequence[str
 
 
 def draw_identities(axes: Axes, pairs: Sequence[FramePair], joint_names: Sequence[str]) -> None:
-    """A row per true person: grey while there, coloured by the result's id while found."""
+    """Draw one row per true person: grey where missed, else coloured by the matched track id."""
     times, people = _seconds(pairs), _people(pairs)
     step = float(np.median(np.diff(times))) if len(times) > 1 else 1.0
     found = [found_ids(pair) for pair in pairs]

@@ -1,4 +1,4 @@
-"""What is going on right now, in a terminal."""
+"""Live status table of cameras, people and latency in a terminal."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ import numpy as np
 from panoptic_ros.domain import SkeletonModel, TrackedPoseSet
 from panoptic_ros.io.colors import rgb_of
 
-WINDOW_S = 2.0  # frame rates are counted over this
-REDRAW_S = 0.25  # of a table in a terminal
-LINE_S = 2.0  # of plain lines
+WINDOW_S = 2.0  # s; window over which frame rates are counted
+REDRAW_S = 0.25  # s between redraws of the table in a terminal
+LINE_S = 2.0  # s between plain lines when the stream is no terminal
 
 
 class LiveTable:
-    """A table of cameras, people and latency that is redrawn in place.
+    """Terminal table of cameras, people and latency, redrawn in place.
 
-    Per camera its frame rate and people seen; per person its id, the position of the head and how many
-    joints there are; latency, and how much was dropped. If the stream is no terminal, one plain line every
-    2 s instead. Not thread-safe: call it from one thread.
+    Each camera row has the frame rate and the number of detected people. Each person row has the id, the head
+    position and the number of found joints. The last row has the latency and the number of dropped frames and
+    messages. If the stream is no terminal, the table prints one plain line every 2 s instead. Not
+    thread-safe: call it from one thread.
 
     Args:
-        cameras: names, in order.
-        skeleton: of the poses.
-        stream: sys.stdout unless given.
-        clock: seconds that never go back; for tests.
+        cameras: Camera names, in order.
+        skeleton: Skeleton of the poses.
+        stream: Output stream. Default: sys.stdout.
+        clock: Monotonic clock in s, replaceable in tests.
     """
 
     def __init__(
@@ -54,17 +55,17 @@ class LiveTable:
         self._lines_up = 0
 
     def saw_view(self, camera: str, people: int) -> None:
-        """The detections of a frame came, with so many people."""
+        """Record the arrival of one frame's detections with `people` persons."""
         self._arrivals.setdefault(camera, deque()).append(self._clock())
         self._people_seen[camera] = people
         self._redraw()
 
     def set_dropped(self, dropped: int) -> None:
-        """Frames and messages dropped so far, of all nodes."""
+        """Set the number of frames and messages dropped so far by all nodes."""
         self._dropped = dropped
 
     def saw_poses(self, poses: TrackedPoseSet, latency_ms: float | None = None) -> None:
-        """The skeletons of an instant came, so long after capture."""
+        """Record the skeletons of an instant and their latency after capture in ms."""
         self._poses = poses
         self._pose_arrivals.append(self._clock())
         if latency_ms is not None:
@@ -72,11 +73,11 @@ class LiveTable:
         self._redraw()
 
     def close(self) -> None:
-        """Draw a last time and leave the table standing."""
+        """Draw the table a last time and leave it on the screen."""
         self._redraw(last=True)
 
     def lines(self, height: int = 1000) -> list[str]:
-        """The table without colours; the lists are cut so that it has at most `height` lines, or 7."""
+        """Return the table without colours, with its lists cut to fit `height` lines (at least 7)."""
         cameras, people = self._camera_rows(), self._people_rows()
         room = max(2, height - 5)
         people = _cut(people, max(room // 2, room - len(cameras)))
@@ -142,7 +143,7 @@ class LiveTable:
         return f"{rates}; {self._summary()}; people {', '.join(map(str, people)) or 'none'}"
 
     def _colored(self, row: str) -> str:
-        """Rows of people in their colours of the overlays."""
+        """Return the row in the overlay colour of its person, or unchanged if it is no person row."""
         if not row.startswith("id "):
             return row
         red, green, blue = (round(255 * value) for value in rgb_of(int(row.split()[1])))
@@ -150,7 +151,7 @@ class LiveTable:
 
 
 def _cut(rows: list[str], limit: int) -> list[str]:
-    """At most `limit` rows, the last of which says how many are not shown."""
+    """Return at most `limit` rows; the last one states the number of hidden rows."""
     if len(rows) <= limit:
         return rows
     shown = max(0, limit - 1)

@@ -1,4 +1,4 @@
-"""Skeletons drawn into the views that they were made from."""
+"""Skeletons and detections drawn into the camera images."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from panoptic_ros.io.colors import bgr_of
 from panoptic_ros.view.body_drawing import ShapedBodies, draw_bodies
 
 Array = np.ndarray
-BONE_PIECES = 8  # a bone is drawn as so many pieces, since lenses bend lines and a part may be behind us
-FAR = 1e6  # px; pieces that reach farther are not drawn
+# straight pieces per bone, because lens distortion bends it and a part may lie behind the camera
+BONE_PIECES = 8
+FAR = 1e6  # px; pieces with an end beyond this are not drawn
 DETECTION_COLOR = (225, 225, 225)
 EDGE_COLOR = (20, 20, 20)
 FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -31,23 +32,23 @@ def draw_view(
     scale: float = 1.0,
     bodies: ShapedBodies | None = None,
 ) -> Array:
-    """Skeletons reprojected into one view with the lens's distortion, over a copy of its image.
+    """Draw skeletons into a copy of one camera image, reprojected with lens distortion.
 
-    A colour and a number per id; measured joints are discs, predicted ones rings, filled ones squares;
-    bones with an end that is not measured are thin. The detector's 2D people are thin grey lines. Who has a
-    body is drawn as one in place of bones and joints.
+    Each id has a colour and a number. Measured joints are discs, predicted joints are rings, filled joints
+    are squares. A bone is thin unless both ends are measured. The detector's 2D poses are thin grey lines. A
+    person with a body is drawn as its surface, without bones and joints.
 
     Args:
-        image: (H, W, 3) uint8, BGR, of the camera's size.
-        poses: None or empty draws the detections only.
-        bodies: of this instant.
-        scale: size of the result relative to the image; drawing after resizing keeps lines sharp.
+        image: BGR image (H, W, 3) uint8 of the camera's calibrated size.
+        poses: Tracked poses. None or an empty set draws the detections only.
+        bodies: Bodies of this instant.
+        scale: Size of the result relative to the image. Drawing after resizing keeps lines sharp.
 
     Returns:
-        (round(scale H), round(scale W), 3) uint8.
+        Image (round(scale H), round(scale W), 3) uint8.
 
     Raises:
-        DataError: if image, camera, poses and skeleton do not fit each other.
+        DataError: If image, camera, poses and skeleton do not fit each other.
     """
     if (image.shape[1], image.shape[0]) != camera.image_size:
         raise DataError(
@@ -77,7 +78,7 @@ def draw_view(
 
 
 def draw_text(canvas: Array, text: str, corner: tuple[int, int], size: float, color: Sequence[int]) -> None:
-    """Text with its lower left end at a pixel, readable on any ground, moved to be inside."""
+    """Draw outlined text with its lower left end at `corner` (px), shifted to stay inside the image."""
     weight = max(1, round(2 * size))
     (width, height), base = cv2.getTextSize(text, FONT, size, weight)
     x = int(np.clip(corner[0], 2, max(2, canvas.shape[1] - width - 2)))
@@ -94,13 +95,13 @@ def _resized(image: Array, scale: float) -> Array:
 
 
 def _stroke(canvas: Array) -> float:
-    """Width of a bone in px: pictures of any size look alike."""
+    """Return the bone width in px, proportional to the image size so that pictures of any size look alike."""
     width: float = max(2.0, min(canvas.shape[:2]) / 220.0)
     return width
 
 
 def _bone_pieces(camera: Camera, poses: TrackedPoseSet, skeleton: SkeletonModel) -> Array:
-    """Pixels (P, B, BONE_PIECES + 1, 2) along the bones, NaN where they cannot be seen."""
+    """Return pixels (P, B, BONE_PIECES + 1, 2) along the bones, NaN where they cannot be projected."""
     parents, children = (list(side) for side in zip(*skeleton.bones))
     start, end = poses.positions[:, parents], poses.positions[:, children]
     along = np.linspace(0.0, 1.0, BONE_PIECES + 1)[:, None]
@@ -114,12 +115,13 @@ def _draw_bones(
     for bone, (parent, child) in enumerate(skeleton.bones):
         solid = states[parent] == JointState.MEASURED and states[child] == JointState.MEASURED
         width = stroke if solid else 0.5 * stroke
-        _draw_line(canvas, pieces[bone], EDGE_COLOR, width + 2.0, scale)  # stands out from any ground
+        # a dark edge makes the bone visible on any background
+        _draw_line(canvas, pieces[bone], EDGE_COLOR, width + 2.0, scale)
         _draw_line(canvas, pieces[bone], color, width, scale)
 
 
 def _draw_line(canvas: Array, pixels: Array, color: Sequence[int], width: float, scale: float) -> None:
-    """A line through pixels (N, 2) of the unscaled image, with gaps where they are NaN or far away."""
+    """Draw a line through pixels (N, 2) of the unscaled image, with gaps at NaN and beyond `FAR`."""
     near = (np.abs(pixels) < FAR).all(-1)  # False for NaN
     fixed = _fixed_point(np.where(near[:, None], pixels, 0.0), scale)
     for i in np.flatnonzero(near[:-1] & near[1:]):
@@ -147,7 +149,7 @@ def _draw_joints(canvas: Array, pixels: Array, states: Array, color: Sequence[in
 def _draw_label(
     canvas: Array, pixels: Array, head: int, text: str, color: Sequence[int], scale: float
 ) -> None:
-    """The id above the head, or above the highest joint if the head is not in the picture."""
+    """Draw the id above the head, or above the highest visible joint if the head is outside the image."""
     shown = (pixels + 0.5) * scale - 0.5
     inside: Array = np.all((shown >= 0) & (shown < canvas.shape[1::-1]), axis=-1)
     if not inside.any():
@@ -166,6 +168,6 @@ def _draw_detections(
 
 
 def _fixed_point(pixels: Array, scale: float) -> Array:
-    """OpenCV's fixed-point coordinates of pixels in the picture that is `scale` times as large."""
+    """Return OpenCV fixed-point coordinates, in the scaled image, of pixels of the unscaled image."""
     fixed_point: Array = np.round(((pixels + 0.5) * scale - 0.5) * 2**SUBPIXEL_BITS)
     return fixed_point

@@ -1,7 +1,4 @@
-"""Overlay video and stills of a whole recorded run.
-
-Several views in one picture.
-"""
+"""Overlay video and stills of a recorded run, with all views tiled in one picture."""
 
 from __future__ import annotations
 
@@ -23,25 +20,25 @@ from panoptic_ros.view.pictures import Stills
 from panoptic_ros.view.video_file import VideoFile
 
 GAP = 4  # px between tiles
-GROUND = 24  # grey of what no image covers
+GROUND = 24  # grey level of areas that no image covers
 Array = np.ndarray
-LARGEST = (1920, 1080)  # px, of a picture
-VIDEO_RATE_LIMIT = 60.0  # Hz; players have trouble beyond
+LARGEST = (1920, 1080)  # px; largest (width, height) of a picture
+VIDEO_RATE_LIMIT = 60.0  # Hz; video players have trouble with higher rates
 
 
 class Mosaic:
-    """A grid of tiles of equal size, as large as fits, the same for every instant.
+    """Grid of equal tiles, as large as fits, with the same layout for every instant.
 
     Args:
-        sizes: (width, height) px of each view's images, by the view's name, in the order of tiles.
-        max_size: (width, height) px that the picture must not exceed.
+        sizes: Image size (width, height) px of each view by name, in the order of tiles.
+        max_size: Largest (width, height) px of the picture.
 
     Attributes:
-        size: (width, height) of the picture, even numbers as video encoders want them.
-        scales: by name, how much smaller than its images a view is shown.
+        size: Picture size (width, height) px, even because video encoders require it.
+        scales: Display scale of each view by name, relative to its images.
 
     Raises:
-        UsageError: without views, or if there is not one pixel for each.
+        UsageError: Without views, or if a tile would be smaller than one pixel.
     """
 
     def __init__(self, sizes: Mapping[str, tuple[int, int]], max_size: tuple[int, int] = (1920, 1080)):
@@ -61,14 +58,14 @@ class Mosaic:
         self.size = (across + across % 2, down + down % 2)
 
     def compose(self, images: Mapping[str, Array], caption: str = "") -> Array:
-        """The picture (H, W, 3) uint8 of views (h, w, 3) of any size; views without image say so.
+        """Return the picture (H, W, 3) uint8 of all views. The tile of a view without an image says so.
 
         Args:
-            images: by name; full size, or already scaled by `scales`.
-            caption: text in the lower left corner.
+            images: Images (h, w, 3) by view name, of any size, e.g. already scaled by `scales`.
+            caption: Text in the lower left corner.
 
         Raises:
-            DataError: for an image of a view that the mosaic does not have.
+            DataError: For an image of a view that the mosaic does not have.
         """
         unknown = sorted(set(images) - set(self.names))
         if unknown:
@@ -99,15 +96,15 @@ class Mosaic:
 
 
 def _best_grid(count: int, width: int, height: int, limit: tuple[int, int]) -> tuple[int, float]:
-    """Number of columns and scale that show tiles of (width, height) largest, never enlarged.
+    """Return the number of columns and the scale (at most 1) for the largest tiles of (width, height) px.
 
-    Of grids that are as large, the one whose shape is most like that of the limit.
+    Among grids with an equal scale, the one with the aspect ratio closest to that of `limit` wins.
     """
     best, best_shape = (1, 0.0), math.inf
     for columns in range(1, count + 1):
         rows = -(-count // columns)
         room_x, room_y = limit[0] - (columns - 1) * GAP, limit[1] - (rows - 1) * GAP
-        # one pixel is kept free where the sum is odd and must be made even
+        # reserve one pixel, since an odd picture size is rounded up to an even one
         scale = min(1.0, (room_x - 1) / (columns * width), (room_y - 1) / (rows * height))
         shape = abs(math.log(columns * width * limit[1] / (rows * height * limit[0])))
         if scale > best[1] or (scale == best[1] and shape < best_shape):
@@ -118,10 +115,19 @@ def _best_grid(count: int, width: int, height: int, limit: tuple[int, int]) -> t
 
 
 class OverlayRun:
-    """Overlay video and stills of a recorded run: all views side by side, with each instant's skeletons."""
+    """Writer of the overlay video and stills of a recorded run.
+
+    Each picture shows all views side by side with the skeletons of one instant.
+    """
 
     def __init__(self, rig: Rig, skeleton: SkeletonModel, bodies: ShapedBodies | None = None):
-        """bodies: by time, of all instants; the nearest to each image is drawn."""
+        """Store the models of the run.
+
+        Args:
+            rig: Calibrated cameras.
+            skeleton: Skeleton of detections and poses.
+            bodies: Bodies of all instants, sorted by time. Each image shows those nearest in time.
+        """
         self._rig, self._skeleton, self._bodies = rig, skeleton, bodies
 
     def write(
@@ -136,23 +142,24 @@ class OverlayRun:
     ) -> list[Path]:
         """Write overlay.mp4 and some stills.
 
-        The recorded sources are read a second time; every view of a detection set names its frame, and
-        poses belong to the detection set of the same index (their stamp can lie a little later). One picture
-        is in memory at a time.
+        This reads the recorded sources a second time. Every view of a detection set names its frame. Poses
+        belong to the detection set of the same index, although their timestamp can be a little later. Only
+        one picture is in memory at a time.
 
         Args:
-            folder: made if it is not there.
-            sources: recorded ones, of any of the rig's cameras.
-            detections: in the order of time; one picture each.
-            stills: how many pictures besides the video, evenly spread over it.
-            on_frame: called with the number of pictures done, for a progress bar.
+            folder: Output folder, created if missing.
+            sources: Recorded sources of any of the rig's cameras.
+            detections: Detection sets sorted by time. Each yields one picture.
+            poses: Tracked poses, matched to `detections` by index.
+            stills: Number of stills in addition to the video, evenly spread over it.
+            on_frame: Callback with the number of finished pictures, for a progress bar.
 
         Returns:
-            the files written; none without detections.
+            The files written; none without detections or sources.
 
         Raises:
-            DataError: if a source and the rig do not fit, or a source cannot be read.
-            EnvironmentProblem: if files cannot be written.
+            DataError: If a source and the rig do not fit, or a source cannot be read.
+            EnvironmentProblem: If files cannot be written.
         """
         if not detections or not sources:
             return []
@@ -184,7 +191,7 @@ class OverlayRun:
         readers: Mapping[str, _Reader],
         scales: Mapping[str, float],
     ) -> dict[str, Array]:
-        """The drawn image of each camera that has one."""
+        """Return the drawn image of each camera that has one."""
         images = {}
         for view in found.views:
             frame = readers[view.camera].frame(view.frame_number) if view.camera in readers else None
@@ -202,7 +209,7 @@ class OverlayRun:
 
 
 class _Reader:
-    """Frames of one source by their number, forwards only."""
+    """Forward-only reader of one source's frames by frame number."""
 
     def __init__(self, source: FrameSource):
         self._source = source
@@ -210,7 +217,7 @@ class _Reader:
         self._now: ViewFrame | None = None
 
     def frame(self, number: int) -> ViewFrame | None:
-        """The frame of that number, None if the source does not have it."""
+        """Return the frame of that number, or None if the source does not have it."""
         while self._frames is not None and (self._now is None or self._now.frame_number < number):
             self._now = next(self._frames, None)
             if self._now is None:
@@ -222,7 +229,7 @@ class _Reader:
 
 
 def _rate(detections: Sequence[DetectionSet]) -> float:
-    """Pictures per second so that the video runs as fast as the people did, Hz."""
+    """Return the frame rate (Hz) for real-time playback: 1 / (median time step), clipped to 1..60 Hz."""
     if len(detections) < 2:
         return 30.0
     steps = np.diff([found.stamp_ns for found in detections])

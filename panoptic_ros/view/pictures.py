@@ -1,4 +1,4 @@
-"""Pictures in files, whole or not at all."""
+"""Image files, written atomically."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ Array = np.ndarray
 
 
 def write_image(path: Path, image: Array) -> None:
-    """Write a picture (H, W, 3) uint8, BGR as PNG or JPEG, by its name's ending.
+    """Write a BGR image (H, W, 3) uint8 as PNG or JPEG, depending on the file suffix.
 
     Raises:
-        UsageError: for other endings.
-        EnvironmentProblem: if it cannot be written.
+        UsageError: For other suffixes.
+        EnvironmentProblem: If the file cannot be written.
     """
     path = Path(path)
     options = {".png": [], ".jpg": [cv2.IMWRITE_JPEG_QUALITY, 90], ".jpeg": [cv2.IMWRITE_JPEG_QUALITY, 90]}
@@ -31,11 +31,11 @@ def write_image(path: Path, image: Array) -> None:
 
 
 class Stills:
-    """Pictures at given instants: of each, the first picture offered at or after it.
+    """Stills at given instants: for each instant, the first picture offered at or after it.
 
     Args:
-        folder: for the files overlay_<seconds since the first picture>s.png.
-        instants_s: seconds since the first picture.
+        folder: Folder of the files overlay_<seconds since the first picture>s.png.
+        instants_s: Instants in s since the first picture.
         suffix: .png or .jpg.
     """
 
@@ -48,7 +48,7 @@ class Stills:
         self._last: tuple[float, Array] | None = None
 
     def offer(self, stamp_ns: int, image: Array) -> None:
-        """The picture of a later instant than all before."""
+        """Offer the next picture; pictures must come in the order of time."""
         if self._first_ns is None:
             self._first_ns = stamp_ns
         seconds = (stamp_ns - self._first_ns) / 1e9
@@ -58,7 +58,7 @@ class Stills:
             self._write(seconds, image)
 
     def close(self) -> None:
-        """Instants after the last picture get the last picture."""
+        """Write the last picture for instants that lie after it."""
         if self._waiting and self._last is not None:
             self._waiting = []
             self._write(*self._last)

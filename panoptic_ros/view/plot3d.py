@@ -1,4 +1,4 @@
-"""A 3D plot of people and cameras, and their paths over the floor."""
+"""3D plot of people and cameras, and floor plan of the head paths."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from panoptic_ros.view.plotting import (
 Array = np.ndarray
 CAMERA_GREY = (0.45, 0.45, 0.45)
 SHOWN_INSTANTS = 4
-WIDEST = 2.0  # corners of drawn views are at most so far off the axis, relative to their depth
+WIDEST = 2.0  # largest off-axis distance of a drawn frustum corner, relative to its depth
 
 
 def plot_capture(
@@ -39,19 +39,19 @@ def plot_capture(
     title: str = "",
     bodies: ShapedBodies | None = None,
 ) -> None:
-    """Write a PNG: on the left skeletons and cameras in 3D, on the right everything from above.
+    """Write a PNG: skeletons and cameras in 3D on the left, the view from above on the right.
 
-    Skeletons are drawn at some instants, older ones paler; the path of each head is drawn over the
-    floor (z = 0) for all instants. Colours are those of the overlays.
+    Skeletons are drawn at some instants, older ones paler. Head paths are drawn on the floor (z = 0) over all
+    instants. Colours match those of the overlays.
 
     Args:
-        poses: in the order of time; may be empty.
-        instants: indices into `poses` of the skeletons drawn; None takes a few, evenly spread.
-        bodies: by time; those nearest to the instants drawn stand in place of bones.
+        poses: Tracked poses sorted by time; may be empty.
+        instants: Indices into `poses` of the drawn skeletons. None chooses a few, evenly spread.
+        bodies: Bodies sorted by time. Those nearest to the drawn instants replace the bones.
 
     Raises:
-        DataError: for poses of another skeleton.
-        EnvironmentProblem: if the file cannot be written.
+        DataError: For poses of another skeleton.
+        EnvironmentProblem: If the file cannot be written.
     """
     for pose in poses:
         if pose.skeleton_hash != skeleton.hash:
@@ -76,7 +76,7 @@ def plot_capture(
 
 
 def _chosen_bodies(bodies: Sequence[DrawnBody], poses: Sequence[TrackedPoseSet]) -> list[DrawnBody]:
-    """Of each person the bodies nearest to some instants, or to a few of its own where there are none."""
+    """Return each person's bodies nearest in time to the poses, or a few evenly spread ones without poses."""
     stamps = [pose.stamp_ns for pose in poses]
     found = []
     for number in sorted({body.id for body in bodies}):
@@ -98,7 +98,7 @@ def _draw_bodies(axes: Axes3D, shaped: ShapedBodies) -> None:
 
 
 def head_paths(skeleton: SkeletonModel, poses: Sequence[TrackedPoseSet]) -> dict[int, Array]:
-    """Head positions (T, 3) m over all T instants by id, NaN where a person or its head is not there."""
+    """Return head positions (T, 3) m over all T instants by id, NaN where person or head is missing."""
     paths: dict[int, Array] = {}
     for t, pose in enumerate(poses):
         for person, identity in enumerate(pose.ids):
@@ -108,15 +108,17 @@ def head_paths(skeleton: SkeletonModel, poses: Sequence[TrackedPoseSet]) -> dict
 
 
 def frustum_lines(camera: Camera, length: float) -> Array:
-    """Eight lines (8, 2, 3) m in the world: from the centre to the image's corners, and round them.
+    """Return the camera frustum as eight lines (8, 2, 3) m, world: centre to image corners, and corner to
+    corner.
 
-    The corners are at the depth `length`; those of wide lenses are drawn nearer to the axis.
+    The corners are at depth `length` (m). Corners of wide lenses are drawn closer to the optical axis.
     """
     width, height = camera.image_size
     corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
     plane = camera.intrinsics.undistort(corners)
     lost = np.isnan(plane)
-    plane = np.where(lost, camera.intrinsics.plane_from_pixels(corners), plane)  # beyond the lens's fold
+    # pixels beyond the fold of the lens cannot be undistorted
+    plane = np.where(lost, camera.intrinsics.plane_from_pixels(corners), plane)
     plane = plane * np.minimum(1.0, WIDEST / np.linalg.norm(plane, axis=1, keepdims=True).clip(1e-9))
     in_camera = length * np.concatenate([plane, np.ones((4, 1))], axis=1)
     world = camera.cam_from_world.inverse().apply(in_camera)
@@ -127,7 +129,7 @@ def frustum_lines(camera: Camera, length: float) -> Array:
 
 
 def _some_of(poses: Sequence[TrackedPoseSet]) -> list[TrackedPoseSet]:
-    """A few instants, evenly spread over those with people; the last one is always there."""
+    """Return at most `SHOWN_INSTANTS` pose sets, evenly spread over those with people, with the last."""
     busy = [pose for pose in poses if len(pose.ids)]
     if len(busy) <= SHOWN_INSTANTS:
         return busy
@@ -152,7 +154,7 @@ def _draw_scene(
         axes.plot(path[:, 0], path[:, 1], 0.0, color=rgb_of(identity), linewidth=1.0)
     shown = [centres]
     for lines, colors in (_bone_lines(skeleton, pose, age, hidden) for pose, age in _aged(poses)):
-        if len(lines):  # of none Line3DCollection cannot tell the extent
+        if len(lines):  # Line3DCollection cannot compute the extent of an empty set
             axes.add_collection3d(Line3DCollection(lines, colors=colors, linewidths=2.0))
         shown.append(lines.reshape(-1, 3))
     _equal_axes(axes, np.concatenate(shown))
@@ -169,7 +171,7 @@ def _draw_plan(
 ) -> None:
     for camera in rig.cameras:
         x, y = camera.centre[:2]
-        ahead = camera.cam_from_world.rotation[2, :2]  # the optical axis from above
+        ahead = camera.cam_from_world.rotation[2, :2]  # horizontal part of the optical axis
         axes.plot([x, x + 0.5 * ahead[0]], [y, y + 0.5 * ahead[1]], color=CAMERA_GREY, linewidth=1.0)
         axes.plot(x, y, "s", color=CAMERA_GREY, markersize=5)
         if len(rig) <= 40:
@@ -192,14 +194,14 @@ def _draw_plan(
 
 
 def _aged(poses: Sequence[TrackedPoseSet]) -> list[tuple[TrackedPoseSet, float]]:
-    """Poses with their opacity: the newest is 1."""
+    """Return each pose set with its opacity; the newest has 1."""
     return [(pose, 0.25 + 0.75 * (i + 1) / len(poses)) for i, pose in enumerate(poses)]
 
 
 def _bone_lines(
     skeleton: SkeletonModel, pose: TrackedPoseSet, opacity: float, hidden: Collection[int] = ()
 ) -> tuple[Array, list[tuple[float, float, float, float]]]:
-    """Lines (N, 2, 3) m of all bones that have both ends, and their colours; not of hidden people."""
+    """Return lines (N, 2, 3) m of all bones with finite ends and their RGBA colours, without `hidden` ids."""
     ends = pose.positions[:, np.array(skeleton.bones)]  # (P, B, 2, 3)
     there = np.isfinite(ends).all((-1, -2))
     there[[number in hidden for number in pose.ids.tolist()]] = False
@@ -208,7 +210,7 @@ def _bone_lines(
 
 
 def _equal_axes(axes: Axes3D, points: Array) -> None:
-    """A metre is as long in all directions; the floor is in the picture."""
+    """Set equal axis scales and include the floor (z = 0)."""
     low, high = np.minimum(points.min(0), [np.inf, np.inf, 0.0]), points.max(0)
     span = np.maximum(high - low, 0.5)
     axes.set_xlim(low[0], low[0] + span[0])

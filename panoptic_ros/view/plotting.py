@@ -1,8 +1,8 @@
-"""The parts of matplotlib that plots use, loaded whatever MPLBACKEND says.
+"""Import of the matplotlib parts that plots use, independent of MPLBACKEND.
 
-Plots are drawn into files by the Agg canvas, so no backend is needed. matplotlib refuses to load where
-MPLBACKEND names a backend that is not installed, as in terminals of Jupyter. This is the only module that
-imports it; a contract test checks that.
+The Agg canvas draws plots into files, so no backend is needed. matplotlib fails to import where MPLBACKEND
+names a backend that is not installed, as in Jupyter terminals. This is the only module that imports
+matplotlib; a contract test checks that.
 """
 
 from __future__ import annotations

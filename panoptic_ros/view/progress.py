@@ -1,4 +1,4 @@
-"""Progress bars: for work of so many frames, and for work that tells the share that is done."""
+"""Progress bars: one for a known number of frames, one for work that reports its finished share."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from rich.progress import (
 from rich.text import Text
 
 WIDTH = 28  # characters of the bar
-REDRAW_S = 0.1  # between two drawings
-MEAN_S = 1e6  # time left follows from the mean pace of so much work, as steps of a pass take different times
+REDRAW_S = 0.1  # s between redraws
+# s; window of the speed estimate, so long that it covers a whole pass, because its steps differ in speed
+MEAN_S = 1e6
 Bar = TypeVar("Bar", bound="PassBar")
 
 
@@ -31,14 +32,14 @@ class _Rate(ProgressColumn):
 
 
 class PassBar:
-    """Share done, time left, and what is being done; `show` is a `stage.Progress`.
+    """Progress bar with the finished share, the time left and the current step. `show` is a `stage.Progress`.
 
-    One line of sys.stderr that is redrawn in place; quiet if that is no terminal. A context manager; leaving
-    it ends the line.
+    It redraws one line of sys.stderr in place, and prints nothing if sys.stderr is no terminal. It is a
+    context manager; leaving it ends the line.
 
     Args:
-        label: what the whole is.
-        total: what `show` is given at the end, None if not known.
+        label: Name of the whole task.
+        total: Value that `show` receives at the end, None if unknown.
     """
 
     def __init__(self, label: str = "", total: float | None = 1.0):
@@ -47,7 +48,7 @@ class PassBar:
             "{task.description}",
             *self._columns(),
             console=Console(stderr=True, highlight=False),
-            auto_refresh=False,  # which is a thread, and processes are forked while bars are drawn
+            auto_refresh=False,  # auto refresh is a thread, and processes are forked while bars are drawn
             speed_estimate_period=MEAN_S,
             redirect_stdout=False,
             redirect_stderr=False,
@@ -62,14 +63,14 @@ class PassBar:
         return BarColumn(WIDTH), TaskProgressColumn(), left, "left  {task.fields[doing]}"
 
     def show(self, share: float, doing: str) -> None:
-        """The share that is done, 0..1, and what is being done."""
+        """Show the finished share, 0..1, and the current step."""
         self._progress.update(self._task, completed=share, doing=doing)
         if share == self._total or time.monotonic() - self._drawn_s >= REDRAW_S:
             self._drawn_s = time.monotonic()
             self._progress.refresh()
 
     def close(self) -> None:
-        """End the line; does nothing the second time."""
+        """End the line; a second call does nothing."""
         self._progress.stop()
 
     def __enter__(self: Bar) -> Bar:
@@ -80,11 +81,11 @@ class PassBar:
 
 
 class ProgressBar(PassBar):
-    """Share done, frames per second, time left.
+    """Progress bar with the number of finished frames, frames per second and time left.
 
     Args:
-        total: frames to come, None if not known.
-        label: what is being done.
+        total: Number of expected frames, None if unknown.
+        label: Name of the task.
     """
 
     def __init__(self, total: int | None, label: str = ""):
@@ -96,5 +97,5 @@ class ProgressBar(PassBar):
         return BarColumn(WIDTH), MofNCompleteColumn(), _Rate(), TimeRemainingColumn(compact=True), "left"
 
     def update(self, done: int) -> None:
-        """So many frames are done."""
+        """Show `done` finished frames."""
         self.show(done, "")

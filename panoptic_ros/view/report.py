@@ -1,4 +1,4 @@
-"""The report of a run: a table to print and report.json."""
+"""Report of a run, as a text table and as report.json."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ PEOPLE_HEAD = (
     "worst cm",
     "acc. m/s2",
 )
-SHOWN_PEOPLE = 12  # rows of the table; report.json has them all
+SHOWN_PEOPLE = 12  # people rows of the table; report.json has all people
 
 
 @dataclass(frozen=True)
 class Latency:
-    """How long things took: number of samples, median and 99th percentile in ms."""
+    """Latency statistics: number of samples, median and 99th percentile in ms."""
 
     count: int
     p50: float
@@ -41,18 +41,18 @@ class Latency:
 
 @dataclass(frozen=True)
 class RunReport:
-    """What a run reports.
+    """Report of a run.
 
     Args:
-        summary: people, joints, reprojection error, bone lengths.
-        frames_in: images by camera.
-        dropped: frames by cause; empty = none.
-        latency_ms: by node, in the order of the graph: from taking a message to having published what
-            came of it.
-        notices: of stages and sources, in the order in which they came.
-        facts: anything else to be told, e.g. {"model": ..., "elapsed_s": ...}.
-        bodies: what bodies of designated people rest on, see `BodyTally.document`; empty without.
-        files: that the run left, relative to its folder; only these are replaced by the next run.
+        summary: People, joints, reprojection error, bone lengths.
+        frames_in: Number of images by camera.
+        dropped: Number of dropped frames by cause; empty means none.
+        latency_ms: Latency by node, in graph order, from receiving a message to having published its result.
+        notices: Notices of stages and sources, in order of arrival.
+        facts: Any other facts to report, e.g. {"model": ..., "elapsed_s": ...}.
+        bodies: Measurements behind the bodies of designated people, see `BodyTally.document`. Empty without
+            bodies.
+        files: Files that the run wrote, relative to its folder. The next run replaces only these.
     """
 
     summary: CaptureSummary
@@ -65,7 +65,7 @@ class RunReport:
     files: Sequence[str] = ()
 
     def table(self) -> str:
-        """Lines for a terminal."""
+        """Return the report as text for a terminal."""
         blocks = [
             self._frames(),
             *([] if self._without_cameras else [self._people(), self._reprojection()]),
@@ -76,7 +76,7 @@ class RunReport:
         return "\n\n".join("\n".join(block) for block in blocks if block)
 
     def document(self) -> dict[str, Any]:
-        """The content of report.json; what is not defined is null."""
+        """Return the content of report.json, with null for undefined values."""
         summary = self.summary
         content: dict[str, Any] = _plain(
             {
@@ -162,7 +162,7 @@ class RunReport:
         ]
 
     def _bodies(self) -> list[str]:
-        """One line for each subject; that there are none, where they were asked for."""
+        """Return one line per subject, or that none was found; empty if bodies were not requested."""
         if not self.bodies:
             return []
         rows = [f"{'bodies':<16}{self.bodies['instants']} instants"]
@@ -196,7 +196,7 @@ def _person_document(person: PersonSummary) -> dict[str, Any]:
 
 
 def _grouped(notices: Sequence[Notice]) -> list[tuple[Notice, int]]:
-    """The first notice of each code, and how many there were."""
+    """Return the first notice of each code and the number of notices with that code."""
     groups: dict[str, list[Notice]] = {}
     for notice in notices:
         groups.setdefault(notice.code, []).append(notice)
@@ -216,7 +216,7 @@ def _number(value: float) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """NaN replaced by None, numbers of numpy by Python's, recursively."""
+    """Replace non-finite floats by None and numpy scalars by Python numbers, recursively."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

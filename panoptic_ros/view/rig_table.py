@@ -1,4 +1,4 @@
-"""What the self-check of a rig found, as a table and as a document."""
+"""Result of the rig self-check, as a text table and as a JSON document."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from panoptic_ros.evaluation.rig_check import RigReport
 
 
 def rig_document(report: RigReport) -> dict[str, object]:
-    """{"cameras": [{camera, people, residual_px, noise_px}], "notices": [...]}; what is not known is None."""
+    """Return the report as a JSON document, with None for unknown values.
+
+    Its form is {"cameras": [{camera, people, residual_px, noise_px}], "notices": [...]}.
+    """
     cameras = [
         {
             "camera": fit.camera,
@@ -24,7 +27,7 @@ def rig_document(report: RigReport) -> dict[str, object]:
 
 
 def rig_table(rig: Rig, report: RigReport) -> str:
-    """One line per camera, then what is wrong, in words."""
+    """Return a text table with one line per camera, followed by the notices."""
     width = max(6, *(len(name) for name in rig.names))
     row = f"{{:{width}}}  {{:>11}}  {{:>8}}  {{:>23}}  {{:>12}}  {{:>8}}  {{:>7}}"
     lines = [row.format("camera", "image", "focal px", "position m", "rays miss px", "noise px", "matched")]

@@ -11,7 +11,7 @@ import numpy as np
 from panoptic_ros.io.files import atomic_path
 from panoptic_ros.view.plotting import Axes, Figure, FigureCanvasAgg, colormaps
 
-END_CM = 6.0  # of the curves
+END_CM = 6.0  # cm; upper end of the PCK curves
 COLUMNS = 3
 DASHES = {"HD": "C3", "VGA": "C0", "QVGA": "C2"}
 
@@ -20,7 +20,7 @@ def write_study_plot(path: Path, rows: Sequence[Mapping[str, Any]], title: str) 
     """Draw the PCK curves of all rows as PNG.
 
     Raises:
-        EnvironmentProblem: if the file cannot be written.
+        EnvironmentProblem: If the file cannot be written.
     """
     people = sorted({row["people"] for row in rows})
     columns = min(COLUMNS, len(people))

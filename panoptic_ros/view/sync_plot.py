@@ -1,4 +1,4 @@
-"""Plot of a capture's clocks: every camera's frames against an even clock, and where frames are missing."""
+"""Plot of a capture's camera clocks: deviation of frame times from a uniform clock, and missing frames."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ from panoptic_ros.domain import ClockModel
 from panoptic_ros.io.files import atomic_path
 from panoptic_ros.view.plotting import Figure, FigureCanvasAgg
 
-PANELS = 32  # more do not fit into a picture
-LEAST_RANGE_MS = 0.1  # so that rounding of perfect stamps does not look like jitter
+PANELS = 32  # largest number of panels that fit into a picture
+# ms; smallest half range of the y axis, so that rounding of perfect timestamps does not look like jitter
+LEAST_RANGE_MS = 0.1
 
 
 def write_sync_plot(path: Path, cameras: Sequence[CameraClock], models: Mapping[str, ClockModel]) -> None:
-    """Stamps less the line of their camera over time, one panel a camera; drops are marked, devices listed.
+    """Draw timestamp residuals of each camera's linear clock over time, one panel per camera.
 
-    Of many cameras those are shown that lost most frames, then those with most jitter.
+    Gaps with missing frames are marked red, and the title lists the timecode drift of each device. With more
+    than `PANELS` cameras, the plot shows those with the most lost frames, then those with the most jitter.
 
     Raises:
-        EnvironmentProblem: if the file cannot be written.
+        EnvironmentProblem: If the file cannot be written.
     """
     worst = sorted(cameras, key=lambda camera: (-camera.timing.lost, -camera.timing.jitter_s))[:PANELS]
     total, cameras = len(cameras), [camera for camera in cameras if camera in worst]

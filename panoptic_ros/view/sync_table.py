@@ -1,4 +1,4 @@
-"""What a report about the clocks of a capture says, as a table."""
+"""Text table of a sync report, the report about the clocks of a capture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ UNSEEN = (
 
 
 def sync_table(document: dict[str, Any]) -> list[str]:
-    """Lines of a sync report: cameras, devices with timecode, what sync makes of it, what is wrong."""
+    """Return a sync report as text lines: cameras, timecode devices, aligned recordings, sets, notices."""
     lines: list[str] = []
     if document["cameras"]:
         width = max(6, *(len(row["camera"]) for row in document["cameras"]))

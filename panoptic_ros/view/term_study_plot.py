@@ -1,4 +1,4 @@
-"""What each term of the kinematic solve is worth, drawn as Table 3 and Fig. 9 of Malleson et al. 2020."""
+"""Plot of the effect of each term of the kinematic solve, as Table 3 and Fig. 9 of Malleson et al. 2020."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ import numpy as np
 from panoptic_ros.view.plotting import Axes, Figure, FigureCanvasAgg
 
 MEASURES = (("mm", "mm"), ("deg", "deg"))
-MOST = 200.0  # percent, of a bar: of what is left out altogether the number tells
-WEIGHT = "acceleration "  # begins the name of a change of that weight
+MOST = 200.0  # percent; longest bar drawn, since the printed number still states larger increases
+WEIGHT = "acceleration "  # prefix of the names of changes to the acceleration weight
 
 Row = Mapping[str, Any]
 
 
 def term_study_plot(rows: Sequence[Row], full: str) -> bytes:
-    """A PNG: how much worse each change makes each method, and its errors by the weight of accelerations.
+    """Return a PNG: error increase of each method under each change, and errors against the acceleration
+    weight.
 
     Args:
-        rows: of the study, with method, change, mm and deg.
-        full: the change that is none.
+        rows: Rows of the study, with method, change, mm and deg.
+        full: Name of the unchanged solve, the reference.
     """
     methods = list(dict.fromkeys(row["method"] for row in rows))
     figure = Figure(figsize=(11.0, 4.6 * len(methods)), layout="constrained")
@@ -42,7 +43,7 @@ def term_study_plot(rows: Sequence[Row], full: str) -> bytes:
 
 
 def _draw_terms(axes: Axes, rows: Sequence[Row], changes: Sequence[str], full: str) -> None:
-    """Percent by which errors grow with each change."""
+    """Draw the error increase in percent under each change."""
     places = np.arange(len(changes))
     for n, (key, label) in enumerate(MEASURES):
         whole = _mean(rows, full, key)
@@ -59,7 +60,7 @@ def _draw_terms(axes: Axes, rows: Sequence[Row], changes: Sequence[str], full: s
 
 
 def _draw_weights(axes: Axes, rows: Sequence[Row], changes: Sequence[str], full: str) -> None:
-    """Errors by what the names of the changes state of the accelerations."""
+    """Draw errors against the acceleration weight or standard deviation, parsed from the change names."""
     stated = [float(name.removeprefix(WEIGHT).split()[0]) for name in changes]
     unit = " ".join(changes[0].split()[2:]) if changes else ""
     for n, (key, label) in enumerate(MEASURES):

@@ -1,4 +1,4 @@
-"""Timecode that was read from a recording, as a table and as a document."""
+"""Timecode read from a recording, as a text table and as a JSON document."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FORMAT = "panoptic-ltc-1"
 
 
 def readings_document(sample_rate: int, readings: Sequence[TimecodeReading]) -> dict[str, Any]:
-    """The document of `panoptic ltc decode --json`; see docs/formats.md."""
+    """Return the document of `panoptic ltc decode --json`; see docs/formats.md."""
     rate = float(readings[-1].timecode.rate.exact) if readings else None
     frames = [
         {
@@ -29,7 +29,7 @@ def readings_document(sample_rate: int, readings: Sequence[TimecodeReading]) -> 
 
 
 def readings_table(sample_rate: int, readings: Sequence[TimecodeReading]) -> str:
-    """One line per word, then the rate and the date of the user bits, if they tell one."""
+    """Return a text table: one line per LTC word, the frame rate, and the date in the user bits, if any."""
     lines = [f"{'timecode':11}  {'start_sample':>14}  {'seconds':>12}  {'std us':>7}  user bits"]
     for r in readings:
         seconds, std = r.start_sample / sample_rate, 1e6 * r.std_samples / sample_rate

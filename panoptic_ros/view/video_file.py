@@ -1,4 +1,4 @@
-"""Video files that are written, through PyAV: H.264 in MP4 or QuickTime, which browsers play."""
+"""Video file writer on PyAV: H.264 in MP4 or QuickTime, which browsers play."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from panoptic_ros.io.files import file_errors
 
 Array = np.ndarray
 SUFFIXES = (".mp4", ".mov")
-MATRIX, RANGE = 5, 1  # of FFmpeg: BT.601 and its limited range, which OpenCV converts to
+MATRIX, RANGE = 5, 1  # FFmpeg codes of BT.601 and its limited range, which OpenCV converts to
 MPEG4_QUANTISER = 3
-GOOD = 23  # as libx264 counts: faults are hard to see
-FINE = 12  # they are not seen; for images that detectors look at
+GOOD = 23  # libx264 CRF at which compression artefacts are hard to see
+FINE = 12  # libx264 CRF without visible artefacts, for images that detectors process
 
 
 @dataclass(frozen=True)
 class Sound:
-    """A sound track.
+    """Sound track.
 
     Args:
-        samples: (N, C) in -1..1.
-        sample_rate: Hz.
-        begin_s: of the first sample, after the first picture.
+        samples: Samples (N, C) in -1..1.
+        sample_rate: Sample rate in Hz.
+        begin_s: Time of the first sample after the first picture, s.
     """
 
     samples: Array
@@ -42,24 +42,24 @@ class Sound:
 
 
 class VideoFile:
-    """Writes a video; it appears under its name when it is complete, and only then.
+    """Video writer. The file appears under its final name only when it is complete.
 
-    H.264 where FFmpeg has it, else MPEG-4, which browsers do not play. One thread, so that equal pictures
-    give equal bytes wherever they are written. Sound is AAC in .mp4 and 16-bit PCM in .mov.
+    The codec is H.264 where FFmpeg has it, else MPEG-4, which browsers do not play. Encoding uses one thread,
+    so that equal pictures give equal bytes on every machine. Sound is AAC in .mp4 and 16-bit PCM in .mov.
 
-    A context manager: leaving it normally closes the file, leaving it with an exception discards it. Without
-    a picture no file is made.
+    The writer is a context manager. Leaving it normally closes the file; leaving it with an exception
+    discards the file. Without a picture no file is made.
 
     Args:
-        path: ends in .mp4 or .mov.
-        size: (width, height) px, even.
-        frame_rate: Hz.
-        quality: `GOOD`, `FINE`; less is better and larger.
-        sound: beside the pictures.
+        path: Path that ends in .mp4 or .mov.
+        size: Picture size (width, height) px, even.
+        frame_rate: Frame rate in Hz.
+        quality: `GOOD` or `FINE`. A smaller value gives better quality and a larger file.
+        sound: Optional sound track.
 
     Raises:
-        UsageError: for impossible arguments.
-        EnvironmentProblem: if the file cannot be written.
+        UsageError: For impossible arguments.
+        EnvironmentProblem: If the file cannot be written.
     """
 
     def __init__(
@@ -90,15 +90,16 @@ class VideoFile:
         self._sound = None if sound is None else _SoundTrack(self._container, self.path, sound)
 
     def write(self, image: Array, number: int | None = None) -> None:
-        """Add a picture (H, W, 3) uint8, BGR.
+        """Add a BGR picture (H, W, 3) uint8.
 
         Args:
-            number: when it is shown, in periods of the frame rate since the first; unless given it
-                follows the last.
+            number: Display time in frame periods since the first picture. Default: right after the previous
+                picture.
 
         Raises:
-            DataError: if it has another size or type than the video, or is not later than the last.
-            EnvironmentProblem: if it cannot be written.
+            DataError: If size or type differ from the video's, or `number` is not later than the previous
+                one.
+            EnvironmentProblem: If it cannot be written.
         """
         if self._container is None:
             raise UsageError(f"{self.path} is closed already")
@@ -117,10 +118,10 @@ class VideoFile:
         self._next, self.frame_count = number + 1, self.frame_count + 1
 
     def close(self) -> None:
-        """Finish the file; does nothing the second time.
+        """Finish the file; a second call does nothing.
 
         Raises:
-            EnvironmentProblem: if it cannot be written.
+            EnvironmentProblem: If it cannot be written.
         """
         if self._container is None:
             return
@@ -137,13 +138,13 @@ class VideoFile:
             self.discard()
 
     def discard(self) -> None:
-        """Give up: nothing is left."""
+        """Discard the video and delete the temporary file."""
         container, self._container = self._container, None
         try:
             if container is not None:
                 container.close()
         except (av.FFmpegError, OSError):
-            pass  # a full disk fails again here, and the content is not wanted
+            pass  # closing fails again on a full disk, and the content is discarded anyway
         finally:
             self._temporary.unlink(missing_ok=True)
 
@@ -158,7 +159,7 @@ class VideoFile:
 
 
 def codec() -> str:
-    """Of the pictures, as FFmpeg calls its encoder."""
+    """Return FFmpeg's name of the video encoder: libx264 if available, else mpeg4."""
     return "libx264" if "libx264" in av.codecs_available else "mpeg4"
 
 
@@ -177,12 +178,12 @@ def _picture_track(
 
 
 def _exact(sound: Sound | None) -> dict[str, str]:
-    """The rate at which tracks are laid beside each other; FFmpeg rounds to milliseconds of itself."""
+    """Return container options that align the tracks to the sample; by default FFmpeg rounds to ms."""
     return {} if sound is None else {"movie_timescale": str(sound.sample_rate)}
 
 
 class _SoundTrack:
-    """Sound that is written beside the pictures."""
+    """Sound track, encoded in step with the pictures."""
 
     def __init__(self, container: OutputContainer, path: Path, sound: Sound):
         self._container, self._sound = container, sound
@@ -192,11 +193,11 @@ class _SoundTrack:
         self._stream.layout = self._layout
         if codec == "aac":
             self._stream.bit_rate = 128_000 * sound.samples.shape[1]
-        self._size = 1024  # samples of a frame, as AAC has them
+        self._size = 1024  # samples per audio frame, as AAC requires
         self._done = 0
 
     def write_until(self, seconds: Fraction) -> None:
-        """All that begins before a time since the first picture."""
+        """Encode all audio frames that begin before `seconds` after the first picture."""
         sound = self._sound
         while self._done < len(sound.samples) and self._done / sound.sample_rate < seconds - sound.begin_s:
             part = np.ascontiguousarray(sound.samples[self._done : self._done + self._size].T, np.float32)
@@ -211,6 +212,6 @@ class _SoundTrack:
             self._done += self._size
 
     def finish(self) -> None:
-        """The rest."""
+        """Encode the remaining samples and flush the encoder."""
         self.write_until(Fraction(10**9))
         self._container.mux(self._stream.encode())

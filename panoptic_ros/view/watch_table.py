@@ -1,4 +1,4 @@
-"""How a live graph is, as lines for a terminal."""
+"""Status of live graphs, as text lines for a terminal."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 
 from panoptic_ros.graph.health import Told
 
-PERIOD_S = 1.0  # of statuses
-STALE_S = 2.5  # a node that has not told of itself for so long
+PERIOD_S = 1.0  # s between status messages of a node
+STALE_S = 2.5  # s without a status message after which a node counts as silent
 STAGES = ("stage", "node", "state", "/s", "age s", "step ms p50", "p99", "latency ms p50", "p99", "dropped")
 INPUTS = ("input", "of", "/s", "age s", "latency ms p50", "p99", "lost", "left out", "bad")
 
 
 def watch_lines(told: Sequence[Told], now_s: float) -> list[str]:
-    """Per graph: its warnings, its stages, its inputs."""
+    """Return text lines for each graph: its warnings, its stages, its inputs."""
     lines: list[str] = []
     for namespace in sorted({item.namespace for item in told}):
         own = [item for item in told if item.namespace == namespace]
@@ -77,13 +77,13 @@ def _numbers(values: Mapping[str, str], *keys: str) -> list[str]:
 
 
 def _age(item: Told, now_s: float) -> str:
-    """Of the newest message, when the status told of it; of old statuses, now."""
+    """Return the age (s) of the newest message: the age in the status plus the delay of an overdue status."""
     age = float(item.values["age_s"]) + max(0.0, now_s - item.heard_s - PERIOD_S)
     return "-" if age != age else f"{age:.1f}"
 
 
 def _columns(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Names on the left, numbers on the right; nothing without rows."""
+    """Return aligned text columns, names on the left and numbers on the right; empty without rows."""
     if not rows:
         return []
     widths = [max(len(row[k]) for row in (titles, *rows)) for k in range(len(titles))]

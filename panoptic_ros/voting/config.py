@@ -9,7 +9,7 @@ from panoptic_ros.params import Config, param
 
 @dataclass(frozen=True, kw_only=True)
 class VotingConfig(Config):
-    """How node proposals are found, and whether parts are scored."""
+    """Configuration of the search for node proposals and of part scores."""
 
     method: str = param(
         "seeds",

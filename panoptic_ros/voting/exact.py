@@ -1,7 +1,8 @@
-"""The exact search: local maxima of eq. 1 at the centres of all voxels, without visiting empty space.
+"""Exact search: local maxima of eq. 1 at the centres of all voxels, without visiting empty space.
 
-A view can only vote for a joint within cones of viewing rays, round its patches and 2D joints. Boxes of
-voxels that the cones of too few views touch are skipped; in all others every voxel is voted on.
+A view can vote for a joint only within cones of viewing rays round its patches and 2D joints. The search
+skips boxes of voxels that the cones of too few views touch, and computes the vote of every voxel in the
+others.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ from panoptic_ros.voting.votes import COVERED, GAUSSIAN_END, LANES, SIZE, place,
 
 Array = np.ndarray
 STEPS = sorted(np.ndindex(3, 3, 3), key=lambda step: sum(axis != 1 for axis in step))[1:]  # few axes first
-TILE = 4  # cells of a score map, across and down, that share a cone
-RIM = np.array([[0, 0], [1, 0], [2, 0], [2, 1], [2, 2], [1, 2], [0, 2], [0, 1]]) / 2.0  # round a rectangle
-BULGE = 0.25  # of the distance of two places on the rim, by which a lens bends the edge between them at most
-WIDEST = 1.5  # rad, half of the angle of a cone
-ROUNDING = 1e-6  # rad
-MARGIN = 1e-9  # m, more than rounding can do
-LARGEST, SPLIT = 32, 2  # voxels along a side of the first boxes; each is split into so many, down to 2
+TILE = 4  # cells of a score map, across and down, that share one cone
+# on a rectangle's border
+RIM = np.array([[0, 0], [1, 0], [2, 0], [2, 1], [2, 2], [1, 2], [0, 2], [0, 1]]) / 2.0
+BULGE = 0.25  # greatest bend by a lens of the edge between two border points, as a share of their distance
+WIDEST = 1.5  # rad, greatest half angle of a cone
+ROUNDING = 1e-6  # rad, margin for rounding errors
+MARGIN = 1e-9  # m, more than rounding errors
+LARGEST, SPLIT = 32, 2  # voxels per side of the first boxes; parts of a split side (down to 2 voxels)
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
@@ -35,8 +37,11 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 class Cones(NamedTuple):
     """Cones (N,) in the order of views and joints.
 
-    axes: (N, 3) in the world. cosines, sines: of half of the angle; the cosine is below -1 where anything may
-    be in the cone.
+    Args:
+        views, joints: (N,) view and joint of each cone.
+        axes: (N, 3) unit vectors in the world.
+        cosines, sines: (N,) of the half angle. A cosine below -1 marks a cone without limit: it contains any
+            point.
     """
 
     views: Array
@@ -47,10 +52,10 @@ class Cones(NamedTuple):
 
 
 def maxima(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
-    """Nodes at the centres of all local maxima, in the order of joint and voxel.
+    """Return nodes at the centres of all local maxima, in the order of joint and voxel.
 
-    These are voxels that satisfy the demands, and none of whose 26 neighbours that do has more votes (nor
-    equally many and comes before it).
+    A maximum is a voxel that satisfies the demands and wins against its 26 neighbours. A neighbour that
+    satisfies the demands beats it with more votes, or with equal votes and an earlier position in the order.
     """
     found = visit(scene, cones_of(scene), volume, wanted)
     at = found[:, :4].astype(np.int64)
@@ -60,12 +65,16 @@ def maxima(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
 
 
 def highest(at: Array, votes: Array) -> Array:
-    """Of joints and voxels (N, 4), from 0, which none of the neighbours among them beats, in their order."""
-    shape = at.max(axis=0, initial=0) + 3  # nobody is the neighbour of one on the other side
+    """Return the indices of joints and voxels (N, 4) that are local maxima, in their order.
+
+    A maximum has no neighbour of its joint with more votes, or with equal votes and an earlier position. All
+    indices start from 0.
+    """
+    shape = at.max(axis=0, initial=0) + 3  # padding, so that voxels on opposite sides are no neighbours
     keys = np.ravel_multi_index(tuple(at.T), shape)
     order = np.argsort(keys)
     keys, votes, left = keys[order], votes[order], np.arange(len(keys))
-    for step in STEPS:  # one of the first mostly beats
+    for step in STEPS:  # most voxels lose against one of the first neighbours
         move = int(np.dot(np.array(step) - 1, [shape[2] * shape[3], shape[3], 1]))
         other = np.minimum(np.searchsorted(keys, keys[left] + move), len(keys) - 1)
         more = votes[other] - votes[left]
@@ -75,10 +84,10 @@ def highest(at: Array, votes: Array) -> Array:
 
 
 def cones_of(scene: VoteScene) -> Cones:
-    """Cones that hold all places with a score above 0.
+    """Return cones that contain all places with a score above 0.
 
-    A lens with tangential terms may show a place farther off its axis than some 80 degrees once more; such
-    second images, which no real lens has, are not held.
+    A lens with tangential terms may map a place farther than about 80 degrees off its axis into the image a
+    second time. The cones do not contain such second images, which no real lens has.
     """
     views, joints, low, high = (np.concatenate(p) for p in zip(_of_keypoints(scene), _of_patches(scene)))
     last = np.stack([scene.cameras["width"], scene.cameras["height"]], -1)[views] - 0.5
@@ -93,18 +102,18 @@ def cones_of(scene: VoteScene) -> Cones:
     axes /= np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), 1e-300)
     steps = _angles(rays, np.roll(rays, 1, axis=1)).max(1)
     half = _angles(rays, axes[:, None]).max(1) + BULGE * steps + ROUNDING
-    known = half < WIDEST  # not where a lens shows nothing at a part of the rim
+    known = half < WIDEST  # False where the lens has no ray for a part of the border
     return Cones(views, joints, axes, np.where(known, np.cos(half), -2.0), np.where(known, np.sin(half), 0.0))
 
 
 def _angles(ones: Array, others: Array) -> Array:
-    """Angles (N, K) between unit vectors (N, K, 3)."""
+    """Return the angles (N, K) between unit vectors (N, K, 3)."""
     angles: Array = 2.0 * np.arcsin(np.minimum(0.5 * np.linalg.norm(ones - others, axis=-1), 1.0))
     return angles
 
 
 def _of_keypoints(scene: VoteScene) -> tuple[Array, ...]:
-    """Views, joints (N,), least and largest pixels (N, 2) of the Gaussians of joints without maps."""
+    """Return views, joints (N,), least and largest pixels (N, 2) of Gaussians, for joints without maps."""
     people = scene.people
     views, joints, persons = np.nonzero((people[..., 3] > 0.0) & (scene.map_start < 0)[..., None])
     points, narrowness = people[views, joints, persons, :2], people[views, joints, persons, 2:3]
@@ -113,10 +122,13 @@ def _of_keypoints(scene: VoteScene) -> tuple[Array, ...]:
 
 
 def _of_patches(scene: VoteScene) -> tuple[Array, ...]:
-    """As `_of_keypoints`, of tiles of patches that hold anything; bilinear samples reach a cell farther."""
+    """Return the same as `_of_keypoints` for tiles of patches with any value above 0.
+
+    The pixels include one further cell on each side, which bilinear samples read.
+    """
     key = np.repeat(np.arange(len(scene.patch_start) - 1), np.diff(scene.patch_start))
     corners, sizes = scene.patch_table[:, 1:3], scene.patch_table[:, 3:5]
-    across = -(-sizes // TILE)  # tiles
+    across = -(-sizes // TILE)  # number of tiles
     mine, at = _cells(across)
     patch, place = _cells(sizes)
     first = np.cumsum(across.prod(1)) - across.prod(1)
@@ -136,7 +148,7 @@ def _of_patches(scene: VoteScene) -> tuple[Array, ...]:
 
 
 def _cells(sizes: Array) -> tuple[Array, Array]:
-    """All cells of grids of columns and rows (K, 2): which grid (C,), and column and row (C, 2) in it."""
+    """Return all cells of grids of columns and rows (K, 2): their grid (C,), and column and row (C, 2)."""
     counts = sizes.prod(1)
     grid = np.repeat(np.arange(len(sizes)), counts)
     at = np.arange(len(grid)) - (np.cumsum(counts) - counts)[grid]
@@ -144,10 +156,16 @@ def _cells(sizes: Array) -> tuple[Array, Array]:
 
 
 class _Votes(NamedTuple):
-    """Of each joint: the last view that counted (J,); sums (J, 8) and supporting views (J, 8) of voxels.
+    """Work arrays of the search, for J joints, N cones and the eight voxels of a smallest box.
 
-    possible: (J,) views that may see it in a box. touching: (N,) cones that do. covering: (8,) views that see
-    each voxel. lanes: see `votes`.
+    Args:
+        last: (J,) last view that counted.
+        possible: (J,) number of views that may see the joint in a box.
+        touching: (N,) indices of the cones that touch a box.
+        sums: (J, 8) sums of the scores of each voxel.
+        support: (J, 8) number of supporting views of each voxel.
+        covering: (8,) number of views that see each voxel.
+        lanes: See `votes`.
     """
 
     last: Array
@@ -161,15 +179,18 @@ class _Votes(NamedTuple):
 
 @_jit
 def visit(scene, cones, volume, wanted):
-    """All voxels with votes above the threshold that `wanted.min_views` support.
+    """Return all voxels with votes above the threshold and at least `wanted.min_views` supporting views.
 
-    Boxes are tested with those of the cones of the box around them that touch that one.
+    A box is tested only with the cones that touch the larger box that contains it.
 
     Args:
-        scene: `VoteScene`; cones: `Cones`; volume: `Volume`; wanted: `Demands`.
+        scene: `VoteScene`.
+        cones: `Cones`.
+        volume: `Volume`.
+        wanted: `Demands`.
 
     Returns:
-        found (N, 6): joint, voxel, supporting views, vote as of `vote_points`.
+        found (N, 6): joint, voxel (3 indices), number of supporting views, vote as in `vote_points`.
     """
     joints, (lower, upper, unit) = scene.map_start.shape[1], volume
     votes = _Votes(
@@ -203,7 +224,7 @@ def visit(scene, cones, volume, wanted):
 
 @_jit
 def _corners(lower, upper, step):
-    """The first voxels of boxes of so many voxels a side."""
+    """Return the first voxels of boxes with `step` voxels a side."""
     return [
         (x, y, z)
         for x in range(lower[0], upper[0], step)
@@ -214,7 +235,10 @@ def _corners(lower, upper, step):
 
 @_jit
 def _touching(scene, cones, near, box, least, votes):
-    """Those of some cones that touch the ball about a box's voxels, of joints of which enough views do."""
+    """Return those of the cones `near` that touch the ball round a box, for joints with enough views.
+
+    A joint needs touching cones of at least `least` views.
+    """
     last, possible, touching = votes.last, votes.possible, votes.touching
     corner, side, unit = box
     half = 0.5 * side
@@ -246,7 +270,7 @@ def _touching(scene, cones, near, box, least, votes):
 
 @_jit
 def _vote(scene, cones, near, corner, unit, wanted, votes):
-    """Eq. 1 at the voxels of one of the smallest boxes: sums, covering and support."""
+    """Compute eq. 1 at the voxels of one of the smallest boxes: sums, covering and support."""
     last, _, _, sums, support, covering, lanes = votes
     last[:] = -1
     covering[:] = 0.0
@@ -276,7 +300,7 @@ def _vote(scene, cones, near, corner, unit, wanted, votes):
             if support[m, c] >= wanted.min_views:
                 best = max(best, sums[m, c])
     for v in range(len(scene.cameras)):
-        if covering.min() * wanted.threshold > best or best == 0.0:  # no vote can be above it any more
+        if covering.min() * wanted.threshold > best or best == 0.0:  # no vote can exceed the threshold now
             break
         see(scene.cameras, scene.limits, v, lanes)
         for c in range(LANES):
@@ -285,7 +309,7 @@ def _vote(scene, cones, near, corner, unit, wanted, votes):
 
 @_jit
 def _write(votes, corner, upper, wanted, found, total):
-    """Write the voxels of a box that are wanted to found[total] and on; the new total."""
+    """Write the wanted voxels of a box to found[total] and on; return the new total."""
     for m in range(len(votes.last)):
         for c in range(LANES if votes.last[m] >= 0 else 0):
             vote = votes.sums[m, c] / max(votes.covering[c], 1.0)

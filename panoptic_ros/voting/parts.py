@@ -1,4 +1,4 @@
-"""Part proposals: pairs of nodes that may be a bone, and how well 2D people connect them (5.2)."""
+"""Part proposals: pairs of nodes that may form a bone, and how well 2D poses connect them (5.2)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,13 @@ Array = np.ndarray
 
 
 class Parts(NamedTuple):
-    """Parts (M, 2) nodes, bones (M,) index into `SkeletonModel.bones`, and scores (M,)."""
+    """Scored parts.
+
+    Args:
+        nodes: (M, 2) node indices of the ends.
+        bones: (M,) index into `SkeletonModel.bones`.
+        scores: (M,) connectivity scores.
+    """
 
     nodes: Array
     bones: Array
@@ -45,13 +51,16 @@ def score_parts(
     longest: float,
     threshold: float,
 ) -> Parts:
-    """Parts between nodes (N, 3) m of the joints (N,), and their connectivity scores.
+    """Return parts between nodes (N, 3) m of the joints (N,), with their connectivity scores.
 
-    Phi = mean over the views that see both ends of max_i of (h_iu + h_iv) / 2 where both are above the
-    threshold, else 0; i runs over the 2D people of the view. Parts without any score are left out.
+    The score Phi is the mean of max_i (h_iu + h_iv) / 2 over the views that see both ends. The index i runs
+    over the 2D poses of the view. A term is 0 unless both scores are above the threshold. Parts with score 0
+    are dropped.
 
     Args:
-        bones: parent and child of each, as in `SkeletonModel`. longest: m, a part.
+        bones: Parent and child joint of each bone, as in `SkeletonModel`.
+        longest: m, greatest length of a part.
+        threshold: Least score of both ends in a view.
     """
     joints = np.ascontiguousarray(joints, np.int64)
     parts, which = _near_pairs(nodes, joints, np.array(bones, np.int64).reshape(-1, 2), longest)
@@ -63,7 +72,7 @@ def score_parts(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _near_pairs(nodes, joints, bones, longest):
-    """Pairs (M, 2) of nodes that a bone (K, 2) may join, by bone, and which bones (M,) they are."""
+    """Return pairs (M, 2) of nodes that a bone (K, 2) may join, sorted by bone, and their bones (M,)."""
     pairs, which, count = np.zeros((256, 2), np.int64), np.zeros(256, np.int64), 0
     for k in range(len(bones)):
         for a in range(len(nodes)):
@@ -81,7 +90,7 @@ def _near_pairs(nodes, joints, bones, longest):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def person_scores(scene, joints, points):
-    """Scores h_ij (N, V, P) of points (N, 3) for the joints (N,), and which views see them (N, V)."""
+    """Return scores h_ij (N, V, P) of points (N, 3) for the joints (N,), and which views see them (N, V)."""
     views, most = len(scene.cameras), scene.people.shape[2]
     scores, seen = np.zeros((len(points), views, most)), np.zeros((len(points), views), np.bool_)
     corners, lanes = np.zeros((most + 1, 4)), np.zeros(SIZE)
@@ -105,9 +114,10 @@ def person_scores(scene, joints, points):
 
 @inlined
 def _look_at_patches(scene, v, j, lanes, c, corners):
-    """Write what the patches hold in the four cells about point c (P + 1, 4), for each person and for all.
+    """Write the patch values of the four cells round point c to corners (P + 1, 4): per person, then merged.
 
-    Returns whether there is anything.
+    Returns:
+        whether any patch has one of these cells.
     """
     table, key = scene.patch_table, v * scene.map_start.shape[1] + j
     columns, (right, below) = int(scene.cameras[v].columns), strides(scene.cameras[v])
@@ -121,14 +131,14 @@ def _look_at_patches(scene, v, j, lanes, c, corners):
             y = y0 + (1 if corner & 2 and below > 0 else 0) - table[k, 2]
             if 0 <= x < width and 0 <= y < height:
                 value = float(scene.patch_data[table[k, 5] + y * width + x])
-                corners[person, corner] = max(corners[person, corner], value)  # the last row for -1, all
+                corners[person, corner] = max(corners[person, corner], value)  # person -1 (merged): last row
                 some = True
     return some
 
 
 @inlined
 def _score_of_person(scene, v, j, i, lanes, c, corners):
-    """h_ij at point c: merged maps count for a person whose joint is within the gate."""
+    """Return h_ij at point c. Merged maps count for a person whose joint is within the gate."""
     dx, dy = scene.people[v, j, i, 0] - lanes[U + c], scene.people[v, j, i, 1] - lanes[W + c]
     also = len(corners) - 1 if dx * dx + dy * dy <= scene.gates[v, i] else i
     x, y = lanes[RIGHT + c], lanes[BELOW + c]
@@ -139,7 +149,12 @@ def _score_of_person(scene, v, j, i, lanes, c, corners):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def connectivity(scores, seen, parts, threshold):
-    """Part scores (M,) of parts (M, 2) from h_ij (N, V, P) and the views that see the nodes (N, V)."""
+    """Return the scores (M,) of parts (M, 2).
+
+    Args:
+        scores: (N, V, P) h_ij, see `score_parts`.
+        seen: (N, V) which views see each node.
+    """
     result = np.zeros(len(parts))
     _, views, people = scores.shape
     for m in range(len(parts)):

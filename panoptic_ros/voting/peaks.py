@@ -1,6 +1,6 @@
 """2D peaks of all views: local maxima of the score maps, and keypoints of joints without maps.
 
-Nodes where people are known explain peaks away.
+Nodes of known people explain peaks away.
 """
 
 from __future__ import annotations
@@ -17,20 +17,31 @@ from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.votes import COVERED, DEPTH, LANES, SIZE, U, W, X, Y, Z, place, see
 
 Array = np.ndarray
-CELLS = 2.0  # of a score map, within which a joint explains a peak
-REACH = 0.06  # m, the same where a person is large in the image
+CELLS = 2.0  # cells of a score map, within which a joint explains a peak
+REACH = 0.06  # m, the same distance in space, which counts where a person is large in the image
 WIDTHS = 1.5  # the same for keypoints, in standard deviations of their Gaussians
 
 
 class ImagePeaks(NamedTuple):
-    """2D peaks (K, 2) px of all views; the first of view v and joint j is start[v * J + j] (V * J + 1)."""
+    """2D peaks of all views.
+
+    Args:
+        start: (V * J + 1) index of the first peak of view v and joint j at v * J + j.
+        pixels: (K, 2) px.
+    """
 
     start: Array
     pixels: Array
 
 
 class Explainer(NamedTuple):
-    """What is known: nodes, their velocities (N, 3) m/s, and when each view was taken, (V,) s from then."""
+    """Known nodes, which explain 2D peaks.
+
+    Args:
+        nodes: The nodes.
+        velocities: (N, 3) m/s.
+        delays: (V,) s, timestamp of each view minus the instant of the nodes.
+    """
 
     nodes: Nodes
     velocities: Array
@@ -38,31 +49,31 @@ class Explainer(NamedTuple):
 
     @classmethod
     def of_nobody(cls, delays: Array) -> Explainer:
-        """Nothing is known."""
+        """Return an instance without nodes."""
         return cls(no_nodes(), np.zeros((0, 3)), delays)
 
     def rows(self, which: Array) -> Explainer:
-        """With some of the nodes only."""
+        """Return an instance with the nodes at these indices only."""
         return Explainer(selected(self.nodes, which), self.velocities[which], self.delays)
 
     def unexplained(self, scene: VoteScene, peaks: ImagePeaks) -> ImagePeaks:
-        """The 2D peaks without those near to where a node of their kind is seen."""
+        """Return the 2D peaks that are not near the projection of a node of their joint."""
         left = unexplained_peaks(scene, peaks, self)
         return ImagePeaks(np.concatenate([[0], np.cumsum(left)])[peaks.start], peaks.pixels[left])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def find_peaks(scene, threshold):
-    """2D peaks of the joints of a `VoteScene` above a threshold.
+    """Return the 2D peaks of the joints of a `VoteScene` above a threshold.
 
-    3x3 local maxima of the merged maps: the centroid of the window, weighted by the square of the score. Of
-    equal neighbours the first one is the peak, and of patches that lie on each other the first with the
-    largest value has it.
+    A peak is a 3x3 local maximum of the merged maps. Its position is the centroid of the window, weighted by
+    the squared score. Among equal neighbours, the first one is the peak. Among overlapping patches, the first
+    one with the largest value has it.
     """
     views, joint_count, most, _ = scene.people.shape
     start = np.zeros(views * joint_count + 1, np.int64)
-    pixels = np.empty((views * joint_count * most + len(scene.patch_data), 2))  # more than there can be
-    total = np.int64(0)  # a literal 0 would be a type of its own, and all parts compiled for it as well
+    pixels = np.empty((views * joint_count * most + len(scene.patch_data), 2))  # an upper bound
+    total = np.int64(0)  # a literal 0 is a type of its own: numba would compile all parts for it too
     for v in range(views):
         for j in range(joint_count):
             if scene.map_start[v, j] < 0:
@@ -75,7 +86,7 @@ def find_peaks(scene, threshold):
 
 @inlined
 def _add_keypoints(people, v, j, threshold, pixels, total):
-    """Write 2D joints above the threshold from pixels[total] on; the new total."""
+    """Write 2D joints above the threshold to pixels[total] and on; return the new total."""
     for i in range(people.shape[2]):
         if people[v, j, i, 3] > threshold:
             pixels[total, 0], pixels[total, 1] = people[v, j, i, 0], people[v, j, i, 1]
@@ -85,8 +96,8 @@ def _add_keypoints(people, v, j, threshold, pixels, total):
 
 @inlined
 def _add_map_peaks(scene, v, j, threshold, pixels, total):
-    """As `_add_keypoints`, the peaks of a map."""
-    camera, table, least = scene.cameras[v], scene.patch_table, int(255.0 * threshold)  # compares faster
+    """Write the peaks of a map to pixels[total] and on; return the new total."""
+    camera, table, least = scene.cameras[v], scene.patch_table, int(255.0 * threshold)  # int: compares faster
     det = camera.a0 * camera.b1 - camera.a1 * camera.b0
     data, key = scene.patch_data, v * scene.map_start.shape[1] + j
     for k in range(scene.patch_start[key], scene.patch_start[key + 1]):
@@ -109,7 +120,7 @@ def _add_map_peaks(scene, v, j, threshold, pixels, total):
 
 @inlined
 def _centroid(scene, v, j, x, y, value):
-    """Whether a cell of a merged map is a peak of this value, and the centroid of the window about it."""
+    """Return whether a cell of a merged map is a peak of this value, and the centroid of its 3x3 window."""
     first, columns, rows = scene.map_start[v, j], int(scene.cameras[v].columns), int(scene.cameras[v].rows)
     total, sum_x, sum_y = 0, 0, 0
     for step in range(9):
@@ -124,7 +135,7 @@ def _centroid(scene, v, j, x, y, value):
 
 @inlined
 def _in_earlier_patch(scene, key, k, x, y, value):
-    """Whether a patch before k of a view and joint has this value at a cell."""
+    """Return whether an earlier patch than k of a view and joint has this value at a cell."""
     for other in range(scene.patch_start[key], k):
         _, column, row, width, height, first = scene.patch_table[other]
         if column <= x < column + width and row <= y < row + height:
@@ -135,7 +146,13 @@ def _in_earlier_patch(scene, key, k, x, y, value):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def unexplained_peaks(scene, peaks, known):
-    """Which `ImagePeaks` (K,) are not near to where a joint of their kind is seen; known: `Explainer`."""
+    """Return which 2D peaks (K,) are not near the projection of a known node of their joint.
+
+    Args:
+        scene: `VoteScene`.
+        peaks: `ImagePeaks`.
+        known: `Explainer`.
+    """
     start, pixels = peaks
     joints, points, moves = known.nodes.joints, known.nodes.points, known.velocities
     joint_count = scene.map_start.shape[1]
@@ -164,10 +181,10 @@ def unexplained_peaks(scene, peaks, known):
 
 @inlined
 def _near(scene, v, joint, pixels, k, lanes, c):
-    """How near, px, point c must be seen to explain peak k of a joint in view v."""
+    """Return the distance, px, within which the projection of point c explains peak k in view v."""
     camera = scene.cameras[v]
     far = lanes[DEPTH + c]
-    if camera.fisheye > 0.0:  # sizes go by angles
+    if camera.fisheye > 0.0:  # image sizes depend on the angle
         x, y, z = lanes[X + c] - camera.ox, lanes[Y + c] - camera.oy, lanes[Z + c] - camera.oz
         far = math.sqrt(x * x + y * y + z * z)
     reach = REACH * max(camera.fx, camera.fy) / far

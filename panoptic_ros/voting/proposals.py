@@ -1,4 +1,4 @@
-"""Node proposals as arrays, what they must satisfy, and which of them are near duplicates."""
+"""Node proposals as arrays, the demands on them, and the removal of near duplicates."""
 
 from __future__ import annotations
 
@@ -12,7 +12,13 @@ Array = np.ndarray
 
 
 class Demands(NamedTuple):
-    """What a node needs: a vote above `threshold`, and `min_views` views with more than `view_threshold`."""
+    """Demands on a node.
+
+    Args:
+        threshold: Its vote must be higher.
+        min_views: Least number of supporting views.
+        view_threshold: Score above which a view supports a node.
+    """
 
     threshold: float
     min_views: int
@@ -20,7 +26,14 @@ class Demands(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """Node proposals: points (N, 3) m, joints (N,), votes (N,), supporting views (N,)."""
+    """Node proposals.
+
+    Args:
+        points: (N, 3) m.
+        joints: (N,) joint of each node.
+        votes: (N,) votes.
+        support: (N,) number of supporting views.
+    """
 
     points: Array
     joints: Array
@@ -29,20 +42,24 @@ class Nodes(NamedTuple):
 
 
 def no_nodes() -> Nodes:
-    """Nothing."""
+    """Return an empty instance."""
     nothing = np.zeros(0, np.int64)
     return Nodes(np.zeros((0, 3)), nothing, np.zeros(0), nothing)
 
 
 def distinct(nodes: Array, joints: Array, votes: Array, distance: float) -> Array:
-    """Indices of nodes to keep: of those of one joint within a distance, the one with most votes."""
+    """Return indices of the nodes to keep: among close nodes of one joint, the one with most votes.
+
+    Args:
+        distance: m, within which two nodes are close.
+    """
     order = np.lexsort([*nodes.T, -votes, joints])
     return np.sort(order[_unrivalled(nodes[order], joints[order], distance)])
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _unrivalled(nodes, joints, distance):
-    """Which (N,) nodes, in the order of joint and votes, are not close to a better one that stays."""
+    """Return which (N,) nodes, sorted by joint and votes, are not close to a better one that stays."""
     kept = np.ones(len(nodes), np.bool_)
     for k in range(len(nodes)):
         i = k - 1

@@ -1,4 +1,4 @@
-"""Everything that the kernels need of one instant, in flat arrays."""
+"""Flat arrays of one instant for the voting kernels."""
 
 from __future__ import annotations
 
@@ -13,25 +13,28 @@ from panoptic_ros.kernels import inlined, njit
 from panoptic_ros.solving.scene import limits_of
 
 Array = np.ndarray
-MIN_WIDTH = 0.002  # least standard deviation of a 2D joint, as a fraction of the image's diagonal
-KEYPOINT_WIDTH = 0.03  # standard deviation of a 2D joint's Gaussian, of the root of its person's box's area
-PERSON_GATE = 4.0  # standard deviations from a 2D joint, within which maps of all people count for its person
-MIN_ASPECT = 0.25  # a person's box is taken to be at least so wide, relative to its longer side
+MIN_WIDTH = 0.002  # least standard deviation of a 2D joint's Gaussian, as a share of the image diagonal
+KEYPOINT_WIDTH = 0.03  # standard deviation of a 2D joint's Gaussian / root of the person's box area
+PERSON_GATE = 4.0  # standard deviations from a 2D joint within which merged maps count for its person
+MIN_ASPECT = 0.25  # least width of a person's box relative to its longer side
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 class VoteScene(NamedTuple):
-    """V views of an instant, J joints, at most P people in a view; what `ViewField` says, as arrays.
+    """Arrays of V views of an instant, with J joints and at most P people per view.
 
-    cameras: (V,) see `camera_records`; with columns and rows of the maps, cells (0 without maps), and cells
-        from pixels a0 a1 a2, b0 b1 b2.
-    people: (V, J, P, 4) pixel, 1 / (2 width^2), score; NaN pixels and score 0 where missing.
-    gates: (V, P) squared px.
-    map_start: (V, J) first value of the merged map in `map_data` (B,) uint8, -1 where keypoints count.
-    patch_start: (V * J + 1) first patch of each view and joint in `patch_table`: (K, 6) person, column,
-        row, width, height, first value in `patch_data` (B,) uint8.
-    limits: see `limits_of`.
+    Args:
+        cameras: (V,) see `camera_records`. Also set here: columns and rows of the maps in cells (0 without
+            maps), and the map a0 a1 a2, b0 b1 b2 from pixels to cells.
+        people: (V, J, P, 4) pixel, 1 / (2 width^2), score; NaN pixels and score 0 where missing.
+        gates: (V, P) squared px.
+        map_start: (V, J) index of the first value of the merged map in `map_data`, -1 where keypoints count.
+        map_data: (B,) uint8.
+        patch_start: (V * J + 1) first patch of each view and joint in `patch_table`.
+        patch_table: (K, 6) person, column, row, width, height, index of the first value in `patch_data`.
+        patch_data: (B,) uint8.
+        limits: See `limits_of`.
     """
 
     cameras: Array
@@ -46,10 +49,14 @@ class VoteScene(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """The patches of all views, one after another.
+    """Patches of all views, one after another.
 
-    grids: (V, 2) columns and rows of the maps; counts: (V,) patches; joints, persons (K,), corners, sizes
-    (K, 2), data (B,): as in `ScoreMaps`.
+    Args:
+        grids: (V, 2) columns and rows of the maps.
+        counts: (V,) number of patches.
+        joints, persons: (K,) as in `ScoreMaps`.
+        corners, sizes: (K, 2) as in `ScoreMaps`.
+        data: (B,) as in `ScoreMaps`.
     """
 
     grids: Array
@@ -62,7 +69,7 @@ class Patches(NamedTuple):
 
 
 def build_scene(cameras: Sequence[Camera], views: Sequence[ViewDetections], joint_count: int) -> VoteScene:
-    """The scene of V views and their cameras."""
+    """Return the scene of V views and their cameras."""
     sizes = np.array([view.image_size for view in views], np.float64).reshape(-1, 2)
     points = np.concatenate([np.zeros((0, joint_count, 2)), *(view.points for view in views)])
     scores = np.concatenate([np.zeros((0, joint_count)), *(view.scores for view in views)])
@@ -83,7 +90,7 @@ def build_scene(cameras: Sequence[Camera], views: Sequence[ViewDetections], join
 
 
 def _patches(views: Sequence[ViewDetections]) -> Patches:
-    """The score maps of the views; those without have a grid of 0 cells."""
+    """Return the score maps of the views; a view without maps has a grid of 0 cells."""
     maps = [view.maps for view in views if view.maps is not None]
     grids = [(0, 0) if view.maps is None else view.maps.grid_size for view in views]
     return Patches(
@@ -99,18 +106,19 @@ def _patches(views: Sequence[ViewDetections]) -> Patches:
 
 @_jit
 def people_of_views(points, scores, counts, least_widths):
-    """`VoteScene.people` and `gates`.
+    """Return `VoteScene.people` and `gates`.
 
     Args:
-        points, scores: (D, J, 2) px, (D, J), of the 2D people. counts: (V,) of them in each view.
-        least_widths: (V,) px, of their Gaussians.
+        points, scores: (D, J, 2) px and (D, J) of the 2D poses.
+        counts: (V,) number of 2D poses in each view.
+        least_widths: (V,) px, least standard deviation of their Gaussians.
     """
     views, joints, most = len(counts), points.shape[1], 0
     for v in range(views):
         most = max(most, counts[v])
     people, gates = np.zeros((views, joints, most, 4)), np.zeros((views, most))
     people[..., :2] = np.nan
-    d = np.int64(0)  # no literal, which would be a type of its own
+    d = np.int64(0)  # not a literal, which would be a type of its own in numba
     for v in range(views):
         for i in range(counts[v]):
             width = max(KEYPOINT_WIDTH * np.sqrt(_area(points, d)), least_widths[v])
@@ -124,7 +132,7 @@ def people_of_views(points, scores, counts, least_widths):
 
 @inlined
 def _area(points, d):
-    """Of the box round the joints of person d, px^2."""
+    """Return the area, px^2, of the box round the joints of person d, widened to `MIN_ASPECT`."""
     left = top = np.inf
     right = bottom = -np.inf
     for j in range(points.shape[1]):
@@ -137,7 +145,7 @@ def _area(points, d):
 
 
 def sorted_patches(patches: Patches, joint_count: int) -> tuple[Array, Array]:
-    """`VoteScene.patch_start` and `patch_table`: by view and joint, else in the order in which they came."""
+    """Return `VoteScene.patch_start` and `patch_table`, stably sorted by view and joint."""
     keys = np.repeat(np.arange(len(patches.counts)), patches.counts) * joint_count + patches.joints
     cells = patches.sizes.prod(axis=1, dtype=np.int64)
     table = np.column_stack([patches.persons, patches.corners, patches.sizes, np.cumsum(cells) - cells])
@@ -148,7 +156,7 @@ def sorted_patches(patches: Patches, joint_count: int) -> tuple[Array, Array]:
 
 @_jit
 def merged_maps(patches, start, table, joint_count):
-    """`VoteScene.map_start` and `map_data`."""
+    """Return `VoteScene.map_start` and `map_data`."""
     views = len(patches.counts)
     map_start, cells = np.full((views, joint_count), -1, np.int64), 0
     for v in range(views):

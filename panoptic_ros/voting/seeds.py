@@ -1,4 +1,4 @@
-"""The sparse search: nodes where viewing rays of 2D peaks meet."""
+"""Sparse search: nodes where viewing rays of 2D peaks meet."""
 
 from __future__ import annotations
 
@@ -18,14 +18,20 @@ from panoptic_ros.voting.votes import at_rest, vote_points
 
 Array = np.ndarray
 GAP = 0.15  # m, largest distance between two rays that may be of one joint
-MAX_DEPTH = 25.0  # m, of seeds from a camera
-PAIRED_VIEWS = 10  # whose rays are paired, at most; of more, those that are spread over the rig
-SPACING = 0.12  # m, of the seeds of a joint that are followed
-PROMISE = 0.9  # a seed is followed if its vote is above this, relative to what a node needs
+MAX_DEPTH = 25.0  # m, greatest depth of a seed from a camera
+PAIRED_VIEWS = 10  # greatest number of paired views; of more views, those spread over the rig are used
+SPACING = 0.12  # m, least distance between two seeds of a joint that are followed
+PROMISE = 0.9  # least vote of a seed that is followed, relative to the threshold of a node
 
 
 class _Rays(NamedTuple):
-    """Rays of one joint, in the order of their views (K,): directions (K, 3); centres (V, 3) of the views."""
+    """Rays of one joint, in the order of their views.
+
+    Args:
+        views: (K,) view of each ray.
+        directions: (K, 3) unit vectors.
+        centres: (V, 3) m, optical centres of the views.
+    """
 
     views: Array
     directions: Array
@@ -33,9 +39,9 @@ class _Rays(NamedTuple):
 
 
 def nodes_at_seeds(scene: VoteScene, wanted: Demands, known: Explainer) -> Nodes:
-    """Nodes at seeds, moved to the centre of the votes about them.
+    """Return nodes at seeds, each moved to the centre of the votes round it.
 
-    Of seeds of one joint that are close to each other only that with most votes is followed.
+    Among seeds of one joint that are close to each other, only the one with most votes is followed.
     """
     joints, points = seeds(scene, wanted, known)
     if not len(joints):
@@ -49,10 +55,10 @@ def nodes_at_seeds(scene: VoteScene, wanted: Demands, known: Explainer) -> Nodes
 
 
 def seeds(scene: VoteScene, wanted: Demands, known: Explainer) -> tuple[Array, Array]:
-    """Joints (S,) and points (S, 3) m where rays of `wanted.min_views` (two or more) views meet.
+    """Return joints (S,) and points (S, 3) m where rays of `wanted.min_views` (two or more) views meet.
 
     Args:
-        known: what explains peaks that then give no seeds.
+        known: Nodes that explain peaks; explained peaks give no seeds.
     """
     peaks = known.unexplained(scene, find_peaks(scene, wanted.view_threshold))
     found: tuple[Array, Array] = pair_seeds(scene, peaks, max(wanted.min_views, 2))
@@ -61,10 +67,10 @@ def seeds(scene: VoteScene, wanted: Demands, known: Explainer) -> tuple[Array, A
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def pixel_rays(cameras, views, pixels):
-    """Unit viewing rays (K, 3) in the world of pixels (K, 2) of the views (K,); NaN if there is none.
+    """Return the unit viewing rays (K, 3) in the world of pixels (K, 2) of the views (K,); NaN if none.
 
     Args:
-        cameras: see `camera_records`.
+        cameras: See `camera_records`.
     """
     rays = np.full((len(pixels), 3), np.nan)
     usable = np.ones((len(pixels), 1), np.bool_)
@@ -81,11 +87,16 @@ def pixel_rays(cameras, views, pixels):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def pair_seeds(scene, peaks, enough):
-    """Points where rays of `ImagePeaks` of a joint meet: joints (S,), seeds (S, 3).
+    """Return points where rays of a joint's 2D peaks meet: joints (S,), seeds (S, 3) m.
 
-    A pair of rays of two views that pass within the gap gives its middle; that moves twice to the point
-    closest to the rays that pass nearest to it in each view, within the gap and half of it, and counts if it
-    still has enough such rays. These are not paired with each other again.
+    Two rays of different views that pass within `GAP` give the point midway. It then moves twice to the point
+    closest to the nearest ray of each view. The first move uses rays within `GAP`, the second within half of
+    it. The seed counts if at least `enough` views have such rays in both moves. These rays are not paired
+    with each other again.
+
+    Args:
+        peaks: `ImagePeaks`.
+        enough: Least number of views.
     """
     start, pixels = peaks
     count, joint_count = len(scene.cameras), scene.map_start.shape[1]
@@ -110,7 +121,7 @@ def pair_seeds(scene, peaks, enough):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _seeds_of_joint(rays, paired, enough):
-    """Seeds (S, 3) from the rays of one joint."""
+    """Return seeds (S, 3) m from the rays of one joint."""
     views, count = rays.views, len(rays.views)
     together = np.zeros((count, count), np.bool_)
     seeds, total = np.empty((count * (count - 1) // 2, 3)), 0
@@ -135,7 +146,7 @@ def _seeds_of_joint(rays, paired, enough):
 
 @inlined
 def _meeting(rays, p, q):
-    """The middle of where rays p and q come closest, and whether they do so within the limits."""
+    """Return the point midway where rays p and q come closest, and whether they do so within the limits."""
     ax, ay, az = rays.directions[p, 0], rays.directions[p, 1], rays.directions[p, 2]
     bx, by, bz = rays.directions[q, 0], rays.directions[q, 1], rays.directions[q, 2]
     v, w, centres = rays.views[p], rays.views[q], rays.centres
@@ -144,7 +155,7 @@ def _meeting(rays, p, q):
     ao, bo = ax * ox + ay * oy + az * oz, bx * ox + by * oy + bz * oz
     sine2 = 1.0 - ab * ab
     a, b = (ao - ab * bo) / sine2, (ab * ao - bo) / sine2  # depths
-    near = sine2 > 1e-6 and 0.0 < a < MAX_DEPTH and 0.0 < b < MAX_DEPTH  # not if NaN
+    near = sine2 > 1e-6 and 0.0 < a < MAX_DEPTH and 0.0 < b < MAX_DEPTH  # False for NaN
     dx, dy, dz = ox + b * bx - a * ax, oy + b * by - a * ay, oz + b * bz - a * az
     middle = (
         centres[v, 0] + a * ax + 0.5 * dx,
@@ -156,9 +167,9 @@ def _meeting(rays, p, q):
 
 @inlined
 def _closest_to_rays(rays, point, gate, nearest):
-    """The point closest to the nearest ray of each view within the gate, and the number of these views.
+    """Return the point closest to the nearest ray of each view within the gate, and the number of views.
 
-    Writes which rays these are to `nearest`.
+    The indices of these rays are written to `nearest`.
     """
     views, directions, centres = rays.views, rays.directions, rays.centres
     x, y, z = point

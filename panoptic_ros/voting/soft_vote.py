@@ -1,7 +1,7 @@
-"""Positions below the voxel: the soft-argmax of the vote of eq. 1 about a point.
+"""Sub-voxel positions: soft-argmax of the vote of eq. 1 in a ball round a point.
 
-A view sees the middle of a ball and six points of its rim; from these the cells and pixels of all others
-follow as in a pinhole camera, as lenses bend little within a ball.
+Each view projects the centre of the ball and six points of its surface. The depths, cells and pixels of the
+other points are interpolated as in a pinhole camera, because lenses bend little within a ball.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from panoptic_ros.voting.votes import (
 )
 
 Array = np.ndarray
-MANY_VIEWS = 10  # place a joint so well that the widest ball would find nothing better
-SOFTNESS = 0.05  # vote difference that counts 1/e
-RADII = np.array([0.12, 0.08, 0.03])  # m, of the balls of points looked at
-POINTS = 40  # of a ball at most: a whole number of vectors
+MANY_VIEWS = 10  # number of views that place a joint so well that the largest ball would not improve it
+SOFTNESS = 0.05  # difference of votes that lowers a weight to 1/e
+RADII = np.array([0.12, 0.08, 0.03])  # m, radii of the balls
+POINTS = 40  # greatest number of points of a ball: a multiple of the vector length
 BALL_X, BALL_Y, BALL_Z, CELLS, RIGHTS, BELOWS, VOTES, SCORES, WEIGHTS = range(0, 9 * POINTS, POINTS)
 ROWS = 9 * POINTS
-WIDEST = 2.0  # no point of a ball is farther from its middle in an image, relative to those of the rim
-CLOSE = 2.0  # balls that are nearer to a view than so many times their radius are too large for it
+WIDEST = 2.0  # greatest image distance of a ball point from the centre, relative to the surface points
+CLOSE = 2.0  # least depth of a ball in a view, in radii; a closer ball is too large for the view
 
 
 def ball(steps: int) -> Array:
-    """The points (3, G) of a cubic grid, so many steps from 0 to 1, that are not farther than 1 from 0."""
+    """Return the points (3, G) of a cubic grid within the unit ball, with `steps` steps from 0 to 1."""
     axis = np.arange(-steps, steps + 1)
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
     return np.ascontiguousarray((grid[(grid**2).sum(1) <= steps**2] / steps).T)
@@ -59,14 +59,18 @@ BALL = ball(2)
 def moved(
     scene: VoteScene, joints: Array, points: Array, view_threshold: float, moving: Moving | None = None
 ) -> Nodes:
-    """Nodes of joints (N,) at the centres of the votes about points (N, 3) m, at the points' instant.
+    """Move points (N, 3) m of joints (N,) to the centres of the votes round them, and return the nodes.
 
-    Steps go to the mean of the votes S of the points of a ball, weighted by exp((S - S_max) / SOFTNESS), one
-    for the reach of the points, where it is larger, and for each of `RADII`, of which the first is for points
-    that few views see. Points without any vote near them stay.
+    Each step moves a point to the mean of the points of a ball, weighted by exp((S - S_max) / SOFTNESS) with
+    the votes S. The first step has the point's reach as radius, if that exceeds `RADII[0]`. Then follows one
+    step for each of `RADII`; the first of these is only for points that few views see. Points without any
+    vote near them stay.
 
     Args:
-        moving: how the points move from stamp to stamp of the views; None: they rest.
+        moving: Motion of the points between the timestamps of the views; None: they rest.
+
+    Returns:
+        the nodes at the instant of the points.
     """
     moving = moving or at_rest(points, scene)
     points = move_to_votes(scene, joints, points, moving, RADII, BALL)
@@ -74,7 +78,7 @@ def moved(
 
 
 class _Line(NamedTuple):
-    """A number in the middle of a ball, and by how much it grows to the rim along each axis."""
+    """Linear function in a ball: its value in the centre, and its increase to the surface along each axis."""
 
     middle: float
     x: float
@@ -83,7 +87,7 @@ class _Line(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """The lanes, and rows of numbers of all points of the ball."""
+    """Work arrays: the lanes, and rows of one number for each point of the ball."""
 
     lanes: Array
     rows: Array
@@ -91,11 +95,16 @@ class _Scratch(NamedTuple):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def move_to_votes(scene, joints, starts, moving, radii, ball):
-    """Where starts (N, 3) m of joints (N,) come to; see `moved`. radii: m; ball: (3, G) points of radius 1.
+    """Return the moved points (N, 3) m of the joints (N,); see `moved`.
 
-    Every view is asked for where the points are at its own stamp. The vote is that of the views that see the
-    place. The points lie along the axes of the nearest camera that sees the start, so that the frame of the
-    world does not matter.
+    Each view is evaluated at the points' positions at its own timestamp. Votes are means over the views that
+    see the position. The ball points lie along the axes of the nearest camera that sees the start. So the
+    result does not depend on the world frame.
+
+    Args:
+        starts: (N, 3) m.
+        radii: m, radii of the balls.
+        ball: (3, G) points of the unit ball.
     """
     places, scratch = starts.copy(), _Scratch(np.zeros(SIZE), np.zeros(ROWS))
     for g in range(ball.shape[1]):
@@ -112,7 +121,7 @@ def move_to_votes(scene, joints, starts, moving, radii, ball):
 
 @inlined
 def _nearest_view(scene, places, n, lanes):
-    """The view that sees a place from the smallest depth, and how many see it."""
+    """Return the view that sees a point at the smallest depth, and the number of views that see it."""
     nearest, least, seeing = 0, np.inf, 0
     for c in range(LANES):
         place(lanes, c, places[n, 0], places[n, 1], places[n, 2])
@@ -127,13 +136,13 @@ def _nearest_view(scene, places, n, lanes):
 
 @inlined
 def _step(scene, joint, at, nearest, radius, count, scratch):
-    """One step of places[n], `at` being (places, n, moving), in place, by so many points of the ball."""
+    """Move places[n] by one step, in place, with `count` points of the ball; `at` is (places, n, moving)."""
     places, n, moving = at
     camera = scene.cameras[nearest]
-    placed = np.inf  # delay for which the ball lies in the lanes
+    placed = np.inf  # delay of the view for which the lanes hold the ball
     for g in range(POINTS):
         scratch.rows[VOTES + g] = 0.0
-    covering = np.int64(0)  # no literal, which would be a type of its own
+    covering = np.int64(0)  # not a literal, which would be a type of its own in numba
     for v in range(len(scene.cameras)):
         if moving.delays[v] != placed:
             placed = moving.delays[v]
@@ -161,7 +170,7 @@ def _step(scene, joint, at, nearest, radius, count, scratch):
 
 @inlined
 def _place_ball(camera, x, y, z, radius, lanes):
-    """Points 1 to 6: on a ball's rim, on both sides along the axes of a camera; 0 and 7: its middle."""
+    """Write ball points to the lanes: 0 and 7 the centre, 1 to 6 the surface along a camera's axes."""
     place(lanes, 0, x, y, z)
     place(lanes, 7, x, y, z)
     for side in range(2):
@@ -173,7 +182,7 @@ def _place_ball(camera, x, y, z, radius, lanes):
 
 @inlined
 def _near_patch(scene, v, joint, lanes):
-    """Whether a patch of a view and joint has a cell that a sample in the ball may read."""
+    """Return whether a patch of a view and joint has a cell that a sample in the ball may read."""
     wide_a, wide_b = 1.0, 1.0
     for axis in range(3):
         c, k = 1 + 2 * axis, 2 + 2 * axis
@@ -190,7 +199,7 @@ def _near_patch(scene, v, joint, lanes):
 
 @inlined
 def _add_map(scene, v, joint, count, scratch):
-    """Add bilinear samples of a view's map to the votes of so many points."""
+    """Add bilinear samples of a view's map to the votes of `count` points."""
     lanes, rows, camera = scratch.lanes, scratch.rows, scene.cameras[v]
     depth, a, b = _line(lanes, DEPTH), _per_depth(lanes, A), _per_depth(lanes, B)
     columns, height, around, first = camera.columns, camera.rows, strides(camera), scene.map_start[v, joint]
@@ -217,7 +226,7 @@ def _add_keypoints(scene, v, joint, scratch):
         rows[SCORES + g] = 0.0
     for i in range(scene.people.shape[2]):
         away = math.hypot(scene.people[v, joint, i, 0] - middle_u, scene.people[v, joint, i, 1] - middle_w)
-        if away < WIDEST * reach + math.sqrt(GAUSSIAN_END / scene.people[v, joint, i, 2]):  # not if missing
+        if away < WIDEST * reach + math.sqrt(GAUSSIAN_END / scene.people[v, joint, i, 2]):  # False if missing
             for g in range(POINTS):
                 x, y, z = rows[BALL_X + g], rows[BALL_Y + g], rows[BALL_Z + g]
                 scale = 1.0 / _at(depth, x, y, z)
@@ -229,7 +238,7 @@ def _add_keypoints(scene, v, joint, scratch):
 
 @inlined
 def _line(lanes, row):
-    """How a row of the lanes changes in the ball."""
+    """Return a row of the lanes as a linear function in the ball."""
     return _Line(
         lanes[row],
         0.5 * (lanes[row + 1] - lanes[row + 2]),
@@ -240,7 +249,10 @@ def _line(lanes, row):
 
 @inlined
 def _per_depth(lanes, row):
-    """How a row times depth, which would be linear without a lens, changes in the ball; changes the row."""
+    """Return a row times depth as a linear function in the ball; it is exact without lens distortion.
+
+    The row itself is multiplied by the depth.
+    """
     for c in range(LANES):
         lanes[row + c] *= lanes[DEPTH + c]
     return _line(lanes, row)
@@ -248,13 +260,13 @@ def _per_depth(lanes, row):
 
 @inlined
 def _at(line, x, y, z):
-    """The number at a point of the ball of radius 1."""
+    """Return the value of a linear function at a point of the unit ball."""
     return line.middle + line.x * x + line.y * y + line.z * z
 
 
 @inlined
 def _mean(count, covering, rows):
-    """The mean of so many points of the ball of radius 1, weighted by their votes of so many views."""
+    """Return the mean of `count` points of the unit ball, weighted by their votes of `covering` views."""
     best = 0.0
     for g in range(count):
         best = max(best, rows[VOTES + g])
@@ -274,7 +286,10 @@ def _mean(count, covering, rows):
 
 @inlined
 def _decay(x):
-    """exp(-x) for x >= 0, 0 from 12 on; relative error below 1e-5. Without calls, for vector instructions."""
+    """Return exp(-x) for x >= 0, 0 from 12 on; relative error below 1e-5.
+
+    It has no calls, so that compilers can vectorise it.
+    """
     part = min(x, 12.0) / 64.0
     value = 1.0 - part * (1.0 - part * (0.5 - part * (1.0 / 6.0 - part / 24.0)))
     value *= value

@@ -1,4 +1,4 @@
-"""The voting stage."""
+"""Voting stage."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from panoptic_ros.voting.volume import Volume, volume_of_rig
 from panoptic_ros.voting.votes import Moving
 
 Array = np.ndarray
-SURE_VIEWS = 3  # that support a node which explains away
-REACH = 2.0  # standard deviations of a prediction, within which the votes of its joint are looked for
-ONE_PLACE = 0.03  # m; nodes of one joint that are closer become one, as of people who are shown twice
+SURE_VIEWS = 3  # least number of views that support a node which explains peaks away
+REACH = 2.0  # standard deviations of a prediction within which the votes of its joint are searched
+ONE_PLACE = 0.03  # m; closer nodes of one joint are merged, such as those of people who are detected twice
 
 
 def demands(config: VotingConfig, view_count: int) -> Demands:
-    """The demands of the configuration, or those that suit the number of views."""
+    """Return the demands of the configuration, with defaults that depend on the number of views."""
     if view_count <= 7:
         threshold, min_views = 0.06, 2
     elif view_count <= 15:
@@ -41,7 +41,7 @@ def demands(config: VotingConfig, view_count: int) -> Demands:
 
 
 class VotingStage(Stateful):
-    """`AssociationSet` to `ProposalSet` (Joo et al. 2017, 5.1 and 5.2). Every instant stands alone."""
+    """Stage from `AssociationSet` to `ProposalSet` (Joo et al. 2017, 5.1 and 5.2), without memory."""
 
     LAYOUT = StateLayout(
         "voting",
@@ -51,13 +51,13 @@ class VotingStage(Stateful):
     )
 
     def __init__(self, config: VotingConfig, context: StageContext):
-        """Derives the volume and compiles the kernels.
+        """Derive the volume and compile the kernels.
 
         Raises:
             ConfigError: if the configured volume is no box.
         """
         self.config, self.rig, self.skeleton = config, context.rig, context.skeleton
-        self._hash = context.skeleton.hash  # computed at each call
+        self._hash = context.skeleton.hash  # a property that is computed at each call
         if config.volume:
             self.volume = Volume.between(config.volume, config.voxel)
         elif config.method == "exact":
@@ -73,11 +73,11 @@ class VotingStage(Stateful):
     def step(self, association: AssociationSet) -> StepResult[ProposalSet]:
         """Vote on one instant.
 
-        Where no view has score maps there are no nodes, unless `without_maps` asks for them: they would say
-        no more than the 2D people.
+        If no view has score maps, there are no nodes, unless `without_maps` asks for them: they would add
+        nothing to the 2D poses.
 
         Raises:
-            DataError: if the people are of another skeleton, or of cameras that the rig lacks.
+            DataError: if the people have another skeleton, or cameras that the rig lacks.
         """
         item = association.detections
         check_association(association, self._arrays, self.skeleton, self._hash)
@@ -87,7 +87,7 @@ class VotingStage(Stateful):
         return StepResult((self._vote(association),))
 
     def _vote(self, association: AssociationSet) -> ProposalSet:
-        """The nodes of an instant and, if they are wanted, the parts between them."""
+        """Return the nodes of an instant and, if configured, the parts between them."""
         item = association.detections
         views = sorted(item.views, key=lambda view: view.camera)  # rays are paired in the order of names
         cameras = [self._cameras[view.camera] for view in views]
@@ -113,36 +113,36 @@ class VotingStage(Stateful):
         return ProposalSet(association, *nodes, *parts)
 
     def flush(self) -> StepResult[ProposalSet]:
-        """Nothing is buffered."""
+        """Return nothing: the stage buffers no records."""
         return StepResult()
 
     def reset(self) -> None:
-        """Nothing is remembered."""
+        """Do nothing: the stage has no memory."""
 
     def _known(
         self, scene: VoteScene, wanted: Demands, association: AssociationSet, delays: Array
     ) -> Explainer:
-        """Nodes at the joints of people, each moved to the centre of the votes about it."""
+        """Return nodes at the joints of people, each moved to the centre of the votes round it."""
         guide, places = guides_of(association), association.places
         there = np.isfinite(places[..., 0])
-        joints = np.ascontiguousarray(np.nonzero(there)[1])  # kernels are compiled for one layout
+        joints = np.ascontiguousarray(np.nonzero(there)[1])  # kernels are compiled for one memory layout
         velocities = guide.shifts[there]
         moving = Moving(velocities, delays, REACH * guide.spreads[there])
         nodes = moved(scene, joints, places[there], wanted.view_threshold, moving)
         return Explainer(nodes, velocities, delays).rows(self._good(nodes, wanted))
 
     def unexplained(self, scene: VoteScene, wanted: Demands, explainer: Explainer) -> Nodes:
-        """Nodes at what known joints leave of a scene."""
+        """Return nodes from the 2D peaks that known joints do not explain."""
         found = nodes_at_seeds(scene, wanted, explainer)
         return selected(found, self._good(found, wanted))
 
     def _good(self, nodes: Nodes, wanted: Demands) -> Array:
-        """Which nodes (N,) satisfy the demands and lie in the volume."""
+        """Return which nodes (N,) satisfy the demands and lie in the volume."""
         good = (nodes.votes > wanted.threshold) & (nodes.support >= wanted.min_views)
         inside: Array = good & self.volume.contains(nodes.points)
         return inside
 
 
 def has_anything(view: ViewDetections) -> bool:
-    """Whether a view shows anybody; blind cameras must not raise what a node needs."""
+    """Return whether a view has detections or maps: blind cameras must not raise the demands on a node."""
     return len(view.points) > 0 or (view.maps is not None and len(view.maps.joints) > 0)

@@ -1,4 +1,4 @@
-"""The working volume: which voxels there are."""
+"""Working volume: the range of voxels that voting uses."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class Volume(NamedTuple):
 
     @classmethod
     def everywhere(cls, side: float) -> Volume:
-        """As far as voxels can be numbered."""
+        """Return the largest volume whose voxels can be numbered."""
         return cls((-EVERYWHERE,) * 3, (EVERYWHERE,) * 3, side)
 
     @classmethod
     def between(cls, bounds: Sequence[float], side: float) -> Volume:
-        """The voxels that touch the box of least x, y, z and largest x, y, z, m.
+        """Return the voxels that touch the box of least x, y, z and largest x, y, z, m.
 
         Raises:
-            ConfigError: if that is no box.
+            ConfigError: if `bounds` is no box.
         """
         if len(bounds) != 6 or not all(a < b for a, b in zip(bounds[:3], bounds[3:])):
             raise ConfigError(
@@ -43,31 +43,31 @@ class Volume(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Number of voxels along each axis."""
+        """Return the number of voxels along each axis."""
         (x0, y0, z0), (x1, y1, z1) = self.lower, self.upper
         return x1 - x0, y1 - y0, z1 - z0
 
     def contains(self, points: Array) -> Array:
-        """Which points (N, 3) m are in voxels of the volume (N,)."""
+        """Return which points (N, 3) m are in voxels of the volume (N,)."""
         voxels = np.floor(points / self.side)
         inside: Array = np.all((voxels >= self.lower) & (voxels < self.upper), axis=-1)
         return inside
 
     def centres(self, voxels: Array) -> Array:
-        """Centres (N, 3) m of voxels (N, 3)."""
+        """Return the centres (N, 3) m of voxels (N, 3)."""
         return (voxels + 0.5) * self.side
 
 
 def volume_of_rig(rig: Rig, side: float, reach: float = 2.0) -> Volume:
-    """The box round everything near the cameras that at least two of them see.
+    """Return the box round all points near the cameras that at least two of them see.
 
-    Looked for on a grid of 0.25 m, within the box of the cameras and of the point they look at, its
-    mirror image at that point, and `reach` m around.
+    The points are on a grid of 0.25 m. The grid covers the cameras and their mirror images about the point
+    that they look at, extended by `reach` m.
     """
     centres = np.array([camera.centre for camera in rig.cameras])
     axes = np.array([camera.cam_from_world.rotation[2] for camera in rig.cameras])
     aside = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    ahead = centres + 4.0 * axes  # weakly, for cameras that look the same way
+    ahead = centres + 4.0 * axes  # small weight, for cameras with parallel axes
     normal = aside.sum(0) + 0.01 * len(rig) * np.eye(3)
     focus = np.linalg.solve(normal, np.einsum("cij,cj->i", aside, centres) + 0.01 * ahead.sum(0))
     half = np.abs(centres - focus).max(axis=0) + reach

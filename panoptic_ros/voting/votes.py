@@ -1,7 +1,7 @@
-"""Votes (eq. 1 of Joo et al. 2017), of eight points side by side: where views see them, what maps hold there.
+"""Votes (eq. 1 of Joo et al. 2017) of eight points at a time: their projections, and the map scores there.
 
 `lanes` is a flat array of rows of eight numbers, one number for each point. Loops over the points have no
-branches, so that compilers make vector instructions of them. All votes and searches project with `see`.
+branches, so that compilers can vectorise them. All votes and searches project with `see`.
 """
 
 from __future__ import annotations
@@ -21,14 +21,17 @@ Array = np.ndarray
 GAUSSIAN_END = 6.0  # half of the squared distance in standard deviations beyond which a Gaussian is 0
 LANES = 8
 X, Y, Z, DEPTH, U, W, A, B, COVERED, CELL, RIGHT, BELOW = range(0, 96, LANES)
-SIZE = 96  # of an array of lanes
-BROWN, FISHEYE, MANY = range(3)  # kinds of lenses: up to five terms, fisheyes, up to 14 terms
+SIZE = 96  # length of an array of lanes
+BROWN, FISHEYE, MANY = range(3)  # kinds of lenses: up to five terms, fisheye, up to 14 terms
 
 
 class Moving(NamedTuple):
-    """How N points move, and how far they may lie from where they are believed.
+    """Motion of N points, and the uncertainty of their positions.
 
-    velocities: (N, 3) m/s. delays: (V,) s, stamp of each view minus the instant of the points. reach: (N,) m.
+    Args:
+        velocities: (N, 3) m/s.
+        delays: (V,) s, timestamp of each view minus the instant of the points.
+        reach: (N,) m, distance from the assumed position within which a point may lie.
     """
 
     velocities: Array
@@ -37,23 +40,30 @@ class Moving(NamedTuple):
 
 
 def at_rest(points: Array, scene: VoteScene) -> Moving:
-    """Points (N, 3) that do not move, or views of one instant."""
+    """Return the motion of points (N, 3) at rest, or of views with one timestamp."""
     return Moving(np.zeros((len(points), 3)), np.zeros(len(scene.cameras)), np.zeros(len(points)))
 
 
 @inlined
 def place(lanes, c, x, y, z):
-    """Set point c, m in the world."""
+    """Set point c to x, y, z, m in the world."""
     lanes[X + c], lanes[Y + c], lanes[Z + c] = x, y, z
 
 
 @inlined
 def see(cameras, limits, v, lanes):
-    """Where view v sees the points.
+    """Project the points into view v.
 
-    Writes their DEPTH; pixels U, W; cells A, B of the map; COVERED, 1 where the view sees them, else 0; and
-    for `sample` the CELL on their upper left and how far they are to the RIGHT of and BELOW it, 0..1.
-    `cameras` and `limits` as in `VoteScene`.
+    Writes to the lanes:
+        DEPTH: depth.
+        U, W: pixels.
+        A, B: cells of the map.
+        COVERED: 1 where the view sees the point, else 0.
+        CELL, RIGHT, BELOW: for `sample`, the cell on the upper left, and the distance to its right and below
+            it, 0..1.
+
+    Args:
+        cameras, limits: as in `VoteScene`.
     """
     if cameras[v].fisheye > 0.0:
         _project(cameras[v], FISHEYE, lanes)
@@ -69,13 +79,19 @@ def see(cameras, limits, v, lanes):
 
 @njit(cache=True, error_model="numpy", nogil=True, _nrt=False)
 def _project_many(camera, lanes):
-    """Project through a lens of many terms; a call, as its code inlined would make all searches larger."""
+    """Project through a lens of many terms.
+
+    This is a call, because its code inlined would make all searches larger.
+    """
     _project(camera, MANY, lanes)
 
 
 @inlined
 def _project(camera, lens, lanes):
-    """The kind of the lens is an argument so that each has a loop without branches."""
+    """Project the points through a lens of one kind.
+
+    The kind is an argument, so that each kind has a loop without branches.
+    """
     r00, r01, r02, tx = camera.r00, camera.r01, camera.r02, camera.tx
     r10, r11, r12, ty = camera.r10, camera.r11, camera.r12, camera.ty
     r20, r21, r22, tz = camera.r20, camera.r21, camera.r22, camera.tz
@@ -100,7 +116,10 @@ def _project(camera, lens, lanes):
 
 @inlined
 def locate(columns, rows, a, b):
-    """The cell on the upper left of a place on a map; how far the place is to the right and below, 0..1."""
+    """Return the cell on the upper left of a map position, and the distance to its right and below.
+
+    The distances are in cells, 0..1.
+    """
     a, b = min(max(a, 0.0), max(columns - 1.0, 0.0)), min(max(b, 0.0), max(rows - 1.0, 0.0))
     left, top = np.floor(min(a, max(columns - 2.0, 0.0))), np.floor(min(b, max(rows - 2.0, 0.0)))
     return top * columns + left, a - left, b - top
@@ -108,13 +127,17 @@ def locate(columns, rows, a, b):
 
 @inlined
 def strides(camera):
-    """How much farther in a map the cells to the right and below are; 0 if it has one column or row."""
+    """Return the index steps in a map to the cells on the right and below; 0 if it has one column or row."""
     return int(camera.columns > 1.0), int(camera.columns) if camera.rows > 1.0 else 0
 
 
 @inlined
 def sample(data, first, strides, cell, x, y):
-    """Bilinear sample, 0..1, of the map that begins at data[first], x to the right of a cell, y below."""
+    """Return a bilinear sample, 0..1, of the map that begins at data[first].
+
+    Args:
+        x, y: Distance to the right of the cell and below it, 0..1.
+    """
     right, below = strides
     at = first + int(cell)
     top = data[at] * (1.0 - x) + data[at + right] * x
@@ -124,7 +147,10 @@ def sample(data, first, strides, cell, x, y):
 
 @inlined
 def gaussian(people, v, j, i, u, w):
-    """Gaussian of joint j of 2D person i in view v at a pixel; 0 if it is missing. See `VoteScene.people`."""
+    """Return the Gaussian of joint j of 2D pose i in view v at a pixel; 0 if the joint is missing.
+
+    See `VoteScene.people`.
+    """
     dx, dy = people[v, j, i, 0] - u, people[v, j, i, 1] - w
     exponent = (dx * dx + dy * dy) * people[v, j, i, 2]
     return people[v, j, i, 3] * math.exp(-exponent) if exponent < GAUSSIAN_END else 0.0
@@ -132,7 +158,7 @@ def gaussian(people, v, j, i, u, w):
 
 @inlined
 def score(scene, v, joint, strides, lanes, c):
-    """h_j of view v at point c, which it sees: of its map, or else of its 2D joints."""
+    """Return h_j of view v at point c, which the view sees: from its map, or else from its 2D joints."""
     first = scene.map_start[v, joint]
     if first >= 0:
         return sample(scene.map_data, first, strides, lanes[CELL + c], lanes[RIGHT + c], lanes[BELOW + c])
@@ -144,7 +170,9 @@ def score(scene, v, joint, strides, lanes, c):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def vote_points(scene, joints, points, moving, view_threshold):
-    """Eq. 1 at points (N, 3) m for the joints (N,): the mean over the views that see them at their stamps.
+    """Compute eq. 1 at points (N, 3) m for the joints (N,).
+
+    It is the mean over the views that see a point, at its position at the view's timestamp.
 
     Returns:
         votes (N,), and the number (N,) of views with scores above the threshold.

@@ -1,7 +1,7 @@
-"""Where sound comes from: files, and devices that listen.
+"""Sources of audio: files and live microphones.
 
 Every source is a `SoundSource`: the blocks of one device in order, with the names of the clocks whose
-timecode its channels carry. A new kind is a class of that form, and a row in `described`.
+timecode its channels carry. A new kind of source needs a class of that form and an entry in `described`.
 """
 
 from panoptic_ros.capture.sound.described import described_sound, open_sound

@@ -1,8 +1,7 @@
-"""Opening a source of sound from a plain description, as it stands in a run's plan.
+"""Open an audio source from a plain description, as in a run's plan.
 
-A recording may be played as if a device heard it now: to try a live run without hardware.
-
-Microphones and line inputs, through PortAudio (the package sounddevice, which is optional).
+A recording can be played back in real time, to test a live run without hardware. Microphones and line inputs
+are read through PortAudio (the optional package sounddevice).
 """
 
 from __future__ import annotations
@@ -29,33 +28,33 @@ from panoptic_ros.errors import BackendError, EnvironmentProblem, UsageError, sh
 
 Array = np.ndarray
 PATIENCE_S = 0.5
-WAITING_BLOCKS = 100  # that nobody has taken; beyond them the oldest are lost
+WAITING_BLOCKS = 100  # blocks in the queue; if it is full, new blocks are dropped
 SETTLE_S = 1.0
-SILENT_S = 5.0  # without any block: the device is gone
+SILENT_S = 5.0  # s without any block after which the device counts as lost
 SECOND = 1_000_000_000
-KEPT_S = 5.0  # in which some blocks come promptly; a clock that drifts by 1e-4 moves by half a ms
-PROMPT = 0.05  # share of the blocks that tell of an earlier time: these are the wrong ones
-LOST_NS = SECOND  # later than the count says: sound was lost, or the machine slept
+KEPT_S = 5.0  # s, window in which some blocks arrive promptly; a clock drift of 1e-4 moves by 0.5 ms in it
+PROMPT = 0.05  # fraction of the blocks with the earliest times, which are discarded as wrong
+LOST_NS = SECOND  # ns; a larger delay against the sample count means lost samples or a suspended machine
 
 
 class MicrophoneSource:
-    """The sound of a device, from now on, stamped by this machine's clock.
+    """Live audio of a device, timestamped by this machine's clock.
 
-    A block's stamp is when its first sample was at the input, as PortAudio tells of the promptest blocks
-    (`steady`) on the stream's own clock, which is held against this machine's: it does not matter when Python
-    gets to a block. In their first second sound servers are up to 0.4 s wrong, so that is left out. What is
-    lost shows in the count of samples.
+    The timestamp of a block is the time of its first sample at the input. PortAudio reports it on the
+    stream's own clock, which is compared with this machine's clock. The most prompt blocks are used
+    (`SteadyStamps`), so the scheduling of Python has no effect. In the first second, sound servers are wrong
+    by up to 0.4 s, so this second is discarded. Lost samples appear as a gap in the sample count.
 
     Args:
         device: name.
-        address: as PortAudio calls it: a part of a name such as "hw:1" or "USB Audio", or a number.
-        clocks: of the channels, see `AudioBlock`.
-        clock: ns; the clock of the stamps, the wall clock unless given.
-        library: the package, for tests.
+        address: PortAudio's device: a part of a name such as "hw:1" or "USB Audio", or a number.
+        clocks: clocks of the channels, see `AudioBlock`.
+        clock: returns ns; clock of the timestamps, by default the wall clock.
+        library: replaces the package in tests.
 
     Raises:
-        EnvironmentProblem: where sounddevice or PortAudio is missing.
-        BackendError: if there is no such input, listing those that there are, or it cannot be opened.
+        EnvironmentProblem: if sounddevice or PortAudio is missing.
+        BackendError: if the input does not exist (the existing ones are listed), or cannot be opened.
     """
 
     def __init__(
@@ -129,21 +128,25 @@ class MicrophoneSource:
             ) from None
 
     def _count(self, found: Any) -> int:
-        """How many channels are asked for: those that are named, or two."""
+        """Return the number of channels to open: those with a named clock, or up to two.
+
+        Raises:
+            BackendError: if more clocks are named than the device has channels.
+        """
         most = int(found["max_input_channels"])
         if len(self.clocks) > most:
             raise BackendError(f"{self._what} has {most} channels; {len(self.clocks)} clocks are named")
         return len(self.clocks) or min(2, most)
 
     def _take(self, samples: Array, count: int, times: Any, status: Any) -> None:
-        """Called by PortAudio in a thread of its own."""
+        """Put a block into the queue; PortAudio calls this in its own thread."""
         if self._unsettled > 0:
             self._unsettled -= count
             return
         ago = self._stream.time - times.inputBufferAdcTime
         now = self._clock()
         if status and status.input_overflow:
-            self._next += count  # how much was lost is not told; the decoder begins anew
+            self._next += count  # the amount of the loss is unknown; the gap restarts the decoder
             self._stamps.restart()
         stamp = self._stamps.stamp(self._next, now - round(SECOND * max(0.0, ago)))
         try:
@@ -152,15 +155,15 @@ class MicrophoneSource:
                 AudioBlock(self.device, stamp, self._next, self.sample_rate, clean, self.clocks)
             )
         except queue.Full:
-            pass  # the gap in the count of samples tells
+            pass  # the gap in the sample count shows the loss
         self._next += count
 
 
 def _portaudio() -> Any:
-    """The package.
+    """Return the package sounddevice.
 
     Raises:
-        EnvironmentProblem: where it is missing.
+        EnvironmentProblem: if it or PortAudio is missing.
     """
     try:
         return importlib.import_module("sounddevice")
@@ -179,11 +182,12 @@ def _one_line(error: Exception) -> str:
 
 
 class SteadyStamps:
-    """Stamps that go on as the samples do, from the blocks that came promptly.
+    """Filter of block timestamps: they advance with the sample count, referenced to the most prompt blocks.
 
-    A block is told of late, by up to 0.1 s on a busy machine. So those that are earliest beside their count
-    of samples are right (the minimum filter of clocks over networks, Mills 1991), but for a few: sound
-    servers guess how long sound took through them, at times too long. Hence the earliest but for a twentieth.
+    A block is reported late, by up to 0.1 s on a busy machine. The blocks that are earliest relative to their
+    sample count are therefore right (the minimum filter of network clocks, Mills 1991). A few are too early,
+    because sound servers sometimes overestimate their own delay. The filter uses the 5 % quantile instead of
+    the minimum.
 
     Args:
         sample_rate: Hz.
@@ -192,11 +196,16 @@ class SteadyStamps:
     def __init__(self, sample_rate: int):
         self._rate = sample_rate
         self._starts: deque[tuple[int, int]] = deque()  # (sample, ns of sample 0)
-        self._sorted: list[int] = []  # the ns of these
+        self._sorted: list[int] = []  # the times of `_starts`, sorted, ns
         self._last = 0
 
     def stamp(self, first: int, told_ns: int) -> int:
-        """Of a block that begins with a sample, which the device told of as of a time; never goes back."""
+        """Return the timestamp of a block, ns; it always increases.
+
+        Args:
+            first: index of its first sample.
+            told_ns: time of this sample as reported by the device, ns.
+        """
         start = told_ns - first * SECOND // self._rate
         if self._starts and start - self._prompt() >= LOST_NS:
             self.restart()
@@ -208,7 +217,7 @@ class SteadyStamps:
         return self._last
 
     def restart(self) -> None:
-        """After sound was lost: the count tells nothing of before."""
+        """Forget all blocks after a loss of samples, because the sample count is no longer consistent."""
         self._starts.clear()
         self._sorted.clear()
 
@@ -217,12 +226,12 @@ class SteadyStamps:
 
 
 def described_sound(kind: str, device: str, clocks: Sequence[str], **more: Any) -> dict[str, Any]:
-    """A description for `open_sound`, of plain values."""
+    """Return a description for `open_sound` as plain values."""
     return {"kind": kind, "device": device, "clocks": list(clocks), **more}
 
 
 class _Ended:
-    """A source that ends early."""
+    """Source that ends before a given timestamp."""
 
     def __init__(self, source: SoundSource, until_ns: int):
         self.device, self.clocks = source.device, source.clocks
@@ -243,11 +252,10 @@ class _Ended:
 
 
 def open_sound(description: Mapping[str, Any]) -> SoundSource:
-    """The source of a description: {"kind", "device", "clocks", what opening takes}; kinds are wav, video and
-    microphone.
+    """Open the source of a description: {"kind", "device", "clocks", options of the source}.
 
-    A microphone whose address is that of a WAV file plays it in real time. Blocks of a recording with the
-    stamp "until_ns" and later ones are left out.
+    Kinds are wav, video and microphone. A microphone whose address is a WAV file plays it in real time.
+    Blocks of a recording with the timestamp "until_ns" and later ones are skipped.
 
     Raises:
         UserError: as the sources.
@@ -269,12 +277,12 @@ def open_sound(description: Mapping[str, Any]) -> SoundSource:
 
 
 class PlayedSource:
-    """A WAV file in real time, stamped by this machine's clock. It ends with the file.
+    """WAV file played in real time, timestamped by this machine's clock. It ends with the file.
 
     Args:
-        clocks: of the channels, see `AudioBlock`.
-        clock: ns; of the stamps, the wall clock unless given.
-        wait: for so many seconds; True if the source was closed meanwhile. For tests.
+        clocks: clocks of the channels, see `AudioBlock`.
+        clock: returns ns; clock of the timestamps, by default the wall clock.
+        wait: waits for a number of seconds; returns True if the source was closed meanwhile. For tests.
 
     Raises:
         DataError: see `WavSource`.
@@ -303,7 +311,7 @@ class PlayedSource:
             yield replace(block, stamp_ns=began + block.stamp_ns)
 
     def close(self) -> None:
-        """End iterations that are under way."""
+        """End running iterations."""
         self._closed.set()
 
     def __enter__(self) -> PlayedSource:

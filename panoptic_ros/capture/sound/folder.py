@@ -1,4 +1,4 @@
-"""The sound of a capture folder: `<device>.wav`, tracks of videos, and what sound.yaml says of them."""
+"""Find the audio of a capture folder: `<device>.wav`, sound tracks of videos, and sound.yaml."""
 
 from __future__ import annotations
 
@@ -18,21 +18,23 @@ SUFFIX = ".wav"
 def folder_sounds(
     path: Path, cameras: Mapping[str, int], tracks: Mapping[str, Mapping[str, Any]]
 ) -> tuple[dict[str, Any], ...]:
-    """Descriptions of the sound in a capture folder (see `open_sound`), those of sound.yaml first.
+    """Return descriptions of the audio in a capture folder (see `open_sound`), those of sound.yaml first.
 
-    sound.yaml names the clock of each channel of a file, {"timecode.wav": [A, B]}, "" where there is none;
-    or {"clocks": [A, B], "start_ns": stamp of the first sample}, and of a video with several sound tracks
-    {"clocks": [A], "track": 1}. Rows of a device in timestamps.csv are
-    stamps of its samples. Where nothing says when it began, it began at 0, and that of a camera with the
-    first frame. Sound tracks of videos are those that sound.yaml names, or all of them if there is none; of a
-    camera with a WAV file this one.
+    The file sound.yaml names the clock of each channel of a recording, {"timecode.wav": [A, B]}, "" for none.
+    The long form is {"clocks": [A, B], "start_ns": timestamp of the first sample}. For a video with several
+    sound tracks it is {"clocks": [A], "track": 1}. Rows of a device in timestamps.csv are timestamps of its
+    samples. Without a stated start, a recording begins at 0, and that of a camera begins with its first
+    frame.
+
+    If sound.yaml exists, only the sound tracks that it names are used; otherwise all are. A WAV file of a
+    camera replaces its sound track.
 
     Args:
-        cameras: stamp of the first frame by name.
-        tracks: of videos, as `track_sound` describes them, by the name of the file.
+        cameras: timestamp of the first frame by name.
+        tracks: sound tracks of videos, as `track_sound` describes them, by file name.
 
     Raises:
-        DataError: if sound.yaml is of another form, or names what is not there.
+        DataError: if sound.yaml has another structure, or names a missing file.
     """
     files = {file.name: file for file in sound_files(path)}
     says = (path / SOUND_NAMES).exists()
@@ -74,14 +76,14 @@ def track_sound(
     clocks: Sequence[str] = (),
     track: int = 0,
 ) -> dict[str, Any]:
-    """Describe a sound track of a video; for the rest see `VideoSound`."""
+    """Describe a sound track of a video; see `VideoSound` for the arguments."""
     own: dict[str, Any] = {"stamps": list(stamps)} if len(stamps) else {"start_ns": start_ns}
     own |= {"track": track} if track else {}
     return described_sound("video", device, clocks, path=str(path), **own)
 
 
 def sound_files(path: Path) -> list[Path]:
-    """The files of sound in a folder."""
+    """Return the WAV files in a folder."""
     return [file for file in sorted(path.iterdir()) if file.suffix.lower() == SUFFIX]
 
 
@@ -98,7 +100,7 @@ def _described(
 
 
 def _read_names(path: Path) -> dict[str, dict[str, Any]]:
-    """{file: {"clocks": names, "start_ns": stamp, "track": number}}."""
+    """Read sound.yaml as {file: {"clocks": names, "start_ns": timestamp, "track": number}}."""
     document = read_yaml(path)
     document = {} if document is None else document
     if not isinstance(document, dict):

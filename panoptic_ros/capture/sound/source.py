@@ -1,4 +1,4 @@
-"""What every source of sound offers."""
+"""Interface of all audio sources."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from typing import Protocol, runtime_checkable
 
 from panoptic_ros.domain import AudioBlock
 
-BLOCK_S = 0.1  # the longest block
+BLOCK_S = 0.1  # s, the longest block
 
 
 @runtime_checkable
 class SoundSource(Protocol):
-    """The sound of one device, in order; a context manager that closes itself.
+    """Audio of one device, in order; a context manager that closes the source.
 
-    Iterating a recorded source starts at its first sample every time; a live one goes on for ever.
+    Every iteration of a recorded source starts at its first sample. A live source never ends.
     """
 
     device: str
-    clocks: tuple[str, ...]  # whose timecode the channels carry, "" = none; empty: nobody says
+    clocks: tuple[str, ...]  # clock whose timecode each channel carries, "" = none; (): not stated
 
     def __iter__(self) -> Iterator[AudioBlock]: ...
 
     def close(self) -> None:
-        """Give up files and devices; may be called twice."""
+        """Release files and devices; may be called twice."""
 
     def __enter__(self) -> SoundSource: ...
 

@@ -1,4 +1,4 @@
-"""Sound tracks of files, decoded through PyAV (FFmpeg): samples, and where they lie in the file's time."""
+"""Decode sound tracks of files through PyAV (FFmpeg): samples and their times in the file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.wav import read_wav
 
 Array = np.ndarray
-GAP_S = Fraction(1, 50)  # between samples that do not follow each other; clocks of recorders jitter by less
+# s, gap between non-consecutive samples. The jitter of recorder clocks is smaller.
+GAP_S = Fraction(1, 50)
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,9 @@ class Piece:
     """Consecutive samples.
 
     Args:
-        first: index of the first sample, since the beginning of the track.
-        time: of it, s.
+        first: index of the first sample since the beginning of the track.
+        time: time of the first sample, s.
+        sample_rate: Hz.
         samples: (N, C) float32.
     """
 
@@ -38,18 +40,18 @@ class Piece:
 
 
 class SoundTrack:
-    """A sound track of a file, open; it is read once from its beginning.
+    """Open sound track of a file, which is read once from its beginning.
 
-    What FFmpeg leaves out at the beginning (priming of AAC and Opus, edit lists) is not in it. Times that are
-    those of the count of samples, as nearly as the file rounds them, are set to it; others are used as they
-    are. Where sound is missing for more than 20 ms the count of samples shows it.
+    Samples that FFmpeg discards at the beginning (priming of AAC and Opus, edit lists) are not included.
+    Times that agree with the sample count, within the file's rounding, are set to it. Other times are used
+    unchanged. If more than 20 ms of sound are missing, the sample count has a gap.
 
     Args:
-        what: how messages call it.
-        number: of the track, among those with sound.
+        what: subject of error messages.
+        number: number of the track among the sound tracks.
 
     Raises:
-        DataError: if the file cannot be opened, has no such track, or sound of an unknown codec.
+        DataError: if the file cannot be opened, the track is missing, or its codec is unknown.
     """
 
     def __init__(self, path: Path, what: str, number: int = 0):
@@ -70,14 +72,14 @@ class SoundTrack:
 
     @property
     def channels(self) -> int:
-        """How many there are."""
+        """Return the number of channels."""
         return int(self._stream.codec_context.channels)
 
     def pieces(self) -> Iterator[Piece]:
-        """The sound in order; what cannot be decoded is missing.
+        """Yield the sound in order; skip packets that cannot be decoded.
 
         Raises:
-            DataError: if the file cannot be read on.
+            DataError: if the rest of the file cannot be read.
         """
         count = _Count(self._stream.time_base or Fraction(0))
         for frame in self._frames():
@@ -102,16 +104,16 @@ class SoundTrack:
 
 
 class _Count:
-    """The count of samples, beside the times that a file gives."""
+    """Sample counter that is compared with the times in a file."""
 
     def __init__(self, tick: Fraction):
         self._tick = tick
         self._next = 0
         self._expected: Fraction | None = None  # time of the next sample
-        self._even = True  # all times so far were those of the count
+        self._even = True  # all times so far agreed with the count
 
     def place(self, time: Fraction | None, length: int, rate: int) -> tuple[int, Fraction] | None:
-        """Index and time of the first of `length` samples; None: they lie before the last ones."""
+        """Return index and time (s) of the first of `length` samples; None if they precede earlier ones."""
         if self._expected is None:
             self._expected = Fraction(0) if time is None else time
         late = Fraction(0) if time is None else time - self._expected
@@ -131,12 +133,12 @@ class _Count:
 
 
 def _heard_at(frame: AudioFrame) -> Fraction | None:
-    """When a frame is heard, s; None = the file does not say."""
+    """Return the presentation time of a frame, s; None if the file does not state it."""
     return None if frame.pts is None or frame.time_base is None else frame.pts * frame.time_base
 
 
 def _samples(frame: AudioFrame) -> Array:
-    """(N, C) float32 in -1..1."""
+    """Return the samples of a frame, (N, C) float32 in -1..1."""
     stored: Array = frame.to_ndarray()
     stored = stored.reshape(-1, frame.layout.nb_channels) if frame.format.is_packed else stored.T
     if stored.dtype == np.uint8:
@@ -147,7 +149,7 @@ def _samples(frame: AudioFrame) -> Array:
 
 
 def known_tracks(path: Path) -> list[int]:
-    """Return the numbers of the sound tracks of a file that can be decoded, counted from 0.
+    """Return the numbers of a file's sound tracks that can be decoded, counted from 0.
 
     Raises:
         DataError: if it cannot be opened.
@@ -157,7 +159,7 @@ def known_tracks(path: Path) -> list[int]:
 
 
 def read_sound(path: Path, channel: int = 0) -> tuple[int, Array]:
-    """Sample rate, Hz, and the samples (N,) float32 of one channel of a WAV file or a sound track.
+    """Read the sample rate (Hz) and one channel (N,) float32 of a WAV file or a sound track.
 
     Raises:
         DataError, UsageError: as `read_wav` and `read_track`.
@@ -166,13 +168,13 @@ def read_sound(path: Path, channel: int = 0) -> tuple[int, Array]:
 
 
 def read_track(path: Path, channel: int = 0) -> tuple[int, Array]:
-    """Sample rate, Hz, and the samples (N,) float32 of one channel of the first track that can be decoded.
+    """Read the sample rate (Hz) and one channel (N,) float32 of the first track that can be decoded.
 
-    There is silence where some are missing.
+    Missing samples are 0.
 
     Raises:
         DataError: as `SoundTrack`; if there are no samples.
-        UsageError: if there is no such channel.
+        UsageError: if the channel does not exist.
     """
     with SoundTrack(path, str(path), next(iter(known_tracks(path)), 0)) as track:
         if not 0 <= channel < track.channels:

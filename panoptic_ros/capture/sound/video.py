@@ -1,4 +1,4 @@
-"""The sound of a video as what its camera heard, on the time line of its frames."""
+"""Audio of a video file, with timestamps consistent with the video frames."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from panoptic_ros.errors import DataError
 
 Array = np.ndarray
 SECOND = 1_000_000_000
-ANCHOR_S = 1.0  # of frames whose stamps are averaged: they jitter, and sound does not
+ANCHOR_S = 1.0  # s of frames whose timestamps are averaged, because they jitter and sound does not
 
 
 class VideoSound:
-    """A sound track of a video file.
+    """Sound track of a video file.
 
-    A sample is stamped as a frame would be that is shown when it is heard. What would lie before stamp 0 is
-    left out.
+    A sample has the timestamp of a video frame with the same presentation time. Samples with a timestamp
+    below 0 are skipped.
 
     Args:
         device: its camera.
-        clocks: of the channels, see `AudioBlock`.
-        start_ns: stamp of the first frame of the video.
-        stamps: of all frames, ns, where they are not the file's own times.
-        from_sample: where to begin.
-        track: number, among those with sound.
+        clocks: clocks of the channels, see `AudioBlock`.
+        start_ns: timestamp of the first frame of the video.
+        stamps: timestamps of all frames, ns, if they are not the file's own times.
+        from_sample: index of the first sample to read.
+        track: number among the sound tracks.
 
     Raises:
-        DataError: no video, no sound track, or one of an unknown codec; other channels than are named. While
-            iterating: the file cannot be read on.
+        DataError: if there is no video or no sound track, its codec is unknown, or the number of channels
+            differs from `clocks`. While iterating: if the rest of the file cannot be read.
     """
 
     def __init__(
@@ -75,13 +75,13 @@ class VideoSound:
                     block = self._block(piece, k, min(k + step, len(piece.samples)))
                     if block is not None:
                         yield block
-                    if track not in self._open_now:  # closed meanwhile
+                    if track not in self._open_now:  # the source was closed meanwhile
                         return
         finally:
             self._release(track)
 
     def close(self) -> None:
-        """Close the file; iterations that are under way end."""
+        """Close the file; running iterations end."""
         for track in list(self._open_now):
             self._release(track)
 
@@ -97,7 +97,7 @@ class VideoSound:
             self._open_now.remove(track)
 
     def _block(self, piece: Piece, begin: int, end: int) -> AudioBlock | None:
-        """Some samples of a piece; None where they are not wanted."""
+        """Return a block of samples begin..end of a piece; None if all are before the start."""
         early = -self._stamp(piece.time + Fraction(begin, piece.sample_rate))
         begin += max(0, self._from - piece.first - begin, -(-early * piece.sample_rate // SECOND))
         if begin >= end:
@@ -108,7 +108,7 @@ class VideoSound:
         )
 
     def _stamp(self, time: Fraction) -> int:
-        """The stamp of a time of the file; before the first frame and after the last it goes on evenly."""
+        """Return the timestamp (ns) of a file time; the offset is constant outside of the frame range."""
         since = time - self._begin
         if self._anchors is None:
             return self._start_ns + round(since * SECOND)
@@ -116,7 +116,10 @@ class VideoSound:
         return self._start_ns + round(since * SECOND) + round(float(np.interp(float(since), seconds, late)))
 
     def _look(self, stamps: Sequence[int]) -> tuple[Fraction, tuple[Array, Array] | None]:
-        """The time of the first frame, s, and since then by how much stamps are later than times (s, ns)."""
+        """Return the time of the first frame (s) and the delay of timestamps against file times.
+
+        The delay is given at times (s) since the first frame, in ns; None if there are no timestamps.
+        """
         movie = Movie(self.path, self._what, threads=False)
         try:
             first = next(movie.frames(), None)
@@ -135,14 +138,14 @@ class VideoSound:
 
 
 def _averaged(seconds: Array, late: Array) -> tuple[Array, Array]:
-    """Means of about a second each."""
+    """Return the means over intervals of `ANCHOR_S`."""
     number = (seconds // ANCHOR_S).astype(int)
     _, which, count = np.unique(number, return_inverse=True, return_counts=True)
     return np.bincount(which, seconds) / count, np.bincount(which, late) / count
 
 
 def _joined(pieces: Iterator[Piece]) -> Iterator[Piece]:
-    """Pieces that follow each other as one, up to the length of a block."""
+    """Join consecutive pieces up to the length of a block."""
     waiting: list[Piece] = []
     for piece in pieces:
         if waiting and not _follows(waiting, piece):
@@ -154,7 +157,7 @@ def _joined(pieces: Iterator[Piece]) -> Iterator[Piece]:
 
 
 def _follows(waiting: Sequence[Piece], piece: Piece) -> bool:
-    """Whether a piece continues others, and there is room for it."""
+    """Return whether a piece continues the waiting ones within the length of a block."""
     first, last = waiting[0], waiting[-1]
     return (
         piece.first == last.first + len(last.samples)

@@ -1,4 +1,4 @@
-"""WAV files as what a device heard."""
+"""WAV files as audio sources."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.io.wav import WavFile
 
 SECOND = 1_000_000_000
-Stamps = Sequence[tuple[int, int]]  # index of a sample, its stamp in ns
+Stamps = Sequence[tuple[int, int]]  # (sample index, its timestamp in ns)
 
 
 class WavSource:
-    """A WAV file, on the clock of the device that recorded it.
+    """WAV file, timestamped by the clock of the device that recorded it.
 
     Args:
-        clocks: of the channels, see `AudioBlock`.
-        start_ns: stamp of the first sample, where there are no `stamps`: then the clock is that of the sound
-            card, the count of samples over their rate.
-        stamps: of samples, from which blocks begin.
-        from_sample: where to begin.
+        clocks: clocks of the channels, see `AudioBlock`.
+        start_ns: timestamp of the first sample, if there are no `stamps`. The clock is then that of the sound
+            card: sample count / sample rate.
+        stamps: timestamps of the samples at which blocks begin.
+        from_sample: index of the first sample to read.
 
     Raises:
-        DataError: if it is no WAV file, has other channels than are named, or stamps that do not increase.
+        DataError: if it is no WAV file, its channels differ from `clocks`, or the timestamps do not increase.
     """
 
     def __init__(
@@ -53,12 +53,12 @@ class WavSource:
 
     @property
     def sample_rate(self) -> int:
-        """Hz, as the file says."""
+        """Return the sample rate in Hz from the file header."""
         return self._file.sample_rate
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
+        """Return the duration, s."""
         return len(self._file) / self._file.sample_rate
 
     def __iter__(self) -> Iterator[AudioBlock]:
@@ -93,7 +93,7 @@ class WavSource:
             )
 
     def close(self) -> None:
-        """Nothing stays open."""
+        """Do nothing: no file stays open."""
 
     def __enter__(self) -> WavSource:
         return self

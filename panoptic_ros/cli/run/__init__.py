@@ -1,4 +1,4 @@
-"""`panoptic run`: cameras, videos, a capture folder or a bag to skeletons."""
+"""`panoptic run`: compute 3D poses from cameras, videos, a capture folder or a bag."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Options of the verb."""
+    """Add the options of the verb."""
     parser.add_argument("capture", nargs="?", type=Path, metavar="CAPTURE_DIR", help="a capture folder")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
     parser.add_argument("--demo", nargs="?", const="multi", help="the demo capture: multi or single")
@@ -194,11 +194,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run to the end, leave the results, and print the report."""
+    """Run to the end, write the results, and print the report."""
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     check_usage(args, parser.parse_args(["--out", ""]))
-    from panoptic_ros.cli.run.beginning import begun  # only now: --help must be quick
+    from panoptic_ros.cli.run.beginning import begun  # imported here to keep --help fast
 
     with lossy_output(), begun(args) as ahead:
         return _run(args, ahead)

@@ -1,4 +1,7 @@
-"""What is begun before a run is planned, as loading and listening take seconds."""
+"""Start a child process and the discovery of other graphs before a run is planned.
+
+Loading and discovery take seconds, so they run in parallel with the planning.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,13 @@ from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 @contextmanager
 def begun(args: argparse.Namespace) -> Iterator[Ahead]:
-    """A process that loads, and ears for other graphs, unless all is to run in this process."""
+    """Yield a child process that loads the nodes, and a listener for other graphs.
+
+    Neither is started if the whole run stays in this process.
+    """
     over_dds = not (args.in_process or args.offline)
     if over_dds:
-        prepare_shared_memory()  # before ROS is loaded, which a full one ends
+        prepare_shared_memory()  # before the import of ROS, which terminates if shared memory is full
     with Ahead(over_dds) as ahead:
         if over_dds:
             from panoptic_ros.running.runs.listening import begin_to_listen  # needs ROS

@@ -1,4 +1,4 @@
-"""The plan of a run, from the command line."""
+"""Build the plan of a run from the command line."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from panoptic_ros.running.plans.presets import read_preset
 
 
 def make_plan(args: argparse.Namespace) -> Plan:
-    """The plan that the command line asks for; its usage has been checked.
+    """Return the plan for the command line, whose usage has been checked.
 
     Raises:
-        UserError: on whatever the user can mend, before anything has started.
+        UserError: on any error that the user can correct, before anything has started.
     """
     preset = read_preset(args.preset)
     options = RunOptions(
@@ -41,7 +41,7 @@ def make_plan(args: argparse.Namespace) -> Plan:
 
 
 def _source(args: argparse.Namespace) -> Source:
-    """What the command line names to take records from."""
+    """Return the planning function for the source of records that the command line names."""
     if args.bag:
         own = {"rig": args.rig, "choice": _choice(args), "size_policy": args.size_policy}
         return partial(plan_bags, args.bag, **own)
@@ -75,7 +75,7 @@ def _choice(args: argparse.Namespace) -> BagChoice:
 
 
 def _encodings(texts: list[str]) -> dict[str, str]:
-    """Encodings by camera; one alone is that of all others."""
+    """Parse encodings by camera; one without a camera applies to all other cameras, under the key ""."""
     for_all = [text for text in texts if "=" not in text]
     if len(for_all) > 1:
         raise UsageError(f"--encoding says {' and '.join(for_all)}; write CAMERA=ENCODING")

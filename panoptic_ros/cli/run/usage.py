@@ -1,4 +1,4 @@
-"""Which options of `panoptic run` go together: one that would change nothing is a misunderstanding."""
+"""Check that the options of `panoptic run` fit together. An option without an effect is refused."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ _SHOWN = {
 
 
 def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
-    """Whether the arguments name one source, and options that it has a use for.
+    """Check that the arguments name exactly one source, and only options that it supports.
 
     Raises:
-        UsageError: naming the option and what it belongs to.
+        UsageError: naming the option and the sources to which it applies.
     """
     given = [name for name in _SHOWN if getattr(args, name)]
     if len(given) != 1:

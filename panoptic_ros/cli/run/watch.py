@@ -1,4 +1,4 @@
-"""What a person sees while a run goes on: a progress bar, or the live table."""
+"""Terminal output during a run: a progress bar or the live table, and warnings."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from panoptic_ros.stage import Notice
 from panoptic_ros.view.live_table import LiveTable
 from panoptic_ros.view.progress import ProgressBar
 
-EACH_TEXT = "sync.clock_off"  # printed for each text: each camera and each clock offset
-EACH = (  # told for each device
+EACH_TEXT = "sync.clock_off"  # printed once for each text: each camera and each clock offset
+EACH = (  # prefixes of codes that are printed once for each device
     "kinematics.imu_",
     "kinematics.odd_",
     "kinematics.never_",
@@ -25,15 +25,15 @@ EACH = (  # told for each device
     "graph.unusable",
     "graph.encoding",
 )
-PATIENCE_S = 10.0  # without a result after the first detections
-START_S = 20.0  # live, without a result since the start
+PATIENCE_S = 10.0  # s without a result after the first detections
+START_S = 20.0  # s without a result since the start, live only
 
 
 class Watch(RunObserver):
-    """Shows the course of a run. A context manager that leaves the terminal in order.
+    """Terminal output of a run; a context manager that restores the terminal.
 
     Args:
-        table: the live table in place of the progress bar.
+        table: show the live table instead of the progress bar.
     """
 
     def __init__(self, table: bool):
@@ -61,7 +61,7 @@ class Watch(RunObserver):
             self._waiting.begin(START_S)
 
     def saw(self, key: str, record: Any) -> None:
-        """See `RunObserver`."""
+        """Update the output with a record; see `RunObserver`."""
         if key == "detections":
             self._waiting.begin(PATIENCE_S)
         if key == "detections" and self._table is not None:
@@ -85,13 +85,13 @@ class Watch(RunObserver):
             self._bar.update(self._instants)
 
     def judged(self, notices: Sequence[Notice]) -> None:
-        """Print what the user should know."""
+        """Print all notices that are no mere information."""
         for notice in notices:
             if notice.severity != "info":
                 _warn(f"{notice.severity}: {notice.text}")
 
     def _tell_of(self, counted: Mapping[str, Mapping[str, str]]) -> None:
-        """Print what stages say of sound, clocks and bodies: each kind of warning once, of IMUs for each."""
+        """Print the warnings of stages once for each kind, and those in `EACH` once for each device."""
         for notice in warnings_of(counted):
             about = notice.values.get("device", "") if notice.code.startswith(EACH) else ""
             kind = f"{notice.code} {notice.text if notice.code == EACH_TEXT else about}"
@@ -109,12 +109,12 @@ class Watch(RunObserver):
         self._table = self._bar = None
 
     def drew(self, done: int, total: int) -> None:
-        """See `RunObserver`."""
+        """Show the progress of the overlays; see `RunObserver`."""
         self._bar = self._bar or ProgressBar(total, "overlays")
         self._bar.update(done)
 
     def _latency_ms(self, stamp_ns: int) -> float | None:
-        """Since exposure; recordings have stamps of their own, which say nothing about it."""
+        """Return the latency since exposure, ms; None for recordings: their timestamps lie in the past."""
         return (time.time_ns() - stamp_ns) * 1e-6 if self._live else None
 
     def __enter__(self) -> Watch:

@@ -1,1 +1,1 @@
-"""Libraries that run networks; onnxruntime is the one."""
+"""Inference libraries: onnxruntime, and OpenVINO where onnxruntime lacks its provider."""

@@ -1,4 +1,4 @@
-"""Which library runs a network."""
+"""Choice of the inference library."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ Network = OnnxNetwork | OpenVinoNetwork
 def open_network(
     card: ModelCard, onnx_bytes: bytes, providers: Sequence[str] = (), threads: int = 1
 ) -> Network:
-    """A network as onnxruntime runs it; as OpenVINO does where its provider comes first, but is not in
-    onnxruntime.
+    """Open a network with onnxruntime, or with OpenVINO's own package.
+
+    The package is used if OpenVINO's provider comes first in `providers` and onnxruntime lacks it.
 
     Raises:
-        BackendError: as the network.
+        BackendError: see `OnnxNetwork` and `OpenVinoNetwork`.
     """
     if list(providers[:1]) == [NAME] and NAME not in runtime_providers():
         return OpenVinoNetwork(card, onnx_bytes, threads)
@@ -26,6 +27,6 @@ def open_network(
 
 
 def available_providers() -> list[str]:
-    """Those of onnxruntime, and OpenVINO's where its package is installed."""
+    """List the execution providers of onnxruntime, and OpenVINO's if its package is installed."""
     found = runtime_providers()
     return [*found, NAME] if is_installed() and NAME not in found else found

@@ -1,7 +1,7 @@
-"""Running a network with onnxruntime, after checking that it is what its card says.
+"""Inference with onnxruntime, after a check of the network against its card.
 
-This is the only module that imports onnxruntime. `panoptic_ros/__init__.py` has switched its telemetry off by
-then; `test/contract/test_no_network.py` checks both.
+This is the only module that imports onnxruntime. `panoptic_ros/__init__.py` switches its telemetry off
+before; `test/contract/test_no_network.py` checks both.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from panoptic_ros.errors import BackendError
 
 Array = np.ndarray
 _DTYPES = {"tensor(uint8)": "uint8", "tensor(float)": "float32"}
-# onnxruntime's own exceptions have no common base but Exception
+# the exceptions of onnxruntime have no common base class except Exception
 _RUNTIME_ERRORS = tuple(
     kind
     for kind in vars(onnxruntime_pybind11_state).values()
@@ -26,15 +26,15 @@ _RUNTIME_ERRORS = tuple(
 
 
 class OnnxNetwork:
-    """A session; `run` takes the input tensor and gives the outputs by role.
+    """Session of onnxruntime. `run` takes the input tensor and returns the outputs by role.
 
     Args:
-        providers: execution providers in order of preference; empty = the CPU.
-        threads: inside one operator. More than one is slower than one on a busy machine.
+        providers: Execution providers in order of preference; empty = the CPU.
+        threads: Threads inside one operator. On a busy machine, several are slower than one.
 
     Raises:
-        BackendError: if the bytes are no ONNX file, a provider is not there, or a tensor differs
-            from the card.
+        BackendError: if the bytes are no ONNX file, a provider is not available, or a tensor differs from the
+            card.
     """
 
     def __init__(self, card: ModelCard, onnx_bytes: bytes, providers: Sequence[str] = (), threads: int = 1):
@@ -48,11 +48,11 @@ class OnnxNetwork:
 
     @property
     def providers(self) -> tuple[str, ...]:
-        """The execution providers that the session has, in their order."""
+        """Return the execution providers of the session, in its order."""
         return tuple(self._session.get_providers())
 
     def run(self, tensor: Array) -> dict[str, Array]:
-        """Outputs by role for an input tensor.
+        """Return the outputs by role for an input tensor.
 
         Raises:
             BackendError: if the runtime fails.
@@ -65,7 +65,7 @@ class OnnxNetwork:
 
 
 def runtime_providers() -> list[str]:
-    """List the execution providers of the installed onnxruntime, by their names there."""
+    """List the execution providers of the installed onnxruntime, by onnxruntime's names."""
     return list(onnxruntime.get_available_providers())
 
 
@@ -84,7 +84,7 @@ def _open(card: ModelCard, data: bytes, providers: list[str], threads: int) -> o
     options.intra_op_num_threads = threads
     options.inter_op_num_threads = 1
     options.use_deterministic_compute = True
-    options.log_severity_level = 4  # errors are raised; the runtime shall not write to the terminal
+    options.log_severity_level = 4  # errors are raised; the runtime must not write to the terminal
     try:
         return onnxruntime.InferenceSession(data, options, providers=providers)
     except _RUNTIME_ERRORS as error:
@@ -125,7 +125,11 @@ def _check_tensors(card: ModelCard, session: onnxruntime.InferenceSession) -> No
 def _check_shape(
     card: ModelCard, label: str, shape: Sequence[int | str | None], expected: Sequence[int | None]
 ) -> None:
-    """Sizes that the file leaves open, or that the card does, fit everything."""
+    """Check a shape against the card. A size that the file or the card leaves open matches any size.
+
+    Raises:
+        BackendError: if the shapes differ.
+    """
     fits = len(shape) == len(expected) and all(
         want is None or not isinstance(have, int) or have == want for have, want in zip(shape, expected)
     )

@@ -1,10 +1,10 @@
-"""Running a network with the package openvino, in bfloat16 where the processor computes in it.
+"""Inference with the package openvino, in bfloat16 where the processor supports it.
 
-For onnxruntimes without OpenVINO's provider, as those of PyPI; the provider that comes as a plugin leaves out
-processors that are not Intel's.
+It serves onnxruntime packages without OpenVINO's provider, such as those of PyPI. The provider that is
+available as a plugin excludes processors of other makers than Intel.
 
-The import of openvino reports itself to a web service by the package openvino_telemetry, where that is
-installed. This module is the only one that imports openvino, and it imports openvino without that package.
+Importing openvino reports the import to a web service, if the package openvino_telemetry is installed. This
+module is the only one that imports openvino, and it prevents the import of openvino_telemetry.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from panoptic_ros.detection.card import ModelCard
 from panoptic_ros.errors import BackendError
 
 Array = np.ndarray
-NAME = "OpenVINOExecutionProvider"  # as onnxruntime calls it
+NAME = "OpenVINOExecutionProvider"  # name of the provider in onnxruntime
 
 
 def is_installed() -> bool:
-    """Whether the package is there."""
+    """Return whether the package openvino is installed."""
     return importlib.util.find_spec("openvino") is not None
 
 
 def _without_telemetry() -> Any:
-    """Import openvino without its telemetry, unless this process has imported that already.
+    """Import openvino without its telemetry, unless this process has imported openvino_telemetry already.
 
-    None in `sys.modules` makes the import of openvino_telemetry fail. openvino then takes its own stub,
-    as it does where the package is not installed. The user's file of consent is neither read nor changed.
+    None in `sys.modules` makes the import of openvino_telemetry fail. openvino then uses its own stub, as it
+    does where the package is not installed. The user's consent file is neither read nor changed.
 
     Raises:
         ImportError: openvino is not installed.
@@ -44,15 +44,15 @@ def _without_telemetry() -> Any:
 
 
 class OpenVinoNetwork:
-    """As `OnnxNetwork`. Every thread that runs it has a compiled network of its own, on which it computes.
+    """Network run by OpenVINO, with the interface of `OnnxNetwork`. Each thread has its own compiled copy.
 
     Raises:
-        BackendError: as `OnnxNetwork`; if the package is missing or cannot compile it.
+        BackendError: as `OnnxNetwork`; also if the package is missing or cannot compile the network.
     """
 
     def __init__(self, card: ModelCard, onnx_bytes: bytes, threads: int = 1):
         self.card = card
-        self.batch_limit = OnnxNetwork(card, onnx_bytes).batch_limit  # and checks the tensors
+        self.batch_limit = OnnxNetwork(card, onnx_bytes).batch_limit  # also checks the tensors
         try:
             openvino: Any = _without_telemetry()
         except ImportError as error:
@@ -70,15 +70,15 @@ class OpenVinoNetwork:
         self._threads = threads
         self._own = threading.local()
         self._roles = {card.output[role]: role for role in card.output}
-        self._request()  # what cannot be compiled is told now
+        self._request()  # report compile errors at construction
 
     @property
     def providers(self) -> tuple[str, ...]:
-        """What runs it."""
+        """Return the name of OpenVINO's execution provider."""
         return (NAME,)
 
     def run(self, tensor: Array) -> dict[str, Array]:
-        """Outputs by role for an input tensor.
+        """Return the outputs by role for an input tensor.
 
         Raises:
             BackendError: if OpenVINO fails.
@@ -91,7 +91,11 @@ class OpenVinoNetwork:
         return {role: np.array(named[name]) for name, role in self._roles.items()}
 
     def _request(self) -> Any:
-        """The one of this thread."""
+        """Return the inference request of the calling thread; compile the network on its first call.
+
+        Raises:
+            BackendError: if OpenVINO cannot compile the network.
+        """
         if not hasattr(self._own, "request"):
             settings = {
                 "INFERENCE_PRECISION_HINT": self.precision,

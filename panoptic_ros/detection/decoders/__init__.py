@@ -1,1 +1,1 @@
-"""From a network's output arrays to people: one pure function per family."""
+"""Decoders from a network's output arrays to people: one pure function per family."""

@@ -1,10 +1,10 @@
-"""People from centre heads: MoveNet MultiPose, which is CenterNet with a map per joint.
+"""Decoder of centre heads: MoveNet MultiPose, which is CenterNet with one map per joint.
 
-Zhou, Wang, Krähenbühl, "Objects as Points", 2019, and MoveNet's own post-processing: a person is a
-peak (5 x 5) of the centre map; from there joints are regressed; each joint is then the cell near the
-regressed place that has the best score, moved by the offset that is regressed there. Closeness weights the
-scores: exp(-d^2 / variance), d the distance in cells; only cells in the person's box count. A box between
-cells, or beyond the border, has the next cell.
+It follows Zhou, Wang, Krähenbühl, "Objects as Points", 2019, and MoveNet's own post-processing. A person is a
+local maximum (5 x 5) of the centre map. The network regresses the joints from there. Each joint is the cell
+with the best weighted score near the regressed place. The offset that is regressed in that cell is added. The
+weight is exp(-d^2 / variance), d being the distance in cells. Only cells in the person's box count. A box
+that contains no cell, or lies beyond the border, keeps the next cell.
 """
 
 from __future__ import annotations
@@ -28,14 +28,15 @@ def decode_center_heads(
     threshold: float,
     variance: float | None = None,
 ) -> People:
-    """The people of one image, in net px told from the image's corner.
+    """Decode the people of one image, in net px whose origin is the corner of the image.
 
     Args:
         heads: `center` (1, h, w) and `heat` (K, h, w) in 0..1; `regress` and `offset` (2 K, h, w),
             `box_scale` and `box_offset` (2, h, w) in cells, y before x.
-        threshold: people below this score are left out.
-        variance: squared width of the search for a joint, cells^2; None: by the size of the map, which is
-            that of the image.
+        stride: net px per cell.
+        threshold: People with lower scores are dropped.
+        variance: Squared width of the search for a joint, cells^2. None: from the size of the map, which then
+            must show the whole image.
     """
     arrays = {role: np.ascontiguousarray(heads[role], np.float32) for role in HEADS}
     joint_count, rows, columns = arrays["heat"].shape

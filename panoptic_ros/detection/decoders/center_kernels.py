@@ -1,4 +1,4 @@
-"""The compiled loops of `center_heads`. They call nothing outside of this file."""
+"""Compiled loops of `center_heads`. They call no function outside this file."""
 
 from __future__ import annotations
 
@@ -8,16 +8,22 @@ from panoptic_ros.kernels import njit
 
 _jit = njit(cache=True, error_model="numpy")
 REACH = 2  # cells on each side of a peak that are not higher: 5 x 5
-COUNTED = 0.127  # joints above this make up a person's score
+COUNTED = 0.127  # joints with higher scores count in the person score
 
 
 @_jit
 def people_of(heads, most, threshold, variance):
-    """People in cells, unsorted: joints (P, K, 2) and their scores (P, K), scores (P,), boxes (P, 4).
+    """Decode the people of an image, unsorted, in cells.
 
     Args:
-        heads: center (h, w), heat (K, h, w), regress and offset (2 K, h, w), box_scale and box_offset
-            (2, h, w), all float32; y before x. most: people. variance: see `decode_center_heads`.
+        heads: `center` (h, w), `heat` (K, h, w), `regress` and `offset` (2 K, h, w), `box_scale` and
+            `box_offset` (2, h, w), all float32; y before x.
+        most: Greatest number of people.
+        threshold: Least person score.
+        variance: See `decode_center_heads`.
+
+    Returns:
+        joints (P, K, 2), joint scores (P, K), person scores (P,), boxes (P, 4) left, top, right, bottom.
     """
     center, heat, regress, offset, box_scale, box_offset = heads
     count, rows, columns = heat.shape
@@ -42,7 +48,7 @@ def people_of(heads, most, threshold, variance):
             near_x = _inside(np.rint(guess_x), first_column, last_column)
             weight = np.exp(-((near_y - guess_y) ** 2) / variance)
             least = heat[k, near_y, near_x] * weight * np.exp(-((near_x - guess_x) ** 2) / variance)
-            # beyond this a cell's closeness alone is less than what the cell at the guess has
+            # cells farther away have a lower weight than the score at the regressed place, so they cannot win
             reach = 1.0 + np.sqrt(-variance * np.log(least)) if 0.0 < least <= 1.0 else np.inf
             left_end = _inside(guess_x - reach, first_column, last_column)
             right_end = _inside(guess_x + reach, first_column, last_column) + 1
@@ -71,7 +77,7 @@ def people_of(heads, most, threshold, variance):
 
 @_jit
 def _peaks(center, most, threshold):
-    """Row and column (N, 2) of the best local maxima of a map (h, w), best first."""
+    """Return row and column (N, 2) of the best local maxima of a map (h, w), best first."""
     rows, columns = center.shape
     cells, values = np.empty((most, 2), np.int64), np.empty(most)
     count = 0
@@ -97,12 +103,12 @@ def _peaks(center, most, threshold):
 
 @_jit
 def _inside(place, first, last):
-    """The cell from `first` to before `last` that holds or is nearest to a place."""
+    """Return the cell at `place`, truncated to an integer and clipped to `first` .. `last` - 1."""
     return np.int64(min(max(place, np.float64(first)), np.float64(last - 1)))
 
 
 @_jit
 def _extent(scale, offset, cell, size):
-    """First and last place of a box along one axis, within the map."""
+    """Return the begin and end of a box along one axis, clipped to the map."""
     half, middle = 0.5 * max(np.float64(scale), 0.0), np.float64(offset) + cell
     return min(max(middle - half, 0.0), size), min(max(middle + half, 0.0), size)

@@ -1,8 +1,8 @@
-"""One person from a score map per joint: HRNet, SimpleBaseline, ViTPose.
+"""Decoder of one score map per joint, for one person: HRNet, SimpleBaseline, ViTPose.
 
-The cell with the largest value, refined either by a quarter of a cell towards the larger neighbour
-(Newell et al. 2016, as in HRNet) or by a Newton step on the logarithm of the blurred map (DARK,
-Zhang et al. 2020), which is exact for a Gaussian.
+A joint is the cell with the largest value, refined in one of two ways. Mode "quarter" moves a quarter of a
+cell towards the larger neighbour (Newell et al. 2016, as in HRNet). Mode "dark" is a Newton step on the
+logarithm of the blurred map (DARK, Zhang et al. 2020), which is exact for a Gaussian.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 
 Array = np.ndarray
-BLUR = 11  # cells, side of the Gaussian kernel that DARK smooths with
-FLOOR = 1e-3  # values below are noise; keeps the logarithm finite
+BLUR = 11  # cells, side of the Gaussian kernel that DARK blurs with
+FLOOR = 1e-3  # values below are noise; the floor keeps the logarithm finite
 
 
 def decode_heatmap(heat: Array, refine: str) -> tuple[Array, Array]:
-    """Joints (K, 2) in cells (column, row) and scores (K,) from maps (K, h, w).
+    """Decode joints (K, 2) in cells (column, row) and scores (K,) from maps (K, h, w).
 
     Args:
         refine: "quarter" or "dark".
@@ -40,7 +40,7 @@ def _quarter_step(plane: Array, x: int, y: int) -> Array:
 
 
 def _newton_step(plane: Array, x: int, y: int) -> Array:
-    """Step from the peak to the maximum of a quadratic through its neighbours; at most one cell."""
+    """Return the step from the peak to the maximum of a local quadratic fit, at most one cell per axis."""
     if not (0 < x < plane.shape[1] - 1 and 0 < y < plane.shape[0] - 1):
         return np.zeros(2)
     smooth = cv2.GaussianBlur(plane.astype(np.float32), (BLUR, BLUR), 0)
@@ -49,7 +49,7 @@ def _newton_step(plane: Array, x: int, y: int) -> Array:
     dxx = around[1, 2] - 2.0 * around[1, 1] + around[1, 0]
     dyy = around[2, 1] - 2.0 * around[1, 1] + around[0, 1]
     dxy = 0.25 * (around[2, 2] - around[2, 0] - around[0, 2] + around[0, 0])
-    if dxx * dyy - dxy**2 <= 0.0 or dxx >= 0.0:  # no maximum there
+    if dxx * dyy - dxy**2 <= 0.0 or dxx >= 0.0:  # the fit has no maximum
         return np.zeros(2)
     step = -np.linalg.solve(np.array([[dxx, dxy], [dxy, dyy]]), gradient)
     return np.clip(step, -1.0, 1.0)

@@ -1,7 +1,7 @@
-"""People as boxes with keypoints, and as boxes alone: RTMO, YOLO-pose, YOLOX.
+"""Decoder of boxes with keypoints, and of boxes alone: RTMO, YOLO-pose, YOLOX.
 
-Lu et al., "RTMO", 2024; Ge et al., "YOLOX", 2021; the tensors of Ultralytics' exports. Coordinates
-are those of the network's input.
+Lu et al., "RTMO", 2024; Ge et al., "YOLOX", 2021; the tensors of Ultralytics' exports. Coordinates are those
+of the network input.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ YOLOX_STRIDES = (8, 16, 32)
 
 
 def decode_rtmo(outputs: Mapping[str, Array], threshold: float, iou: float, most: int) -> People:
-    """From `boxes` (M, 5) corners and score, and `points` (M, K, 3) x, y, score."""
+    """Decode people from `boxes` (M, 5) corners and score, and `points` (M, K, 3) x, y, score."""
     boxes, points = outputs["boxes"], outputs["points"]
     return _people(boxes[:, :4], boxes[:, 4], points, threshold, iou, most)
 
 
 def decode_yolo(outputs: Mapping[str, Array], threshold: float, iou: float, most: int) -> People:
-    """From `people` (5 + 3 K, A): centre, size, score, and x, y, score of each joint."""
+    """Decode people from `people` (5 + 3 K, A): centre, size, score, and x, y, score of each joint."""
     rows = outputs["people"].T
     half = 0.5 * rows[:, 2:4]
     boxes = np.concatenate([rows[:, :2] - half, rows[:, :2] + half], axis=1)
@@ -31,7 +31,10 @@ def decode_yolo(outputs: Mapping[str, Array], threshold: float, iou: float, most
 
 
 def decode_yolo_end_to_end(outputs: Mapping[str, Array], threshold: float, most: int) -> People:
-    """From `people` (M, 6 + 3 K): corners, score, class, joints; overlaps are gone already."""
+    """Decode people from `people` (M, 6 + 3 K): corners, score, class, joints.
+
+    The network has suppressed overlaps already.
+    """
     rows = outputs["people"]
     rows = rows[np.rint(rows[:, 5]) == 0]
     points = rows[:, 6:].reshape(len(rows), -1, 3)
@@ -41,9 +44,9 @@ def decode_yolo_end_to_end(outputs: Mapping[str, Array], threshold: float, most:
 def decode_yolox(
     outputs: Mapping[str, Array], net_size: tuple[int, int], threshold: float, iou: float, most: int
 ) -> People:
-    """Boxes from `people` (A, 5 + classes): raw centre, log size, objectness and class scores.
+    """Decode boxes from `people` (A, 5 + classes): raw centre, log size, objectness and class scores.
 
-    The A rows are the cells of the grids of strides 8, 16 and 32 one after another; class 0 is the
+    The A rows are the cells of the grids of strides 8, 16 and 32, one grid after the other. Class 0 is the
     person.
     """
     rows = outputs["people"]
@@ -55,7 +58,7 @@ def decode_yolox(
 
 
 def decode_detections(outputs: Mapping[str, Array], threshold: float, iou: float, most: int) -> People:
-    """Boxes from `boxes` (M, 5) corners and score, and where there are `labels` (M,) those of class 0."""
+    """Decode boxes from `boxes` (M, 5) corners and score; with `labels` (M,), only those of class 0."""
     boxes = outputs["boxes"]
     if "labels" in outputs:
         boxes = boxes[np.rint(outputs["labels"]) == 0]
@@ -63,7 +66,7 @@ def decode_detections(outputs: Mapping[str, Array], threshold: float, iou: float
 
 
 def _yolox_grid(net_size: tuple[int, int]) -> tuple[Array, Array]:
-    """Column and row (A, 2) of every cell, and its stride (A,)."""
+    """Return column and row (A, 2) of every cell, and its stride (A,)."""
     cells, strides = [], []
     for stride in YOLOX_STRIDES:
         rows, columns = np.mgrid[: net_size[0] // stride, : net_size[1] // stride]
@@ -77,7 +80,7 @@ def _none(count: int) -> Array:
 
 
 def _people(boxes: Array, scores: Array, points: Array, threshold: float, iou: float, most: int) -> People:
-    """People above the threshold, best first, without those that overlap a better one."""
+    """Return the people above the threshold, best first, without those that overlap a better one."""
     kept = np.flatnonzero((scores >= max(threshold, 1e-6)) & np.isfinite(boxes).all(axis=1))
     order = kept[np.argsort(-scores[kept], kind="stable")]
     if iou < 1.0:

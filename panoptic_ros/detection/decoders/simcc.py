@@ -1,8 +1,7 @@
-"""One person from one distribution per axis and joint: SimCC, as in RTMPose.
+"""Decoder of one distribution per axis and joint, for one person: SimCC, as in RTMPose.
 
-Li et al., "SimCC: a simple coordinate classification perspective for human pose estimation", 2022.
-The values are no probabilities: they are not normalised, may pass 1, and are 0 or less where the
-joint is not there.
+Li et al., "SimCC: a simple coordinate classification perspective for human pose estimation", 2022. The values
+are not probabilities: they are not normalised, may exceed 1, and are 0 or negative where the joint is absent.
 """
 
 from __future__ import annotations
@@ -13,16 +12,16 @@ Array = np.ndarray
 
 
 def decode_simcc(across: Array, down: Array, split: float) -> tuple[Array, Array]:
-    """Joints (K, 2) in net px and scores (K,) from (K, w split) and (K, h split) values."""
+    """Decode joints (K, 2) in net px and scores (K,) from values (K, w split) and (K, h split)."""
     bins = np.stack([across.argmax(axis=1), down.argmax(axis=1)], axis=1)
     scores = np.minimum(across.max(axis=1), down.max(axis=1))
     return bins / split, np.clip(scores, 0.0, 1.0).astype(float)
 
 
 def simcc_maps(across: Array, down: Array, columns: Array, rows: Array, split: float) -> Array:
-    """Score maps (K, R, C) at net px `columns` (C,) and `rows` (R,): the product of the two axes.
+    """Return score maps (K, R, C) at net px `columns` (C,) and `rows` (R,): the product of the two axes.
 
-    Each is scaled so that the peak of the map is the joint's score.
+    Each map is scaled so that its peak is the score of the joint.
     """
     scores = decode_simcc(across, down, split)[1]
     x = _sampled(across, columns * split)
@@ -32,7 +31,7 @@ def simcc_maps(across: Array, down: Array, columns: Array, rows: Array, split: f
 
 
 def _sampled(values: Array, bins: Array) -> Array:
-    """Values (K, B), relative to their maximum, at fractional bins (N,); 0 outside."""
+    """Interpolate values (K, B), relative to their maximum, at fractional bins (N,); 0 outside."""
     positive = np.maximum(values, 0.0)
     peak = np.maximum(positive.max(axis=1, keepdims=True), 1e-9)
     grid = np.arange(values.shape[1])

@@ -1,8 +1,8 @@
-"""One person from centre heads: MoveNet SinglePose on a crop round him.
+"""Decoder of centre heads for one person: MoveNet SinglePose on a crop round the person.
 
-MoveNet's own post-processing: the centre of the person is where the centre map, divided by the
-distance to the middle of the crop, is largest; each joint is the cell where its map, divided by the
-distance to the place that was regressed from there, is largest, moved by the offset regressed there.
+It follows MoveNet's own post-processing. The person's centre is the maximum of the centre map divided by the
+distance to the middle of the crop. The network regresses the joints from there. Each joint is the maximum of
+its map divided by the distance to the regressed place. The offset that is regressed in that cell is added.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ SOFTENING = 1.8  # cells added to the distances
 
 
 def decode_single_heads(heads: Mapping[str, Array], stride: int) -> tuple[Array, Array]:
-    """Joints (K, 2) in net px told from the image's corner, and their scores (K,).
+    """Decode joints (K, 2) in net px, whose origin is the corner of the image, and their scores (K,).
 
     Args:
-        heads: `center` (1, h, w) and `heat` (K, h, w) in 0..1; `regress` and `offset` (2 K, h, w) in
-            cells, y before x.
+        heads: `center` (1, h, w) and `heat` (K, h, w) in 0..1; `regress` and `offset` (2 K, h, w) in cells, y
+            before x.
+        stride: net px per cell.
     """
     heat = heads["heat"]
     joint_count, rows, columns = heat.shape
@@ -36,7 +37,7 @@ def decode_single_heads(heads: Mapping[str, Array], stride: int) -> tuple[Array,
 
 
 def _distances(places: Array, rows: int, columns: int) -> Array:
-    """Distance (N, rows, columns) of every cell from N places (row, column)."""
+    """Return the distance (N, rows, columns) of every cell from N places (row, column)."""
     down = (np.arange(rows) - places[:, :1]) ** 2
     across = (np.arange(columns) - places[:, 1:]) ** 2
     distances: Array = np.sqrt(down[:, :, None] + across[:, None, :])

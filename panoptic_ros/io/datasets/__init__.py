@@ -1,5 +1,5 @@
-"""Public data sets of moving people in the files that they come in, to our records.
+"""Read public data sets of human motion in their original files, and convert them to our records.
 
-Written from the published papers and from public descriptions of the formats, and tested on files that the
-tests write: the data themselves were not at hand.
+The readers follow the published papers and public descriptions of the formats. They are tested on generated
+files, because the data themselves were not available.
 """

@@ -1,9 +1,10 @@
-"""Cameras and true joints of Human3.6M (Ionescu et al. 2014).
+"""Read cameras and true joints of Human3.6M (Ionescu et al. 2014).
 
-`metadata.xml` has in `w0` 300 numbers: for each of four cameras and eleven subjects three angles and the
-place of the camera in millimetres, then for each camera two focal lengths, the principal point, three radial
-and two tangential terms, which are taken for OpenCV's. A camera turns by Rx(a) Ry(b) Rz(c), from the world,
-whose z is up. `D3_Positions/<action>.cdf` has in `Pose` 32 joints in the world, in millimetres, at 50 Hz.
+`metadata.xml` has 300 numbers in `w0`. First come, for each of four cameras and eleven subjects, three angles
+and the camera position in millimetres. Then come, for each camera, two focal lengths, the principal point,
+three radial and two tangential terms, which are read as OpenCV's. The rotation from the world to a camera is
+Rx(a) Ry(b) Rz(c); z of the world is up. `D3_Positions/<action>.cdf` has in `Pose` 32 joints in the world
+frame, in millimetres, at 50 Hz.
 """
 
 from __future__ import annotations
@@ -23,14 +24,15 @@ from panoptic_ros.io.rigs.fields import camera
 
 Array = np.ndarray
 RATE, MM, JOINTS, SUBJECTS = 50.0, 1e-3, 32, 11
-SIZES = {  # of the images of each camera, px
+SIZES = {  # image size (width, height) px by camera serial number
     "54138969": (1000, 1002),
     "55011271": (1000, 1000),
     "58860488": (1000, 1000),
     "60457274": (1000, 1002),
 }
-POSES, LENS = 6, 9  # numbers of each camera and subject, and of each camera
-NAMED = {  # of the 32 joints, those with names that detectors share; the others repeat these or lie between
+POSES, LENS = 6, 9  # numbers for each camera and subject; numbers for each camera
+# Index of the joints whose names detectors share, of 32. The others repeat these or lie between them.
+NAMED = {
     "BodyCenter": 0,
     "rHip": 1,
     "rKnee": 2,
@@ -46,14 +48,14 @@ NAMED = {  # of the 32 joints, those with names that detectors share; the others
     "rElbow": 26,
     "rWrist": 27,
 }
-MAGIC = (b"\xcd\xf3", b"\xcd\xf2", b"\x00\x00")  # of CDF 3, 2.6 and older
+MAGIC = (b"\xcd\xf3", b"\xcd\xf2", b"\x00\x00")  # first bytes of CDF 3, CDF 2.6 and older files
 
 
 def read_cameras(metadata: Path, subject: int) -> Rig:
-    """The four cameras as they stood for a subject, 1 to 11.
+    """Read the four cameras with their poses for a subject (1 to 11).
 
     Raises:
-        CalibrationError, DataError: naming the file and what is wrong.
+        CalibrationError, DataError: naming the file and the fault.
     """
     root = parse_xml(read_text(metadata), metadata, CalibrationError)
     found = next(iter(root.iter("w0")), None)
@@ -90,11 +92,11 @@ def _about(axis: int, angle: float) -> Array:
 
 
 def read_joints(path: Path) -> Array:
-    """The named joints (T, 14, 3) m of a take, at 50 Hz, in the order of `NAMED`.
+    """Read the named joints (T, 14, 3) m of a take at 50 Hz, in the order of `NAMED`.
 
     Raises:
-        EnvironmentProblem: without the package cdflib.
-        DataError: naming the file and what is wrong.
+        EnvironmentProblem: if the package cdflib is not installed.
+        DataError: naming the file and the fault.
     """
     if read_bytes(path, largest_document())[:2] not in MAGIC:
         raise DataError(f"{path} is no CDF file")
@@ -104,7 +106,8 @@ def read_joints(path: Path) -> Array:
         raise EnvironmentProblem("files of Human3.6M need the package cdflib: pip install cdflib") from None
     try:
         values = np.asarray(package.CDF(str(path)).varget("Pose"), float)
-    except Exception as error:  # cdflib trusts a file's lengths and offsets: damage shows as anything
+    # cdflib trusts a file's lengths and offsets, so damage can raise any exception
+    except Exception as error:
         raise DataError(f"{path} is no CDF file with `Pose`: {one_line(error)}") from None
     if values.ndim == 3 and len(values) == 1:
         values = values[0]

@@ -1,15 +1,20 @@
-"""A take of Total Capture (Trumble et al. 2017) as truth, samples of IMUs and the subject who wears them.
+"""Read a take of Total Capture (Trumble et al. 2017): true bodies, IMU samples and the subject.
 
-Their 21 joints and ours have the same spine of four; they have clavicles and no toes, we toes and no
-clavicles. What either lacks is left out: toes of the truth are NaN. Their world has y up. `bone_axes` finds
-which axes the bones of their skeleton have, from how its joints lie on them.
+Its 21 joints and our segments share a spine of four parts. It has clavicles and no toes; our skeleton has
+toes and no clavicles. Parts that one side lacks are left out, so toes of the truth are NaN. Its world frame
+has y up. `bone_axes` finds the axis convention of its bone frames from the joint positions in them.
 
-Text files: samples of IMUs, their calibration, and the skeleton.
-`*_Xsens.sensors`: the numbers of sensors and frames; for every frame its number, counted from 1, and a line
-of each sensor: name, quaternion w x y z, specific force in m/s^2, and in `*_Xsens_AuxFields.sensors` rate of
-turn in rad/s and magnetic field, too. `*_calib_imu_bone.txt`, `*_calib_imu_ref.txt`: the number of sensors,
-and a line of each: name, quaternion x y z w. `gt_skel_gbl_pos.txt`, `gt_skel_gbl_ori.txt`: names of the
-joints, and a line of each frame: places in inches, quaternions x y z w.
+Text files:
+
+`*_Xsens.sensors`: the numbers of sensors and frames. Then for every frame its number, counted from 1, and a
+line for each sensor: name, quaternion w x y z, specific force in m/s^2. `*_Xsens_AuxFields.sensors` adds
+angular rate in rad/s and magnetic field.
+
+`*_calib_imu_bone.txt`, `*_calib_imu_ref.txt`: the number of sensors, and a line for each: name, quaternion x
+y z w.
+
+`gt_skel_gbl_pos.txt`, `gt_skel_gbl_ori.txt`: joint names, and a line for each frame: positions in inches,
+quaternions x y z w.
 """
 
 from __future__ import annotations
@@ -32,7 +37,8 @@ from panoptic_ros.simulation.bodies.capture import DEVICES
 
 Array = np.ndarray
 RATE, INCH = 60.0, 0.0254
-GRAVITY, TOLERANCE = np.array([0.0, 0.0, 9.81]), 2.0  # m/s^2, of the mean specific force of who moves
+# m/s^2; largest deviation of a moving person's mean specific force from GRAVITY
+GRAVITY, TOLERANCE = np.array([0.0, 0.0, 9.81]), 2.0
 _SIDE = {
     "Arm": "UpperArm",
     "ForeArm": "Forearm",
@@ -41,7 +47,7 @@ _SIDE = {
     "Leg": "Shin",
     "Foot": "Foot",
 }
-SEGMENTS = {  # ours by their joint
+SEGMENTS = {  # our segment by their joint
     "Hips": "hips",
     "Spine": "spine1",
     "Spine1": "spine2",
@@ -53,7 +59,7 @@ SEGMENTS = {  # ours by their joint
     **{f"Right{theirs}": f"r{ours}" for theirs, ours in _SIDE.items()},
 }
 _LIMBS = {"UpArm": "UpperArm", "LowArm": "Forearm", "UpLeg": "Thigh", "LowLeg": "Shin", "Foot": "Foot"}
-WORN = {  # segments by their sensor
+WORN = {  # segment by sensor
     "Head": "head",
     "Sternum": "spine4",
     "Pelvis": "hips",
@@ -62,10 +68,10 @@ WORN = {  # segments by their sensor
 
 
 def read_truth(positions: Path, orientations: Path, model: SegmentModel) -> tuple[list[BodyState], Array]:
-    """True bodies at 60 Hz, from 0 ns on, and our axes of a segment from theirs (3, 3).
+    """Read the true bodies at 60 Hz, starting at 0 ns, and the rotation (3, 3) to our bone axes from theirs.
 
     Raises:
-        DataError: naming the file and what is wrong.
+        DataError: naming the file and the fault.
     """
     names, inches = read_skeleton(positions, 3)
     others, turns = read_skeleton(orientations, 4)
@@ -92,10 +98,14 @@ def read_truth(positions: Path, orientations: Path, model: SegmentModel) -> tupl
 
 
 def read_subject(bone: Path, truth: list[BodyState], axes: Array, model: SegmentModel) -> Subject:
-    """Who moves: true lengths, and the IMUs with their mountings, in the usual places on their segments.
+    """Read the subject: true segment lengths, and the IMUs with mounting rotations at default positions.
 
     Args:
-        bone: `*_calib_imu_bone.txt`, bone from sensor. axes: our axes of a segment from theirs.
+        bone: `*_calib_imu_bone.txt`, rotation bone from sensor.
+        axes: rotation (3, 3) to our bone axes from theirs.
+
+    Raises:
+        DataError: if the file has no sensor that is worn.
     """
     places, frames = (np.array([getattr(s, name) for s in truth]) for name in ("places", "frames"))
     offsets = offsets_of(model, places, frames)
@@ -116,14 +126,14 @@ def read_subject(bone: Path, truth: list[BodyState], axes: Array, model: Segment
 
 
 def read_imus(sensors: Path, reference: Path, notices: list[str]) -> dict[str, ImuSeries]:
-    """Samples of the IMUs at 60 Hz, from 0 ns on, whose inertial frame is the world's.
+    """Read the IMU samples at 60 Hz, starting at 0 ns, with orientations in the world frame.
 
     Args:
-        reference: `*_calib_imu_ref.txt`, world from the inertial frame of each.
-        notices: a line goes into it if the accelerations are no specific forces, which are left out then.
+        reference: `*_calib_imu_ref.txt`, rotation world from the inertial frame of each sensor.
+        notices: receives a line if accelerations are no specific forces. They are then left out.
 
     Raises:
-        DataError: naming the file and what is wrong.
+        DataError: naming the file and the fault.
     """
     found, world = read_sensors(sensors), read_calibration(reference)
     lacking = [name for name in found.names if name in WORN and name not in world]
@@ -154,8 +164,10 @@ def read_imus(sensors: Path, reference: Path, notices: list[str]) -> dict[str, I
 def degrees_off(
     subject: Subject, devices: Mapping[str, ImuSeries], truth: list[BodyState]
 ) -> dict[str, float]:
-    """By how much each IMU with its mounting is off its true segment, deg, median over the frames that both
-    have: whether calibration, samples and truth belong together."""
+    """Return the angle (deg) between each mounted IMU and its true segment, median over common frames.
+
+    A large angle shows that calibration, samples and truth come from different recordings.
+    """
     at, found = {state.stamp_ns: state for state in truth}, {}
     for device in subject.devices:
         if device.name not in devices or device.mount is None:
@@ -172,8 +184,11 @@ def degrees_off(
 def placed_in_time(
     subject: Subject, devices: Mapping[str, ImuSeries], truth: list[BodyState], notices: list[str]
 ) -> tuple[dict[str, ImuSeries], list[BodyState]]:
-    """Samples and truth, of the frames that both have. Where one has more frames, they begin together or end
-    together, whichever brings the IMUs nearer to the true segments; a line says which."""
+    """Return the samples and the truth of their common frames.
+
+    If one has more frames, they are aligned at the beginning or at the end. The alignment with the smaller
+    angle between IMUs and true segments is used, and a notice reports it.
+    """
     samples = min(len(series.stamps) for series in devices.values())
     more = len(truth) - samples
     if not more:
@@ -191,7 +206,7 @@ def placed_in_time(
 
 
 def _moved(devices: Mapping[str, ImuSeries], frames: int, count: int) -> dict[str, ImuSeries]:
-    """Samples that are later by so many frames, as far as they lie in the count of frames."""
+    """Return the samples shifted later by `frames`, limited to the frames 0 to `count` - 1."""
     found = {}
     for name, series in devices.items():
         numbers = np.arange(len(series.stamps)) + frames
@@ -201,21 +216,22 @@ def _moved(devices: Mapping[str, ImuSeries], frames: int, count: int) -> dict[st
     return found
 
 
-FARTHEST = 30.0  # deg on average, between where joints lie on the bones of both
+FARTHEST = 30.0  # deg, limit of the mean angle between joint directions in their bones and in ours
 
 
 def bone_axes(model: SegmentModel, places: Array, frames: Array) -> Array:
-    """The rotation (3, 3) that gives the axes of our segments from those of bones, the same for all bones.
+    """Return the rotation (3, 3) to our bone axes from theirs; it is the same for all bones.
 
-    In a T posture bones of a skeleton have equal axes, some way or other round: of the 24 ways, that which
-    brings the children of all bones nearest to where ours have them.
+    In a T-pose all bones of a skeleton have equal axes. The function tests the 24 axis-aligned rotations. It
+    returns the one with the smallest mean angle between the child joint directions in their bones and in
+    ours.
 
     Args:
-        places: (T, S, 3) m, frames: (T, S, 3, 3), world from bone, in the order of our segments; NaN = the
-            other skeleton has none.
+        places: (T, S, 3) m, in the order of our segments; NaN = missing in the other skeleton.
+        frames: (T, S, 3, 3), rotation world from bone, in the same order.
 
     Raises:
-        DataError: if they do not lie alike in any way.
+        DataError: if no rotation brings the joint directions within FARTHEST.
     """
     found, wanted = [], []
     for s, parent in enumerate(model.parents):
@@ -250,11 +266,11 @@ def _degrees(a: Array, b: Array) -> Array:
     return found
 
 
-COLUMNS = (7, 10, 13)  # quaternion and force; and rates; and magnetic field
+COLUMNS = (7, 10, 13)  # numbers of a line: quaternion and force; with rates; with magnetic field
 
 
 class Sensors(NamedTuple):
-    """Samples of N sensors: quaternions (N, T, 4) w x y z, forces and rates (N, T, 3); NaN = none."""
+    """Samples of N sensors: quaternions (N, T, 4) w x y z, forces and rates (N, T, 3); NaN = missing."""
 
     names: tuple[str, ...]
     quaternions: Array
@@ -263,10 +279,10 @@ class Sensors(NamedTuple):
 
 
 def read_sensors(path: Path) -> Sensors:
-    """All samples of a `.sensors` file.
+    """Read all samples of a `.sensors` file.
 
     Raises:
-        DataError: naming the line and what is expected there.
+        DataError: naming the line and the expected content.
     """
     lines = _lines(path)
     number, count = (int(value) for value in _numbers(path, 1, lines[0], 2, "numbers of sensors and frames"))
@@ -295,10 +311,10 @@ def read_sensors(path: Path) -> Sensors:
 
 
 def read_calibration(path: Path) -> dict[str, Array]:
-    """Quaternions w x y z of a calibration, by sensor.
+    """Read the quaternions w x y z of a calibration file, by sensor.
 
     Raises:
-        DataError: naming the line and what is expected there.
+        DataError: naming the line and the expected content.
     """
     lines = _lines(path)
     number = int(_numbers(path, 1, lines[0], 1, "the number of sensors")[0])
@@ -315,13 +331,13 @@ def read_calibration(path: Path) -> dict[str, Array]:
 
 
 def read_skeleton(path: Path, width: int) -> tuple[tuple[str, ...], Array]:
-    """Names of the joints and values (T, J, width) of every frame.
+    """Read the joint names and the values (T, J, width) of all frames.
 
     Args:
-        width: 3 of places, 4 of quaternions.
+        width: 3 for positions, 4 for quaternions.
 
     Raises:
-        DataError: naming the line and what is expected there.
+        DataError: naming the line and the expected content.
     """
     lines = _lines(path)
     names = tuple(lines[0].split())

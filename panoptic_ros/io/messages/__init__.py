@@ -1,7 +1,7 @@
-"""Records to ROS messages and back, for rclpy's classes and for those of rosbags alike.
+"""Convert records to ROS messages and back, for rclpy's message classes and those of rosbags.
 
-`Messages` stands for one family of message classes. The converters fill flat arrays without a
-Python loop over values; `from_message` builds the record, whose checks refuse bad content.
+`Messages` represents one family of message classes. The converters fill flat arrays without a Python loop
+over values. `from_message` builds the record, whose checks refuse invalid content.
 """
 
 from panoptic_ros.io.messages.camera_infos import camera_info_message

@@ -1,4 +1,4 @@
-"""sensor_msgs/CameraInfo (REP 104) as cameras, and back: lenses, rectified images, binning, regions."""
+"""Convert sensor_msgs/CameraInfo (REP 104) to cameras and back: lenses, rectified images, binning, ROI."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from panoptic_ros.io.messages.family import Messages
 from panoptic_ros.io.messages.images import optical_frame
 
 INFO = "sensor_msgs/msg/CameraInfo"
-PACKED = ("/compressedDepth", "/compressed")  # names of transports, behind the topic of raw images
+PACKED = ("/compressedDepth", "/compressed")  # suffixes of transports, appended to the topic of raw images
 
 
 def plain_topic(topic: str) -> str:
-    """Return a topic of images without the name of a transport."""
+    """Return an image topic without the suffix of a transport."""
     for ending in PACKED:
         topic = topic.removesuffix(ending)
     return topic
 
 
 def info_topic(image_topic: str) -> str:
-    """Return the topic of the CameraInfo that belongs to the images of a topic: it lies beside them."""
+    """Return the CameraInfo topic of an image topic: `camera_info` in the same namespace."""
     return f"{plain_topic(image_topic).rsplit('/', 1)[0]}/camera_info"
 
 
@@ -41,10 +41,10 @@ def camera_from_info(message: Any, name: str, cam_from_world: Rigid) -> Camera:
 
 
 def whole_camera(message: Any, name: str, cam_from_world: Rigid) -> tuple[Camera, str]:
-    """Return the camera of raw images of the whole sensor, and a line about what was assumed, or "".
+    """Return the camera of raw images of the whole sensor, and a notice about an assumption, or "".
 
     Raises:
-        DataError: if it is not calibrated, or has a lens model that is not supported.
+        DataError: if it is not calibrated, or its lens model is not supported.
     """
     matrix = np.array(message.k, float).reshape(3, 3)
     if not matrix.any():
@@ -61,7 +61,7 @@ def whole_camera(message: Any, name: str, cam_from_world: Rigid) -> tuple[Camera
 
 
 def rectified(camera: Camera, message: Any) -> Camera:
-    """Return the camera of the rectified images of the same lens: no distortion, K and axes by CameraInfo.
+    """Return the camera of the rectified images of the same lens: no distortion, with K and R of CameraInfo.
 
     Raises:
         DataError: if the message has no projection matrix.
@@ -76,19 +76,19 @@ def rectified(camera: Camera, message: Any) -> Camera:
 
 
 def whole_size(message: Any) -> tuple[int, int]:
-    """Return (width, height) px of images of the whole sensor, for which a CameraInfo is calibrated."""
+    """Return the size (width, height) px of the whole sensor, to which the calibration refers."""
     return int(message.width), int(message.height)
 
 
 def published_size(message: Any) -> tuple[int, int]:
-    """Return (width, height) px of the images that come, which are binned or of a region of interest."""
+    """Return the size (width, height) px of the published images after region of interest and binning."""
     _, _, width, height = _region(message)
     across, down = _binning(message)
     return width // across, height // down
 
 
 def as_published(camera: Camera, message: Any) -> Camera:
-    """Return the camera of the images that come, from that of the whole sensor, by binning and region."""
+    """Return the camera of the published images, from that of the whole sensor, by region and binning."""
     size = published_size(message)
     if size == camera.image_size:
         return camera
@@ -105,12 +105,12 @@ def _region(message: Any) -> tuple[int, int, int, int]:
 
 
 def _binning(message: Any) -> tuple[int, int]:
-    """Return the pixels of the sensor for one of the image, along x and y; a binning of 0 means 1."""
+    """Return the sensor pixels per image pixel along x and y; a binning of 0 means 1."""
     return max(int(message.binning_x), 1), max(int(message.binning_y), 1)
 
 
 def camera_info_message(camera: Camera, stamp_ns: int, family: Messages) -> Any:
-    """Make the CameraInfo of one image; its model is plumb_bob, rational_polynomial or equidistant."""
+    """Build the CameraInfo of one image, with model plumb_bob, rational_polynomial or equidistant."""
     k = np.array(camera.intrinsics.matrix)
     roi = family.make(
         "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False

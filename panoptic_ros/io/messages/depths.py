@@ -1,4 +1,4 @@
-"""Depth maps from sensor_msgs: images (REP 118), and what compressed_depth_image_transport makes of them."""
+"""Read depth maps from sensor_msgs: raw images (REP 118) and those of compressed_depth_image_transport."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from panoptic_ros.io.pictures import decode_picture
 
 Array = np.ndarray
 _KINDS = {"16UC1": np.uint16, "32FC1": np.float32}
-_NAMES = {"16UC1": "16UC1", "MONO16": "16UC1", "32FC1": "32FC1"}  # as drivers write them
+_NAMES = {"16UC1": "16UC1", "MONO16": "16UC1", "32FC1": "32FC1"}  # encoding names of drivers
 _KNOWN = "16UC1 (mm), 32FC1 (m)"
-_SIZE = struct.Struct("<II")  # of RVL
+_SIZE = struct.Struct("<II")  # columns and rows of RVL
 MOST_PIXELS = 2**26
-_MOST_NIBBLES = 10  # of a number of 32 bits in RVL, three bits each
-_HEADER = struct.Struct("<iff")  # how it was compressed, and the numbers a, b of inverse depths
+_MOST_NIBBLES = 10  # nibbles of a 32-bit number in RVL, three bits each
+_HEADER = struct.Struct("<iff")  # compression format, and the parameters a, b of the inverse depth
 
 
 def depth_from_message(message: Any, camera: str) -> Array:
-    """A depth map (h, w) float32 m, 0 or not finite = unknown.
+    """Return a depth map (h, w) float32 m; 0 or not finite = unknown.
 
     Args:
-        message: Image of encoding 16UC1 (mm) or 32FC1 (m), or CompressedImage of one of them whose format
-            is "ENCODING; compressedDepth png" or "ENCODING; compressedDepth rvl".
+        message: Image with encoding 16UC1 (mm) or 32FC1 (m), or CompressedImage of one of them with format
+            "ENCODING; compressedDepth png" or "ENCODING; compressedDepth rvl".
 
     Raises:
-        DataError: on another encoding, a wrong length, or broken data.
+        DataError: on another encoding, a wrong length, or corrupt data.
     """
     what = f"depth map of camera {camera}"
     unpack = _decompressed if hasattr(message, "format") else _unpacked
@@ -47,8 +47,13 @@ def _unpacked(message: Any, what: str) -> Array:
 
 
 def _decompressed(message: Any, what: str) -> Array:
-    """A header, then 16 bits a pixel as PNG or RVL: the millimetres themselves, or v = a / metres + b, 0 =
+    """Return the depth map (h, w) m of a CompressedImage.
+
+    The data are a header and 16-bit values v as PNG or RVL. v is the depth in mm, or v = a / metres + b; 0 =
     unknown.
+
+    Raises:
+        DataError: as `depth_from_message`.
     """
     encoding, _, how = (part.strip() for part in str(message.format).partition(";"))
     if encoding not in _KINDS or how not in ("compressedDepth", "compressedDepth png", "compressedDepth rvl"):
@@ -67,7 +72,7 @@ def _decompressed(message: Any, what: str) -> Array:
 
 
 def _levels_of_png(data: Array, what: str) -> Array:
-    import cv2  # 17 MB, which processes without images do without
+    import cv2  # 17 MB, which processes without images need not load
 
     levels = decode_picture(data, cv2.IMREAD_UNCHANGED, what, most=MOST_PIXELS)
     if levels is None or levels.dtype != np.uint16 or levels.ndim != 2:
@@ -76,7 +81,11 @@ def _levels_of_png(data: Array, what: str) -> Array:
 
 
 def _levels_of_rvl(data: Array, what: str) -> Array:
-    """Columns and rows, then the stream."""
+    """Return the 16-bit values (rows, columns) of RVL data: columns and rows as uint32, then the stream.
+
+    Raises:
+        DataError: if the size is invalid, or as `decode_rvl`.
+    """
     if data.size < _SIZE.size:
         raise DataError(f"{what}: no RVL in its {data.size} bytes")
     columns, rows = _SIZE.unpack_from(data.tobytes()[: _SIZE.size])
@@ -91,19 +100,19 @@ def _metres(depth: Array, encoding: str) -> Array:
 
 
 def decode_rvl(data: bytes, count: int, what: str) -> Array:
-    """The pixels (count,) uint16 of an RVL stream, the run-length code of depth maps (Wilson 2017).
+    """Decode the pixels (count,) uint16 of an RVL stream, the run-length code of depth maps (Wilson 2017).
 
-    It is a row of numbers of 3 bits a nibble, by turns: how many pixels are 0, how many follow that are not,
-    and of each of these the difference to the one before it (zigzag).
+    The stream is a sequence of numbers with 3 bits per nibble. It alternates between the count of zero
+    pixels, the count of non-zero pixels, and the differences between successive non-zero pixels (zigzag).
 
     Args:
-        what: the image, for the message.
+        what: subject of error messages.
 
     Raises:
-        DataError: if the stream ends early, or holds more than the pixels.
+        DataError: if the stream ends early, or holds more than `count` pixels.
     """
     numbers = _numbers(data)
-    places, deltas = [], []  # of runs that are not 0
+    places, deltas = [], []  # pixel indices and zigzag differences of each run that is not 0
     pixel = at = 0
     while pixel < count:
         if at + 1 >= len(numbers):
@@ -121,7 +130,11 @@ def decode_rvl(data: bytes, count: int, what: str) -> Array:
 
 
 def _numbers(data: bytes) -> Array:
-    """The numbers of a stream: words from their highest nibble on, of three bits and a mark for more."""
+    """Return the numbers of a stream.
+
+    A number is a sequence of nibbles with three value bits and a continuation bit each. Words are read from
+    their highest nibble.
+    """
     words = np.frombuffer(data[: len(data) // 4 * 4], "<u4")
     nibbles = ((words[:, None] >> np.arange(28, -1, -4, dtype=np.uint32)) & 15).reshape(-1).astype(np.int64)
     ends = np.flatnonzero(nibbles < 8)

@@ -1,7 +1,7 @@
-"""Messages of earlier versions, brought up to the definitions of now by those that bags keep inside.
+"""Convert messages of earlier versions to the current definitions, with the definitions that bags store.
 
-Fields have been added over time, and a few have changed their type. What is in both definitions is taken
-over; what is new says "not known", which for most fields is empty or 0.
+Fields have been added over time, and a few have changed their type. Fields in both definitions are copied.
+New fields get the value for "unknown", which for most fields is empty or 0.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from rosbags.typesys.store import Typestore
 from panoptic_ros.io.bag_connections import types_of
 from panoptic_ros.io.messages.family import bag_typestore, decode_cdr
 
-Fill = Callable[[Any], Any]  # a field of now from the message as it was
+Fill = Callable[[Any], Any]  # returns a current field's value from the old message
 
 
 def _joint_count(people: Any) -> int:
     return len(people[0].scores) if len(people) else 0
 
 
-# What fields say that were added, where empty or 0 does not mean "not known".
+# Values of added fields for which empty or 0 would not mean "unknown".
 ADDED: Mapping[str, Mapping[str, Fill]] = {
     "AudioBlock": {"channels": lambda old: 1},
     "Camera": {"lens": lambda old: "brown"},
@@ -36,15 +36,16 @@ ADDED: Mapping[str, Mapping[str, Fill]] = {
         "joint_count": lambda old: len(old.scores) // old.person_count if old.person_count else 0,
     },
 }
-# Without these, a message of that kind says nothing: it cannot be brought up.
+# Fields without which a message of that type has no use: it cannot be converted.
 NEEDED: Mapping[str, frozenset[str]] = {"ProposalSet": frozenset({"association"})}
 
 
 def bringing_up(kind: str, definition: str) -> Callable[[bytes], bytes] | None:
-    """What makes CDR bytes of now of those of an earlier version; None: they cannot be brought up.
+    """Return a function that converts CDR bytes of an earlier version; None if conversion is impossible.
 
     Args:
-        kind: "package/msg/Name". definition: the one in the bag.
+        kind: "package/msg/Name".
+        definition: message definition from the bag.
     """
     before, now = types_of(kind, definition), bag_typestore()
     if before is None or not _can_follow(kind, before, now):
@@ -58,8 +59,9 @@ def bringing_up(kind: str, definition: str) -> Callable[[bytes], bytes] | None:
 
 
 def _can_follow(kind: str, before: Typestore, now: Typestore) -> bool:
-    """Whether nothing that is needed is missing, in a message and all that it holds, and at least one field
-    of its own is the same.
+    """Return whether a message type can be converted to the current version, with all its nested types.
+
+    No needed field may be missing, and at least one own field must exist in both versions.
     """
     if kind not in before.types:
         return False
@@ -122,7 +124,7 @@ def _dtype(name: str) -> str:
 
 
 def _message_in(node: Any) -> str | None:
-    """The kind of the messages that a field holds, if it holds any."""
+    """Return the message type nested in a field; None if it has none."""
     what, about = node
     if what in (Nodetype.ARRAY, Nodetype.SEQUENCE):
         what, about = about[0]

@@ -1,7 +1,8 @@
-"""Raw images as drivers encode them, to BGR of eight bits.
+"""Convert raw images from the encodings of drivers to 8-bit BGR.
 
-All of sensor_msgs/image_encodings (ROS 2 Jazzy and later) that carry a picture: neither signed nor floating
-numbers. Upper case and blanks mean nothing. YUV is BT.601 with luma from 16 to 235, as OpenCV takes it.
+Supported are all of sensor_msgs/image_encodings (ROS 2 Jazzy and later) that hold a colour or grey image.
+Signed and floating-point encodings are not. Case and blanks are ignored. YUV is BT.601 with luma from 16 to
+235, as in OpenCV.
 """
 
 from __future__ import annotations
@@ -29,8 +30,9 @@ _CONVERSIONS = {
     "nv12": "COLOR_YUV2BGR_NV12",
     "nv21": "COLOR_YUV2BGR_NV21",
 }
-_CHANNELS = {"bgr": 3, "rgb": 3, "bgra": 4, "rgba": 4, "yuyv": 2, "uyvy": 2}  # others have 1
-BAYER = "bayer_"  # how encodings of mosaics begin
+# channels of a layout; other layouts have 1
+_CHANNELS = {"bgr": 3, "rgb": 3, "bgra": 4, "rgba": 4, "yuyv": 2, "uyvy": 2}
+BAYER = "bayer_"  # prefix of the encodings of Bayer mosaics
 _MOSAICS = tuple(BAYER + pattern for pattern in ("rggb", "bggr", "gbrg", "grbg"))
 _COLOURS = ("mono", "bgr", "rgb", "bgra", "rgba", *_MOSAICS)
 _YUV = {
@@ -43,22 +45,24 @@ _YUV = {
     "nv21": "nv21",
     "nv24": "nv24",
 }
-_PLANES = {"nv12": 3, "nv21": 3, "nv24": 6}  # halves of a byte for each pixel
+_PLANES = {"nv12": 3, "nv21": 3, "nv24": 6}  # half bytes per pixel
 _OF_CHANNELS = ("mono", "yuyv", "bgr", "bgra")  # OpenCV's meaning of 8UC1 to 8UC4
-_DEPTHS = (8, 10, 12, 14, 16)  # bits of values that stand in 16 bits
+_DEPTHS = (8, 10, 12, 14, 16)  # significant bits of 16-bit values
 _FROM_YUV = np.array(
-    [  # ITU-R BT.601 with offsets, as OpenCV has it: rows B, G, R of Y, U, V
+    [  # ITU-R BT.601 with offsets, as in OpenCV: rows B, G, R of Y, U, V
         [1.164, 2.018, 0.0, -16 * 1.164 - 128 * 2.018],
         [1.164, -0.391, -0.813, -16 * 1.164 + 128 * (0.391 + 0.813)],
         [1.164, 0.0, 1.596, -16 * 1.164 - 128 * 1.596],
     ]
 )
-# Mean steps between bytes of a picture, levels of 255. The brightness of two neighbours differs no more than
-# that of pixels two apart. Bytes of colour alternate between U and V, which differ more, or hardly differ.
-_LEAST_STEP = 0.5  # below, a picture has no details that could tell
-_LIKE_BRIGHTNESS, _LIKE_COLOUR = 1.25, 1.5  # step to the neighbour by that to the next but one
-_FLAT = 0.25  # share of the other bytes' steps
-_ROWS = 64  # rows of a picture that are looked at
+# Thresholds of the test for YUYV or UYVY, on mean steps between bytes (levels of 255). Luma of two neighbours
+# differs no more than that of pixels two apart. Chroma bytes alternate between U and V, which differ more, or
+# hardly differ.
+_LEAST_STEP = 0.5  # below this step, an image has no details that could decide
+# ratio of the step to the neighbour and the step to the next but one
+_LIKE_BRIGHTNESS, _LIKE_COLOUR = 1.25, 1.5
+_FLAT = 0.25  # fraction of the steps of the other bytes
+_ROWS = 64  # image rows that are examined
 
 ENCODINGS = (
     *(f"{name}{bits}" for name in _COLOURS for bits in (8, 16)),
@@ -71,8 +75,10 @@ class Encoding(NamedTuple):
     """Meaning of the bytes of an image.
 
     Args:
-        layout: of its values. size: bytes of a value. bits: that are in use; 0 = as the image shows.
-        is_assumed: its name says nothing of colours.
+        layout: order of the channels.
+        size: bytes of a value.
+        bits: significant bits of a value; 0 = estimated from the image.
+        is_assumed: the encoding name does not state the colour channels.
     """
 
     layout: str
@@ -82,33 +88,33 @@ class Encoding(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """The encoding that an image shows, "" = the stated one; a line for the user, "" = nothing."""
+    """Result of examining an image: its encoding ("" = as stated) and a notice for the user ("" = none)."""
 
     encoding: str
     told: str
 
 
 class _Steps(NamedTuple):
-    """Mean differences, levels of 255, of a byte from that of the next pixel, and from the next but one."""
+    """Mean differences (levels of 255) of a byte to the next pixel's, and to the next but one."""
 
     near: float
     far: float
 
 
 def byte_array(message: Any) -> Array:
-    """The data of a message, uint8, without a copy where possible."""
+    """Return the data of a message as uint8, without a copy where possible."""
     if isinstance(message.data, bytes):
         return np.frombuffer(message.data, np.uint8)
     return np.asarray(message.data, np.uint8)
 
 
 def pixel_rows(message: Any, pixel_bytes: int, what: str) -> Array:
-    """The bytes (height, width * pixel_bytes) of an Image without the padding at the ends of its rows.
+    """Return the bytes (height, width * pixel_bytes) of an Image without row padding.
 
-    Padding may be missing behind the last row, and `step` may be 0 where there is none.
+    Padding may be missing after the last row. `step` may be 0 if there is no padding.
 
     Raises:
-        DataError: if its data have another length.
+        DataError: if the data have another length.
     """
     data = byte_array(message)
     width, height = int(message.width), int(message.height)
@@ -124,13 +130,13 @@ def pixel_rows(message: Any, pixel_bytes: int, what: str) -> Array:
 
 
 def encoding_of(name: str, what: str) -> Encoding:
-    """Return the encoding of a name: those of `ENCODINGS`, and such as mono12 for 12 bits in 16.
+    """Parse the name of an encoding: one of `ENCODINGS`, or a name such as mono12 for 12 bits in 16.
 
     Args:
-        what: for messages.
+        what: subject of error messages.
 
     Raises:
-        DataError: if it is none of a picture.
+        DataError: if it is no supported encoding of colour or grey images.
     """
     plain = "".join(name.split()).lower()
     if plain in _YUV:
@@ -149,18 +155,19 @@ def encoding_of(name: str, what: str) -> Encoding:
 
 
 def is_mosaic(name: str) -> bool:
-    """Return whether a name is that of a mosaic of colours, as sensors have it."""
+    """Return whether an encoding name is a Bayer mosaic."""
     return "".join(name.split()).lower().startswith(BAYER)
 
 
 def picture_of(message: Any, what: str, encoding: str = "") -> Array:
-    """Return the picture (height, width, 3) uint8 BGR of an Image.
+    """Convert an Image message to an image (height, width, 3) uint8 BGR.
 
     Args:
-        what: for messages. encoding: overrides what the message states.
+        what: subject of error messages.
+        encoding: overrides the encoding in the message.
 
     Raises:
-        DataError: on encodings that are not supported, and wrong lengths.
+        DataError: on unsupported encodings and wrong lengths.
     """
     form = encoding_of(encoding or str(message.encoding), what)
     if form.layout in _PLANES:
@@ -169,19 +176,19 @@ def picture_of(message: Any, what: str, encoding: str = "") -> Array:
 
 
 def bgr_of(values: Array, form: Encoding, what: str) -> Array:
-    """Return BGR (h, w, 3) uint8 of values (h, w, channels) uint8 or uint16.
+    """Convert values (h, w, channels) uint8 or uint16 to BGR (h, w, 3) uint8.
 
     Raises:
-        DataError: if a picture of this size cannot be encoded so.
+        DataError: if an image of this size cannot have the encoding.
     """
     return _converted(values if form.size == 1 else stretched(values[..., :3], form.bits), form.layout, what)
 
 
 def stretched(values: Array, bits: int = 0) -> Array:
-    """Return uint16 values of cameras with 10, 12 or 14 bits as eight bits.
+    """Convert uint16 values of cameras with 10, 12 or 14 bits to 8 bits.
 
     Args:
-        bits: that are in use; 0 = the fewest of 8, 10, 12, 14 or 16 in which the largest value fits.
+        bits: significant bits; 0 = the fewest of 8, 10, 12, 14 or 16 that hold the largest value.
     """
     used = bits or _bits_of(values)
     found: Array = np.minimum(values >> (used - 8), 255).astype(np.uint8)
@@ -189,9 +196,9 @@ def stretched(values: Array, bits: int = 0) -> Array:
 
 
 def shown_by(message: Any, what: str) -> Shown | None:
-    """Return what an image shows of its encoding; None: this one has no details that could tell.
+    """Estimate an image's encoding from its content; None if the image has too few details.
 
-    Drivers call YUYV yuv422, which is UYVY: brightness and colour are exchanged then.
+    Some drivers label YUYV as yuv422, which means UYVY. Luma and chroma are then swapped.
 
     Raises:
         DataError: as `picture_of`.
@@ -220,7 +227,7 @@ def shown_by(message: Any, what: str) -> Shown | None:
 
 
 def _values(message: Any, form: Encoding, what: str) -> Array:
-    """Return the values (height, width, channels) without the padding of rows."""
+    """Return the values (height, width, channels) of an Image without row padding."""
     channels = _CHANNELS.get(form.layout, 1)
     rows = pixel_rows(message, channels * form.size, what)
     if form.size == 2:
@@ -230,12 +237,12 @@ def _values(message: Any, form: Encoding, what: str) -> Array:
 
 
 def _converted(values: Array, layout: str, what: str) -> Array:
-    """Return BGR of uint8 values in a layout; alpha may be left out already."""
+    """Convert uint8 values in a layout to BGR; the alpha channel may already be removed."""
     if layout in ("bgra", "rgba") and values.shape[2] == 3:
         layout = layout[:3]
     if layout not in _CONVERSIONS:
         return values
-    import cv2  # 17 MB, which processes without images do without
+    import cv2  # 17 MB, which processes without images need not load
 
     try:
         return cv2.cvtColor(np.ascontiguousarray(values), getattr(cv2, _CONVERSIONS[layout]))
@@ -245,9 +252,12 @@ def _converted(values: Array, layout: str, what: str) -> Array:
 
 
 def _of_planes(message: Any, layout: str, what: str) -> Array:
-    """Return the picture of a plane of brightness, and one of pairs of colour behind it.
+    """Convert an image of a luma plane followed by a plane of chroma pairs to BGR.
 
-    Rows can be padded. `height` is that of the picture, or of both planes together.
+    Rows may be padded. `height` is that of the image, or of both planes together.
+
+    Raises:
+        DataError: if the data have another length.
     """
     data, halves = byte_array(message), _PLANES[layout]
     width, height, step = int(message.width), int(message.height), int(message.step)
@@ -258,7 +268,7 @@ def _of_planes(message: Any, layout: str, what: str) -> Array:
     stride, height = fit[0]
     if layout != "nv24":
         return _converted(data.reshape(3 * height // 2, stride)[:, :width], layout, what)
-    import cv2  # see above
+    import cv2  # 17 MB, as above
 
     luma = data[: stride * height].reshape(height, stride, 1)[:, :width]
     pairs = data[stride * height :].reshape(height, stride, 2)[:, :width]
@@ -272,7 +282,7 @@ def _bits_of(values: Array) -> int:
 
 
 def _steps_of(values: Array) -> _Steps:
-    """Return the steps in a plane (h, w) of bytes."""
+    """Return the mean steps in a plane (h, w) of bytes."""
     some = values[:: max(1, len(values) // _ROWS)].astype(np.int16)
     near, far = (np.abs(some[:, k:] - some[:, :-k]) for k in (1, 2))
     return _Steps(float(near.mean()), float(far.mean())) if far.size else _Steps(0.0, 0.0)

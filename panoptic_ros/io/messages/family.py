@@ -1,4 +1,4 @@
-"""Families of message classes: rclpy's, and those that rosbags makes from the same .msg files."""
+"""Families of message classes: rclpy's, and those that rosbags generates from the same .msg files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import numpy as np
 from panoptic_ros.errors import DataError, EnvironmentProblem, one_line
 from panoptic_ros.io.resources import share_folder
 
-if TYPE_CHECKING:  # most nodes have no need of rosbags
+if TYPE_CHECKING:  # most nodes do not need rosbags
     from rosbags.typesys.store import Typestore
 
 Array = np.ndarray
@@ -28,9 +28,9 @@ class Messages:
 
     Args:
         type_of: "package/msg/Name" -> class, whose constructor takes the fields by keyword.
-        sequence: makes what a field of unbounded length takes from a flat array.
-        origin: the message of this family that a record came as, which is not written anew inside of another
-            one; None: it came as none.
+        sequence: converts a flat array to the value of a field of unbounded length.
+        origin: returns the original message of a received record, or None. It is reused if the record is
+            nested in another message.
     """
 
     type_of: Callable[[str], Any]
@@ -38,21 +38,21 @@ class Messages:
     origin: Callable[[Any], Any | None] = lambda record: None
 
     def make(self, name: str, /, **fields: Any) -> Any:
-        """A message; short names are those of this project's package."""
+        """Build a message; a name without a package belongs to this project's package."""
         return self.type_of(name if "/" in name else f"{PACKAGE}/msg/{name}")(**fields)
 
     def time(self, stamp_ns: int) -> Any:
-        """builtin_interfaces/Time."""
+        """Build a builtin_interfaces/Time."""
         seconds, nanoseconds = divmod(int(stamp_ns), SECOND)
         return self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
 
     def header(self, stamp_ns: int, frame_id: str) -> Any:
-        """std_msgs/Header."""
+        """Build a std_msgs/Header."""
         return self.make("std_msgs/msg/Header", stamp=self.time(stamp_ns), frame_id=frame_id)
 
 
 def stamp_of(header: Any) -> int:
-    """Nanoseconds of a header's stamp.
+    """Return the timestamp of a header, ns.
 
     Raises:
         DataError: as `time_ns`.
@@ -61,10 +61,10 @@ def stamp_of(header: Any) -> int:
 
 
 def time_ns(stamp: Any) -> int:
-    """Nanoseconds of a builtin_interfaces/Time.
+    """Return a builtin_interfaces/Time in ns.
 
     Raises:
-        DataError: if there is a second and more in its nanoseconds, which shows that its writer errs.
+        DataError: if nanosec is negative or at least a second, i.e. the publisher is faulty.
     """
     seconds, nanoseconds = int(stamp.sec), int(stamp.nanosec)
     if not 0 <= nanoseconds < SECOND:
@@ -74,7 +74,7 @@ def time_ns(stamp: Any) -> int:
 
 @lru_cache(maxsize=1)
 def bag_typestore() -> Typestore:
-    """rosbags' types of ROS 2 Jazzy with those of this project."""
+    """Return rosbags' type store of ROS 2 Jazzy with the messages of this project."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -86,16 +86,16 @@ def bag_typestore() -> Typestore:
 
 
 def decode_cdr(data: bytes, kind: str, types: Typestore | None = None) -> Any:
-    """A message of `bag_messages()` from CDR bytes.
+    """Decode CDR bytes to a message of `bag_messages()`.
 
-    Bytes beyond the message are ignored: Fast DDS, which `ros2 bag record` stores as it is, leaves some
-    after empty sequences of doubles, and rosbags' own function refuses them.
+    Extra bytes after the message are ignored. Fast DDS leaves some after empty sequences of doubles, and
+    `ros2 bag record` stores them unchanged. rosbags' own function refuses them.
 
     Args:
-        types: in place of those of now.
+        types: type store to use instead of the current one.
 
     Raises:
-        DataError: if the type is not known or the bytes are no message of it.
+        DataError: if the type is unknown, or the bytes are no message of it.
     """
     store = types or bag_typestore()
     if kind not in store.types:
@@ -106,22 +106,22 @@ def decode_cdr(data: bytes, kind: str, types: Typestore | None = None) -> Any:
     read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
     try:
         return read(memoryview(data)[4:], 0, definition.cls, store)[0]
-    except Exception as error:  # rosbags trusts the lengths in a message: damage shows as anything
+    except Exception as error:  # rosbags trusts the lengths in a message, so damage can raise any exception
         raise DataError(f"a message of type {kind} cannot be decoded: {one_line(error)}") from None
 
 
 @lru_cache(maxsize=1)
 def bag_messages() -> Messages:
-    """The family that `rosbags` reads and writes; needs no ROS."""
+    """Return the message family that `rosbags` reads and writes; it needs no ROS."""
     types = bag_typestore().types
     return Messages(lambda name: types[name], lambda array: array)
 
 
 def _message_folder() -> Path:
-    """The .msg files: of the installed package, else of the checkout.
+    """Return the folder of the .msg files: of the installed package, else of the checkout.
 
     Raises:
-        EnvironmentProblem: if they are nowhere.
+        EnvironmentProblem: if neither exists.
     """
     places = [share_folder() / "msg_defs" / "msg"]
     spec = importlib.util.find_spec(PACKAGE)

@@ -1,4 +1,4 @@
-"""Images as sensor_msgs, and back; score maps as one picture; what to do about packets of a video."""
+"""Convert images to sensor_msgs and back, render score maps as images, and detect video packets."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from panoptic_ros.io.pictures import decode_picture
 
 Array = np.ndarray
 OPTICAL = "_optical_frame"
-VIDEO_FORMATS = ("h264", "h265", "hevc", "av1", "vp8", "vp9", "mpeg4")  # packets of videos in CompressedImage
-WIDEST = 640  # px, of a picture of score maps
-# image_transport's plugin by the type of its messages
+VIDEO_FORMATS = ("h264", "h265", "hevc", "av1", "vp8", "vp9", "mpeg4")  # video packets in CompressedImage
+WIDEST = 640  # px, width limit of an image of score maps
+# image_transport plugin by message type
 PLUGINS = {
     "ffmpeg_image_transport_msgs/msg/FFMPEGPacket": "ffmpeg",
     "foxglove_msgs/msg/CompressedVideo": "foxglove",
@@ -35,12 +35,12 @@ REMEDY = f"make images of it with `ros2 run image_transport republish`, {_WHEN}"
 
 
 def optical_frame(camera: str) -> str:
-    """The frame id of a camera's images (REP-103: z forward, x right, y down)."""
+    """Return the frame id of a camera's images (REP-103: z forward, x right, y down)."""
     return f"{camera}{OPTICAL}"
 
 
 def _raw(picture: Array, encoding: str, camera: str, stamp_ns: int, family: Messages) -> Any:
-    """sensor_msgs/Image of values (height, width, ...) in rows without padding."""
+    """Build a sensor_msgs/Image of values (height, width, ...) without row padding."""
     height, width = picture.shape[:2]
     data = np.ascontiguousarray(picture).view(np.uint8).reshape(-1)
     return family.make(
@@ -56,7 +56,7 @@ def _raw(picture: Array, encoding: str, camera: str, stamp_ns: int, family: Mess
 
 
 def _compressed(data: Array, form: str, camera: str, stamp_ns: int, family: Messages) -> Any:
-    """sensor_msgs/CompressedImage."""
+    """Build a sensor_msgs/CompressedImage."""
     return family.make(
         "sensor_msgs/msg/CompressedImage",
         header=family.header(stamp_ns, optical_frame(camera)),
@@ -66,13 +66,13 @@ def _compressed(data: Array, form: str, camera: str, stamp_ns: int, family: Mess
 
 
 def image_message(frame: ViewFrame, family: Messages) -> Any:
-    """sensor_msgs/Image, bgr8."""
+    """Build a sensor_msgs/Image with encoding bgr8."""
     return _raw(frame.image, "bgr8", frame.camera, frame.stamp_ns, family)
 
 
 def compressed_image_message(frame: ViewFrame, family: Messages, quality: int) -> Any:
-    """sensor_msgs/CompressedImage, JPEG of that quality (1 to 100)."""
-    import cv2  # 17 MB, which processes without images do without
+    """Build a sensor_msgs/CompressedImage, JPEG of the given quality (1 to 100)."""
+    import cv2  # 17 MB, which processes without images need not load
 
     _, data = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     form = "bgr8; jpeg compressed bgr8"
@@ -80,31 +80,33 @@ def compressed_image_message(frame: ViewFrame, family: Messages, quality: int) -
 
 
 def write_preview(preview: Preview, family: Messages, frame_id: str) -> Any:
-    """sensor_msgs/CompressedImage."""
+    """Build a sensor_msgs/CompressedImage of a preview."""
     data = np.frombuffer(preview.jpeg, np.uint8)
     return _compressed(data, "jpeg", preview.camera, preview.stamp_ns, family)
 
 
 def read_preview(message: Any) -> Preview:
-    """The camera is that of the message's frame."""
+    """Read a preview; the frame id of the message names the camera."""
     camera = str(message.header.frame_id).removesuffix(OPTICAL)
     return Preview(camera, stamp_of(message.header), byte_array(message).tobytes())
 
 
 def depth_message(frame: DepthFrame, family: Messages) -> Any:
-    """sensor_msgs/Image of a depth map, 32FC1 in metres (REP 118)."""
+    """Build a sensor_msgs/Image of a depth map, 32FC1 in metres (REP 118)."""
     depth = np.ascontiguousarray(frame.depth, "<f4")
     return _raw(depth, "32FC1", frame.camera, frame.stamp_ns, family)
 
 
 def frame_from_message(message: Any, camera: str, frame_number: int, encoding: str = "") -> ViewFrame:
-    """A frame from Image or CompressedImage; the message has no number, so the caller counts.
+    """Convert an Image or CompressedImage to a frame.
 
     Args:
-        encoding: overrides what the message states; of compressed images only that of a mosaic counts.
+        frame_number: counted by the caller, because the message has no number.
+        encoding: overrides the encoding in the message; for compressed images only a Bayer encoding has an
+            effect.
 
     Raises:
-        DataError: on encodings that are not supported, wrong lengths or broken JPEG.
+        DataError: on unsupported encodings, wrong lengths or corrupt JPEG.
     """
     what = f"image of camera {camera}"
     if hasattr(message, "format"):
@@ -115,7 +117,10 @@ def frame_from_message(message: Any, camera: str, frame_number: int, encoding: s
 
 
 def depth_frame_from_message(message: Any, camera: str, frame_number: int) -> DepthFrame:
-    """A depth map from Image or CompressedImage, as `depth_from_message`; the caller counts.
+    """Convert an Image or CompressedImage to a depth map, as `depth_from_message`.
+
+    Args:
+        frame_number: counted by the caller, because the message has no number.
 
     Raises:
         DataError: as `depth_from_message`.
@@ -124,11 +129,11 @@ def depth_frame_from_message(message: Any, camera: str, frame_number: int) -> De
 
 
 def _decode(message: Any, camera: str, encoding: str) -> Array:
-    import cv2  # see above
+    import cv2  # 17 MB, as above
 
     what, stated = f"compressed image of camera {camera}", str(message.format)
     raw, _, packed = stated.lower().partition(";")
-    # image_transport leaves mosaics as they are in a picture of one channel, where it names no other one
+    # image_transport compresses a mosaic as a one-channel image, unless the format names another encoding.
     mosaic = encoding or (raw if packed.strip().endswith(("compressed", raw.strip())) else "")
     flags = (cv2.IMREAD_GRAYSCALE if is_mosaic(mosaic) else cv2.IMREAD_COLOR) | cv2.IMREAD_ANYDEPTH
     image = decode_picture(byte_array(message), flags, what)
@@ -144,11 +149,15 @@ def _decode(message: Any, camera: str, encoding: str) -> Array:
 
 
 def heat_map(view: ViewDetections, joint: int = -1) -> Array:
-    """The largest score of all joints, or that of one joint, (h, w) uint8, 255 = 1, over the view's image.
+    """Render the largest score of all joints, or the score of one joint, as (h, w) uint8, 255 = 1.
 
-    The picture has the proportions of the image and is at most `WIDEST` wide. 0 where the view has no maps.
+    The result has the aspect ratio of the view's image and is at most `WIDEST` wide. It is 0 if the view has
+    no maps.
+
+    Args:
+        joint: index; -1 = all joints.
     """
-    import cv2  # 17 MB, which processes without images do without
+    import cv2  # 17 MB, which processes without images need not load
 
     width, height = view.image_size
     columns = min(width, WIDEST)
@@ -163,7 +172,7 @@ def heat_map(view: ViewDetections, joint: int = -1) -> Array:
         if joint in (-1, owner):
             place = grid[top : top + high, left : left + wide]
             np.maximum(place, patch, out=place)
-    step = width / columns  # pixels of the image, whose first pixel's centre is (0, 0) as the picture's
+    step = width / columns  # image pixels per result pixel; pixel centre (0, 0) is the first pixel of both
     image_from_picture = np.array([[step, 0, (step - 1) / 2], [0, step, (step - 1) / 2], [0, 0, 1]])
     grid_from_picture = view.maps.grid_from_image @ image_from_picture
     how = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -171,17 +180,17 @@ def heat_map(view: ViewDetections, joint: int = -1) -> Array:
 
 
 def heat_map_message(view: ViewDetections, family: Messages, joint: int = -1) -> Any:
-    """sensor_msgs/Image, mono8, of `heat_map`."""
+    """Build a sensor_msgs/Image, mono8, of `heat_map`."""
     return _raw(heat_map(view, joint), "mono8", view.camera, view.stamp_ns, family)
 
 
 def is_video(kind: str) -> bool:
-    """Return whether messages of a type hold packets of a video."""
+    """Return whether a message type holds video packets."""
     return kind in PLUGINS
 
 
 def video_told(topic: str, kind: str) -> str:
-    """Return the line about such a topic, with the remedy."""
+    """Return the notice about a video topic, with the command to convert it."""
     plugin, base = PLUGINS[kind], topic.rsplit("/", 1)[0]
     words = (
         f"-p in_transport:={plugin} -p out_transport:=compressed -r in/{plugin}:={topic} "

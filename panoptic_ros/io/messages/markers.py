@@ -1,4 +1,4 @@
-"""Skeletons as visualization_msgs/MarkerArray, for RViz and Foxglove."""
+"""Build visualization_msgs/MarkerArray of 3D poses, for RViz and Foxglove."""
 
 from __future__ import annotations
 
@@ -20,7 +20,11 @@ LIFETIME_S = 0.5
 def marker_array(
     poses: TrackedPoseSet, skeleton: SkeletonModel, frame_id: str, gone: Iterable[int], family: Messages
 ) -> Any:
-    """Bones, joints and the id of every person; people who are `gone` are deleted."""
+    """Build the markers of all people: bones, joints and id.
+
+    Args:
+        gone: ids of people whose markers are deleted.
+    """
     markers = []
     header = family.header(poses.stamp_ns, frame_id)
     for k, person_id in enumerate(poses.ids.tolist()):

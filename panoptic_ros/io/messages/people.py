@@ -1,5 +1,6 @@
-"""People and bodies as other packages know them: roots, TF of joints and segments, REP-155 bodies, boxes, and
-sensor_msgs/JointState.
+"""Convert people and bodies to messages of other packages.
+
+These are root poses, TF of joints and segments, REP-155 bodies, bounding boxes and sensor_msgs/JointState.
 """
 
 from __future__ import annotations
@@ -21,18 +22,19 @@ from panoptic_ros.io.messages.transforms import transform_message
 
 Array = np.ndarray
 TORSO = ("lShoulder", "rShoulder", "lHip", "rHip")
-MARGIN_M = 0.1  # joints lie inside of a body: what a box has round them on every side
+MARGIN_M = 0.1  # margin of a bounding box on every side, because joints lie inside the body
 
 
 def body_name(person_id: int) -> str:
-    """The id of a person as REP 155 has them: it begins with a letter."""
+    """Return the REP-155 id of a person, which begins with a letter."""
     return f"p{person_id}"
 
 
 def roots_message(poses: TrackedPoseSet, skeleton: SkeletonModel, frame_id: str, family: Messages) -> Any:
-    """geometry_msgs/PoseArray: of everybody whose root is known, in the order of the skeletons.
+    """Build a geometry_msgs/PoseArray of all people with a known root, in the order of the 3D poses.
 
-    Orientation: x forward, z up along the torso; none (w = 1) where the torso is not known.
+    The orientation has x forward and z up along the torso; it is the identity (w = 1) if the torso is
+    unknown.
     """
     poses_of = []
     for k in range(len(poses.ids)):
@@ -45,8 +47,10 @@ def roots_message(poses: TrackedPoseSet, skeleton: SkeletonModel, frame_id: str,
 
 
 def body_frame(poses: TrackedPoseSet, k: int, skeleton: SkeletonModel) -> Rigid | None:
-    """The frame `body_<id>` of REP 155 in the world: origin between the hips, x out of the chest, z to the
-    head; upright as the world where the torso is not known. None where the root is not known.
+    """Return the pose in the world of the REP-155 frame `body_<id>`; None if the root is unknown.
+
+    The origin lies between the hips, x points out of the chest, z to the head. If the torso is unknown, the
+    axes are those of the world.
     """
     positions = poses.positions[k]
     names = skeleton.joint_names
@@ -70,8 +74,13 @@ def joint_transforms(
     family: Messages,
     solved: frozenset[int] = frozenset(),
 ) -> list[Any]:
-    """A TransformStamped of every known joint, `<prefix>p<id>_<joint>`, turned as the world, and of every
-    body, `<prefix>body_p<id>`, but of those whose segments are solved for, who have one from there.
+    """Build a TransformStamped for every known joint and for every body.
+
+    Joint frames `<prefix>p<id>_<joint>` have the orientation of the world. Body frames are
+    `<prefix>body_p<id>`.
+
+    Args:
+        solved: ids of people whose segments are solved; `segment_transforms` publishes their body frame.
     """
     found = []
     for k, person_id in enumerate(poses.ids.tolist()):
@@ -88,7 +97,7 @@ def joint_transforms(
 
 
 def bodies_message(poses: TrackedPoseSet, frame_id: str, family: Messages) -> Any:
-    """hri_msgs/IdsList of REP 155: who is there."""
+    """Build the hri_msgs/IdsList of REP 155 with the ids of all people."""
     return family.make(
         "hri_msgs/msg/IdsList",
         header=family.header(poses.stamp_ns, frame_id),
@@ -97,7 +106,7 @@ def bodies_message(poses: TrackedPoseSet, frame_id: str, family: Messages) -> An
 
 
 def boxes_message(poses: TrackedPoseSet, frame_id: str, family: Messages) -> Any:
-    """vision_msgs/Detection3DArray: a box along the world's axes round the known joints of everybody."""
+    """Build a vision_msgs/Detection3DArray: an axis-aligned box around the known joints of each person."""
     detections = []
     for k, person_id in enumerate(poses.ids.tolist()):
         joints = np.array([position for _, position in _known(poses, k)])
@@ -134,7 +143,7 @@ def boxes_message(poses: TrackedPoseSet, frame_id: str, family: Messages) -> Any
 
 
 def joint_state_message(item: BodyStateSet, k: int, model: SegmentModel, family: Messages) -> Any:
-    """sensor_msgs/JointState of the k-th body: angles, rad."""
+    """Build the sensor_msgs/JointState of the k-th body: joint angles, rad."""
     angles = model.joint_angles(from_quaternions(item.orientations[k]))
     body = body_name(int(item.ids[k]))
     nothing = family.sequence(np.zeros(0))
@@ -151,7 +160,10 @@ def joint_state_message(item: BodyStateSet, k: int, model: SegmentModel, family:
 def segment_transforms(
     item: BodyStateSet, model: SegmentModel, frame_id: str, prefix: str, family: Messages
 ) -> list[Any]:
-    """A TransformStamped of every segment of every body in its parent's frame, of the root in the world."""
+    """Build a TransformStamped of every segment of all bodies, in the frame of its parent.
+
+    The parent frame of the root segment is the world frame.
+    """
     found = []
     for k, number in enumerate(item.ids.tolist()):
         frames, places = from_quaternions(item.orientations[k]), item.positions[k]
@@ -171,7 +183,7 @@ def _known(poses: TrackedPoseSet, k: int) -> Iterator[tuple[int, Array]]:
 
 
 def _pose(frame: Rigid, family: Messages) -> Any:
-    """geometry_msgs/Pose."""
+    """Build a geometry_msgs/Pose."""
     transform = transform_message(family, 0, "", "", frame).transform
     at = transform.translation
     return family.make(

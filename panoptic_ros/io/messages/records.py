@@ -1,5 +1,7 @@
-"""Every record of the graph as a message, and back: a `Table` for each, or a pair of functions for types of
-others."""
+"""Convert every record of the graph to its message and back.
+
+Own message types have a `Table`; message types of other packages have a pair of functions.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,14 @@ i32, i64, f32, f64 = np.int32, np.int64, np.float32, np.float64
 
 
 def _arrays(kind: Any, prefix: str = "", part: str = "", own: Any = None, **shapes: str) -> tuple[Field, ...]:
-    """Fields of one type: shapes by attribute; of a part of the record, whose fields have a prefix."""
+    """Return fields of one type.
+
+    Args:
+        prefix: prefix of the field names in the message.
+        part: attribute of the record that holds the values; "" = the record itself.
+        own: array type in the record, see `Field`.
+        shapes: shape by attribute.
+    """
     return tuple(
         Field(prefix + name, kind, shape, f"{part}.{name}" if part else "", own)
         for name, shape in shapes.items()
@@ -105,13 +114,21 @@ _SET = Table("DetectionSet", DetectionSet, ("stamp_ns", ""), (_INDEX, _HASH, Fie
 
 
 def _below(field: str, values: Array, count: int, least: int = 0) -> None:
-    """Raise DataError unless all indices are in least..count-1."""
+    """Check that all indices are in least..count-1.
+
+    Raises:
+        DataError: otherwise.
+    """
     if values.size and not least <= values.min() <= values.max() < count:
         raise DataError(f"AssociationSet.{field} names {values.min()} to {values.max()}, of {count}")
 
 
 def _check_association(values: Values) -> None:
-    """Set what follows from the rest, and check every index, which kernels trust."""
+    """Compute the derived values, and check every index: the kernels do not check them.
+
+    Raises:
+        DataError: if an index or a value is out of range.
+    """
     counts, rows, slots = values.pop("view_people"), values["evidence.rows"], values["evidence.slots"]
     if (counts < 0).any() or counts.sum() != len(rows):
         raise DataError(f"AssociationSet.view_people names {counts.sum()} 2D people of {len(rows)}")
@@ -151,7 +168,7 @@ _ASSOCIATION = Table(
     {"evidence": (Evidence, False), "groups": (Groups, False), "prediction": (Prediction, False)},
     _check_association,
 )
-_SHIFT = {  # field of the message: attribute of the time shift, shape
+_SHIFT = {  # message field: (attribute of `TimeShift`, shape)
     "delays": ("delays", "P J 3 3"),
     "assumed_velocities": ("assumed", "P J 3"),
     "velocities": ("velocities", "P J 3"),
@@ -207,7 +224,7 @@ def _pairs(values: Iterable[Any]) -> tuple[tuple[int, int], ...]:
 
 
 def _complete_skeleton(values: Values) -> None:
-    del values["hash"]  # follows from the rest
+    del values["hash"]  # follows from the other fields
     joints, counts, sources = (
         values.pop(f"derived_{name}").tolist() for name in ("joints", "counts", "sources")
     )
@@ -249,7 +266,7 @@ _SENSOR = Table(
 
 
 def _one_channel_unless_said(values: Values) -> None:
-    channels = values.pop("channels") or 1  # 0: whoever publishes one channel need not say so
+    channels = values.pop("channels") or 1  # 0: a publisher of one channel need not set it
     samples = values["samples"]
     if len(samples) % channels:
         raise DataError(f"AudioBlock.samples has {len(samples)} values for {channels} channels")
@@ -451,20 +468,23 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "ImuSample": lambda message: sensors.read_imu(message, str(message.header.frame_id)),
     **{name: table.read for name, table in _OF_RECORD.items()},
 }
-_INSIDE = {  # what the messages of a record hold inside that comes from another node
+_INSIDE = {  # record class that a record's message contains and that another node publishes
     name: field.kind.record.__name__
     for name, table in _OF_RECORD.items()
     for field in table.fields
     if isinstance(field, Field) and isinstance(field.kind, Table) and field.kind.header
 }
-MOST_KEPT = 64  # messages by `Origins`; what is older is written anew
+MOST_KEPT = 64  # messages in `Origins`; older records are converted again
 
 
 def to_message(record: Any, family: Messages, frame_id: str = "world") -> Any:
-    """The message of a record.
+    """Convert a record to its message.
 
     Args:
-        frame_id: the rig's world frame, for records that live in it.
+        frame_id: frame of the rig's world, for records in world coordinates.
+
+    Raises:
+        ContractError: if the record has no message.
     """
     write = _WRITERS.get(type(record).__name__)
     if write is None:
@@ -473,36 +493,39 @@ def to_message(record: Any, family: Messages, frame_id: str = "world") -> Any:
 
 
 def from_message(message: Any, record: str) -> Any:
-    """The record of a message of either family.
+    """Convert a message of either family to its record.
 
     Args:
-        record: name of the record's class; one message type may carry several.
+        record: name of the record's class; one message type may hold several record types.
 
     Raises:
-        DataError: if the content is bad (array lengths, NaN, zero sizes, ...).
+        DataError: if the content is invalid (array lengths, NaN, zero sizes, ...).
+        ContractError: if the record has no message.
     """
     if record not in _READERS:
         raise ContractError(f"no message for {record}")
     try:
         return _READERS[record](message)
-    except (CalibrationError, ClockError) as error:  # of records that people make, too
+    except (CalibrationError, ClockError) as error:  # raised by records that users also create from files
         raise DataError(str(error)) from None
 
 
 class Origins:
-    """Keeps the messages that the newest records came as: inside of another message a record goes on as it
-    came, not written anew.
+    """Cache of the original messages of the newest received records.
+
+    A record that is nested in another message is published as its original message, without a new conversion.
 
     Args:
-        given: names of the records whose messages are made of them; others need none.
+        given: names of the records that are converted to messages. Only records nested in these are kept.
     """
 
     def __init__(self, given: Iterable[str] = ()):
         self._kinds = {_INSIDE[name] for name in given if name in _INSIDE}
-        self._kept: dict[int, tuple[Any, Any]] = {}  # by id of the record, which lives as long as it is here
+        # by id of the record; the entry keeps the record alive, so the id stays unique
+        self._kept: dict[int, tuple[Any, Any]] = {}
 
     def keep(self, record: Any, message: Any) -> None:
-        """A record came as this message."""
+        """Keep the message from which a record was read."""
         if type(record).__name__ not in self._kinds:
             return
         self._kept[id(record)] = record, message
@@ -510,6 +533,6 @@ class Origins:
             del self._kept[next(iter(self._kept))]
 
     def of(self, record: Any) -> Any | None:
-        """The message that a record came as, if it is still here."""
+        """Return the original message of a record; None if it is not kept."""
         found = self._kept.get(id(record))
         return None if found is None else found[1]

@@ -1,4 +1,4 @@
-"""rpt_msgs/Poses of RapidPoseTriangulation: the 2D people that its detectors find in one camera."""
+"""Read rpt_msgs/Poses of RapidPoseTriangulation: the 2D poses that its detectors find in one camera."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ KIND = "rpt_msgs/msg/Poses"
 def view_of_poses(
     message: Any, camera: str, image_size: tuple[int, int], number: int, skeleton: str
 ) -> ViewDetections:
-    """The 2D people of a camera.
+    """Convert a message to the 2D poses of a camera.
 
     Args:
-        camera, image_size: its name, and (width, height) px of its images.
-        message: `bodies_shape` is (people, joints, 3), `bodies_flat` holds x, y in pixels and a score each.
-        number: of the message; the caller counts.
+        message: `bodies_shape` is (people, joints, 3); `bodies_flat` holds x, y in px and a score for each
+            joint.
+        camera: name of the camera.
+        image_size: (width, height) px of its images.
+        number: number of the message, counted by the caller.
         skeleton: name of the working skeleton.
 
     Raises:
-        DataError: on people in 3D, lengths that do not fit, or numbers that cannot be.
+        DataError: on 3D poses or inconsistent lengths.
     """
     names = tuple(str(name) for name in message.joint_names)
     shape = tuple(int(n) for n in message.bodies_shape)
@@ -52,13 +54,16 @@ def view_of_poses(
 
 
 def skeleton_of_poses(names: Sequence[str], skeleton: str) -> SkeletonModel:
-    """The working skeleton, as joints of these names fill it."""
+    """Return the working skeleton for joints with these names."""
     return _mapping(tuple(names), skeleton)[0]
 
 
 @lru_cache(maxsize=16)
 def _mapping(names: tuple[str, ...], skeleton: str) -> tuple[SkeletonModel, JointMap, list[int]]:
-    """The skeleton, and where its joints are. Middle joints, which are means of others, are derived here."""
+    """Return the skeleton, the joint map, and the columns that are used.
+
+    Middle joints are means of others. They are skipped, because the skeleton derives them.
+    """
     columns = [k for k, name in enumerate(names) if not name.endswith("_middle")]
     words = [re.sub(r"^(\w+)_(left|right)$", r"\2_\1", names[k]) for k in columns]
     model, joint_map = map_joints(skeleton, words)

@@ -1,4 +1,4 @@
-"""Records as messages of sensor_msgs, and back: samples of IMUs as Imu, colours of clothes as PointCloud2."""
+"""Convert records to sensor_msgs and back: IMU samples as Imu, clothing colours as PointCloud2."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from panoptic_ros.io.messages.family import Messages, stamp_of
 
 Array = np.ndarray
 UNKNOWN = -1.0  # first element of a covariance in sensor_msgs/Imu: not measured (REP 145)
-FLOAT32, FLOAT64 = 7, 8  # of sensor_msgs/PointField
+FLOAT32, FLOAT64 = 7, 8  # datatypes of sensor_msgs/PointField
 NUMBER = "frame_number"
 COLOURS = tuple(f"{region}_{channel}" for region in REGIONS for channel in ("green", "red", "blue"))
 NAMES = (NUMBER, *COLOURS)
@@ -27,7 +27,7 @@ POINT = np.dtype([(NUMBER, "<f8"), *((name, "<f4") for name in COLOURS)])
 
 
 def write_appearance(item: ViewAppearance, family: Messages, frame_id: str) -> Any:
-    """The message of a view's colours."""
+    """Build a sensor_msgs/PointCloud2 of the clothing colours in a view."""
     points = np.empty(len(item.colours), POINT)
     points[NUMBER] = item.frame_number
     for name, values in zip(COLOURS, item.colours.reshape(-1, len(COLOURS)).T):
@@ -57,10 +57,10 @@ def write_appearance(item: ViewAppearance, family: Messages, frame_id: str) -> A
 
 
 def read_appearance(message: Any) -> ViewAppearance:
-    """The record of a view's colours.
+    """Read the clothing colours of a view.
 
     Raises:
-        DataError: if the message holds other points than these.
+        DataError: if the message has other point fields, or an invalid length or frame number.
     """
     names = tuple(str(field.name) for field in message.fields)
     data, count = byte_array(message), int(message.width)
@@ -80,7 +80,7 @@ def read_appearance(message: Any) -> ViewAppearance:
 
 
 def write_imu(item: ImuSample, family: Messages, frame_id: str) -> Any:
-    """sensor_msgs/Imu, with the device as frame; what was not measured has -1 in its covariance."""
+    """Build a sensor_msgs/Imu with the device as frame; the covariance of missing values begins with -1."""
 
     def covariance(values: Array) -> Array:
         found = np.zeros(9)
@@ -103,12 +103,12 @@ def write_imu(item: ImuSample, family: Messages, frame_id: str) -> Any:
 
 
 def read_imu(message: Any, device: str) -> ImuSample:
-    """The sample of a sensor_msgs/Imu that came on the topic of a device.
+    """Convert a sensor_msgs/Imu from a device's topic to a sample.
 
-    An orientation of zeros or NaN is not there: drivers of IMUs without one leave it so.
+    An orientation of zeros or NaN counts as missing: IMU drivers without orientation publish it so.
 
     Raises:
-        DataError: if another number is not finite where the message says that it was measured.
+        DataError: if a measured value is not finite.
     """
     turn, rate, force = message.orientation, message.angular_velocity, message.linear_acceleration
     return _sample(
@@ -123,7 +123,7 @@ def read_imu(message: Any, device: str) -> ImuSample:
 
 
 def imu_of_numbers(numbers: Sequence[float], stamp_ns: int, device: str) -> ImuSample:
-    """The sample of a sensor_msgs/Imu whose numbers (37,) stand in the order of its definition.
+    """Convert the numbers (37,) of a sensor_msgs/Imu, in the order of its definition, to a sample.
 
     Raises:
         DataError: as `read_imu`.
@@ -131,7 +131,7 @@ def imu_of_numbers(numbers: Sequence[float], stamp_ns: int, device: str) -> ImuS
     x, y, z, w = numbers[:4]
     if UNKNOWN not in (numbers[4], numbers[16], numbers[28]):
         values = (w, x, y, z, *numbers[13:16], *numbers[25:28])
-        if stamp_ns >= 0 and is_sound(values):  # as nearly always, thousands of times a second
+        if stamp_ns >= 0 and is_sound(values):  # fast path for nearly all samples, thousands per second
             whole = np.array(values)
             whole.flags.writeable = False
             parts = {"orientation": whole[:4], "rate": whole[4:7], "force": whole[7:]}
@@ -148,7 +148,11 @@ def imu_of_numbers(numbers: Sequence[float], stamp_ns: int, device: str) -> ImuS
 
 
 def _sample(device: str, stamp_ns: int, parts: Sequence[tuple[str, Sequence[float], float]]) -> ImuSample:
-    """Of (field, numbers, first number of its covariance)."""
+    """Build a sample from (field, values, first element of the covariance) of each quantity.
+
+    Raises:
+        DataError: if a measured value is not finite.
+    """
     found = []
     for name, values, covariance in parts:
         is_there = name != "orientation" or (any(values) and not any(map(math.isnan, values)))

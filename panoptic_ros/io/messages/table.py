@@ -1,8 +1,8 @@
-"""One table of fields for each message: how a record is written as it, and read and checked again.
+"""One table of fields for each message: it defines how to write a record as a message and read it back.
 
-A table says for every field of the message what it holds and where in the record that is. Sizes are letters:
-equal letters are equal sizes, as in `domain.checks.Shapes`. A table becomes the source of two functions, as
-somebody would write them by hand, so that a message costs little more than its arrays:
+A table states for every message field its type and its place in the record. Sizes are letters: equal letters
+are equal sizes, as in `domain.checks.Shapes`. Each table is compiled to two functions like hand-written ones,
+so that the cost of a message is little more than that of its arrays:
 
     def write(r, family, frame_id):
         return family.make("TrackSet", index=int(r.index), ages=flat(family, r.ages, float64))
@@ -27,12 +27,12 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
 
 Array = np.ndarray
-Values = dict[str, Any]  # of a record: by attribute, with a dot for what a part of it holds
+Values = dict[str, Any]  # values of a record by attribute; "part.attribute" for values in a part of it
 Getter = Callable[[Any], Any]
-COUNT, TIME = "count", "time"  # kinds of fields: the size of a letter, and a stamp, int ns
-LONGEST = 2**24  # of one dimension, also where another one is 0
-MOST = {"J": 4096}  # by letter: no body has more joints
-LARGEST = 1e12  # m, px, s: nobody means more, and squares of much more spoil what they are added to
+COUNT, TIME = "count", "time"  # field types: the size of a letter; a timestamp, int ns
+LONGEST = 2**24  # limit of one dimension, also if another one is 0
+MOST = {"J": 4096}  # limits by letter: no skeleton has more joints
+LARGEST = 1e12  # m, px, s; larger values are invalid, and their squares would spoil sums
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,18 @@ class Field:
     """One field of a message.
 
     Args:
-        name: in the message. "a b" are two fields for a pair in the record.
-        kind: of its values: int, float, bool, str, a numpy type of an array, `TIME`, `COUNT`, or the `Table`
-            of a message that it holds.
-        shape: letters and numbers of an array; a single letter of names and messages; the letter of a
-            `COUNT`; None: a scalar. The size of a letter that no field before has set follows from the
+        name: name in the message. "a b" are two fields for a pair in the record.
+        kind: type of its values: int, float, bool, str, a numpy type of an array, `TIME`, `COUNT`, or the
+            `Table` of a nested message.
+        shape: letters and numbers of an array; a single letter for lists of names or messages; the letter of
+            a `COUNT`; None = a scalar. If no earlier field sets a letter, its size follows from the array
             length.
-        of: attribute of the record, "" = `name`; "part.attribute" of what the record holds. A function
-            computes it: it is written only, and read for `Table.complete` alone, or where it is optional.
-        own: type of the array in the record, for records that keep arrays as they are.
-        optional: None in the record is empty in the message. A name: of the field of the message that says
-            whether this one is there, by what it is or by its length.
+        of: attribute of the record, "" = `name`; "part.attribute" for a value in a part of the record. A
+            function computes the value to write. The field is then only read if it is optional, or for
+            `Table.complete`.
+        own: array type in the record, for records that do not convert their arrays.
+        optional: None in the record is empty in the message. A name is that of the message field whose truth
+            value or length states whether this one is present.
     """
 
     name: str
@@ -62,22 +63,23 @@ class Field:
 
     @property
     def key(self) -> str:
-        """The attribute of the record."""
+        """Return the attribute of the record."""
         return self.of if isinstance(self.of, str) and self.of else self.name
 
     @property
     def letters(self) -> tuple[str | int, ...]:
-        """The sizes of the shape."""
+        """Return the sizes of the shape."""
         return tuple(int(size) if size.isdigit() else size for size in (self.shape or "").split())
 
 
 @dataclass(frozen=True)
 class Rows:
-    """An array of messages, one for every person, whose values are arrays of all people in the record.
+    """An array of messages, one per person; the record holds one array of all people for each field.
 
     Args:
-        name, message: of the field, and of what it holds.
-        fields: shapes begin with the letter of the people; without more they are scalars.
+        name: field name.
+        message: type of the nested message.
+        fields: shapes begin with the letter of the people; fields without further letters are scalars.
     """
 
     name: str
@@ -86,14 +88,16 @@ class Rows:
 
 
 class Table:
-    """How a record is written as a message.
+    """Converter between a record and its message.
 
     Args:
-        message: name. record: class.
-        header: attributes with the stamp (int ns) and with the owner in the header of the message; "" = 0,
-            and the world frame. None: it has none.
-        parts: of the record, by attribute: class, and whether it is None where its first value is empty.
-        complete: changes what was read before the record is made, and checks it.
+        message: message name.
+        record: record class.
+        header: attributes with the timestamp (int ns) and with the owner in the message header; "" = 0 and
+            the world frame. None = the message has no header.
+        parts: parts of the record by attribute: class, and whether the part is None if its first value is
+            empty.
+        complete: changes and checks the values that were read, before the record is built.
     """
 
     def __init__(
@@ -120,10 +124,10 @@ class Table:
         self.write, self._values_of = source.compiled(record, self._parts, complete is not None)
 
     def read(self, message: Any) -> Any:
-        """The record of a message.
+        """Convert a message to its record.
 
         Raises:
-            DataError: if arrays do not fit each other, or hold what cannot be.
+            DataError: if array lengths are inconsistent, or values are invalid.
         """
         if self._complete is None:
             return self._values_of(message)
@@ -138,25 +142,25 @@ class Table:
 
 
 class _Source:
-    """Source of the two functions of a table.
+    """Source code of the two functions of a table.
 
     Args:
-        optional: parts of the record that can be None.
+        optional: parts of the record that may be None.
     """
 
     def __init__(self, message: str, optional: Collection[str]):
         self._message, self._optional = message, optional
         self._names: Values = dict(_HELPERS)
         self._before_writing: list[str] = []
-        self._written: list[str] = []  # field=expression
+        self._written: list[str] = []  # "field=expression" lines
         self._reading: list[str] = []
-        self._read: list[tuple[str, str]] = []  # attribute, expression
+        self._read: list[tuple[str, str]] = []  # (attribute, expression) pairs
         self._sizes: set[str] = set()
 
     def compiled(
         self, record: type, parts: dict[str, tuple[type, bool]], gives_values: bool
     ) -> tuple[Callable[..., Any], Callable[..., Any]]:
-        """What makes the message of a record, and the record (or its values) of a message."""
+        """Compile and return the writer (record to message) and reader (message to record or its values)."""
         given = [f"{key!r}: {read}" for key, read in self._read if gives_values or "." not in key]
         for part, (kind, optional) in () if gives_values else parts.items():
             own = [(key[len(part) + 1 :], read) for key, read in self._read if key.startswith(f"{part}.")]
@@ -179,7 +183,11 @@ class _Source:
         return self._names["write"], self._names["read"]
 
     def add_header(self, names: Sequence[tuple[str, bool]]) -> None:
-        """Attributes with the stamp and the owner, and whether the record is made of them."""
+        """Add the header.
+
+        Args:
+            names: attributes with the timestamp and the owner, each with whether the record is built with it.
+        """
         if not names:
             return
         (stamp, takes_stamp), (owner, takes_owner) = names
@@ -189,10 +197,11 @@ class _Source:
         self._read += [(owner, "str(m.header.frame_id)")] * takes_owner
 
     def add(self, row: Field, plain: Sequence[Field], reads_all: bool) -> None:
-        """A field.
+        """Add a field.
 
         Args:
-            plain: all fields of the table. reads_all: also those that are computed.
+            plain: all fields of the table.
+            reads_all: also read fields that a function computes.
         """
         kind, name, what = row.kind, row.name, f"'{self._message}.{row.name}'"
         if kind == COUNT:
@@ -236,7 +245,7 @@ class _Source:
             self._read.append((row.key, read))
 
     def add_rows(self, rows: Rows, reads_all: bool) -> None:
-        """An array of messages."""
+        """Add an array of messages."""
         self._reading.append(f"    people = m.{rows.name}")
         made = []
         for row in rows.fields:
@@ -261,13 +270,13 @@ class _Source:
         self._written.append(f"{rows.name}=[{one} for k in range(count)]")
 
     def _named(self, thing: Any) -> str:
-        """The name by which the source knows a type, a table or a function."""
+        """Register a type, table or function, and return its name in the source."""
         name = f"{getattr(thing, '__name__', 'table').strip('<>')}_{len(self._names)}"
         self._names[name] = thing
         return name
 
     def _value(self, row: Field) -> str:
-        """What takes the value of a field from a record; None where the part that has it is not there."""
+        """Return the source expression of a field's value; None at run time if the record lacks the part."""
         if not isinstance(row.of, str):
             return f"{self._named(row.of)}(r)"
         part = row.key.partition(".")[0]
@@ -275,7 +284,7 @@ class _Source:
         return f"(None if r.{part} is None else {value})" if part in self._optional else value
 
     def _shape(self, letters: Sequence[str | int], length: str) -> str:
-        """Sizes by letters; that of one that is not known yet follows from the length of the array."""
+        """Return the sizes of a shape; the size of a new letter is computed from the array length."""
         new = [letter for letter in letters if isinstance(letter, str) and letter not in self._sizes]
         if new:
             known = " * ".join(str(size) for size in letters if size not in new) or "1"
@@ -285,10 +294,10 @@ class _Source:
 
 
 def shaped(values: Any, what: str, *shape: int) -> Array:
-    """A message's flat array in its shape.
+    """Return a message's flat array in its shape.
 
     Raises:
-        DataError: if it has another length, or holds finite numbers that are beyond all measure.
+        DataError: if it has another length, or holds a finite number beyond LARGEST.
     """
     array = np.asarray(values)
     if array.size != math.prod(shape):
@@ -299,13 +308,13 @@ def shaped(values: Any, what: str, *shape: int) -> Array:
 
 
 def _flat(family: Messages, values: Any, kind: Any) -> Any:
-    """What a field of unbounded length takes of an array; None is empty."""
+    """Return an array as the value of a field of unbounded length; None becomes empty."""
     array = np.zeros(0, kind) if values is None else np.ascontiguousarray(values, kind)
     return family.sequence(array.reshape(-1))
 
 
 def _fixed(family: Messages, values: Any, kind: Any) -> Any:
-    """What a field of fixed length takes of an array."""
+    """Return an array as the value of a field of fixed length."""
     return np.array(values, kind).reshape(-1)
 
 
@@ -314,16 +323,16 @@ def _size(values: Array | None, axis: int) -> int:
 
 
 def _rows(values: Array | None, kind: Any, people: int) -> Array:
-    """An array with the people in front, flat for everybody."""
+    """Return an array as (people, values of one person); None becomes empty."""
     array = np.zeros((people, 0), kind) if values is None else np.ascontiguousarray(values, kind)
     return array.reshape(people, math.prod(array.shape[1:]))
 
 
 def _count(value: Any, what: str, most: int) -> int:
-    """A size that a message states.
+    """Return a size that a message states.
 
     Raises:
-        DataError: if nothing has it.
+        DataError: if it is negative or above `most`.
     """
     count = int(value)
     if not 0 <= count <= most:
@@ -332,12 +341,18 @@ def _count(value: Any, what: str, most: int) -> int:
 
 
 def _rest(length: int, known: int, times: int) -> int:
-    """The size of an array of that length behind the known ones, where it stands so many times."""
+    """Return the size of an unknown dimension of an array.
+
+    Args:
+        length: number of values.
+        known: product of the known sizes.
+        times: how often the dimension occurs in the shape.
+    """
     return round(float((length // max(known, 1)) ** (1 / times)))
 
 
 def _stacked(found: list[Any], kind: Any, what: str, *shape: int) -> Array:
-    """An array of all people from those of each.
+    """Stack the flat arrays of all people and return them in their shape.
 
     Raises:
         DataError: as `shaped`.
@@ -351,10 +366,10 @@ def _stacked(found: list[Any], kind: Any, what: str, *shape: int) -> Array:
 
 
 def _numbers(found: list[Any], kind: Any, what: str) -> Array:
-    """A number of every person.
+    """Return one number per person as an array.
 
     Raises:
-        DataError: if the type does not hold one.
+        DataError: if the type cannot hold a number.
     """
     try:
         return np.array(found, kind)
@@ -362,7 +377,7 @@ def _numbers(found: list[Any], kind: Any, what: str) -> Array:
         raise DataError(f"{what} is {max(found, key=abs)}, which is beyond {np.dtype(kind)}") from None
 
 
-_HELPERS: Values = {  # by the names that sources know
+_HELPERS: Values = {  # helper functions by their names in the generated source
     "array": np.array,
     "asarray": np.asarray,
     "count": _count,

@@ -1,4 +1,4 @@
-"""geometry_msgs/TransformStamped, which TF carries, to rigid transforms and back."""
+"""Convert geometry_msgs/TransformStamped, the message of TF, to rigid transforms and back."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from panoptic_ros.io.messages.family import Messages
 def transform_message(
     family: Messages, stamp_ns: int, parent: str, child: str, parent_from_child: Rigid
 ) -> Any:
-    """A TransformStamped."""
+    """Build a TransformStamped."""
     w, x, y, z = to_quaternions(parent_from_child.rotation).tolist()
     position = dict(zip("xyz", map(float, parent_from_child.translation)))
     return family.make(
@@ -31,10 +31,10 @@ def transform_message(
 
 
 def read_transform(message: Any) -> tuple[str, str, Rigid]:
-    """(parent, child, parent_from_child); names without a slash before them, as TF 2 has them.
+    """Return (parent, child, parent_from_child); names have no leading slash, as in TF 2.
 
     Raises:
-        DataError: on numbers that are not finite, or a quaternion of no length.
+        DataError: on numbers that are not finite, a zero quaternion, or an empty name.
     """
     move, turn = message.transform.translation, message.transform.rotation
     numbers = np.array([move.x, move.y, move.z, turn.x, turn.y, turn.z, turn.w], float)

@@ -1,9 +1,9 @@
-"""Pose networks: their cards, the cache, fetching and converting, loading.
+"""Pose networks: model cards, cache, download, conversion and loading.
 
-A model is named by a card (config/models/*.yaml, or the user's own file). `fetch` brings the
-original files of the MoveNets, converts their TensorFlow.js graph to ONNX with the raw heads, checks
-the result against the original graph in numpy, and keeps it in the cache; `load_detector` gives the
-detection stage what it needs. Only `fetch` uses the network. Weights are never part of this package.
+A model card names a model (config/models/*.yaml, or the user's own file). `fetch` downloads the original
+files of a MoveNet and converts the TensorFlow.js graph to ONNX with the raw heads. It compares the result
+with a numpy implementation of the original graph, and stores it in the cache. `load_detector` returns the
+input of the detection stage. Only `fetch` uses the network. Weights are never part of this package.
 """
 
 from panoptic_ros.io.models.cards import DEFAULT_MODEL, CardFile, card_names, read_card

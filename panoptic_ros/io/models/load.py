@@ -1,4 +1,4 @@
-"""From the name of a model to what the detection stage takes."""
+"""Load a model by its name for the detection stage."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from panoptic_ros.io.models.fetch import expected_digest
 
 
 def load_detector(name_or_path: str = DEFAULT_MODEL) -> DetectorModel:
-    """A model by the name of its card, or by the path of a card or of an ONNX file with one beside.
+    """Load a model by the name or path of its card, or by an ONNX file with a card beside it.
 
     Raises:
-        UsageError, ConfigError: if there is no such card, or it is wrong.
-        BackendError: if the model's file is not there, is not the one that the card names, is no
-            ONNX file, or has other tensors than the card says.
+        UsageError, ConfigError: if the card does not exist, or is invalid.
+        BackendError: if the model's file is missing, has another SHA-256, is no ONNX file, or has other
+            tensors than the card.
     """
     source = read_card(name_or_path)
     model = _load(source, None)
@@ -37,7 +37,7 @@ def load_detector(name_or_path: str = DEFAULT_MODEL) -> DetectorModel:
 
 def _load(source: CardFile, finder: DetectorModel | None) -> DetectorModel:
     data = _model_bytes(source)
-    OnnxNetwork(source.card, data)  # refuses what is no ONNX file or has other tensors
+    OnnxNetwork(source.card, data)  # refuses files that are no ONNX or have other tensors
     return DetectorModel(source.card, data, finder)
 
 

@@ -1,13 +1,13 @@
-"""From MoveNet's TensorFlow.js graph to ONNX with the raw heads of the network.
+"""Convert MoveNet's TensorFlow.js graph to ONNX with the raw heads of the network.
 
-The original ends in a post-processing that gives six people and no score maps; we cut it off and
-keep the heads (Google, MoveNet model card; heads as in CenterNet, Zhou et al. 2019), decoded by
-`detection/decoders`. All that a head needs are convolutions, sums and doublings of the size.
+The original graph ends in a post-processing that returns six people and no score maps. The conversion removes
+it and keeps the heads (Google, MoveNet model card; heads as in CenterNet, Zhou et al. 2019), which
+`detection/decoders` decodes. The heads only need convolutions, sums and resizing by a factor of two.
 
-The ONNX graph takes `image` uint8 (N, H, W, 3) RGB with H and W multiples of 32 and gives, on a
-grid of stride 4: `center` (N, 1, h, w) and `heat` (N, 17, h, w) as scores in 0..1, `regress` and
-`offset` (N, 34, h, w), and for MultiPose `box_scale` and `box_offset` (N, 2, h, w), all linear, in
-cells, y before x.
+The input of the ONNX graph is `image` uint8 (N, H, W, 3) RGB, with H and W multiples of 32. Its outputs lie
+on a grid of stride 4: `center` (N, 1, h, w) and `heat` (N, 17, h, w) are scores in 0..1. `regress` and
+`offset` (N, 34, h, w), and for MultiPose `box_scale` and `box_offset` (N, 2, h, w), are linear, in cells, y
+before x.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ HEAD_SCOPES = {
 SCORES = ("center", "heat")  # these pass through a sigmoid, the others are linear
 CONVOLUTIONS = ("_FusedConv2D", "FusedDepthwiseConv2dNative", "DepthwiseConv2dNative")
 NORMALISED = "StatefulPartitionedCall/sub_1"  # the image after x / 127.5 - 1
-OPSET, IR_VERSION = 17, 8  # of 2022, so that old runtimes read it too
+OPSET, IR_VERSION = 17, 8  # versions of 2022, so that old runtimes can read the file
 
 
 def find_heads(graph: GraphModel) -> dict[str, str]:
-    """Operation of each raw head: the one linear convolution in its scope.
+    """Return the operation of each raw head: the one linear convolution in its scope.
 
     Raises:
         DataError: if the graph is no MoveNet.
@@ -59,12 +59,12 @@ def find_heads(graph: GraphModel) -> dict[str, str]:
 
 
 def convert(graph: GraphModel) -> bytes:
-    """The ONNX file; the same graph gives the same bytes with the same version of onnx.
+    """Return the ONNX file; the same graph and onnx version give the same bytes.
 
     Raises:
-        DataError: if the graph is no MoveNet or holds an operation that MoveNet has not.
+        DataError: if the graph is no MoveNet, or holds an unsupported operation.
     """
-    import onnx  # only needed to convert
+    import onnx  # only needed for the conversion
 
     heads = find_heads(graph)
     writer = _Writer(graph)
@@ -86,7 +86,7 @@ def convert(graph: GraphModel) -> bytes:
 
 
 class _Writer:
-    """Collects ONNX nodes and constants, each operation of the original once."""
+    """Builder of the ONNX nodes and constants; it writes each original operation once."""
 
     def __init__(self, graph: GraphModel):
         import onnx
@@ -109,7 +109,7 @@ class _Writer:
         return output
 
     def tensor(self, reference: str) -> str:
-        """Name of the ONNX tensor that holds the result of an operation, writing it if need be."""
+        """Return the name of the ONNX tensor of an operation's result; write the operation if needed."""
         if reference not in self.written:
             operation = self.graph.operations[reference]
             name = reference.removeprefix("StatefulPartitionedCall/")
@@ -136,7 +136,7 @@ class _Writer:
         raise DataError(f"operation {operation.kind} ({operation.name}) is not one of MoveNet's")
 
     def _normalised_image(self) -> str:
-        # Not folded into the first convolution: its zero padding comes after the normalisation.
+        # Not merged into the first convolution: its zero padding comes after the normalisation.
         self.emit("Cast", ["image"], "image_float", to=self.onnx.TensorProto.FLOAT)
         self.emit("Transpose", ["image_float"], "image_planes", perm=[0, 3, 1, 2])
         self.emit("Div", ["image_planes", "half_range"], "image_scaled")
@@ -177,10 +177,10 @@ class _Writer:
 
 
 def _same_padding(operation: Operation, kernel: tuple[int, int], strides: list[int]) -> list[int]:
-    """Padding (top, left, bottom, right) of TensorFlow's SAME.
+    """Return the padding (top, left, bottom, right) of TensorFlow's SAME.
 
-    The odd row and column go to the bottom and right. As every size is a multiple of the stride
-    (the image's of 32), the padding does not depend on the size.
+    The odd row and column go to the bottom and right. Every size is a multiple of the stride (the image's of
+    32), so the padding does not depend on the size.
     """
     if operation.attributes["padding"] != "SAME":
         return [0, 0, 0, 0]

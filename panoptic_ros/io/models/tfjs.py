@@ -1,7 +1,7 @@
-"""Reading TensorFlow.js graph models: a JSON topology and one file of weights.
+"""Read TensorFlow.js graph models: a JSON topology and one file of weights.
 
-Format: github.com/tensorflow/tfjs, tfjs-converter (model.json with `modelTopology` and
-`weightsManifest`; strings in attributes are base64; float16 weights are plain casts).
+Format: github.com/tensorflow/tfjs, tfjs-converter (model.json with `modelTopology` and `weightsManifest`).
+Strings in attributes are base64; float16 weights are plain casts.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class GraphModel:
 
 
 def parse_graph(topology: bytes, weights: bytes) -> GraphModel:
-    """The graph of a model.json and the bytes of its weights.
+    """Parse the graph from model.json and the bytes of its weights.
 
     Raises:
-        DataError: if the two do not fit each other, or are no such model.
+        DataError: if the two do not match, or are no such model.
     """
     with parsing("no TensorFlow.js graph model"):
         document = parse_json(topology, "no TensorFlow.js graph model: model.json")

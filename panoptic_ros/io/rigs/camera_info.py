@@ -1,15 +1,15 @@
-"""A folder of ROS calibration files, <camera>.yaml, and poses.yaml.
+"""Read and write a folder of ROS calibration files, <camera>.yaml, and poses.yaml.
 
-<camera>.yaml is what camera_calibration and camera_info_manager write: image_width, image_height,
-camera_matrix, distortion_model (see `io.distortion_models`), distortion_coefficients. ROS has no file for
-the poses, so this package defines one, poses.yaml:
+<camera>.yaml is the format of camera_calibration and camera_info_manager: image_width, image_height,
+camera_matrix, distortion_model (see `io.distortion_models`), distortion_coefficients. ROS has no file format
+for the poses, so this package defines one, poses.yaml:
 
     frame_id: world
     poses:
       cam01: {translation: [x, y, z], rotation: [x, y, z, w]}
 
-Each is the pose of the camera's optical frame (x right, y down, z forward) in `frame_id`, metres
-and a quaternion: what `tf2_echo world cam01_optical_frame` prints.
+Each entry is the pose of the camera's optical frame (x right, y down, z forward) in `frame_id`, in metres and
+as a quaternion. `tf2_echo world cam01_optical_frame` prints the same.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ POSES = "poses.yaml"
 
 
 def recognises(folder: Path) -> bool:
-    """Whether a folder has a poses.yaml."""
+    """Return whether a folder has a poses.yaml."""
     return (folder / POSES).is_file()
 
 
 def parse(folder: Path, options: ReadOptions) -> Rig:
-    """Read a rig from the folder, cameras in the order of poses.yaml; those without a pose are left out.
+    """Read a rig from the folder, cameras in the order of poses.yaml; cameras without a pose are left out.
 
     Raises:
         DataError: if a file cannot be read or is no YAML.
@@ -84,7 +84,7 @@ def _unposed() -> Camera:
 
 
 def _is_camera(path: Path) -> bool:
-    """Return whether a file calibrates a camera; one that is broken does not."""
+    """Return whether a file is a camera calibration; a broken file is none."""
     try:
         document = read_yaml(path)
     except DataError:
@@ -96,7 +96,7 @@ def _camera(folder: Path, name: str, pose: Any, taken: Taken) -> Camera:
     where = f"{name}.yaml"
     if not (folder / where).is_file():
         raise CalibrationError(f"camera {name} has no {where}, although {POSES} has its pose")
-    from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
+    from scipy.spatial.transform import Rotation  # slow to import, and most runs do not need it
 
     pose_at = f"{POSES}: {name}"
     translation = pose_numbers(pose, "translation", pose_at, (3,))
@@ -130,12 +130,12 @@ def _camera(folder: Path, name: str, pose: Any, taken: Taken) -> Camera:
 
 
 def dump(rig: Rig) -> dict[str, str]:
-    """The files of the folder: names and texts.
+    """Return the files of the folder: texts by file name.
 
     Raises:
-        UsageError: if a camera's name cannot be that of a file.
+        UsageError: if a camera's name cannot be a file name.
     """
-    from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
+    from scipy.spatial.transform import Rotation  # slow to import, and most runs do not need it
 
     files, poses = {}, {}
     for item in rig.cameras:

@@ -1,13 +1,13 @@
-"""JSON lists of cameras of other programs.
+"""Read JSON lists of cameras of other programs, and write the format of CMU Panoptic Studio.
 
-CMU Panoptic Studio calibration_<sequence>.json: centimetres, y down, floor at y = 0. 480 VGA, 31 HD and 10
-Kinect cameras in one list; `types` ("vga", "hd", "kinect-color") and `panels` choose among them. Converted to
-metres and z up, once, here.
+CMU Panoptic Studio calibration_<sequence>.json: centimetres, y down, floor at y = 0. One list holds 480 VGA,
+31 HD and 10 Kinect cameras. The options `types` ("vga", "hd", "kinect-color") and `panels` select among them.
+This module converts to metres and z up.
 
 calibration.json of data packs: a list of cameras and a stated unit of length; only read. Shelf, Campus and
-others are handed on like this: `unit` or `units` (m, cm, mm), then per camera K, R, t, optionally distortion;
-sizes as width and height, resolution or image_size. A document with `to_z_up` has the world of CMU Panoptic,
-y down.
+others are distributed in it. It holds `unit` or `units` (m, cm, mm), then per camera K, R, t and optionally
+distortion. Image sizes are width and height, resolution or image_size. A document with `to_z_up` has the
+world frame of CMU Panoptic, y down.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ CENTIMETRES = METRES["cm"]
 
 
 def is_panoptic(document: Any) -> bool:
-    """Whether a JSON document is one: cameras with distCoef, and no unit stated."""
+    """Return whether a JSON document is of CMU Panoptic Studio: cameras with distCoef, and no stated unit."""
     cameras = document.get("cameras")
     stated = {"format", "unit", "units"} & set(document)
     return (
@@ -53,7 +53,7 @@ def is_panoptic(document: Any) -> bool:
 
 
 def parse_panoptic(document: Any, options: ReadOptions) -> Rig:
-    """A rig from the JSON document.
+    """Build a rig from the JSON document.
 
     Raises:
         CalibrationError: naming the camera and the key.
@@ -84,7 +84,7 @@ def _panoptic_camera(name: str, item: Any, taken: Taken) -> Camera:
 
 
 def dump(rig: Rig) -> str:
-    """The document as text; panels that are numbers are written as numbers."""
+    """Return the document as text; numeric panel names are written as numbers."""
     items = []
     for item in rig.cameras:
         matrix, distortion, _, _ = parameters(item)
@@ -106,7 +106,7 @@ def dump(rig: Rig) -> str:
 
 
 def is_pack(document: Any) -> bool:
-    """Whether a JSON document is one: a unit and a list of cameras with K, R and t."""
+    """Return whether a JSON document is of a data pack: a unit and a list of cameras with K, R and t."""
     cameras = document.get("cameras")
     stated = "unit" in document or "units" in document
     return (
@@ -118,7 +118,7 @@ def is_pack(document: Any) -> bool:
 
 
 def parse_pack(document: Any, options: ReadOptions) -> Rig:
-    """A rig from the JSON document.
+    """Build a rig from the JSON document.
 
     Raises:
         CalibrationError: naming the camera and the key.

@@ -1,4 +1,4 @@
-"""From a file to its content, whatever its name: JSON, XML, TOML, lines of numbers, other text, a folder."""
+"""Parse a file by its content, not its name: JSON, XML, TOML, lines of numbers, other text, or a folder."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from panoptic_ros.errors import CalibrationError, DataError
 from panoptic_ros.io.documents import LARGEST_TABLES, decoded, parse_json, parse_toml, parse_xml
 from panoptic_ros.io.loading import read_unpacked
 
-FILE = "the file"  # in messages; the caller names it
-TABLE = re.compile(r"^\s*\[[\w. \"'-]+\]\s*(#.*)?$", re.MULTILINE)  # as the tables of TOML begin
+FILE = "the file"  # in messages; the caller adds the name
+TABLE = re.compile(r"^\s*\[[\w. \"'-]+\]\s*(#.*)?$", re.MULTILINE)  # header line of a TOML table
 
 
 @dataclass(frozen=True)
 class Document:
-    """Parsed content: a dict (json, toml), an XML root element, the numbers of each line, other text, or the
-    path of a folder."""
+    """Parsed content of a file.
+
+    It is a dict (json, toml), an XML root element, the numbers of each line, other text, or the path of a
+    folder.
+    """
 
     syntax: Literal["json", "xml", "toml", "numbers", "text", "folder"]
     content: Any
@@ -29,7 +32,7 @@ def load_document(path: Path) -> Document | None:
 
     Raises:
         DataError: if it cannot be read.
-        CalibrationError: if it begins like one of them and is broken later.
+        CalibrationError: if it begins like JSON, XML or TOML, but is broken.
     """
     if path.is_dir():
         return Document("folder", path)
@@ -54,7 +57,7 @@ def load_document(path: Path) -> Document | None:
 
 
 def _rows(text: str) -> list[list[float]] | None:
-    """The numbers of every line; None if there is anything else, or nothing."""
+    """Return the numbers of every line; None if the text holds anything else, or nothing."""
     try:
         rows = [[float(word) for word in line.split()] for line in text.splitlines()]
     except ValueError:

@@ -1,4 +1,4 @@
-"""Taking cameras apart and together: checked numbers from documents that somebody else wrote."""
+"""Read cameras from the fields of a document with checks of every number, and get a camera's fields."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.distortion_models import OPENCV, read_lens
 
 Array = np.ndarray
-METRES = {"m": 1.0, "cm": 100.0, "mm": 1000.0}  # how many of the unit are one metre
+METRES = {"m": 1.0, "cm": 100.0, "mm": 1000.0}  # units per metre
 
 LONGEST_SIDE = 100_000  # px of an image; the sensors of line cameras have 16 000
-NOTHING = ("", "nan", "none", "null")  # values of a pose that is not known, in files of some programs
+NOTHING = ("", "nan", "none", "null")  # values that some programs write for an unknown pose
 
-# The world of CMU Panoptic: y down, floor at y = 0. Ours: z up. x_theirs = Z_UP_TO_Y_DOWN @ x_ours.
+# World frame of CMU Panoptic: y down, floor at y = 0. Our world frame: z up. x_theirs = Z_UP_TO_Y_DOWN @
+# x_ours.
 Z_UP_TO_Y_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 class LeftOut(CalibrationError):
-    """A camera that a reader leaves out and names, as its file does not calibrate it."""
+    """The file does not calibrate a camera; the reader leaves it out and names it."""
 
 
 def entry(mapping: Any, key: str, where: str) -> Any:
-    """The value of a key that must be there.
+    """Return the value of a required key.
 
     Raises:
-        CalibrationError: if it is not, or `mapping` is none.
+        CalibrationError: if the key is missing, or `mapping` is no mapping.
     """
     if not isinstance(mapping, Mapping):
         raise CalibrationError(f"{where} is a {type(mapping).__name__}, expected a table with {shown(key)}")
@@ -42,10 +43,10 @@ def entry(mapping: Any, key: str, where: str) -> Any:
 
 
 def numbers(mapping: Any, key: str, where: str, *shapes: tuple[int, ...]) -> Array:
-    """An array of finite numbers of one of the shapes; -1 stands for any size.
+    """Return an array of finite numbers with one of the shapes; -1 = any size.
 
     Raises:
-        CalibrationError: naming the place, the key and what is wrong.
+        CalibrationError: naming the place, the key and the fault.
     """
     value = entry(mapping, key, where)
     try:
@@ -62,10 +63,10 @@ def numbers(mapping: Any, key: str, where: str, *shapes: tuple[int, ...]) -> Arr
 
 
 def pose_numbers(mapping: Any, key: str, where: str, *shapes: tuple[int, ...]) -> Array:
-    """Read an array as `numbers` does, of the pose of a camera.
+    """Read an array of a camera pose, as `numbers` does.
 
     Raises:
-        LeftOut: if it is not there, or written as unknown.
+        LeftOut: if it is missing, or written as unknown.
         CalibrationError: as `numbers`.
     """
     value = mapping.get(key) if isinstance(mapping, Mapping) else mapping
@@ -76,15 +77,15 @@ def pose_numbers(mapping: Any, key: str, where: str, *shapes: tuple[int, ...]) -
 
 
 def _flat(value: Any) -> list[Any]:
-    """Return the values of nested lists, however deep."""
+    """Return the values of nested lists of any depth."""
     return [item for part in value for item in _flat(part)] if isinstance(value, list) else [value]
 
 
 def per_metre(unit: Any, where: str) -> float:
-    """How many of a stated unit of length make a metre.
+    """Return how many of a stated unit of length are one metre.
 
     Raises:
-        CalibrationError: if it is none that we know.
+        CalibrationError: if the unit is unknown.
     """
     if not isinstance(unit, str) or unit not in METRES:
         known = ", ".join(METRES)
@@ -97,10 +98,10 @@ def _fits(array: Array, shape: tuple[int, ...]) -> bool:
 
 
 def up_of(mapping: Mapping[str, Any], where: str, default: Direction | None) -> Direction | None:
-    """Return the direction under the key "up" that need not be there; null: not known.
+    """Return the direction of the optional key "up"; null = unknown.
 
     Raises:
-        CalibrationError: if it is something else.
+        CalibrationError: if it is no direction.
     """
     if "up" not in mapping:
         return default
@@ -108,7 +109,7 @@ def up_of(mapping: Mapping[str, Any], where: str, default: Direction | None) -> 
 
 
 def whole_number(value: Any, what: str) -> int:
-    """A positive whole number, also if written as 1088.0.
+    """Check a positive integer number of pixels; 1088.0 is accepted, too.
 
     Raises:
         CalibrationError: otherwise.
@@ -123,7 +124,7 @@ def whole_number(value: Any, what: str) -> int:
 
 
 def image_size(mapping: Any, key: str, where: str) -> tuple[int, int]:
-    """A list [width, height] of whole pixels."""
+    """Read an image size [width, height] in whole pixels."""
     width, height = numbers(mapping, key, where, (2,))
     return (
         whole_number(float(width), f"{where}: width in {shown(key)}"),
@@ -132,7 +133,7 @@ def image_size(mapping: Any, key: str, where: str) -> tuple[int, int]:
 
 
 def name_of(mapping: Any, key: str, where: str) -> str:
-    """A name: text that is not empty, or a whole number.
+    """Read a name: non-empty text, or an integer.
 
     Raises:
         CalibrationError: otherwise.
@@ -146,7 +147,7 @@ def name_of(mapping: Any, key: str, where: str) -> str:
 
 
 def text_of(mapping: Mapping[str, Any], key: str, where: str) -> str:
-    """Text or a whole number under a key that need not be there; "" without it.
+    """Read text or an integer from an optional key; "" if it is missing.
 
     Raises:
         CalibrationError: if it is something else.
@@ -162,7 +163,7 @@ def text_of(mapping: Mapping[str, Any], key: str, where: str) -> str:
 
 
 def number_of(mapping: Mapping[str, Any], key: str, where: str, default: float) -> float:
-    """A number under a key that need not be there.
+    """Read a number from an optional key.
 
     Raises:
         CalibrationError: if it is something else.
@@ -176,7 +177,7 @@ def number_of(mapping: Mapping[str, Any], key: str, where: str, default: float) 
 
 
 def listing(mapping: Any, key: str, where: str) -> list[Any]:
-    """A list that is not empty.
+    """Read a non-empty list.
 
     Raises:
         CalibrationError: otherwise.
@@ -198,11 +199,12 @@ def camera(
     tell: Callable[[str, str], None] | None = None,
     **stated: Any,
 ) -> Camera:
-    """A camera from its numbers, K (3, 3) px, cam_from_world in m.
+    """Build a camera from K (3, 3) px and cam_from_world in m.
 
     Args:
-        model: name of the distortion's, see `read_lens`. tell: called with the name and a line about what was
-            assumed. stated: what `Camera` can hold besides.
+        model: name of the distortion model, see `read_lens`.
+        tell: called with the camera's name and a notice about an assumption.
+        stated: further fields of `Camera`.
 
     Raises:
         CalibrationError: naming the camera.
@@ -221,6 +223,6 @@ def camera(
 
 
 def parameters(camera: Camera) -> tuple[list[list[float]], list[float], list[list[float]], list[float]]:
-    """K, distortion, R and t of a camera as lists."""
+    """Return K, distortion, R and t of a camera as lists."""
     pose, lens = camera.cam_from_world, camera.intrinsics
     return lens.matrix.tolist(), lens.distortion.tolist(), pose.rotation.tolist(), pose.translation.tolist()

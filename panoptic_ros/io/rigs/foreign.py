@@ -1,4 +1,4 @@
-"""Calibrations of other programs that are not read, recognised so that messages can name them."""
+"""Recognise calibrations of other programs that cannot be read, so that error messages can name them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Test = Callable[[Any], bool]
 
 
 def _tables_with(*keys: str) -> Test:
-    """Make a test of whether a document is a table of tables that have these keys."""
+    """Return a test of whether a document is a table of tables that have these keys."""
 
     def test(document: Any) -> bool:
         rows = list(document.values()) if isinstance(document, dict) else []
@@ -26,16 +26,16 @@ def _tables_with(*keys: str) -> Test:
 
 
 def _with(*keys: str) -> Test:
-    """Make a test of whether a document is a table that has these keys."""
+    """Return a test of whether a document is a table that has these keys."""
     return lambda document: isinstance(document, dict) and set(keys) <= set(document)
 
 
 def _text(*patterns: str) -> Test:
-    """Make a test of whether a text has lines that begin like all of the patterns."""
+    """Return a test of whether a text has, for each pattern, a line that begins with it."""
     return lambda text: all(re.search(f"^{pattern}", text, re.MULTILINE) for pattern in patterns)
 
 
-# Names, syntaxes of `Document`, and tests of the content; the first that matches counts.
+# Name, syntax of `Document`, and test of the content; the first match counts.
 FORMATS: tuple[tuple[str, str, Test], ...] = (
     (
         "a calibration of EasyMocap (intri.yml and extri.yml)",
@@ -73,7 +73,7 @@ FORMATS: tuple[tuple[str, str, Test], ...] = (
 
 
 def foreign_format(document: Document | None) -> str | None:
-    """Return the name of the format of a document, if it is one of another program."""
+    """Return the name of a document's format, if it is one of another program."""
     if document is None:
         return None
     for name, syntax, test in FORMATS:

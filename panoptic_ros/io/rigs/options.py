@@ -1,4 +1,4 @@
-"""Options of the readers of rigs, and the cameras of a file that they take."""
+"""Options of the rig readers, and the selection of a file's cameras."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from panoptic_ros.domain.rig import lines_of
 from panoptic_ros.errors import CalibrationError, UsageError, shown
 from panoptic_ros.io.rigs.fields import METRES, LeftOut, listing
 
-FAR_APART = 200.0  # m between cameras of one rig; beyond, the unit is surely another
+FAR_APART = 200.0  # m between cameras of one rig; a larger span means that the unit is another one
 
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """See `read_rig`.
+    """Options of a rig reader, see `read_rig`.
 
     Raises:
         UsageError: for an unknown unit.
@@ -34,11 +34,11 @@ class ReadOptions:
             raise UsageError(f"unknown unit of length {shown(self.unit)}; units are {', '.join(METRES)}")
 
     def given(self) -> set[str]:
-        """Return the options that are given and that not every format has."""
+        """Return the given options among those that only some formats support."""
         return {name for name in ("unit", "types", "panels") if getattr(self, name)}
 
     def wants(self, item: Any) -> bool:
-        """Whether a camera of a JSON list is of a wanted type and panel."""
+        """Return whether a camera of a JSON list has a selected type and panel."""
         if not isinstance(item, Mapping):
             return True
         right_type = not self.types or item.get("type") in self.types
@@ -46,7 +46,7 @@ class ReadOptions:
 
 
 class Taken:
-    """The cameras of a file, as they are read: only those that are chosen and can be used."""
+    """Cameras read from a file: only those that are selected and usable."""
 
     def __init__(self, options: ReadOptions):
         self._chosen = options.cameras
@@ -55,7 +55,7 @@ class Taken:
         self._told: list[tuple[str, str]] = []
 
     def take(self, name: str, make: Callable[[], Camera]) -> None:
-        """Take a camera, unless another is chosen or it raises `LeftOut`."""
+        """Add a camera, unless it is not selected or `make` raises `LeftOut`."""
         if self._chosen is not None and name not in self._chosen:
             self._left_out[name] = ""
             return
@@ -65,14 +65,14 @@ class Taken:
             self._left_out[name] = str(error)
 
     def tell(self, name: str, text: str) -> None:
-        """Tell something about a camera."""
+        """Add a notice about a camera."""
         self._told.append((name, text))
 
     def rig(self, frame_id: str = "world") -> Rig:
         """Return the rig.
 
         Raises:
-            CalibrationError: if no camera is left, or one that was chosen cannot be used or is not there.
+            CalibrationError: if no camera is usable, or a selected camera is unusable or missing.
         """
         self._check_chosen()
         if not self._cameras:
@@ -96,11 +96,11 @@ class Taken:
 
 
 def chosen_cameras(document: Any, options: ReadOptions) -> list[tuple[int, Any]]:
-    """Return the cameras of a JSON document that are of a wanted type and panel, with their numbers.
+    """Return the cameras of a JSON document with a selected type and panel, with their indices.
 
     Raises:
         CalibrationError: if it has no list of cameras.
-        UsageError: if the selection, which is a mistake then, leaves none; naming the types that there are.
+        UsageError: if the selection leaves no camera; it names the existing types.
     """
     items = listing(document, "cameras", "the file")
     chosen = [(k, item) for k, item in enumerate(items) if options.wants(item)]
@@ -111,10 +111,10 @@ def chosen_cameras(document: Any, options: ReadOptions) -> list[tuple[int, Any]]
 
 
 def check_unit(rig: Rig, options: ReadOptions) -> Rig:
-    """The rig, if the metres of a file that states no unit can be metres.
+    """Check that a rig without a stated unit can be in metres, and return it.
 
     Raises:
-        CalibrationError: if its cameras lie too far apart.
+        CalibrationError: if its cameras are more than FAR_APART apart.
     """
     centres = np.stack([camera.centre for camera in rig.cameras])
     span = float(np.ptp(centres, axis=0).max())

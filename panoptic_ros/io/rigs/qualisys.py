@@ -1,10 +1,10 @@
-"""Qualisys Track Manager calibration, .qca.txt (XML).
+"""Read and write Qualisys Track Manager (QTM) calibrations, .qca.txt (XML).
 
-Lengths are millimetres, z up. The rotation maps the world to camera axes x right, y up, z backward;
-x, y, z is the camera's position. Focal lengths and principal point are in 1/64 px, the latter on
-the whole sensor, of which `fov_video` is the part that was filmed. The distortion coefficients
-are those of the normalised image, as in OpenCV. QTM shows images turned clockwise by `viewrotation` degrees;
-its videos and calibrations are those of the camera as it stands, and z is up.
+Lengths are in millimetres, z is up. The rotation maps the world to camera axes x right, y up, z backward; x,
+y, z is the camera's position. Focal lengths and principal point are in 1/64 px. The principal point refers to
+the whole sensor; `fov_video` is the filmed part of it. The distortion coefficients are those of the
+normalised image, as in OpenCV. QTM shows images rotated clockwise by `viewrotation` degrees. Its videos and
+calibrations are without this rotation.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ LENS = [
     "tangentalDistortion2",
     "radialDistortion3",
 ]
-USUAL_LINES = 1080  # default of a whole sensor: Miqus Video and Oqus 2c
+USUAL_LINES = 1080  # default lines of a whole sensor: Miqus Video and Oqus 2c
 FORMATS = (480, 540, 720, 1080, 1440, 2160)  # lines of video formats; a sensor has up to 15 rows more
 BLOCK = 16  # rows: sensors of 1080 lines have 1088 rows
-MARKER_MODELS = r"miqus m\d|arqus"  # which give no video
-OTHER_MODELS = r"oqus"  # which give no video where files have an empty video_resolution
-SENSOR = ("fov_marker_max", "fov_video_max")  # windows that are as large as the sensor
+MARKER_MODELS = r"miqus m\d|arqus"  # marker cameras, which record no video
+OTHER_MODELS = r"oqus"  # cameras without video if their video_resolution is empty
+SENSOR = ("fov_marker_max", "fov_video_max")  # windows of the size of the sensor
 
 
 def recognises(root: Any) -> bool:
-    """Whether an XML root element is such a calibration."""
+    """Return whether an XML root element is a QTM calibration."""
     return root.tag == "calibration" and root.find("cameras/camera/transform") is not None
 
 
 def parse(root: Any, options: ReadOptions) -> Rig:
-    """Read a rig from the XML root, without cameras that are not active, not calibrated or without video.
+    """Read a rig from the XML root, without cameras that are inactive, uncalibrated or without video.
 
     Raises:
         CalibrationError: naming the camera and the attribute.
@@ -92,7 +92,7 @@ def _camera(name: str, item: Any, taken: Taken) -> Camera:
 
 
 def _filmed(item: Any, where: str) -> list[float]:
-    """First and last column and row of the sensor that were filmed: left, top, right, bottom."""
+    """Return the filmed range of the sensor as first and last column and row: left, top, right, bottom."""
     if item.find("fov_video") is not None:
         return _values(item, "fov_video", ["left", "top", "right", "bottom"], where)
     columns, rows = _values(item, "intrinsic", ["sensorMaxU", "sensorMaxV"], where)
@@ -100,10 +100,10 @@ def _filmed(item: Any, where: str) -> list[float]:
 
 
 def _video_lines(item: Any, where: str) -> int:
-    """Return the lines of the video format, from e.g. video_resolution="720p"; 0 = it is not stated.
+    """Return the lines of the video format, from e.g. video_resolution="720p"; 0 = not stated.
 
     Raises:
-        LeftOut: of a marker camera, which has no video.
+        LeftOut: for a marker camera, which has no video.
         CalibrationError: if it is something else.
     """
     text, model = item.get("video_resolution"), item.get("model", "").strip()
@@ -123,10 +123,10 @@ def _video_lines(item: Any, where: str) -> int:
 def _sensor_lines(item: Any, lines: int, where: str) -> int:
     """Return the lines of a video of the whole sensor, which is wider than high.
 
-    It is `USUAL_LINES` where the file has neither the sensor's size nor a window as high as the video.
+    The default is `USUAL_LINES`, if the file has neither the sensor's size nor a window as high as the video.
 
     Args:
-        lines: of the video.
+        lines: lines of the video.
     """
     windows = [tag for tag in SENSOR if item.find(tag) is not None]
     shorter = [min(_values(item, tag, ["right", "bottom"], where)) + 1.0 for tag in windows]
@@ -141,7 +141,7 @@ def _sensor_lines(item: Any, lines: int, where: str) -> int:
 
 
 def _format_of(rows: int) -> int:
-    """Return the lines of the video format for a number of rows."""
+    """Return the lines of the video format for a number of sensor rows."""
     return next((lines for lines in FORMATS if lines <= rows < lines + BLOCK), rows)
 
 
@@ -163,13 +163,13 @@ def _values(item: Any, tag: str, keys: list[str], where: str) -> list[float]:
 
 
 def dump(rig: Rig) -> str:
-    """The XML as text."""
+    """Return the XML as text."""
     root = ElementTree.Element("calibration", {"type": "regular", "source": "panoptic_ros"})
     cameras = ElementTree.SubElement(root, "cameras")
     for item in rig.cameras:
         matrix = item.intrinsics.matrix * SUBPIXELS
         pose, (width, height) = item.cam_from_world, item.image_size
-        # Solved rather than transposed: a rotation rounded to six digits still gives t back.
+        # Solved instead of transposed, so that a rotation rounded to six digits reproduces t.
         centre = np.linalg.solve(pose.rotation, -pose.translation) * MILLIMETRES
         turned = (FLIP @ pose.rotation).reshape(-1)
         k1, k2, p1, p2, k3 = item.intrinsics.distortion

@@ -1,4 +1,4 @@
-"""Which formats of rigs there are; reading by content, writing by name; the rig of a capture folder."""
+"""Registry of the rig formats: read by content, write by format name, find the rig of a capture folder."""
 
 from __future__ import annotations
 
@@ -30,18 +30,19 @@ from panoptic_ros.io.rigs.options import ReadOptions
 
 @dataclass(frozen=True)
 class _Format:
-    """One format.
+    """One rig format.
 
     Args:
         name: as in `write_rig(format=...)`.
-        title: for messages.
-        syntax: of `Document`.
-        recognises: whether parsed content is of this format.
-        parse: content and options to a rig.
-        dump: rig to text, or to several files' names and texts; None if it is only read.
-        uses: the options that mean something to it.
-        holds: which of `_EXTRAS` it can hold.
-        keys: that are known, see `tell_unknown`; None of XML and numbers, and of folders, which tell it.
+        title: name in messages.
+        syntax: syntax of `Document`.
+        recognises: returns whether parsed content is of this format.
+        parse: converts content and options to a rig.
+        dump: converts a rig to text, or to texts by file name; None = read only.
+        uses: options that the format supports.
+        holds: entries of `_EXTRAS` that the format can store.
+        keys: known keys, see `tell_unknown`; None for XML and numbers, and for folders, which check their
+            own.
     """
 
     name: str
@@ -59,7 +60,7 @@ def _has_many(camera: Camera) -> bool:
     return camera.intrinsics.lens == "brown" and len(camera.intrinsics.distortion) > 5
 
 
-# The keys that formats in JSON and TOML know; a file with others is told, see `known_keys`.
+# Known keys of the JSON and TOML formats; others cause a warning, see `known_keys`.
 _CAMERA = "name image_size K distortion R t type panel clock lens line_delay_us covariance"
 RIG_JSON = keys(
     "format units frame_id up",
@@ -68,17 +69,18 @@ RIG_JSON = keys(
 )
 PANOPTIC = keys("calibDataSource", cameras=[keys("name type panel node resolution lens K distCoef R t")])
 _PACKED = "name id K R t distortion distCoef distortion_model resolution image_size width height type panel"
-PACK = keys(f"format unit units to_z_up {OTHERS}", cameras=[keys(f"{_PACKED} {OTHERS}")])  # of many origins
+# these files have many origins
+PACK = keys(f"format unit units to_z_up {OTHERS}", cameras=[keys(f"{_PACKED} {OTHERS}")])
 
 _LENS = "size matrix distortions distortion_model rotation translation fisheye"
 ANIPOSELIB = {
-    "metadata": keys(f"adjusted error unit up {OTHERS}"),  # any notes of the person who calibrated
+    "metadata": keys(f"adjusted error unit up {OTHERS}"),  # may hold any notes about the calibration
     EACH: keys(f"name {_LENS} extra_dist"),
 }
 _CALISCOPE = "cam_id port name rotation_count error exposure grid_count ignore verified_resolutions"
 CALISCOPE = keys(OTHERS, cameras={EACH: keys(f"{_CALISCOPE} {_LENS}")})
 
-# What not every format holds, and whether a rig has it.
+# Features that not every format can store, and a test whether a rig has them.
 _EXTRAS: dict[str, Callable[[Rig], bool]] = {
     "fisheyes": lambda rig: any(camera.intrinsics.lens == "fisheye" for camera in rig.cameras),
     "cameras with more than five terms of distortion": lambda rig: any(map(_has_many, rig.cameras)),
@@ -90,7 +92,7 @@ _EXTRAS: dict[str, Callable[[Rig], bool]] = {
     "depth_sensors": lambda rig: bool(rig.depth_sensors),
     "up": lambda rig: rig.up is not None and rig.up != Z_UP,
 }
-_LENSES = frozenset(list(_EXTRAS)[:2])  # without which a rig would be another one
+_LENSES = frozenset(list(_EXTRAS)[:2])  # features without which the rig would be wrong
 _SELECTION = frozenset({"types", "panels"})
 _FORMATS = (
     _Format(
@@ -184,20 +186,20 @@ def read_rig(
     panels: Sequence[int] = (),
     cameras: Sequence[str] | None = None,
 ) -> Rig:
-    """A rig from a file or folder in any of the formats of this package, recognised by content.
+    """Read a rig from a file or folder in any supported format, detected by content.
 
     Args:
-        unit: m, cm or mm, for TOML files, which do not state theirs; None takes them for metres
-            unless the cameras would be absurdly far apart.
-        types, panels: only these cameras, for formats that know them (rig.json; CMU Panoptic JSON: vga,
-            hd, kinect-color; panels 0 to 20).
-        cameras: only these; the others are not even looked at. None: all that can be used, and
-            `Rig.left_out` names the others.
+        unit: m, cm or mm, for TOML files, which do not state theirs. None = metres, unless the cameras would
+            then be too far apart.
+        types, panels: select cameras, for formats that state them (rig.json; CMU Panoptic JSON: vga, hd,
+            kinect-color; panels 0 to 20).
+        cameras: select cameras by name; others are not parsed. None = all usable cameras; `Rig.left_out`
+            names the others.
 
     Raises:
         DataError: if it cannot be read.
-        CalibrationError: if the format is unknown or the content cannot be right; names the file.
-        UsageError: for options that mean nothing to the format, or leave no camera.
+        CalibrationError: if the format is unknown or the content is invalid; names the file.
+        UsageError: for options that the format does not support, or that leave no camera.
     """
     path = Path(path)
     options = ReadOptions(unit, tuple(types), tuple(panels), None if cameras is None else tuple(cameras))
@@ -216,7 +218,7 @@ def read_rig(
 
 
 def is_rig(document: Document | None) -> bool:
-    """Whether some format recognises the document."""
+    """Return whether a format recognises the document."""
     return any(_recognised(item, document) for item in _FORMATS)
 
 
@@ -235,18 +237,18 @@ def _format_of(document: Document | None) -> _Format:
 
 
 def write_rig(path: Path | str, rig: Rig, format: str | None = None) -> tuple[str, ...]:
-    """Write a rig, whole or not at all.
+    """Write a rig completely or not at all.
 
     Args:
-        format: one of `WRITABLE`; None takes it from the name: *.qca.txt is Qualisys, *.toml
-            aniposelib, *.json rig.json, and a name without suffix is a folder of camera_info files.
+        format: one of `WRITABLE`. None = by the name: *.qca.txt is Qualisys, *.toml aniposelib, *.json
+            rig.json, and a name without suffix is a folder of camera_info files.
 
     Returns:
-        what the rig states and the format cannot hold, e.g. "clock", "depth_sensors".
+        features of the rig that the format cannot store, e.g. "clock", "depth_sensors".
 
     Raises:
-        UsageError: for an unknown format, or one that cannot hold a lens of the rig.
-        EnvironmentProblem: if it cannot be written, or the folder is there already and not empty.
+        UsageError: for an unknown format, or one that cannot store a lens of the rig.
+        EnvironmentProblem: if it cannot be written, or the folder exists already and is not empty.
     """
     path = Path(path)
     name = format or _by_name(path)
@@ -287,14 +289,14 @@ def _write_folder(path: Path, files: dict[str, str]) -> None:
 
 
 SUFFIXES = (".json", ".json.gz", ".toml", ".qca.txt", ".xml", ".cal")
-FOREIGN = (".yml", ".yaml", ".txt", ".xcp")  # of calibrations that are not read
-FOLDERS = ("calib",)  # beginnings of their names, without case
+FOREIGN = (".yml", ".yaml", ".txt", ".xcp")  # suffixes of calibrations that cannot be read
+FOLDERS = ("calib",)  # prefixes of folder names, without case
 
 
 def find_rig(folder: Path) -> Path:
-    """rig.json if there is one, else the only file (or camera_info folder) that is a rig.
+    """Return rig.json if it exists, else the only file (or camera_info folder) that is a rig.
 
-    Looks in the folder itself and in folders like `calibration/`.
+    The search includes the folder itself and subfolders such as `calibration/`.
 
     Raises:
         DataError: if there is none.
@@ -323,7 +325,7 @@ def _files(place: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
 
 
 def _faults(places: list[Path]) -> list[str]:
-    """Describe the first file that is a broken rig, or one of another program; [] if there is none."""
+    """Describe the first file that is a broken rig or one of another program; [] if there is none."""
     for path in (path for place in places for path in _files(place, (*SUFFIXES, *FOREIGN))):
         try:
             with parsing(path, CalibrationError):
@@ -336,7 +338,7 @@ def _faults(places: list[Path]) -> list[str]:
 
 
 def _is_rig(path: Path) -> bool:
-    """Return whether a file is a rig; one that is broken is none here."""
+    """Return whether a file is a rig; a broken file is none."""
     try:
         with parsing(path, CalibrationError):
             return is_rig(load_document(path))

@@ -1,4 +1,4 @@
-"""rig.json, "panoptic-rig-1": our own plain format, exact to the bit."""
+"""Read and write rig.json, "panoptic-rig-1": our own plain format, exact to the bit."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from panoptic_ros.io.rigs.fields import (
 from panoptic_ros.io.rigs.options import ReadOptions, Taken, chosen_cameras
 
 FORMAT = "panoptic-rig-1"
-UNIT_M = 0.001  # of depth sensors that do not state theirs
+UNIT_M = 0.001  # m per depth unit, for depth sensors that do not state theirs
 
 
 def parse(document: Any, options: ReadOptions) -> Rig:
-    """A rig from the JSON document.
+    """Build a rig from the JSON document.
 
     Raises:
         CalibrationError: naming the camera and the key.
@@ -103,7 +103,7 @@ def _depth_sensor(index: int, item: Any, taken: Taken) -> DepthSensor:
 
 
 def dump(rig: Rig) -> str:
-    """The document as text, one line per camera."""
+    """Return the document as text, one line per camera."""
     frame = "" if rig.frame_id == "world" else f' "frame_id": {json.dumps(rig.frame_id)},'
     up = "" if rig.up == Z_UP else f' "up": {json.dumps(rig.up)},'
     head = f'{{"format": "{FORMAT}", "units": "m",{frame}{up} "cameras": [\n'
@@ -118,7 +118,7 @@ def _lines(rows: Any) -> str:
 
 
 def _row(item: Camera) -> dict[str, Any]:
-    """What is not stated is left out."""
+    """Return a camera's entry; fields with default values are omitted."""
     matrix, distortion, rotation, translation = parameters(item)
     row: dict[str, Any] = {
         "name": item.name,

@@ -1,10 +1,11 @@
-"""TOML of aniposelib (also written by Pose2Sim) and caliscope.
+"""Read and write TOML rigs of aniposelib (also written by Pose2Sim) and caliscope.
 
-Both hold per camera size, matrix, distortions, and cam_from_world as a Rodrigues vector and a
-translation; neither states its unit of length. `rotation_count` of caliscope states which quarter turns make
-images upright, and up follows from them. aniposelib does not state up; `up` in its metadata is ours. Lenses
-are OpenCV's, fisheyes those with `fisheye = true`. aniposelib has one table per camera, caliscope a table
-`cameras` of numbered ones, whose videos are called cam_<number>.mp4 (port_<number>.mp4 in older versions).
+Both hold per camera the size, matrix, distortions, and cam_from_world as a Rodrigues vector and a
+translation. Neither states its unit of length. `rotation_count` of caliscope states the quarter turns that
+make images upright; the up direction follows from them. aniposelib does not state it; `up` in its metadata is
+our extension. Lenses are OpenCV's; `fisheye = true` selects the fisheye. A file of aniposelib has one table
+per camera. A file of caliscope has a table `cameras` of numbered tables, whose videos are called
+cam_<number>.mp4 (port_<number>.mp4 in older versions).
 """
 
 from __future__ import annotations
@@ -34,25 +35,25 @@ from panoptic_ros.io.rigs.fields import (
 from panoptic_ros.io.rigs.options import ReadOptions, Taken, check_unit
 
 KEYS = {"size", "matrix", "distortions", "rotation", "translation"}
-ENOUGH = 3  # of the keys, for a table to be a camera
+ENOUGH = 3  # a table with this number of KEYS is a camera
 
 
 def is_aniposelib(document: Mapping[str, Any]) -> bool:
-    """Whether top-level tables look like cameras."""
+    """Return whether a top-level table looks like a camera."""
     return any(isinstance(item, dict) and len(KEYS & set(item)) >= ENOUGH for item in document.values())
 
 
 def is_caliscope(document: Mapping[str, Any]) -> bool:
-    """Whether there is a table `cameras` of tables that look like cameras."""
+    """Return whether there is a table `cameras` with a table that looks like a camera."""
     cameras = document.get("cameras")
     return isinstance(cameras, dict) and is_aniposelib(cameras)
 
 
 def parse_aniposelib(document: Mapping[str, Any], options: ReadOptions) -> Rig:
-    """A rig from the tables that are not `metadata`.
+    """Build a rig from the tables other than `metadata`.
 
     Raises:
-        CalibrationError: naming the camera and the key, or if it cannot be in metres.
+        CalibrationError: naming the camera and the key, or if the unit cannot be metres.
     """
     metadata = document.get("metadata", {})
     metadata = metadata if isinstance(metadata, dict) else {}
@@ -68,10 +69,10 @@ def parse_aniposelib(document: Mapping[str, Any], options: ReadOptions) -> Rig:
 
 
 def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
-    """A rig from the cameras that are not marked `ignore`.
+    """Build a rig from the cameras that are not marked `ignore`.
 
     Raises:
-        CalibrationError: as above.
+        CalibrationError: naming the camera and the key, or if the unit cannot be metres.
     """
     scale = per_metre(options.unit or "m", "the file")
     taken, turns = Taken(options), {}
@@ -89,7 +90,7 @@ def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
 
 
 def _in_metres(rig: Rig, stated: bool, options: ReadOptions) -> Rig:
-    """Return the rig with a line about its unit of length, if nobody states it."""
+    """Return the rig with a notice about the assumed unit, if neither the file nor the options state it."""
     if stated or options.unit is not None:
         return rig
     line = (
@@ -100,7 +101,7 @@ def _in_metres(rig: Rig, stated: bool, options: ReadOptions) -> Rig:
 
 
 def _clockwise(item: Mapping[str, Any], where: str) -> int | None:
-    """Return the quarter turns clockwise that make the images of a camera upright, if they are stated."""
+    """Return the clockwise quarter turns that make a camera's images upright; None if not stated."""
     count = item.get("rotation_count")
     if count is None:
         return None
@@ -121,7 +122,7 @@ def _camera(name: str, item: Mapping[str, Any], scale: float, taken: Taken) -> C
     if not isinstance(fisheye, bool):
         raise CalibrationError(f"{where}: 'fisheye' is {shown(fisheye)}, expected true or false")
     if rotation.ndim == 1:
-        from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
+        from scipy.spatial.transform import Rotation  # slow to import, and most runs do not need it
 
         rotation = Rotation.from_rotvec(rotation).as_matrix()
     return camera(
@@ -137,7 +138,7 @@ def _camera(name: str, item: Mapping[str, Any], scale: float, taken: Taken) -> C
 
 
 def dump_aniposelib(rig: Rig) -> str:
-    """The tables as text, in metres."""
+    """Return the tables as text, in metres."""
     tables = []
     for i, item in enumerate(rig.cameras):
         kind = [("fisheye", "true")] if item.intrinsics.lens == "fisheye" else []
@@ -148,7 +149,7 @@ def dump_aniposelib(rig: Rig) -> str:
 
 
 def dump_caliscope(rig: Rig) -> str:
-    """The tables as text; cameras not called cam_<number> are numbered and keep their name beside."""
+    """Return the tables as text; cameras not called cam_<number> are numbered and get a key `name`."""
     matches = [re.fullmatch(r"cam_(0|[1-9][0-9]*)", item.name) for item in rig.cameras]
     tables = []
     for i, (item, match) in enumerate(zip(rig.cameras, matches)):
@@ -162,7 +163,7 @@ def dump_caliscope(rig: Rig) -> str:
 
 
 def _rows(item: Camera) -> list[tuple[str, str]]:
-    from scipy.spatial.transform import Rotation  # takes long to load, which most runs do not need
+    from scipy.spatial.transform import Rotation  # slow to import, and most runs do not need it
 
     pose, lens = item.cam_from_world, item.intrinsics
     return [

@@ -1,10 +1,10 @@
-"""calibration.cal of the Total Capture data set (Trumble et al. 2017).
+"""Read calibration.cal of the Total Capture data set (Trumble et al. 2017).
 
-Lines of numbers: how many cameras and terms of the lens; for each camera first and last row and column of its
-images, fx fy cx cy in pixels, the radial terms of the lens, three rows of the rotation and the translation in
-metres, camera from world. The world has y up. Cameras have no names: they are called cam1 and so on, as the
-videos are. Written from public descriptions of the format and tested on files that the tests write, not on
-the data.
+The file holds lines of numbers. The first line has the number of cameras and the number of lens terms. Each
+camera then has first and last row and column of its images, fx fy cx cy in pixels, and the radial lens terms.
+Three rows of the rotation and the translation in metres follow, camera from world. The world has y up.
+Cameras have no names, so they are called cam1 and so on, like the videos. The reader follows public
+descriptions of the format. It is tested on generated files, not on the data.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from panoptic_ros.io.rigs.fields import camera
 from panoptic_ros.io.rigs.options import ReadOptions, Taken
 
 Array = np.ndarray
-Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # ours from theirs, y up
+Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # our world (z up) from theirs (y up)
 LINES = (
     (4, "rows and columns"),
     (4, "fx fy cx cy"),
@@ -33,16 +33,16 @@ MOST_TERMS = 3  # radial, k1 k2 k3
 
 
 def recognises(rows: list[list[float]]) -> bool:
-    """Whether lines of numbers begin with two whole numbers, then four."""
+    """Return whether the lines of numbers begin with two integers, then four."""
     counts = [len(row) for row in rows[:3]]
     return counts == [2, 4, 4] and all(value.is_integer() for value in (*rows[0], *rows[1]))
 
 
 def parse(rows: list[list[float]], options: ReadOptions) -> Rig:
-    """A rig from the numbers of every line.
+    """Build a rig from the numbers of every line.
 
     Raises:
-        CalibrationError: naming the line and what is expected there.
+        CalibrationError: naming the line and the expected content.
     """
     number, terms = (int(value) for value in rows[0])
     if not 0 < number or not 0 <= terms <= MOST_TERMS:

@@ -1,4 +1,4 @@
-"""What is left in bags that were cut: by a kill, a full disk or an unplugged drive."""
+"""Recover messages from bags that were cut by a kill, a full disk or an unplugged drive."""
 
 from panoptic_ros.io.salvage.repair import Repair, repair
 

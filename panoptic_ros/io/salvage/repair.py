@@ -1,9 +1,9 @@
-"""Bringing a cut bag back: all messages that are whole, in a new bag that opens everywhere.
+"""Repair a cut bag: copy all complete messages into a new bag that every reader can open.
 
-MCAP files that end too early or are damaged: the whole records from the front. The reader is our own, as
-those of libraries want the index at the end of the file, and that of MCAP's own library which does not takes
-a record that was cut for a whole one (foxglove/mcap#1474). SQLite3 files of bags that end too early or are
-damaged: the messages that can still be read.
+From a cut or damaged MCAP file, all complete records before the damage are read. The MCAP reader is our own.
+Library readers need the index at the end of the file. The one reader of MCAP's own library that does not need
+it accepts a cut record as complete (foxglove/mcap#1474). From a cut or damaged SQLite3 file, all readable
+messages are read.
 """
 
 from __future__ import annotations
@@ -45,11 +45,12 @@ from panoptic_ros.io.storages.storage import Foreign
 
 @dataclass(frozen=True)
 class Repair:
-    """What came of it.
+    """Result of a repair.
 
     Args:
-        counts: saved messages by topic. lost: a line for whatever could not be read; empty: nothing was lost.
-        begin_ns, end_ns: when the first and the last message were recorded.
+        counts: saved messages by topic.
+        lost: one line for each loss; empty = nothing was lost.
+        begin_ns, end_ns: recording times of the first and the last message.
     """
 
     counts: dict[str, int]
@@ -59,14 +60,14 @@ class Repair:
 
 
 def repair(source: Path, target: Path) -> Repair:
-    """Write what is whole in a bag to a new one; the old one stays as it is.
+    """Write the complete messages of a bag to a new one; the old one stays unchanged.
 
     Args:
         source: folder of a bag, with or without metadata.yaml, or one of its files.
-        target: must not be there yet.
+        target: must not exist yet.
 
     Raises:
-        DataError: if there are no files of a bag, or no message in them is whole.
+        DataError: if there are no bag files, or no message in them is complete.
     """
     counts: Counter[str] = Counter()
     losses, stamps = Losses(), [2**63, 0]
@@ -88,7 +89,7 @@ def repair(source: Path, target: Path) -> Repair:
 
 
 def _messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Message]:
-    """Yield the whole messages of a file, packed or not."""
+    """Yield the complete messages of a file, compressed or not."""
     name = packed_name(path)
     if name == path.name:
         yield from READERS[path.suffix](path, losses, scratch)
@@ -101,19 +102,19 @@ def _messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Message]:
 
 
 def _plain(data: bytes) -> bytes | None:
-    """Return a message without its own packing; None if it is no CDR."""
+    """Return a message without message-level compression; None if it is no CDR."""
     try:
         plain = unpacked_message(data)
     except ValueError:
         return None
-    return plain if plain[:1] == b"\0" else None  # as all CDR begins
+    return plain if plain[:1] == b"\0" else None  # all CDR begins with a zero byte
 
 
 def _missing(source: Path, files: list[Path], counts: Counter[str], losses: Losses) -> Iterator[str]:
-    """Yield lines about what metadata.yaml states and nothing else explains."""
+    """Yield lines about missing files and message counts of metadata.yaml that no other loss explains."""
     try:
         metadata = read_metadata(source)
-    except DataError:  # it is not needed
+    except DataError:  # the metadata are not needed for a repair
         return
     there = {packed_name(path) for path in files}
     missing = [name for name in metadata.files if packed_name(Path(name)) not in there]
@@ -143,13 +144,13 @@ def files_of(source: Path) -> list[Path]:
 
 
 def _by_numbers(path: Path) -> list[tuple[int, str]]:
-    """bag_2 goes before bag_10."""
+    """Return a sort key that compares numbers by value: bag_2 comes before bag_10."""
     words = re.split(r"(\d+)", path.name)
     return [(int(word), "") if word.isdigit() else (0, word) for word in words]
 
 
 class Message(NamedTuple):
-    """A whole message: when it was recorded (ns), and its bytes."""
+    """A complete message with its recording time (ns) and CDR bytes."""
 
     connection: Connection
     stamp_ns: int
@@ -157,11 +158,11 @@ class Message(NamedTuple):
 
 
 class Losses:
-    """Losses of a bag, one line each; a whole bag has none."""
+    """Losses of a bag, one line each; an intact bag has none."""
 
     def __init__(self) -> None:
         self._lines: list[str] = []
-        self._counts: Counter[tuple[str, str]] = Counter()  # by file and what is lost of it
+        self._counts: Counter[tuple[str, str]] = Counter()  # number of losses by file and kind of loss
 
     @property
     def lines(self) -> list[str]:
@@ -177,17 +178,17 @@ class Losses:
         self._counts[name, what] += 1
 
 
-LONGEST_STEP = 2**40  # row numbers that are passed over behind a damaged one, at most
+LONGEST_STEP = 2**40  # largest step in row numbers to search for readable rows after a damaged one
 
 
 def sqlite_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Message]:
-    """The messages of a file, in the order in which they were written.
+    """Yield the messages of an SQLite file in the order in which they were written.
 
-    The work is done on a copy with its journal, as SQLite mends what it opens.
+    The function reads a copy of the file and its journal, because SQLite repairs a file when it opens it.
 
     Args:
+        losses: receives the losses.
         scratch: folder for the copy.
-        losses: is told what cannot be read.
     """
     with tempfile.TemporaryDirectory(prefix="panoptic-repair-", dir=scratch) as folder:
         copy = Path(folder, path.name)
@@ -197,7 +198,7 @@ def sqlite_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Messa
         _cut_to_pages(copy)
         base = sqlite3.connect(copy)
         try:
-            # else SQLite refuses all of a file that is shorter than its first page says
+            # otherwise SQLite refuses a file that is shorter than its first page states
             base.execute("PRAGMA writable_schema=ON")
             yield from _rows_of(base, path.name, losses)
         except sqlite3.DatabaseError as error:
@@ -207,7 +208,7 @@ def sqlite_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Messa
 
 
 def _cut_to_pages(path: Path) -> None:
-    """Leave out a page that is not whole: SQLite would take what is missing of it for zeros."""
+    """Cut an incomplete last page: SQLite would read its missing part as zeros."""
     with path.open("r+b") as file:
         size = int.from_bytes(file.read(18)[16:18], "big")
         page = 65536 if size == 1 else max(512, size)
@@ -225,7 +226,7 @@ def _rows_of(base: sqlite3.Connection, name: str, losses: Losses) -> Iterator[Me
                 "SELECT id, topic_id, timestamp, data FROM messages WHERE id >= ? ORDER BY id", (last + step,)
             )
             for number, topic, stamp, data in rows:
-                if number <= last:  # pages that lead back to others
+                if number <= last:  # damaged pages can link back to earlier ones
                     raise sqlite3.DatabaseError("rows are not in order")
                 if (other := topics.foreign.get(topic)) is not None:
                     losses.count(name, left_out(other))
@@ -254,19 +255,20 @@ def _is_damaged(base: sqlite3.Connection) -> bool:
 class _Record(NamedTuple):
     kind: int
     content: bytes
-    length: int  # as the record says; more than there is where it was cut
+    length: int  # length that the record states; larger than the content of a cut record
 
     @property
     def is_whole(self) -> bool:
-        """Whether all of it is there, and it is one at all: there is none of kind 0."""
+        """Return whether the record is complete and valid: kind 0 does not exist."""
         return self.kind > 0 and len(self.content) == self.length
 
 
 def mcap_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Message]:
-    """Yield the whole messages of a file, in the order in which they were written.
+    """Yield the complete messages of an MCAP file, in the order in which they were written.
 
     Args:
-        losses: takes what cannot be read. scratch: not needed.
+        losses: receives the losses.
+        scratch: not used.
     """
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
@@ -276,12 +278,12 @@ def mcap_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Message
 
 
 class _Contents:
-    """Topics of the records so far, and what they lost."""
+    """Reader of the records of one damaged MCAP file; it keeps the topics read so far."""
 
     def __init__(self, name: str, size: int, losses: Losses):
         self._name, self._size, self._losses = name, size, losses
         self._topics = Topics(self._tell_quality)
-        self._odd: set[tuple[str, str]] = set()  # topics, and words of QoS that cannot be read
+        self._odd: set[tuple[str, str]] = set()  # (topic, QoS text) pairs that cannot be parsed
 
     def messages(self, file: BinaryIO) -> Iterator[Message]:
         while True:
@@ -301,19 +303,23 @@ class _Contents:
                     yield from self._inside(chunk_of(record.content).content)
                 elif (message := self._of(record.kind, record.content)) is not None:
                     yield message
-            except Exception as error:  # libraries trust what they unpack: damage shows as anything
+            # libraries do not validate what they decompress, so damage can raise any exception
+            except Exception as error:
                 damaged = f"{record.length} bytes at {begin}, which are damaged ({one_line(error)})"
                 self._losses.add(f"{self._name}: {damaged}")
 
     def _check_end(self, file: BinaryIO) -> None:
-        """Messages end before the index, which is made anew; without it nothing else opens the file."""
+        """Check the end of the file; without the closing magic, other readers refuse it.
+
+        The messages end before the index, and the new bag gets a new index.
+        """
         file.seek(0, io.SEEK_END)
         file.seek(max(0, file.tell() - len(MAGIC)))
         if file.read() != MAGIC:
             self._losses.add(f"{self._name}: no message, but its index at the end")
 
     def _of_cut_chunk(self, record: _Record) -> Generator[Message, None, int]:
-        """Whole messages at the front of a chunk that is not compressed; the bytes up to their end."""
+        """Yield the complete messages of a cut, uncompressed chunk; return the bytes up to the last one."""
         end = 0
         try:
             chunk = chunk_of(record.content)
@@ -325,14 +331,14 @@ class _Contents:
                     end = before + record_end
                     yield message
         except (ValueError, KeyError, struct.error):
-            pass  # cut within its own header, or within a record: the caller tells what is lost
+            pass  # cut inside a record or the chunk header; the caller reports the loss
         return end
 
     def _inside(self, content: bytes) -> Iterator[Message]:
-        """Yield the messages of a chunk. A damaged record costs only itself.
+        """Yield the messages of a chunk. A damaged record loses only itself.
 
         Raises:
-            ValueError: where it ends within a record.
+            ValueError: if the chunk ends within a record.
         """
         for kind, begin, end in records_in(content):
             try:
@@ -344,7 +350,7 @@ class _Contents:
                 yield message
 
     def _of(self, kind: int, content: bytes) -> Message | None:
-        """Return the message of a record, if it is one that can be written."""
+        """Return the message of a record; None if it is no message that can be written."""
         if kind != MESSAGE:
             self._topics.take(kind, content)
             return None
@@ -358,23 +364,26 @@ class _Contents:
         return None
 
     def _tell_quality(self, topic: str, text: str) -> None:
-        if (topic, text) not in self._odd:  # every chunk can repeat a channel
+        if (topic, text) not in self._odd:  # every chunk may repeat a channel
             self._odd.add((topic, text))
             self._losses.add(odd_quality(self._name, topic))
 
 
 def left_out(other: Foreign) -> str:
-    """Return the line about messages that are not of ROS 2."""
+    """Return the line about messages that are not ROS 2."""
     return f"messages on {other.topic}, which are {other.what}"
 
 
 def odd_quality(name: str, topic: str) -> str:
-    """Return the line about words of QoS that cannot be read."""
+    """Return the line about QoS profiles that cannot be parsed."""
     return f"{name}: no message, but the QoS of {topic}; it is played with ROS's defaults now"
 
 
 def _next(file: BinaryIO) -> _Record | None:
-    """The next record; None at the end. Where there is less than the frame of one, it is not whole."""
+    """Read the next record; None at the end.
+
+    A remainder shorter than a record header gives an incomplete record.
+    """
     frame = file.read(FRAME.size)
     if len(frame) < FRAME.size:
         return _Record(0, frame, FRAME.size) if frame else None
@@ -383,7 +392,7 @@ def _next(file: BinaryIO) -> _Record | None:
 
 
 def _read_at_most(file: BinaryIO, length: int) -> bytes:
-    """As much as there is: a damaged length must not ask for more memory than the file has bytes."""
+    """Read at most the rest of the file: a damaged length must not allocate more memory than that."""
     here = file.tell()
     rest = file.seek(0, io.SEEK_END) - here
     file.seek(here)

@@ -1,4 +1,4 @@
-"""Files of bags: MCAP and SQLite3, packed with zstd or not."""
+"""Read bag files: MCAP and SQLite3, compressed with zstd or not."""
 
 from panoptic_ros.io.storages.opening import opened, packed_name, unpack
 from panoptic_ros.io.storages.storage import Foreign, Storage, is_storage, merged

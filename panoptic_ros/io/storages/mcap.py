@@ -1,7 +1,7 @@
-"""MCAP files that were closed.
+"""Read closed MCAP files.
 
-A reader of our own, as that of rosbags leaves out chunks without an index of their messages. It refuses
-profiles but ros2, definitions in other languages and messages out of order, and compares no counts.
+The reader is our own because rosbags' reader skips chunks without a message index. That reader also refuses
+profiles other than ros2, definitions in other languages and messages out of order, and compares no counts.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ from panoptic_ros.io.storages.records import (
 )
 from panoptic_ros.io.storages.storage import NEVER_NS, Contents, Part, Row, merged
 
-_FOOTER = struct.Struct("<QQI")  # where the summary begins, and its offsets; checksum
-_INDEX_HEAD = struct.Struct("<QQQQ")  # a chunk's first and last stamp, where it begins, length
-_INDEX_OF_ONE = 15  # bytes of an index of messages without its entries, which have 16 each
+_FOOTER = struct.Struct("<QQI")  # start of the summary section, start of its offset section, checksum
+_INDEX_HEAD = struct.Struct("<QQQQ")  # first and last recording time of a chunk, its offset and length
+_INDEX_OF_ONE = 15  # bytes of a message index without entries; each entry has 16
 _STATISTICS = struct.Struct("<QHIIIIQQ")
 
 
 class _Place(NamedTuple):
-    """Where the record of a chunk lies in the file, and its messages by topic."""
+    """Position of a chunk in the file, with its time range (ns) and its number of messages by channel."""
 
     begin_ns: int
     end_ns: int
@@ -54,7 +54,7 @@ class _Place(NamedTuple):
 
 
 class _Stated(NamedTuple):
-    """Messages as the file counts them: all, and by topic, which may be left out."""
+    """Numbers of messages, chunks, and messages by channel that the file states; the last may be missing."""
 
     messages: int
     chunks: int
@@ -62,10 +62,13 @@ class _Stated(NamedTuple):
 
 
 class McapStorage:
-    """See `storage.Storage`. Its index counts where the statistics agree with it; else it is read through.
+    """Storage of an MCAP file, see `storage.Storage`.
+
+    The file's index is used if it agrees with the file's statistics. Otherwise the whole file is read.
 
     Raises:
-        DataError: if it does not begin or end as MCAP does. Exception: of any kind, if it is damaged.
+        DataError: if the file does not begin or end like MCAP.
+        Exception: of any type, if it is damaged.
     """
 
     def __init__(self, path: Path):
@@ -99,7 +102,7 @@ class McapStorage:
         self._begin_ns, self._end_ns = NEVER_NS, 0
 
     def messages(self, numbers: Collection[int], begin_ns: int, end_ns: int) -> Iterator[Row]:
-        """See `storage.Storage`."""
+        """Yield messages in the order of recording, see `storage.Storage`."""
         wanted = frozenset(numbers)
         parts = [
             Part(place.begin_ns, partial(self._of_chunk, place, wanted, begin_ns, end_ns))
@@ -115,7 +118,11 @@ class McapStorage:
         self._file.close()
 
     def _summary(self) -> bytes:
-        """Return the records behind the data; none if there are none."""
+        """Return the records of the summary section; empty without one.
+
+        Raises:
+            DataError: if the file does not begin or end like MCAP.
+        """
         if self._at(0, len(MAGIC)) != MAGIC:
             raise DataError(f"{self._name} does not begin as MCAP does")
         tail = FRAME.size + _FOOTER.size + len(MAGIC)
@@ -131,7 +138,7 @@ class McapStorage:
         return self._file.read(length)
 
     def _take_index(self, summary: bytes) -> bool:
-        """Take the index; return whether it has all messages of the statistics, and their topics."""
+        """Read the index; return whether it has all messages of the statistics and all their topics."""
         try:
             for kind, begin, end in records_in(summary):
                 content = summary[begin:end]
@@ -141,7 +148,7 @@ class McapStorage:
                     self._stated = _stated_in(content)
                 else:
                     self._topics.take(kind, content)
-        except Exception:  # damage shows as anything; the messages before it may be whole
+        except Exception:  # damage can raise any exception; the messages before it may be intact
             return False
         told = self._stated
         return (
@@ -159,10 +166,10 @@ class McapStorage:
             self._end_ns = max(self._end_ns, place.end_ns)
 
     def _read_through(self) -> None:
-        """Make the index of all records.
+        """Build the index by reading all records.
 
         Raises:
-            Exception: of any kind, if one of them is damaged.
+            Exception: of any type, if a record is damaged.
         """
         at = len(MAGIC)
         while True:
@@ -186,7 +193,7 @@ class McapStorage:
             self._end_ns = max(self._end_ns, self._loose.end_ns)
 
     def _indexed(self, offset: int, length: int) -> _Place:
-        """Return the place of a chunk; its schemas and channels are taken."""
+        """Return the index entry of a chunk, after reading its schemas and channels."""
         content, stamps = chunk_of(self._at(offset, length)).content, []
         counts: Counter[int] = Counter()
         for kind, begin, end in records_in(content):
@@ -224,7 +231,7 @@ class McapStorage:
 
 
 class _Loose:
-    """Where messages outside of chunks lie, in the order of the file; 26 bytes each."""
+    """Positions of messages outside of chunks, in the order of the file; 26 bytes each."""
 
     def __init__(self) -> None:
         self._stamps, self._offsets, self._lengths = array("q"), array("q"), array("q")
@@ -242,22 +249,22 @@ class _Loose:
 
     @property
     def begin_ns(self) -> int:
-        """Return the first stamp."""
+        """Return the first recording time, ns."""
         return min(self._stamps)
 
     @property
     def end_ns(self) -> int:
-        """Return the last stamp."""
+        """Return the last recording time, ns."""
         return max(self._stamps)
 
     def in_order(self) -> Iterator[tuple[int, int, int, int]]:
-        """Yield stamp, channel, offset and length of each, by stamps."""
+        """Yield (recording time, channel, offset, length) of each message in the order of time."""
         for k in np.argsort(np.frombuffer(self._stamps, np.int64), kind="stable"):
             yield self._stamps[k], self._channels[k], self._offsets[k], self._lengths[k]
 
 
 def _place_of(content: bytes) -> _Place:
-    """Return the place of a chunk by its index; its messages are counted by the lengths of their indexes."""
+    """Return a chunk's entry from its index record; the lengths of the message indexes give the counts."""
     begin_ns, end_ns, offset, length = _INDEX_HEAD.unpack_from(content)
     packed, at = string_in(content, _INDEX_HEAD.size)
     (index_length,) = struct.unpack_from("<Q", content, at)

@@ -1,4 +1,4 @@
-"""Which kind of file it is, by its first bytes; packed ones are unpacked first."""
+"""Open a bag file: detect its format from the first bytes, and decompress it if needed."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from panoptic_ros.io.storages.storage import PACKED, Storage
 
 if sys.version_info >= (3, 14):
     from compression import zstd
-else:  # rosbags needs the same
+else:  # rosbags depends on the same package
     from backports import zstd
 
 ZSTD = b"\x28\xb5\x2f\xfd"
 ROS_1, ROS_1_SUFFIX = b"#ROSBAG V", ".bag"
 _PIECE = 1 << 20  # bytes that are read in one step
-_STEP = 16_384  # bytes that are unpacked in one step, and lost where one is damaged
+_STEP = 16_384  # bytes that are decompressed in one step, and lost where one is damaged
 
 
 def opened(path: Path, stack: ExitStack) -> Storage:
-    """Open a file of a bag.
+    """Open a bag file.
 
     Args:
-        stack: closes it, and removes what was unpacked.
+        stack: closes the file, and removes the decompressed copy.
 
     Raises:
-        DataError: if it is of ROS 1, or no file of a bag. Exception: of any kind, if it is damaged.
+        DataError: if it is a ROS 1 bag, or no bag file.
+        Exception: of any type, if it is damaged.
     """
     check_file(path)
     with file_errors(path, "read"), path.open("rb") as file:
@@ -54,11 +55,11 @@ def opened(path: Path, stack: ExitStack) -> Storage:
 
 
 class OfRos1Error(DataError):
-    """A bag of ROS 1, which is another format."""
+    """The file is a ROS 1 bag, which has another format."""
 
 
 def of_ros_1(path: Path) -> OfRos1Error:
-    """Return the error about a bag of ROS 1."""
+    """Return the error about a ROS 1 bag."""
     new = path.with_suffix("") if path.suffix else path.with_name(f"{path.name}_ros2")
     return OfRos1Error(
         f"{path} is a bag of ROS 1; convert it and give {new}: "
@@ -67,17 +68,17 @@ def of_ros_1(path: Path) -> OfRos1Error:
 
 
 def packed_name(path: Path) -> str:
-    """Return the name of a file without the ending of its packing."""
+    """Return the name of a file without the suffix of its compression."""
     return path.name.removesuffix(next((end for end in PACKED if path.name.endswith(end)), ""))
 
 
 def unpack(path: Path, target: Path) -> str:
-    """Write what a file packed with zstd holds, up to where it is cut or damaged; return what is wrong."""
+    """Decompress a zstd file up to the first damage; return the fault, "" if there is none."""
     unpacker = zstd.ZstdDecompressor()
     with path.open("rb") as file, target.open("wb") as whole:
         while piece := file.read(_PIECE):
             while piece or not unpacker.needs_input:
-                if unpacker.eof:  # several frames can follow each other
+                if unpacker.eof:  # a file may consist of several frames
                     unpacker = zstd.ZstdDecompressor()
                 try:
                     whole.write(unpacker.decompress(piece, _STEP))
@@ -90,10 +91,12 @@ def unpack(path: Path, target: Path) -> str:
 
 
 def unpacked_message(data: bytes) -> bytes:
-    """Return a message without its own packing, if it has one: CDR begins with a zero.
+    """Return the CDR bytes of a message; decompress it if it begins with zstd's magic number.
+
+    CDR begins with a zero byte, so it cannot be mistaken for zstd.
 
     Raises:
-        ValueError: if its packing is damaged.
+        ValueError: if the compressed data are damaged.
     """
     if not data.startswith(ZSTD):
         return data

@@ -1,4 +1,4 @@
-"""Records of MCAP files (mcap.dev/spec), and the topics that schemas and channels describe."""
+"""Parse records of MCAP files (mcap.dev/spec), and the topics that their schemas and channels describe."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from panoptic_ros.io.storages.storage import Foreign
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX = 0x02, 0x03, 0x04, 0x05, 0x06, 0x08
 STATISTICS, DATA_END = 0x0B, 0x0F
-FRAME = struct.Struct("<BQ")  # kind and length of a record
-MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, number, time of recording, time of publication
+FRAME = struct.Struct("<BQ")  # type and length of a record
+MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence number, recording time, publication time
 _CHUNK_HEAD = struct.Struct("<QQQI")
 
 
 class Chunk(NamedTuple):
-    """A chunk as its record states it: first and last stamp, size and checksum unpacked."""
+    """Chunk record: first and last recording time (ns), size and checksum of the uncompressed data."""
 
     begin_ns: int
     end_ns: int
@@ -31,19 +31,19 @@ class Chunk(NamedTuple):
 
     @property
     def content(self) -> bytes:
-        """Return its records.
+        """Decompress the chunk and return the bytes of its records.
 
         Raises:
-            Exception: of any kind, if it is damaged.
+            Exception: of any type, if it is damaged.
         """
         return decompress(self.packed, self.compression, self.size, self.checksum)
 
 
 def chunk_of(content: bytes) -> Chunk:
-    """Return the chunk of a record; of one that was cut, as much as there is.
+    """Return the chunk of a record; for a cut record, the part that exists.
 
     Raises:
-        ValueError, struct.error: if it is none, or is compressed in a way that is not known.
+        ValueError, struct.error: if it is no chunk, or its compression is not supported.
     """
     compression, at = string_in(content, _CHUNK_HEAD.size)
     if compression.decode() not in DECOMPRESSORS:
@@ -54,26 +54,26 @@ def chunk_of(content: bytes) -> Chunk:
 
 
 def records_in(content: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield kind, begin and end of each record.
+    """Yield type, begin and end of each record.
 
     Raises:
-        ValueError: where they end within a record.
+        ValueError: if the content ends within a record.
     """
     at = 0
     while at < len(content):
         kind, length = FRAME.unpack_from(content, at) if at + FRAME.size <= len(content) else (0, 0)
         at += FRAME.size
-        if not kind or at + length > len(content):  # no record is of kind 0
+        if not kind or at + length > len(content):  # record type 0 does not exist
             raise ValueError("its records are not whole")
         yield kind, at, at + length
         at += length
 
 
 def string_in(content: bytes, at: int) -> tuple[bytes, int]:
-    """Return the bytes of a string and where it ends.
+    """Return the bytes of a string and its end position.
 
     Raises:
-        ValueError, struct.error: if it ends beyond the content.
+        ValueError, struct.error: if the string ends beyond the content.
     """
     (length,) = struct.unpack_from("<I", content, at)
     end = at + 4 + length
@@ -83,20 +83,20 @@ def string_in(content: bytes, at: int) -> tuple[bytes, int]:
 
 
 class Topics:
-    """The topics that schemas and channels have described so far.
+    """Topics that the schemas and channels read so far describe.
 
     Args:
-        on_odd_quality: called with a topic and words of QoS that cannot be read.
+        on_odd_quality: called with a topic and its QoS text if that cannot be parsed.
     """
 
     def __init__(self, on_odd_quality: Callable[[str, str], None] = lambda topic, text: None):
         self.known: dict[int, Connection] = {}
         self.foreign: dict[int, Foreign] = {}
-        self._schemas: dict[int, tuple[str, str, str]] = {0: ("", "", "")}  # 0 stands for none
+        self._schemas: dict[int, tuple[str, str, str]] = {0: ("", "", "")}  # schema 0 means: no schema
         self._on_odd_quality = on_odd_quality
 
     def take(self, kind: int, content: bytes) -> None:
-        """Take a record; only schemas and channels tell something.
+        """Read a record; types other than schema and channel are ignored.
 
         Raises:
             ValueError, KeyError, struct.error: if it is damaged, or its schema is missing.
@@ -143,7 +143,7 @@ class Topics:
 
 
 def _table_in(content: bytes) -> dict[str, str]:
-    """Return a map of strings."""
+    """Return a string-to-string map."""
     words: list[str] = []
     at = 0
     while at < len(content):

@@ -1,4 +1,4 @@
-"""SQLite3 files of bags."""
+"""Read SQLite3 bag files."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from panoptic_ros.io.bag_connections import CDR, Connection, full_kind, qualitie
 from panoptic_ros.io.storages.storage import NEVER_NS, Contents, Foreign, Row
 
 MAGIC = b"SQLite format 3\0"
-JOURNALS = ("-wal", "-journal")  # endings of what SQLite keeps beside a file that is being written
+JOURNALS = ("-wal", "-journal")  # suffixes of the files that SQLite keeps beside a file that is being written
 
 
 class TopicRows(NamedTuple):
-    """The topics of a file, by number; and those whose words of QoS cannot be read, with these."""
+    """Topics of a file: readable and unreadable ones by number, and (topic, QoS text) with invalid QoS."""
 
     known: dict[int, Connection]
     foreign: dict[int, Foreign]
@@ -23,14 +23,14 @@ class TopicRows(NamedTuple):
 
 
 class SqliteStorage:
-    """See `storage.Storage`.
+    """Storage of an SQLite3 file, see `storage.Storage`.
 
     Raises:
         sqlite3.Error: if the file is damaged.
     """
 
     def __init__(self, path: Path):
-        # without its journal: SQLite would change the file by it
+        # open without the journal: SQLite would otherwise change the file
         self._base = sqlite3.connect(
             f"{path.resolve().as_uri()}?immutable=1", uri=True, check_same_thread=False
         )
@@ -55,7 +55,7 @@ class SqliteStorage:
         )
 
     def messages(self, numbers: Collection[int], begin_ns: int, end_ns: int) -> Iterator[Row]:
-        """See `storage.Storage`."""
+        """Yield messages in the order of recording, see `storage.Storage`."""
         chosen = ", ".join(str(int(number)) for number in numbers)
         yield from self._base.execute(
             f"SELECT timestamp, topic_id, data FROM messages WHERE topic_id IN ({chosen}) AND timestamp >= ? "
@@ -69,7 +69,7 @@ class SqliteStorage:
 
 
 def topics_of(base: sqlite3.Connection) -> TopicRows:
-    """Return the topics of a file, of any version of rosbag2.
+    """Return the topics of a file of any rosbag2 version.
 
     Raises:
         sqlite3.Error: if it is damaged.

@@ -1,4 +1,4 @@
-"""One file of a bag: its topics, how many messages each has, and the messages in the order of recording."""
+"""Interface of one bag file: its topics, their message counts, and the messages in the order of recording."""
 
 from __future__ import annotations
 
@@ -10,28 +10,29 @@ from typing import NamedTuple, Protocol
 
 from panoptic_ros.io.bag_connections import Connection
 
-Row = tuple[int, int, bytes]  # recording stamp ns, number of the topic in the file, bytes of the message
+Row = tuple[int, int, bytes]  # recording time (ns), topic number in the file, bytes of the message
 SUFFIXES = (".mcap", ".db3")
-PACKED = (".zstd", ".zst")  # endings of packed files behind these
-NEVER_NS = 2**63 - 1  # later than all stamps
+PACKED = (".zstd", ".zst")  # suffixes of compressed files, after these
+NEVER_NS = 2**63 - 1  # later than every timestamp
 
 
 class Foreign(NamedTuple):
-    """A topic whose messages cannot be read, and what they are."""
+    """A topic whose messages cannot be read, and the name of their serialization or kind."""
 
     topic: str
     what: str
 
 
 class Contents(NamedTuple):
-    """Contents of a file of a bag.
+    """Contents of a bag file.
 
     Args:
-        topics: by number in the file.
-        foreign: by number, those that cannot be read.
-        counts: messages by number, of both.
-        begin_ns, end_ns: stamps of the first and the last message; without messages the first is later.
-        problems: a line for everything that the file states and does not hold.
+        topics: readable topics by number in the file.
+        foreign: unreadable topics by number in the file.
+        counts: messages by topic number, of both.
+        begin_ns, end_ns: recording times of the first and the last message; without messages, begin_ns >
+            end_ns.
+        problems: one line for each difference between the file's statements and its content.
     """
 
     topics: Mapping[int, Connection]
@@ -43,31 +44,31 @@ class Contents(NamedTuple):
 
 
 class Storage(Protocol):
-    """A file of a bag."""
+    """Interface of a bag file."""
 
     @property
     def contents(self) -> Contents:
-        """Return what the file holds."""
+        """Return the contents of the file."""
 
     def messages(self, numbers: Collection[int], begin_ns: int, end_ns: int) -> Iterator[Row]:
-        """Yield the messages of some topics with recording stamps in [begin_ns, end_ns), in their order."""
+        """Yield the messages of some topics with recording times in [begin_ns, end_ns), in order of time."""
 
     def close(self) -> None:
         """Close the file."""
 
 
 class Part(NamedTuple):
-    """Messages in their order, none of which is before `begin_ns`."""
+    """Messages in order of time; all are at or after `begin_ns`."""
 
     begin_ns: int
     rows: Callable[[], Iterator[Row]]
 
 
 def merged(parts: Sequence[Part]) -> Iterator[tuple[int, Row]]:
-    """Yield the messages of all parts in their order, each with the number of its part.
+    """Yield the messages of all parts in order of time, each with the number of its part.
 
-    A part is opened when its time has come, so that a long recording is never in memory as a whole. Messages
-    of one stamp come in the order of the parts.
+    A part is opened only when its begin time is reached, so a long recording is never completely in memory.
+    Messages with equal times are in the order of the parts.
     """
     waiting = deque(sorted(enumerate(parts), key=lambda item: item[1].begin_ns))
     heads: list[tuple[int, int, Row, Iterator[Row]]] = []
@@ -88,6 +89,6 @@ def merged(parts: Sequence[Part]) -> Iterator[tuple[int, Row]]:
 
 
 def is_storage(path: Path) -> bool:
-    """Return whether a file is named as one of a bag is, packed or not."""
+    """Return whether a file has the name of a bag file, compressed or not."""
     name = path.name.removesuffix(next((end for end in PACKED if path.name.endswith(end)), ""))
     return name.endswith(SUFFIXES)

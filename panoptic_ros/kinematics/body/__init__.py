@@ -1,1 +1,1 @@
-"""One body, instant by instant: what is known of it becomes targets, poses become what is learnt of it."""
+"""One body over time: measurements become targets, and solved poses update lengths and noise levels."""

@@ -1,12 +1,14 @@
-"""What is known of a body between two instants, besides what cameras see at them.
+"""Measurements of a body between two instants, apart from what cameras see at these instants.
 
-`Contact` follows the feet while no camera sees the body: which one carries it, and where each stands.
+`Contact` tracks the feet while no camera sees the body. It finds the foot that carries the body, and the
+place where each foot stands.
 
-A foot that stands hardly turns and hardly accelerates, however high the ground is under it; that tells it
-apart from one that moves, as in foot-mounted inertial navigation (Skog et al. 2010, IEEE Transactions on
-Biomedical Engineering 57(11)). The foot at rest carries the root. Where the others at rest came to stand is
-kept, as legged robots do (Bloesch et al. 2012, Robotics: Science and Systems): a body that shifts its weight
-from one foot to the other and back stays where it was, although the legs are not quite as they seem.
+A standing foot hardly rotates and hardly accelerates, whatever the height of the ground below it. This
+distinguishes it from a moving foot, as in foot-mounted inertial navigation (Skog et al. 2010, IEEE
+Transactions on Biomedical Engineering 57(11)). The foot at rest carries the root. The places where the other
+resting feet came to rest are kept, as for legged robots (Bloesch et al. 2012, Robotics: Science and Systems).
+A body that shifts its weight from one foot to the other and back therefore stays in place, although the
+modelled legs are not exact.
 """
 
 from __future__ import annotations
@@ -32,40 +34,43 @@ from panoptic_ros.kinematics.pose.targets import (
 
 Array = np.ndarray
 
-REST_TURN, REST_ACCELERATION = 3.0, 8.0  # rad/s and m/s^2 of a foot that may stand: soft tissue, and rolling
-STANDING_SD = 0.002  # m between two instants, at rest
-SPAN_S = 0.1  # over which unrest is averaged
-APART_SPEED = 0.2  # m/s between two feet of which one moves
-CATCH_UP_S = 0.1  # in which the body comes back to where its feet stand
-UNSEEN_S = 1.0  # without cameras, after which the root's own acceleration is not trusted
+# rad/s and m/s^2, usual motion of a standing foot: soft tissue, and rolling
+REST_TURN, REST_ACCELERATION = 3.0, 8.0
+STANDING_SD = 0.002  # m, displacement of a resting foot between two instants
+SPAN_S = 0.1  # averaging time of the unrest
+APART_SPEED = 0.2  # relative speed, m/s, above which one of two feet moves
+CATCH_UP_S = 0.1  # time constant with which the body returns to where its feet stand
+UNSEEN_S = 1.0  # time without cameras after which the acceleration of the root is not trusted
 
 
 class Contact:
-    """Feet of one body, instant by instant.
+    """Ground contacts of the feet of one body, one instant at a time.
 
     Args:
-        ground: (G,) segments whose places touch the ground; those of a foot hang on one another.
+        ground: (G,) segments whose proximal joints touch the ground. Those of one foot are connected.
     """
 
     def __init__(self, parents: Array, ground: Array, rate_hz: float):
         self._ground, self._rate = ground, rate_hz
         tops = [self._top(int(s), parents, set(ground.tolist())) for s in ground]
-        self._tops = list(dict.fromkeys(tops))  # the first segment of each foot
+        self._tops = list(dict.fromkeys(tops))  # proximal segment of each foot
         self._above = [int(parents[top]) for top in self._tops]
-        self._feet = [np.flatnonzero(np.array(tops) == top) for top in self._tops]  # rows of `ground`
+        # rows of `ground`, by foot
+        self._feet = [np.flatnonzero(np.array(tops) == top) for top in self._tops]
         span = max(round(SPAN_S * rate_hz), 1)
         self._unrest: deque[Array] = deque(maxlen=span)
         self._apart: deque[Array] = deque(maxlen=span)
-        self._before: Array | None = None  # (G, 3)
-        self._stood: Array | None = None  # (G, 3), where each came to rest
+        self._before: Array | None = None  # (G, 3) m, positions at the previous instant
+        self._stood: Array | None = None  # (G, 3) m, where each came to rest
 
     def step(
         self, chain: Chain, pose: Pose, rates: Mapping[int, float], accelerations: Mapping[int, float]
     ) -> Standing:
-        """What stands until the next instant.
+        """Return the site of the carrying foot and its displacement until the next instant.
 
         Args:
-            pose: of the instant before. rates, accelerations: by segment, rad/s and m/s^2, as IMUs tell.
+            pose: Pose at the previous instant.
+            rates, accelerations: rad/s and m/s^2 by segment, as measured by IMUs.
         """
         if not self._feet:
             return NOTHING_STANDS
@@ -84,20 +89,24 @@ class Contact:
 
     @property
     def loads(self) -> Array:
-        """About how much (G,) each place on the ground carries, 0 to 1: that of a foot at rest much."""
+        """Return the approximate load (G,) of each ground segment, 0 to 1. A resting foot has a high load."""
         found = np.zeros(len(self._ground))
         for rows, unrest in zip(self._feet, np.mean(self._unrest, axis=0) if self._unrest else ()):
             found[rows] = 1.0 / (1.0 + unrest**2)
         return found
 
     def forget(self) -> None:
-        """The body is elsewhere."""
+        """Forget all contacts, because the body is elsewhere."""
         self._unrest.clear()
         self._apart.clear()
         self._before = self._stood = None
 
     def _restless(self, rates: Mapping[int, float], accelerations: Mapping[int, float]) -> Array:
-        """How much (F,) each foot turns and accelerates, in squares of what is usual at rest."""
+        """Return the unrest (F,) of each foot, averaged over time.
+
+        It is the sum of squared rotation rate and squared acceleration, each relative to its usual value at
+        rest.
+        """
         now = np.zeros(len(self._tops))
         for f, (top, above) in enumerate(zip(self._tops, self._above)):
             worn = top if top in rates else above
@@ -108,11 +117,11 @@ class Contact:
         return found
 
     def _carrying(self, unrest: Array, heights: Array, rates: Mapping[int, float]) -> int:
-        """The foot that is most at rest; the lowest one, where not all feet have an IMU."""
+        """Return the foot with the least unrest, or the lowest foot if not all feet have an IMU."""
         return int(np.argmin(unrest if all(top in rates for top in self._tops) else heights))
 
     def _moving_apart(self, sites: Array, carrying: int) -> Array:
-        """Speeds (F,) m/s of the feet against the one that carries the body."""
+        """Return the speed (F,) m/s of each foot relative to the carrying foot, averaged over time."""
         moves = self._rate * (sites - (sites if self._before is None else self._before))
         self._before = sites
         own = moves[self._feet[carrying]]
@@ -122,7 +131,7 @@ class Contact:
         return found
 
     def _way_back(self, sites: Array, lowest: list[int], at_rest: Array, unrest: Array) -> Array:
-        """How far (3,) m the body goes until the next instant, for its feet to be where they came to rest."""
+        """Return the displacement (3,) m until the next instant that restores the feet's resting places."""
         stood = sites.copy() if self._stood is None else self._stood
         kept = [row for f, row in enumerate(lowest) if at_rest[f]]
         others = np.setdiff1d(np.arange(len(sites)), kept)
@@ -143,7 +152,7 @@ class Contact:
 
 
 class BetweenInstants:
-    """Accelerations and turns by IMUs and, while no camera sees the body, the foot that carries it."""
+    """Accelerations and rotations from IMUs and, while no camera sees the body, the foot that carries it."""
 
     def __init__(self, chain: Chain, weighing: Weighing, rate_hz: float):
         self._rate_hz = rate_hz
@@ -151,12 +160,16 @@ class BetweenInstants:
         self._unseen_s = 0.0 if len(weighing.rotations) else math.inf
 
     def passed(self, seconds: float, seen: bool) -> None:
-        """So much time has passed since the instant before; seen: at this one, by cameras."""
+        """Record the time since the previous instant, s.
+
+        Args:
+            seen: True if cameras see the body at this instant.
+        """
         self._unseen_s = 0.0 if seen else self._unseen_s + seconds
 
     @property
     def loads(self) -> Array:
-        """About how much (G,) each place on the ground carries, 0 to 1; 0 while cameras see the body."""
+        """Return the approximate load (G,) of each ground segment, 0 to 1; 0 while cameras see the body."""
         return self._contact.loads
 
     def told(
@@ -167,11 +180,13 @@ class BetweenInstants:
         begun: bool,
         stride: int,
     ) -> Between:
-        """Until this instant.
+        """Return the measurements between the previous instant and this one.
 
         Args:
-            oriented: see `WornDevices.orientations`. body: at the instant before.
-            begun: whether there are two instants before. stride: periods since the last one.
+            oriented: See `WornDevices.orientations`.
+            body: Chain, and pose at the previous instant.
+            begun: True if there are two previous instants.
+            stride: Number of periods since the previous instant.
         """
         turning = devices.turning(*oriented, stride)
         free = self._unseen_s > UNSEEN_S
@@ -181,7 +196,7 @@ class BetweenInstants:
     def _standing(
         self, devices: WornDevices, turning: Turning, body: tuple[Chain, Pose], stride: int
     ) -> Standing:
-        """What carries the body, while no camera sees it."""
+        """Return the site of the carrying foot while no camera sees the body."""
         if self._unseen_s <= UNSEEN_S:
             self._contact.forget()
             return NOTHING_STANDS

@@ -1,9 +1,9 @@
-"""From data of an instant to targets, weighed as standard deviations or as in the paper.
+"""Targets from the data of an instant, weighted by standard deviations or as in the paper.
 
-`NoiseLevel` learns from one person's motion how much smaller or larger the errors of 2D joints are than
-was assumed. Detectors and images differ: one `joint_sd` does not fit them all. The residuals of the pose
-that is solved tell. Their median square is hardly touched by outliers. A pose takes on some of the errors,
-so they are a little small.
+`NoiseLevel` learns the size of the errors of one person's 2D joints, relative to the assumed size. Detectors
+and images differ, so one `joint_sd` does not fit all. The level comes from the residuals of the solved pose.
+Outliers hardly affect the median of their squares. The residuals are slightly too small, because the pose
+absorbs some of the errors.
 """
 
 from __future__ import annotations
@@ -35,22 +35,23 @@ from panoptic_ros.kinematics.pose.targets import (
 
 Array = np.ndarray
 
-MEDIAN_SQUARE = 2.0 * math.log(2.0)  # of the squared length of two normal residuals of variance 1
-FEWEST_RESIDUALS = 20  # residuals that tell something
-LOOK_S, MEMORY_S, BELIEF = 0.1, 1.0, 1  # s; looks for which what is assumed counts at first
-LEAST_LEVEL, MOST_LEVEL = 0.25, 4.0  # shares of what is assumed
-NEAREST_RESIDUAL = 0.1  # m before a camera
-PAPER_WIDTH = 656  # px, of the images that the paper's weights are for
+MEDIAN_SQUARE = 2.0 * math.log(2.0)  # median of the squared length of a 2D residual with variance 1 per axis
+FEWEST_RESIDUALS = 20  # minimum number of residuals for an update
+# s between updates; averaging time, s; number of updates that the assumed level counts as
+LOOK_S, MEMORY_S, BELIEF = 0.1, 1.0, 1
+LEAST_LEVEL, MOST_LEVEL = 0.25, 4.0  # bounds, as fractions of the assumed standard deviation
+NEAREST_RESIDUAL = 0.1  # m, minimum depth in front of a camera
+PAPER_WIDTH = 656  # px, width of the images for which the paper's weights hold
 PAPER = {"position": 1e-3, "orientation": 1.0, "projection": 0.7, "deviation": 0.06, "floor": 10.0}
 PAPER_RADIUS = 0.05  # m
 FLOOR_SD = 0.02  # m
-NEAREST = 0.3  # m before a camera
-UNMEASURED_SD = 0.025  # m, by which all views see a joint off alike where it was not measured on the person
-OFFSET_SD = 0.01  # m, how far a detector's joint lies off where the body has it, per axis
+NEAREST = 0.3  # m, minimum depth in front of a camera
+UNMEASURED_SD = 0.025  # m, common error in all views of a joint whose offset was not measured on the person
+OFFSET_SD = 0.01  # m, per axis, between a joint of the detector and the same joint of the body
 
 
 class NoiseLevel:
-    """The level of one person's residuals; 1 = as assumed."""
+    """Level of one person's residuals; 1 = as assumed."""
 
     def __init__(self) -> None:
         self._square = 1.0
@@ -59,14 +60,15 @@ class NoiseLevel:
 
     @property
     def level(self) -> float:
-        """The standard deviation of 2D joints as a share of what was assumed."""
+        """Return the standard deviation of 2D joints as a fraction of the assumed one."""
         return min(max(math.sqrt(self._square), LEAST_LEVEL), MOST_LEVEL)
 
     def learn(self, views: ViewTargets, chain: Chain, pose: Pose, seconds: float) -> None:
-        """Look at the residuals of a pose now and then, so many seconds after the pose before.
+        """Update the level from the residuals of a pose, at most once per LOOK_S.
 
         Args:
-            views: weighed by the level as it is now.
+            views: Targets, weighted by the current level.
+            seconds: s since the previous pose.
         """
         self._since += seconds
         if len(views.segments) < FEWEST_RESIDUALS or self._since < LOOK_S:
@@ -83,10 +85,10 @@ class NoiseLevel:
 
 
 class Weighing:
-    """Makes the evidence for one subject.
+    """Builder of the evidence for one subject.
 
     Args:
-        joint_names: (K) of the detections.
+        joint_names: Names (K) of the joints in the detections.
     """
 
     def __init__(
@@ -136,22 +138,23 @@ class Weighing:
 
     @property
     def sites(self) -> tuple[Array, Array, Array]:
-        """Columns of the detections that are used, their segments and offsets m."""
+        """Return the detection columns (N,) in use, their segments (N,) and offsets (N, 3) m."""
         return self._columns, self._segments, self._offsets
 
     def with_body(self, body: Body) -> Weighing:
-        """The same for the subject with other lengths."""
+        """Return a copy for the same subject with other lengths."""
         seen = body.seen
         found = copy.copy(self)
         found._offsets = np.array([seen[name][1] for name in self._names]).reshape(-1, 3)
         return found
 
     def views(self, people: People, root: Array, level: float = 1.0) -> ViewTargets:
-        """Targets of the views of one person.
+        """Return the view targets of one person.
 
         Args:
-            people: points (K, 2) on the plane and scores (K,) by camera. root: (3,) m, about where it is.
-            level: of the errors of joints, a share of what is assumed.
+            people: Points (K, 2) on the normalised image plane and scores (K,) by camera.
+            root: (3,) m, approximate position of the person.
+            level: Level of the errors of joints, as a fraction of the assumed one.
         """
         if not people:
             return NO_VIEWS
@@ -183,7 +186,11 @@ class Weighing:
         )
 
     def points(self, joints: tuple[Array, Array] | None) -> PointTargets:
-        """Targets of joints in space: positions (K, 3) m, NaN = missing, and covariances (K, 3, 3) m^2."""
+        """Return the targets of 3D joints.
+
+        Args:
+            joints: Positions (K, 3) m, NaN = missing, and covariances (K, 3, 3) m^2.
+        """
         if joints is None:
             return NO_POINTS
         known, goals, spreads = known_joints(self._columns, *joints, OFFSET_SD**2)
@@ -197,7 +204,11 @@ class Weighing:
         )
 
     def turns(self, segments: Array, goals: Array, spreads: Array) -> TurnTargets:
-        """Targets of orientations: segments (N,), goals (N, 3, 3), standard deviations (N,) rad."""
+        """Return the targets of orientations.
+
+        Args:
+            segments, goals, spreads: (N,), (N, 3, 3) and (N,) rad, standard deviations.
+        """
         if not len(segments):
             return NO_TURNS
         weights = (
@@ -206,5 +217,5 @@ class Weighing:
         return TurnTargets(segments, np.ascontiguousarray(goals), weights, 0.0)
 
     def evidence(self, views: ViewTargets, turns: TurnTargets, points: PointTargets = NO_POINTS) -> Evidence:
-        """All of an instant."""
+        """Return all evidence of an instant."""
         return Evidence(views, points, turns, self.floor, self.prior, 1.0)

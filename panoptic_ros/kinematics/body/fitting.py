@@ -1,6 +1,7 @@
-"""The skeleton of segments fitted to joints that move: lengths, then a pose for every frame.
+"""Fit of the skeleton of segments to moving 3D joints: first the lengths, then a pose for every frame.
 
-`with_trunk` adds where pelvis and neck begin, from hips and shoulders and the proportions of the skeleton.
+`with_trunk` adds the proximal joints of pelvis and neck. It derives them from hips, shoulders and the
+proportions of the skeleton.
 """
 
 from __future__ import annotations
@@ -32,22 +33,23 @@ Array = np.ndarray
 
 HIPS, SHOULDERS = ("lThigh", "rThigh"), ("lUpperArm", "rUpperArm")
 BETWEEN = {"hips": HIPS, "neck": SHOULDERS}
-JOINT_SD, REST_SD, LIMIT_SD = 0.01, 0.7, math.radians(5.0)  # m; rad off the T posture; rad beyond limits
+# standard deviations: m, joints; rad, from the T posture; rad, beyond limits
+JOINT_SD, REST_SD, LIMIT_SD = 0.01, 0.7, math.radians(5.0)
 FIRST_ITERATIONS, ITERATIONS = 100, 30
-FEWEST = 10  # joints of a motion that are on the skeleton
+FEWEST = 10  # minimum number of joints of a motion that the skeleton has
 NEEDED = ("hips", "neck", "lThigh", "rThigh")
 
 
 def with_trunk(
     model: SegmentModel, sites: Mapping[str, Site], names: Sequence[str], joints: Array
 ) -> tuple[tuple[str, ...], Array]:
-    """Names, and joints (T, J, 3) m, with the beginnings of hips and neck where these are not there.
+    """Return names and joints (T, J, 3) m, with the proximal joints of hips and neck added where missing.
 
-    Each lies off the middle of hips or shoulders, along the trunk, as far as in the T posture in proportion
-    to the distance between these two.
+    Each added joint lies on the trunk axis through the middle of the hips or shoulders. Its distance from
+    that middle is that of the T posture, scaled by the distance between the two hips or shoulders.
 
     Args:
-        sites: where joints lie, by name.
+        sites: Locations of joints, by name.
     """
     begins = {name: model.names[site.segment] for name, site in sites.items() if not np.any(site.share)}
     begun = {begins[name]: k for k, name in enumerate(names) if name in begins}
@@ -70,7 +72,7 @@ def with_trunk(
 
 
 def _t_posture(model: SegmentModel) -> Array:
-    """Places (S, 3) of the joints in a T, shares of the stature."""
+    """Return the positions (S, 3) of the joints in a T, as fractions of the stature."""
     places = model.body(1.0).offsets.copy()
     for s, parent in enumerate(model.parents):
         if parent >= 0:
@@ -79,15 +81,20 @@ def _t_posture(model: SegmentModel) -> Array:
 
 
 class Site(NamedTuple):
-    """Where a joint lies: segment, and place in its frame, shares of the stature."""
+    """Location of a joint: segment, and position (3,) in its frame as fractions of the stature."""
 
     segment: int
     share: Array
 
 
 class FittedMotion(NamedTuple):
-    """Roots (T, 3) m, rotation vectors (T, S, 3) rad, offsets (S, 3) m, stature m; root mean square distance
-    of the joints, m."""
+    """Motion of the fitted skeleton.
+
+    Attributes:
+        roots, vectors: (T, 3) m and (T, S, 3) rad, positions of the root and rotation vectors.
+        offsets, stature: (S, 3) m, joints in the frames of their parents, and m.
+        residual: m, root mean square distance of the joints.
+    """
 
     roots: Array
     vectors: Array
@@ -99,12 +106,15 @@ class FittedMotion(NamedTuple):
 def fit_motion(
     model: SegmentModel, sites: Mapping[str, Site], names: Sequence[str], joints: Array
 ) -> FittedMotion:
-    """Poses of the skeleton for joints (T, J, 3) m, z up; NaN = missing.
+    """Return the poses of the skeleton for joints (T, J, 3) m, z up; NaN = missing.
 
-    Lengths are the median distances of joints, left as right.
+    Lengths are median distances between joints, with left and right equal.
+
+    Args:
+        sites: Locations of joints, by name.
 
     Raises:
-        DataError: if too few joints are on the skeleton.
+        DataError: If too few joints are on the skeleton.
     """
     used = [k for k, name in enumerate(names) if name in sites]
     begun = {sites[names[k]].segment: k for k in used if not np.any(sites[names[k]].share)}
@@ -130,10 +140,12 @@ def fit_motion(
 def _follow(
     model: SegmentModel, chain: Chain, first: Pose, seen: tuple[Array, Array, Array]
 ) -> tuple[list[Pose], float]:
-    """Poses, each from the one before, and the root mean square distance of the joints, m.
+    """Return the pose of every frame, and the root mean square distance of the joints, m.
+
+    The optimisation of each pose starts from the pose of the previous frame.
 
     Args:
-        seen: segments (J,), places (J, 3) m, joints (T, J, 3) m.
+        seen: Segments (J,), positions (J, 3) m on the segments, and joints (T, J, 3) m.
     """
     segments, places, joints = seen
     prior, count, pose = _rest(model), len(chain.parents), first.copy()
@@ -156,7 +168,11 @@ def _follow(
 
 
 def _lengths(model: SegmentModel, begun: Mapping[int, int], joints: Array) -> tuple[float, Array]:
-    """Stature, m, and offsets (S, 3) m: median distances of joints that a bone joins, left as right."""
+    """Return the stature, m, and the offsets (S, 3) m of the joints.
+
+    Limbs, head and widths are median distances between joints, with left and right equal. The trunk has the
+    largest distance from hips to neck.
+    """
     shares, factors = model.shares, {}
     for s, k in begun.items():
         parent = int(model.parents[s])
@@ -190,7 +206,7 @@ def _lengths(model: SegmentModel, begun: Mapping[int, int], joints: Array) -> tu
 
 
 def _rest(model: SegmentModel) -> PosePrior:
-    """Next to nothing: what joints do not tell stays near the T posture, within the limits."""
+    """Return a weak prior, which keeps undetermined angles near the T posture and within their limits."""
     n = 3 * len(model.names) - 3
     lower, upper = (np.ascontiguousarray(limit[1:].ravel()) for limit in (model.lower, model.upper))
     return PosePrior(
@@ -209,7 +225,7 @@ def _rest(model: SegmentModel) -> PosePrior:
 
 
 def _first(model: SegmentModel, begun: Mapping[int, int], joints: Array) -> Pose:
-    """Upright, facing as the hips do."""
+    """Return the initial pose: upright, with the heading of the hips."""
     turns = np.tile(np.eye(3), (len(model.names), 1, 1))
     left = joints[begun[model.index("lThigh")]] - joints[begun[model.index("rThigh")]]
     if np.isfinite(left).all():

@@ -1,10 +1,11 @@
-"""Lengths of a body from its motion: what joints that are seen say about them, for any pose.
+"""Lengths of a body from its motion: visible joints determine them in any pose.
 
-At single instants the pose and the lengths are solved for together, the pose is eliminated, and what is left
-on the lengths is averaged over instants: a detector's joints are off their places by about the same at all of
-them, so lengths are known no better than a few looks allow. Left is as right.
+At single instants, the pose and the lengths are solved for together, and the pose is eliminated. The
+remaining information about the lengths is averaged over instants. Averages are used because the joints of a
+detector have about the same errors at all instants. All data therefore count as only a few independent
+observations. Left and right lengths are equal.
 
-`Lengthening` brings in bit by bit what was learnt anew: limbs that changed at once would jump.
+`Lengthening` introduces new lengths gradually, because an instantaneous change would make limbs jump.
 """
 
 from __future__ import annotations
@@ -23,17 +24,17 @@ from panoptic_ros.kinematics.pose.targets import Evidence, PointTargets, ViewTar
 Array = np.ndarray
 
 LASTS_S = 0.5
-LENGTH_SD = 0.05  # share of a length, about what the stature tells
-LOOKS = 10.0  # independent ones, at most
-LEAST_SHARE = 0.02  # of the stature, of a part of an offset that is worth a length of its own
-NEAREST = 0.1  # m before a camera
+LENGTH_SD = 0.05  # fraction of a length, standard deviation given the stature
+LOOKS = 10.0  # maximum number of independent observations
+LEAST_SHARE = 0.02  # fraction of the stature: smaller components of an offset have no length of their own
+NEAREST = 0.1  # m, minimum depth in front of a camera
 
 
 class Lengthening:
-    """From one set of offsets to those of a body, along half a cosine.
+    """Gradual change from one set of offsets to those of a body, along half a cosine.
 
     Args:
-        begin: (S, 3) m, offsets now.
+        begin: (S, 3) m, current offsets.
     """
 
     def __init__(self, begin: Array, body: Body):
@@ -41,11 +42,11 @@ class Lengthening:
 
     @property
     def is_over(self) -> bool:
-        """Whether the body has its lengths."""
+        """Return whether the change is complete."""
         return self._passed_s >= LASTS_S
 
     def after(self, seconds: float) -> Body:
-        """The body so many seconds later than it was last asked for."""
+        """Advance by `seconds` and return the body at that time."""
         self._passed_s += seconds
         if self.is_over:
             return self._body
@@ -55,8 +56,11 @@ class Lengthening:
 
 
 def lengths_of(model: SegmentModel) -> tuple[tuple[tuple[int, int], ...], ...]:
-    """All lengths of a skeleton, each the parts of offsets that grow together: segments and axes. Left and
-    right are one, and so are numbered segments, as of the spine."""
+    """Return all lengths of a skeleton, each as the components of offsets that scale together.
+
+    A component is a segment and an axis. Left and right share a length, and so do numbered segments, such as
+    those of the spine.
+    """
     groups: dict[tuple[str, int], list[tuple[int, int]]] = {}
     for s, name in enumerate(model.names):
         paired = name[:1] in "lr" and name[1:2].isupper()
@@ -68,11 +72,11 @@ def lengths_of(model: SegmentModel) -> tuple[tuple[tuple[int, int], ...], ...]:
 
 
 class LengthEstimate:
-    """Offsets (S, 3) m of one person.
+    """Estimate of the offsets (S, 3) m of one person.
 
     Args:
-        offsets: those that the stature tells.
-        sure: looks for which all count that err by the same, see `spreads`.
+        offsets: (S, 3) m, derived from the stature.
+        sure: Number of independent observations that all data with a common error count as, see `spreads`.
     """
 
     def __init__(self, model: SegmentModel, offsets: Array, sure: float = LOOKS):
@@ -82,11 +86,11 @@ class LengthEstimate:
         self._information, self._pull = np.zeros((count, count)), np.zeros(count)
         self.looks = 0
         self.scales: Array = np.zeros(count)
-        self._unsure = LENGTH_SD**2 * np.eye(count)  # covariance of the scales as they are taken to be
+        self._unsure = LENGTH_SD**2 * np.eye(count)  # covariance of the current scales
         self._moved = np.zeros((len(offsets), 3, count))
 
     def offsets(self) -> Array:
-        """As they are known now."""
+        """Return the current offsets (S, 3) m."""
         found = self._usual.copy()
         for scale, length in zip(self.scales, self._lengths):
             for s, axis in length:
@@ -94,16 +98,19 @@ class LengthEstimate:
         return found
 
     def spreads(self) -> Array:
-        """Covariances (S, 3, 3) m^2 of the segments' places, in the frame of the first, by lengths that are
-        not known; the pose gives way as at the last look (a consider covariance, Schmidt 1966)."""
+        """Return the covariances (S, 3, 3) m^2 of segment positions due to uncertain lengths.
+
+        They are in the frame of the first segment. The pose adapts to a change of lengths as at the last
+        observation (a consider covariance, Schmidt 1966).
+        """
         found: Array = self._moved @ self._unsure @ self._moved.swapaxes(1, 2)
         return found
 
     def look(self, chain: Chain, pose: Pose, evidence: Evidence) -> None:
-        """Learn from an instant, of which the pose is solved with this chain.
+        """Learn from an instant whose pose was solved with this chain.
 
         Args:
-            evidence: all of the instant, with views or joints in space.
+            evidence: All evidence of the instant, with views or 3D joints.
         """
         size = 3 + 3 * len(chain.parents)
         hessian, gradient = np.empty((size, size)), np.empty(size)
@@ -125,7 +132,7 @@ class LengthEstimate:
         self._pull += (pull - self._pull) / self.looks
 
     def update(self) -> float:
-        """Take over what was learnt: by how much the longest change goes, m."""
+        """Apply the learnt lengths and return the largest change of an offset, m."""
         before = self.offsets()
         looks = min(float(self.looks), LOOKS)
         precision = np.diag(np.full(len(self.scales), LENGTH_SD**-2))
@@ -136,10 +143,13 @@ class LengthEstimate:
         return float(np.linalg.norm(self.offsets() - before, axis=-1).max())
 
     def _by_lengths(self, chain: Chain, pose: Pose, grown: Array, given_way: Array) -> Array:
-        """How places of segments move by the lengths, (S, 3, L) in the frame of the first.
+        """Return the derivatives (S, 3, L) of segment positions by the lengths.
+
+        They are in the frame of the first segment.
 
         Args:
-            grown: the same in the world, of a pose that stays. given_way: (D, L), by which the pose does not.
+            grown: The same in the world, for a constant pose.
+            given_way: (D, L), derivatives of the pose by the lengths, with opposite sign.
         """
         segments = np.arange(len(chain.parents))
         slopes = np.empty((len(segments), 3, len(given_way)))
@@ -148,7 +158,10 @@ class LengthEstimate:
         return found
 
     def _grown(self, chain: Chain, pose: Pose) -> Array:
-        """How the joint of each segment moves in the world by the lengths, (S, 3, L)."""
+        """Return the derivatives (S, 3, L) of proximal joints by the lengths, for a constant pose.
+
+        They are in the world frame.
+        """
         count = len(chain.parents)
         frames, places = np.empty((count, 3, 3)), np.empty((count, 3))
         place_segments(chain, pose, frames, places)
@@ -162,7 +175,7 @@ class LengthEstimate:
 
 
 def _view_slopes(chain: Chain, pose: Pose, views: ViewTargets, grown: Array) -> tuple[Array, Array, Array]:
-    """Slopes of the weighted residuals (2 N,) by pose (2 N, D) and by lengths (2 N, L), and these."""
+    """Return derivatives by pose (2 N, D) and lengths (2 N, L), and weighted residuals (2 N,)."""
     slopes = np.empty((len(views.segments), 3, 3 + 3 * len(chain.parents)))
     sites = place_sites(chain, pose, views.segments, views.offsets, slopes)
     rotation = views.rotations[views.cameras]
@@ -177,7 +190,7 @@ def _view_slopes(chain: Chain, pose: Pose, views: ViewTargets, grown: Array) -> 
 
 
 def _point_slopes(chain: Chain, pose: Pose, points: PointTargets, grown: Array) -> tuple[Array, Array, Array]:
-    """The same (3 N,) of joints in space."""
+    """Return the same as `_view_slopes` for 3D joints: (3 N, D), (3 N, L) and (3 N,)."""
     slopes = np.empty((len(points.segments), 3, 3 + 3 * len(chain.parents)))
     sites = place_sites(chain, pose, points.segments, points.offsets, slopes)
     apart = (sites - points.goals)[..., None]
@@ -188,17 +201,26 @@ def _point_slopes(chain: Chain, pose: Pose, points: PointTargets, grown: Array) 
 
 
 def _anchors(targets: ViewTargets | PointTargets) -> Array:
-    """Segments (N,) with whose proximal joints the sites move."""
+    """Return the segments (N,) whose proximal joints carry the sites when lengths change."""
     return targets.anchors if len(targets.anchors) else targets.segments
 
 
 def _kept(error: Array, scale: float) -> Array:
-    """What Cauchy's loss of this scale leaves of weights."""
+    """Return the factors (N,) by which Cauchy's loss reduces weights.
+
+    Args:
+        error: (N,) weighted squared residuals.
+    """
     found: Array = 1.0 / (1.0 + error / scale) if scale > 0.0 else np.ones(len(error))
     return found
 
 
 def _rows(weights: Array, slopes: Array) -> Array:
-    """Slopes (N, 3, M) of sites as rows (K N, M) of residuals with weights (N, K, 3)."""
+    """Return the derivatives of weighted residuals as rows (K N, M).
+
+    Args:
+        weights: (N, K, 3), weights of K residuals per site.
+        slopes: (N, 3, M), derivatives of the sites.
+    """
     found: Array = (weights @ slopes).reshape(-1, slopes.shape[-1])
     return found

@@ -1,4 +1,4 @@
-"""The body of somebody of whom nothing is known but skeletons: lengths from these."""
+"""Body of a person without a subject file: lengths from the person's skeletons."""
 
 from __future__ import annotations
 
@@ -18,17 +18,20 @@ from panoptic_ros.kinematics.pose.solve import solve_pose
 from panoptic_ros.kinematics.pose.targets import NO_TURNS, NO_VIEWS, no_anchor
 
 Array = np.ndarray
-MOST = 16  # skeletons that are kept
-LEAST_LIMBS = 5  # of a skeleton that counts
-ACROSS = 1  # axis of the trunk: to the left
-ROUNDS = 3  # in which lengths and poses tell about each other
+MOST = 16  # maximum number of skeletons that are kept
+LEAST_LIMBS = 5  # minimum number of limbs in a skeleton that is used
+ACROSS = 1  # axis of the trunk that points to the left
+ROUNDS = 3  # alternations between the estimation of lengths and of poses
 ITERATIONS = 20
 UNORIENTED = np.zeros(0, np.int64), np.zeros((0, 3, 3))
 
 
 class MeasuredBody:
-    """Skeletons of one person, one by one. Those that are kept are spread evenly over the time since the
-    first: what is wrong in one is wrong in the next ones, too."""
+    """Body estimate from the skeletons of one person, which come one by one.
+
+    The kept skeletons are spread evenly over the time since the first, because errors of consecutive
+    skeletons are correlated.
+    """
 
     def __init__(self) -> None:
         self._seen: list[tuple[Array, Array]] = []
@@ -42,14 +45,21 @@ class MeasuredBody:
         joint_names: Sequence[str],
         joints: tuple[Array, Array],
     ) -> Body | None:
-        """The body, by the first skeleton, and anew each time that there were twice as many.
+        """Add a skeleton, and return the body if an update is due, else None.
 
-        joints: positions (J, 3) m, NaN = missing, and covariances (J, 3, 3) m^2.
+        An update is due at the first skeleton and whenever the number of skeletons has doubled.
 
-        A limb is a segment whose proximal joint and whose parent's are joints of the skeleton. The stature is
-        that which explains the limbs, by the median. From there, lengths are those that explain the joints
-        in any pose, as lengths from motion are, see `lengths`; how far apart eyes and ears are is taken as it
-        is.
+        A limb is a segment whose proximal joint and whose parent's proximal joint are joints of the skeleton.
+        The stature is the median over the limbs of the stature that explains each limb. From there on,
+        lengths are those that explain the joints in any pose, as for lengths from motion (see `lengths`). The
+        distances between paired joints of one segment, such as eyes or ears, are taken from the skeletons
+        directly.
+
+        Args:
+            joints: Positions (J, 3) m, NaN = missing, and covariances (J, 3, 3) m^2.
+
+        Returns:
+            The body; None if no update is due or the skeleton has too few limbs.
         """
         limbs = limbs_of(model, joint_names)
         if not len(limbs) or np.isfinite(_apart(joints[0][None], limbs)).sum() < LEAST_LIMBS:
@@ -74,8 +84,7 @@ class MeasuredBody:
 
 
 def limbs_of(model: SegmentModel, joint_names: Sequence[str]) -> list[tuple[int, int, int]]:
-    """Segments of limbs, and the joints of the skeleton at the proximal joints of their parents and at
-    theirs."""
+    """Return the limbs: segment, and joints of the skeleton at its parent's and at its own proximal joint."""
     at = _joints_at(model, joint_names)
     return [
         (s, at[int(model.parents[s])], at[s])
@@ -85,7 +94,7 @@ def limbs_of(model: SegmentModel, joint_names: Sequence[str]) -> list[tuple[int,
 
 
 def _joints_at(model: SegmentModel, joint_names: Sequence[str]) -> dict[int, int]:
-    """The joint of the skeleton at the proximal joint of each segment that has one."""
+    """Return the joint of the skeleton at the proximal joint of each segment that has one."""
     return {
         model.index(segment): list(joint_names).index(name)
         for name, (segment, share) in model.keypoints.items()
@@ -100,7 +109,7 @@ def _fitted(
     body: Body,
     seen: Sequence[tuple[Array, Array]],
 ) -> Body:
-    """The body with the lengths that skeletons tell, left as right."""
+    """Return the body with lengths estimated from skeletons, with left and right equal."""
     subject, model = Subject(0, body), body.model
     weighing = Weighing(config, subject, statistics, None, joint_names)
     estimate, anchor = LengthEstimate(model, body.offsets), no_anchor(len(model.names))
@@ -115,7 +124,10 @@ def _fitted(
 
 
 def _pairs_of(body: Body, joint_names: Sequence[str], seen: Array) -> dict[str, tuple[str, Array]]:
-    """Joints of the detector that are in pairs on one segment, as far apart as in skeletons (N, J, 3) m."""
+    """Return keypoints of the detector's paired joints on one segment.
+
+    Their distance is the median one in skeletons (N, J, 3) m.
+    """
     found, columns = {}, {name: k for k, name in enumerate(joint_names)}
     for left, (segment, _) in body.keypoints.items():
         right = f"r{left[1:]}"
@@ -134,14 +146,14 @@ def _pairs_of(body: Body, joint_names: Sequence[str], seen: Array) -> dict[str, 
 
 
 def _apart(positions: Array, limbs: Sequence[tuple[int, int, int]]) -> Array:
-    """Lengths (N, L) m of limbs in skeletons (N, J, 3)."""
+    """Return the lengths (N, L) m of limbs in skeletons (N, J, 3) m."""
     begin, end = np.array([b for _, b, _ in limbs]), np.array([e for _, _, e in limbs])
     found: Array = np.linalg.norm(positions[:, end] - positions[:, begin], axis=-1)
     return found
 
 
 def _typical(values: Array) -> Array:
-    """Medians (L,) of what is known of (N, L); NaN where nothing is."""
+    """Return the medians (L,) of the finite values in the columns of (N, L); NaN without any."""
     found = np.full(values.shape[1], np.nan)
     for k, column in enumerate(values.T):
         known = column[np.isfinite(column)]

@@ -1,4 +1,4 @@
-"""What views see of a body: how far 2D people are off it, and their joints as targets."""
+"""Views of a body: distances of 2D poses from the expected body, and visible joints as targets."""
 
 from __future__ import annotations
 
@@ -10,28 +10,36 @@ import numpy as np
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
-People = dict[int, tuple[Array, Array]]  # points (K, 2), NaN = missing, and scores (K,) by camera
-NEAREST = 0.1  # m before a camera
-FEWEST = 3  # joints that tell where somebody is
+# one 2D pose by camera: points (K, 2), NaN = missing, and scores (K,)
+People = dict[int, tuple[Array, Array]]
+NEAREST = 0.1  # m, minimum depth in front of a camera
+FEWEST = 3  # minimum number of visible joints that locate a person
 
 
 class Sites(NamedTuple):
-    """Columns (N,) of the detections and places (N, 3) m where their joints are expected."""
+    """Expected joints of a body.
+
+    Attributes:
+        columns: (N,) joint indices in the detections.
+        places: (N, 3) m, expected positions.
+    """
 
     columns: Array
     places: Array
 
     @property
     def middle(self) -> Array:
-        """The middle (3,) m of all joints."""
+        """Return the median position (3,) m of all joints."""
         found: Array = np.median(self.places, axis=0)
         return found
 
     def middle_seen(self, people: People) -> Array:
-        """The middle (3,) m of the joints that views show, which may be those of a part of the body.
+        """Return the mean over views of the median expected position (3,) m of the visible joints.
+
+        The visible joints may be only a part of the body. Without any, the result is `middle`.
 
         Args:
-            people: points (K, 2), NaN = missing, and scores (K,) by camera.
+            people: Points (K, 2), NaN = missing, and scores (K,) by camera.
         """
         shown = [np.isfinite(points[self.columns]).all(-1) for points, _ in people.values()]
         middles = [np.median(self.places[there], axis=0) for there in shown if there.any()]
@@ -44,12 +52,15 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 @_jit
 def distances(points: Array, columns: Array, places: Array, rotation: Array, translation: Array) -> Array:
-    """How far 2D people are from where a body is expected, (P,) m: the median over the joints that are seen,
-    as a length at the body's depth. Infinite if hardly any is seen, or the body is not before the camera.
+    """Return the distance (P,) m of each 2D pose of a view from the expected body.
+
+    It is the median image distance over the visible joints, as a length at the median depth of the body. It
+    is infinite if too few joints are visible or the body is not in front of the camera.
 
     Args:
-        points: (P, K, 2) on the plane, NaN = missing. columns: (N,) the joints that are compared.
-        places: (N, 3) m, where these are expected.
+        points: (P, K, 2) on the normalised image plane, NaN = missing.
+        columns: (N,) joints that are compared.
+        places: (N, 3) m, their expected positions.
         rotation, translation: (3, 3) and (3,) m, camera from world.
     """
     count = len(columns)
@@ -82,11 +93,12 @@ def distances(points: Array, columns: Array, places: Array, rotation: Array, tra
 def known_joints(
     columns: Array, positions: Array, covariances: Array, own: float
 ) -> tuple[Array, Array, Array]:
-    """Sites (M,) of the joints in space that are known, their positions (M, 3) and covariances (M, 3, 3).
+    """Return the known 3D joints: sites (M,), positions (M, 3) m and covariances (M, 3, 3) m^2.
 
     Args:
-        columns: (N,) of the sites. positions, covariances: (K, 3) m and (K, 3, 3) m^2, NaN = not known.
-        own: variance per axis that is added, m^2.
+        columns: (N,) joint indices of the sites.
+        positions, covariances: (K, 3) m and (K, 3, 3) m^2, NaN = unknown.
+        own: Variance per axis, m^2, that is added to the covariances.
     """
     sites = np.empty(len(columns), np.int64)
     goals, spreads = np.empty((len(columns), 3)), np.empty((len(columns), 3, 3))
@@ -106,11 +118,13 @@ def known_joints(
 def seen_joints(
     points: Array, scores: Array, columns: Array, factors: Array, power: float
 ) -> tuple[Array, Array, Array, Array]:
-    """Sites (M,) of the joints that are seen, views (M,), points (M, 2) and weights (M,).
+    """Return the visible 2D joints of all views: sites (M,), views (M,), points (M, 2) and weights (M,).
 
     Args:
-        points, scores: (V, K, 2) on the plane, NaN = missing, and (V, K). columns: (N,) of the sites.
-        factors: (V,) weight of a joint of score 1; it goes with the score to this power.
+        points, scores: (V, K, 2) on the normalised image plane, NaN = missing, and (V, K).
+        columns: (N,) joint indices of the sites.
+        factors: (V,) weights of a joint of score 1. The weight is proportional to the score to the power
+            `power`.
     """
     most = len(points) * len(columns)
     sites, views = np.empty(most, np.int64), np.empty(most, np.int64)

@@ -1,4 +1,4 @@
-"""The first pose of a person, from nothing."""
+"""Initial pose of a person, without a previous pose."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from panoptic_ros.kinematics.pose.targets import no_anchor
 Array = np.ndarray
 HEADINGS = 8
 ITERATIONS = 60
-ARM_DOWN = 1.2  # rad from the T
-PELVIS_SHARE = 0.53  # of the stature, height of the pelvis where nothing tells it
+ARM_DOWN = 1.2  # rad, of the upper arms below the T posture
+PELVIS_SHARE = 0.53  # fraction of the stature: height of the pelvis where no data determine it
 
 
 def first_pose(
@@ -28,12 +28,14 @@ def first_pose(
     oriented: tuple[Array, Array],
     joints: tuple[Array, Array] | None = None,
 ) -> Pose:
-    """The pose of least cost, from several headings where no IMU tells the orientation of the body.
+    """Return the pose of least cost, from several initial poses.
+
+    Where no IMU measures the orientation of the root segment, the initial poses have several headings.
 
     Args:
-        people: points (K, 2) on the plane and scores (K,) by camera.
-        oriented: segments (N,) and (N, 3, 3) orientations that are known.
-        joints: in space, where there is nothing in 2D: positions (K, 3) m and covariances (K, 3, 3) m^2.
+        people: Points (K, 2) on the normalised image plane and scores (K,) by camera.
+        oriented: Segments (N,) of known orientation, and these orientations (N, 3, 3).
+        joints: 3D joints, where there are no 2D joints: positions (K, 3) m and covariances (K, 3, 3) m^2.
     """
     chain, (segments, goals) = subject.body.chain, oriented
     root = _root(weighing, subject, people, joints)
@@ -53,7 +55,7 @@ def first_pose(
 
 
 def _candidates(subject: Subject, root: Array, segments: Array, goals: Array) -> list[Pose]:
-    """Poses to begin from: as the IMUs say, or upright with the arms down in several headings."""
+    """Return initial poses: that of the IMUs, or upright ones with the arms down in several headings."""
     model = subject.body.model
     known = {int(s): goal for s, goal in zip(segments, goals)}
     if 0 in known:
@@ -76,8 +78,11 @@ def _candidates(subject: Subject, root: Array, segments: Array, goals: Array) ->
 
 
 def middle_of(weighing: Weighing, people: People, joints: tuple[Array, Array] | None) -> Array | None:
-    """Where the middle of somebody's joints is, (3,) m: where the rays to it meet; None with fewer than two
-    views."""
+    """Return the middle (3,) m of a person's joints, or None.
+
+    It is the median of the 3D joints, if these are given. Otherwise it is the point nearest to the rays to
+    the middles of the 2D poses; with fewer than two views it is None.
+    """
     if joints is not None:
         return _median(joints[0][weighing.sites[0]])
     if len(people) < 2:
@@ -93,7 +98,10 @@ def _median(joints: Array) -> Array | None:
 
 
 def _rays(weighing: Weighing, people: People) -> tuple[Array, Array]:
-    """Normal equations (3, 3), (3,) of the point nearest to the rays to the middles of 2D people."""
+    """Return the normal equations (3, 3), (3,) of the point nearest to the rays.
+
+    There is one ray per view, to the middle of the 2D pose.
+    """
     matrix, vector = np.zeros((3, 3)), np.zeros(3)
     for camera, (points, _) in people.items():
         seen = points[np.isfinite(points).all(-1)]
@@ -113,7 +121,11 @@ def _root(
     people: People,
     joints: tuple[Array, Array] | None,
 ) -> Array:
-    """Where the pelvis is about: the middle of what is seen, or as stated."""
+    """Return the approximate position (3,) m of the pelvis.
+
+    It is the middle of the visible joints, else the stated start. Without both, it is at a usual height, near
+    the ray of a single view if there is one.
+    """
     middle = middle_of(weighing, people, joints)
     if middle is not None:
         return middle

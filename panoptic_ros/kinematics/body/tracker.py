@@ -1,8 +1,8 @@
-"""One designated person, instant by instant.
+"""Solver for one designated person, one instant at a time.
 
-`Past` holds the instants that were solved of late, and which of them are the lag ago: late ones are left
-out. `acceleration_goals` is the acceleration term of Malleson et al. 2020, eq. 13: where sites would be by
-what their IMUs measured.
+`Past` holds the instants that were solved recently, and finds those that are at least the lag ago. A late
+stage leaves out instants, so their spacing varies. `acceleration_goals` is the acceleration term of Malleson
+et al. 2020, eq. 13. It returns the positions of sites that the accelerations of their IMUs imply.
 """
 
 from __future__ import annotations
@@ -35,40 +35,48 @@ from panoptic_ros.kinematics.pose.window import Motion, PoseWindow
 Array = np.ndarray
 
 KEPT_INSTANTS = 64
-LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10  # between looks at lengths; looks before the first change
-KEPT = 2  # instants, for which what comes after a pose is taken to look the same: a twentieth of a second
-SAME_LENGTHS = 0.002  # m, of a change that is not worth another
+# s between observations of lengths; number of observations before the first change
+LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10
+KEPT = 2  # instants for which the information from after a pose is reused: about 0.05 s
+SAME_LENGTHS = 0.002  # m, change of lengths below which learning ends
 
 
 class Past:
-    """Stamps of instants, and how many periods each came after the one before."""
+    """Timestamps of recent instants, and the number of periods since the instant before each."""
 
     def __init__(self) -> None:
         self._stamps: deque[int] = deque(maxlen=KEPT_INSTANTS)
         self._strides: deque[int] = deque(maxlen=KEPT_INSTANTS)
-        self._held = 0  # instants that were not given yet
+        self._held = 0  # number of instants whose bodies were not returned yet
 
     def __len__(self) -> int:
         return len(self._stamps)
 
     def add(self, stamp_ns: int, stride: int) -> None:
-        """One more instant."""
+        """Append an instant."""
         self._stamps.append(stamp_ns)
         self._strides.append(stride)
         self._held += 1
 
     def stamp(self, back: int) -> int:
-        """Of so many instants ago, ns."""
+        """Return the timestamp, ns, of the instant `back` instants ago."""
         return self._stamps[-1 - back]
 
     def around(self, back: int) -> int:
-        """Periods from the instant before the one of so many instants ago to the one after it, if any."""
+        """Return the periods between the neighbours of the instant `back` instants ago.
+
+        The newest instant has no later neighbour, so the interval then ends at the instant.
+        """
         return self._strides[-1 - back] + (self._strides[-back] if back else 0)
 
     def due(self, lag: int) -> list[int]:
-        """Instants that are so many periods ago and were not given yet, the oldest first; they are now."""
+        """Return the pending instants that are at least `lag` periods ago, the oldest first.
+
+        They are given as numbers of instants back, and are no longer pending afterwards.
+        """
         found = []
-        ago = sum(list(self._strides)[1 - self._held :]) if self._held > 1 else 0  # periods, of the oldest
+        # age in periods of the oldest pending instant
+        ago = sum(list(self._strides)[1 - self._held :]) if self._held > 1 else 0
         while self._held and ago >= lag:
             self._held -= 1
             found.append(self._held)
@@ -76,14 +84,23 @@ class Past:
         return found
 
     def left(self, lag: int) -> list[int]:
-        """Instants less than the lag ago, the oldest first."""
+        """Return the pending instants less than the lag ago, the oldest first.
+
+        They are given as numbers of instants back.
+        """
         return list(range(min(lag, self._held, len(self._stamps)) - 1, -1, -1))
 
 
 def acceleration_goals(
     chain: Chain, poses: tuple[Pose, Pose], devices: WornDevices, weight: float, period: float
 ) -> PointTargets:
-    """A site's place that gives the measured acceleration with the two poses before, the older one first."""
+    """Return the positions of sites that give the measured accelerations, as targets.
+
+    Args:
+        poses: The two previous poses, the older one first.
+        weight: Weight of the acceleration term, 1/(m/s^2)^2.
+        period: s, between instants.
+    """
     which = np.flatnonzero(devices.accelerated)
     segments, offsets = devices.segments[which], devices.positions[which]
     places, frames = place_all(
@@ -96,11 +113,11 @@ def acceleration_goals(
 
 
 class SubjectTracker:
-    """Solves for one person; `step` by instants of the configured rate.
+    """Solver for one person. `step` takes instants of the configured rate.
 
     Args:
-        mounts: (3, 3) segment from device, by name, of all devices that are used.
-        heading: rad, world from the IMUs' inertial frame, about the vertical.
+        mounts: (3, 3) segment from device, by name, of all devices in use.
+        heading: rad, rotation about the vertical from the IMUs' inertial frame to the world.
     """
 
     def __init__(
@@ -112,13 +129,14 @@ class SubjectTracker:
         heading: float = 0.0,
     ):
         self.subject, self.weighing, self._config = subject, weighing, config
-        self.body = subject.body  # with the lengths that were learnt
+        self.body = subject.body  # with the lengths learnt so far
         self._chain = self.body.chain
         self.lengths: LengthEstimate | None = None
         if config.lengths and not subject.measured and not config.paper_weights:
             self.lengths = LengthEstimate(subject.body.model, subject.body.offsets, config.looks)
         self._lengthening: Lengthening | None = None
-        self._length_spreads: Array | None = None  # of segments, in the frame of the first
+        # (S, 3, 3) m^2 from uncertain lengths, frame of the first segment
+        self._length_spreads: Array | None = None
         self._next_look, self._next_update = LENGTH_LOOK_S, LENGTH_LOOKS
         self._noise = NoiseLevel()
         self._count = len(self._chain.parents)
@@ -132,21 +150,21 @@ class SubjectTracker:
 
     @property
     def mounting(self) -> MountingEstimate:
-        """How the devices sit on their segments."""
+        """Return the estimate of the mountings of the devices."""
         return self.devices.mounting
 
     @property
     def started(self) -> bool:
-        """Whether there is a pose."""
+        """Return whether there is a pose."""
         return self._pose is not None
 
     @property
     def offsets(self) -> Array:
-        """Joints (S, 3) m in the frames of their parents: lengths as they are taken to be now."""
+        """Return the current joint offsets (S, 3) m, in the frames of the parents."""
         return self._chain.offsets
 
     def begun_anew(self) -> SubjectTracker:
-        """One that knows the person (lengths, errors of joints, how devices sit) and has seen no motion."""
+        """Return a copy without pose and motion, which keeps lengths, errors of joints and mountings."""
         found = self.at_rest()
         found._pose = None
         found._between = self._fresh_between()
@@ -154,24 +172,29 @@ class SubjectTracker:
         return found
 
     def worn_otherwise(self, mounts: dict[str, Array], heading: float) -> SubjectTracker:
-        """Begun anew with other mountings, see the class."""
+        """Return a copy without pose and motion, with other mountings and heading.
+
+        The arguments are those of the class.
+        """
         found = self.begun_anew()
         found.devices = WornDevices(self._config, self.subject, self._chain, mounts, heading)
         return found
 
     def begin_at(self, pose: Pose) -> None:
-        """Begin with this pose in place of one from nothing."""
+        """Start from this pose instead of an initial pose from the data."""
         self._pose = pose.copy()
 
     def at_rest(self) -> SubjectTracker:
-        """The same without its motion, as it goes on after a pause: from where the body was."""
+        """Return a copy without motion, which continues after a pause from the last pose."""
         found = copy.copy(self)
         found._window, found._before, found._past = None, None, Past()
         return found
 
     def move_to(self, people: People, joints: tuple[Array, Array] | None) -> None:
-        """Carry the body to where cameras see it, of whom it was out of sight; one camera alone does not
-        tell."""
+        """Move the body to where cameras see it, after it was out of sight.
+
+        One camera alone does not determine the position, so it does not move the body.
+        """
         pose, sites = self.expected(), self.expected_sites()
         place = middle_of(self.weighing, people, joints)
         if pose is None or sites is None or place is None:
@@ -183,7 +206,7 @@ class SubjectTracker:
         self._past = Past()
 
     def take_body(self, body: Body) -> None:
-        """Go over to other lengths."""
+        """Change to other lengths: gradually during motion, else at once."""
         if self._window is None:
             self._lengthening = None
             self._put_on(body)
@@ -197,13 +220,13 @@ class SubjectTracker:
             self._window.take_chain(self._chain)
 
     def expected(self, stride: int = 1) -> Pose | None:
-        """Where the body is expected so many periods after the last instant."""
+        """Return the predicted pose `stride` periods after the last instant, or None without a pose."""
         if self._window is not None:
             return self._window.predicted(stride)
         return self._pose
 
     def expected_sites(self) -> Sites | None:
-        """Where joints are expected."""
+        """Return the predicted positions of joints, or None without a pose."""
         pose = self.expected()
         if pose is None:
             return None
@@ -223,13 +246,13 @@ class SubjectTracker:
         """Solve an instant.
 
         Args:
-            measured: by the subject's devices, in their order.
-            people: points (K, 2) and scores (K,) of this person by camera.
-            joints: in space, where there is nothing in 2D: positions (K, 3) m and covariances (K, 3, 3) m^2.
-            stride: periods since the instant before.
+            measured: Measurements of the subject's devices, in their order.
+            people: Points (K, 2) and scores (K,) of this person by camera.
+            joints: 3D joints, where there are no 2D joints: positions (K, 3) m and covariances (K, 3, 3) m^2.
+            stride: Number of periods since the previous instant.
 
         Returns:
-            Bodies that are final: of instants that are the lag ago, if there are any yet.
+            Final bodies: Those of the instants at least the lag ago that were not returned yet.
         """
         period = stride / self._config.rate_hz
         which, goals = self.devices.orientations(measured)
@@ -271,7 +294,7 @@ class SubjectTracker:
         return self._final()
 
     def flush(self) -> list[BodyState]:
-        """Bodies of the instants that the lag still holds back."""
+        """Return the bodies of the instants that are still within the lag."""
         if self._window is None:
             return []
         poses = self._window.smoothed()
@@ -285,7 +308,10 @@ class SubjectTracker:
         return BetweenInstants(self._chain, self.weighing, self._config.rate_hz)
 
     def _learn_lengths(self, evidence: Evidence, views: int, period: float) -> None:
-        """Look now and then; take over what was learnt at twice as many looks each time, until it stays."""
+        """Observe lengths at intervals, and apply the result whenever the number of observations has doubled.
+
+        Learning ends once lengths no longer change.
+        """
         self._next_look -= period
         if self.lengths is None or views < 2 or self._next_look > 1e-9:
             return
@@ -346,7 +372,11 @@ class SubjectTracker:
         return [self._smoothed_state(poses, back) for back in due]
 
     def _smoothed_state(self, poses: Sequence[Pose], back: int) -> BodyState:
-        """The body of so many instants ago, from poses that begin with the newest one."""
+        """Return the body `back` instants ago.
+
+        Args:
+            poses: Smoothed poses, the newest first.
+        """
         assert self._window is not None
         around = [poses[max(back - 1, 0)], poses[back], poses[back + 1]]
         places, frames = place_all(

@@ -1,1 +1,1 @@
-"""IMUs: their streams and units, how they sit on a body, and how their headings and clocks are found."""
+"""IMUs: sample streams and units, mountings on the body, and estimation of heading and clock offset."""

@@ -1,12 +1,15 @@
-"""Heading and clock of IMUs from motion: how a segment turns over a quarter of a second is the same however a
-device sits on it, and so is, in the world, the acceleration of the place where it sits.
+"""Heading and clock offset of IMUs from motion.
 
-Cameras know some turns better than others, as the covariances of their poses say: those of limbs about
-themselves hardly at all. How large the errors of turns and of accelerations are is not known beforehand; each
-kind is weighed by what is left of it (the likelihood with its variance taken out).
+The rotation of a segment over a quarter of a second does not depend on how a device is mounted. In the world,
+the acceleration of the place of the device does not depend on it either. Both are compared between cameras
+and IMUs.
 
-`compare_turned` compares vectors that were felt in a frame of another heading with those that were seen, at
-offsets in time.
+Cameras determine some rotations better than others, according to the covariances of their poses. They hardly
+determine rotations of limbs about their own axes. The size of the errors of rotations and of accelerations is
+unknown. Each kind is therefore weighted by its own residuals (the likelihood with its variance eliminated).
+
+`compare_turned` compares vectors that were measured in a frame of another heading with vectors from cameras,
+at several clock offsets.
 """
 
 from __future__ import annotations
@@ -27,20 +30,22 @@ from panoptic_ros.kinematics.imus.measured import resample
 
 Array = np.ndarray
 
-TURN_S = 0.25  # over which turns are compared
-SMOOTHING_S = 0.06  # of accelerations, about 3 Hz
-COMPARED_S = 0.05  # between instants that are compared
-TISSUE = math.radians(3.0)  # how an IMU turns on its segment
+TURN_S = 0.25  # interval of the rotations that are compared
+SMOOTHING_S = 0.06  # smoothing of accelerations, about 3 Hz
+COMPARED_S = 0.05  # interval between compared instants
+TISSUE = math.radians(3.0)  # rotation of an IMU on its segment, by soft tissue
 OFFSETS_S = np.arange(-0.15, 0.1501, 0.005)
 HEADINGS = 720
-LEAST_SURE = math.radians(6.0)  # of a heading; the motion tells too little, if it is less sure
-ALIGNED_LAG_S = 0.2  # of the poses that are compared: with less, they follow late and look like a late clock
-LEAST_OFFSET_S, SURE = 0.012, 3.0  # s, standard deviations: less is within the error of finding it
-LIKELY = 4.5  # nats, of what is within three standard deviations
-SAME_S = 0.3  # for which errors stay the same
-CLOCK_SD = 0.004  # s, of what stays the same in a capture: poses that follow late, soft tissue
-OWN_HEADING = math.radians(2.0)  # of each device, about the common one
-ENOUGH_S, ENOUGH = 0.008, math.radians(2.5)  # standard deviations at which no more motion is needed
+# maximum standard deviation of a usable heading: beyond it, the motion is insufficient
+LEAST_SURE = math.radians(6.0)
+ALIGNED_LAG_S = 0.2  # lag of the compared poses: with a smaller lag, late poses look like a clock offset
+# s; standard deviations: smaller offsets are within the error of the estimate
+LEAST_OFFSET_S, SURE = 0.012, 3.0
+LIKELY = 4.5  # nats, log-likelihood difference at three standard deviations
+SAME_S = 0.3  # correlation time of errors, s
+CLOCK_SD = 0.004  # s, error that is constant within a capture: late poses, soft tissue
+OWN_HEADING = math.radians(2.0)  # heading of each device relative to the common one
+ENOUGH_S, ENOUGH = 0.008, math.radians(2.5)  # standard deviations below which no more motion is needed
 GRAVITY = np.array([0.0, 0.0, 9.81])
 
 
@@ -48,16 +53,18 @@ GRAVITY = np.array([0.0, 0.0, 9.81])
 def compare_turned(
     felt: tuple[Array, Array], seen: tuple[Array, Array, Array], offsets: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Sums of weighed squares of what is left, by the heading: t^T matrix t - 2 vector^T t + constant, where
-    t is its cosine and sine.
+    """Compare measured vectors with those from cameras, at each clock offset, as a function of the heading.
+
+    The sum of weighted squared residuals is t^T matrix t - 2 vector^T t + constant, where t is the cosine and
+    sine of the heading.
 
     Args:
-        felt: when (N,), rising, and vectors (N, 3), between which they are linear; NaN = not there.
-        seen: when (T,), vectors (T, 3) and their information (T, 3, 3).
-        offsets: (O,) of the clock of what was felt, in the unit of the others.
+        felt: Timestamps (N,), rising, and vectors (N, 3). Vectors are interpolated linearly; NaN = missing.
+        seen: Timestamps (T,), vectors (T, 3) and their information (T, 3, 3).
+        offsets: (O,) of the clock of the measured vectors, in the unit of the timestamps.
 
     Returns:
-        matrices (O, 2, 2), vectors (O, 2), constants (O,), and how many were compared (O,).
+        matrices (O, 2, 2), vectors (O, 2), constants (O,), and numbers of compared instants (O,).
     """
     when, vectors = felt
     stamps, goals, information = seen
@@ -96,8 +103,13 @@ def compare_turned(
 
 
 class Felt(NamedTuple):
-    """What a device felt at instants of a fixed rate: stamps (N,) ns, orientations (N, 3, 3), inertial frame
-    from device, and specific forces (N, 3) m/s^2 in the device's frame; NaN = not there."""
+    """Measurements of a device at a fixed rate.
+
+    Attributes:
+        stamps: (N,) ns.
+        turns: (N, 3, 3), orientations, inertial frame from device; NaN = missing.
+        forces: (N, 3) m/s^2, specific forces in the device frame; NaN = missing.
+    """
 
     stamps: Array
     turns: Array
@@ -105,8 +117,12 @@ class Felt(NamedTuple):
 
 
 class Alignment(NamedTuple):
-    """Heading, rad, world from inertial frame; offset, s, that is added to the stamps of the IMUs; standard
-    deviations of both."""
+    """Alignment of IMUs in space and time.
+
+    Attributes:
+        heading, heading_unsure: rad, world from inertial frame, and its standard deviation.
+        offset, unsure: s, added to the timestamps of the IMUs, and its standard deviation.
+    """
 
     heading: float
     offset: float
@@ -115,18 +131,23 @@ class Alignment(NamedTuple):
 
     @property
     def late(self) -> bool:
-        """Whether the clock is off by more than the error of finding it."""
+        """Return whether the clock is off by more than the error of the estimate."""
         return abs(self.offset) >= max(LEAST_OFFSET_S, SURE * self.unsure)
 
     @property
     def enough(self) -> bool:
-        """Whether both are known so well that more motion is not worth waiting for."""
+        """Return whether both are so certain that more motion is not worth waiting for."""
         return self.heading_unsure < ENOUGH and self.unsure < ENOUGH_S
 
 
 class _Pair(NamedTuple):
-    """Vectors in the inertial frame (N, 3) at stamps (N,) ns, and the same in the world (T, 3) at stamps
-    (T,), with their information (T, 3, 3) but for a factor."""
+    """The same vectors, measured by a device and seen by cameras.
+
+    Attributes:
+        when, felt: (N,) ns and (N, 3), in the inertial frame.
+        stamps, seen: (T,) ns and (T, 3), in the world.
+        information: (T, 3, 3) of `seen`, up to a common factor.
+    """
 
     when: Array
     felt: Array
@@ -136,8 +157,14 @@ class _Pair(NamedTuple):
 
 
 class _Seen(NamedTuple):
-    """Bodies at instants of a fixed rate: stamps (T,) ns, places (T, S, 3), frames (T, S, 3, 3), covariances
-    of small rotations (T, S, 3, 3) rad^2; NaN = not there. step: s."""
+    """Bodies at a fixed rate; NaN = missing.
+
+    Attributes:
+        stamps: (T,) ns.
+        places, frames: (T, S, 3) m and (T, S, 3, 3).
+        covariances: (T, S, 3, 3) rad^2, of small rotations.
+        step: s, between instants.
+    """
 
     stamps: Array
     places: Array
@@ -147,11 +174,12 @@ class _Seen(NamedTuple):
 
 
 def align(subject: Subject, states: Sequence[BodyState], felt: Mapping[str, Felt]) -> Alignment | None:
-    """How the IMUs of a subject lie in the world and in time; None if motion does not tell.
+    """Return the alignment of a subject's IMUs in space and time, or None without enough motion.
 
     Args:
-        states: solved from cameras alone in the window, at a fixed rate; without covariances they are exact.
-        felt: by device.
+        states: Bodies solved in the window from cameras alone, at a fixed rate. Those without covariances
+            count as exact.
+        felt: Measurements by device.
     """
     worn = [device for device in subject.devices if device.name in felt]
     if len(states) < 10 or not worn:
@@ -168,7 +196,8 @@ def align(subject: Subject, states: Sequence[BodyState], felt: Mapping[str, Felt
     best, turned = map(int, np.unravel_index(int(np.argmin(surface)), surface.shape))
     likelihood = surface.min(axis=1)
     offset, _ = _vertex(OFFSETS_S, likelihood, best)
-    _, unsure = _valley(OFFSETS_S, likelihood)  # how wide: which of several bottoms it is, the least tells
+    # only the width is taken from here: of several minima, the lowest gives the offset
+    _, unsure = _valley(OFFSETS_S, likelihood)
     heading, heading_unsure = 0.0, 0.0
     if not subject.heading_known:
         alike = _of_devices(fits, best, turned)
@@ -181,7 +210,7 @@ def align(subject: Subject, states: Sequence[BodyState], felt: Mapping[str, Felt
 
 
 def _regular(states: Sequence[BodyState]) -> _Seen:
-    """The bodies on a grid of stamps without gaps."""
+    """Return the bodies on a grid of timestamps without gaps."""
     stamps = np.array([state.stamp_ns for state in states])
     step = float(np.median(np.diff(stamps)))
     rows = np.round((stamps - stamps[0]) / step).astype(int)
@@ -196,7 +225,7 @@ def _regular(states: Sequence[BodyState]) -> _Seen:
 
 
 def _turns(seen: _Seen, device: Device, felt: Felt) -> _Pair:
-    """How the segment and the device turned over a while, at the middle of it."""
+    """Return the rotations of the segment and of the device over TURN_S, at the middle of this interval."""
     frames, spread = seen.frames[:, device.segment], seen.covariances[:, device.segment]
     back = max(round(TURN_S / seen.step), 1)
     information = np.full((len(frames) - back, 3, 3), np.nan)
@@ -217,7 +246,7 @@ def _turns(seen: _Seen, device: Device, felt: Felt) -> _Pair:
 
 
 def _accelerations(seen: _Seen, device: Device, felt: Felt) -> _Pair:
-    """How the place of the device was accelerated, less than 3 Hz."""
+    """Return the accelerations of the place of the device, below about 3 Hz."""
     site = seen.places[:, device.segment] + seen.frames[:, device.segment] @ device.position
     own = 1e-9 * float(np.median(np.diff(felt.stamps)))
     forces = (felt.turns @ felt.forces[..., None])[..., 0] - GRAVITY
@@ -235,7 +264,11 @@ def _accelerations(seen: _Seen, device: Device, felt: Felt) -> _Pair:
 
 
 def _between(frames: Array, steps: int) -> Array:
-    """Rotation vectors (T - steps, 3) from each of (T, 3, 3) to the one so many steps later, in the world."""
+    """Return the rotation vectors (T - steps, 3), in the world, over `steps` frames each.
+
+    Args:
+        frames: (T, 3, 3).
+    """
     turned = frames[steps:] @ frames[:-steps].swapaxes(1, 2)
     known = np.isfinite(turned).all((1, 2))
     found = np.full((len(turned), 3), np.nan)
@@ -251,21 +284,25 @@ def _thinned(pair: _Pair, step: float) -> _Pair:
 
 
 class _Fit(NamedTuple):
-    """What is left of one kind of data, (O, D, H) sums of weighed squares by offsets, devices and headings,
-    and counts (D,) of instants."""
+    """Residuals of one kind of data.
+
+    Attributes:
+        left: (O, D, H), sums of weighted squares by clock offset, device and heading.
+        counts: (D,), numbers of instants.
+    """
 
     left: Array
     counts: Array
 
     @property
     def variances(self) -> Array:
-        """That fit best (O, H)."""
+        """Return the most likely variances (O, H) of the residuals."""
         found: Array = np.maximum(self.left.sum(1), 1e-12) / max(int(self.counts.sum()), 1)
         return found
 
 
 def _fit(pairs: Sequence[_Pair], headings: Array) -> _Fit:
-    """Compare one kind of data of all devices."""
+    """Return the residuals of one kind of data, for all devices."""
     turns = np.stack([np.cos(headings), np.sin(headings)])
     left, counts = np.zeros((len(OFFSETS_S), len(pairs), len(headings))), np.zeros(len(pairs), int)
     for d, pair in enumerate(map(_covered, pairs)):
@@ -280,7 +317,10 @@ def _fit(pairs: Sequence[_Pair], headings: Array) -> _Fit:
 
 
 def _of_devices(fits: Sequence[_Fit], offset: int, heading: int) -> Array:
-    """Minus the logarithm of the likelihood of headings (H,), where each device has one of its own."""
+    """Return minus the log-likelihood (H,) of the common heading.
+
+    Each device has its own heading, which is normally distributed about the common one.
+    """
     own = sum(
         0.5 * COMPARED_S / SAME_S * fit.left[offset] / fit.variances[offset, heading] * 3.0 for fit in fits
     )
@@ -294,7 +334,7 @@ def _of_devices(fits: Sequence[_Fit], offset: int, heading: int) -> Array:
 
 
 def _covered(pair: _Pair) -> _Pair:
-    """What was seen while there are samples whatever the offset is."""
+    """Return the part of the camera data that has IMU samples at all clock offsets."""
     most = 1e9 * float(np.abs(OFFSETS_S).max())
     there = (pair.stamps >= pair.when[0] + most) & (pair.stamps <= pair.when[-1] - most)
     there &= np.isfinite(pair.seen).all(-1) & np.isfinite(pair.information).all((1, 2))
@@ -304,8 +344,10 @@ def _covered(pair: _Pair) -> _Pair:
 
 
 def _vertex(grid: Array, values: Array, k: int) -> tuple[float, float]:
-    """Where a parabola through a value and its neighbours is least, and the standard deviation there of
-    what has these values as minus the logarithm of its likelihood; infinite at the ends."""
+    """Return the minimum of a parabola through a value and its neighbours, and the standard deviation there.
+
+    The values are minus log-likelihoods. The standard deviation is infinite at the ends of the grid.
+    """
     if not 0 < k < len(values) - 1:
         return float(grid[k]), math.inf
     spacing = float(grid[1] - grid[0])
@@ -317,9 +359,11 @@ def _vertex(grid: Array, values: Array, k: int) -> tuple[float, float]:
 
 
 def _valley(grid: Array, values: Array) -> tuple[float, float]:
-    """As `_vertex`, of a parabola through all that is about as likely as the least: where motion tells little
-    the bottom is wide and rough, and what is next to the least says nothing of how wide. Infinite where it
-    goes to an end."""
+    """Return the same as `_vertex`, from a parabola through all values about as likely as the least.
+
+    With little motion the minimum is wide and rough, and the neighbours of the least value do not show its
+    width. The standard deviation is infinite if these values reach an end of the grid.
+    """
     k, near = int(values.argmin()), np.flatnonzero(values <= values.min() + LIKELY)
     first, last = min(int(near[0]), k - 1), max(int(near[-1]), k + 1)
     if first <= 0 or last >= len(grid) - 1:
@@ -332,7 +376,7 @@ def _valley(grid: Array, values: Array) -> tuple[float, float]:
 
 
 def felt_of(series: ImuSeries, rate_hz: float) -> Felt:
-    """A device at instants of a fixed rate."""
+    """Return the measurements of a device at a fixed rate."""
     count = int((series.stamps[-1] - series.stamps[0]) * 1e-9 * rate_hz) + 1
     stamps = series.stamps[0] + np.round(np.arange(count) * 1e9 / rate_hz).astype(np.int64)
     measured = resample(series, stamps)
@@ -340,16 +384,17 @@ def felt_of(series: ImuSeries, rate_hz: float) -> Felt:
 
 
 def cameras_alone(config: KinematicsConfig) -> KinematicsConfig:
-    """How motion is solved that is compared with what IMUs felt."""
+    """Return the configuration for motion from cameras alone, which is compared with IMUs."""
     return replace(config, lag=ALIGNED_LAG_S)
 
 
 def taken_over(subject: Subject, found: Alignment, clocks: bool) -> tuple[float, int, list[str]]:
-    """Heading, rad, what is added to the stamps of the IMUs, ns, and lines about both where they are not as
-    stated.
+    """Return the heading, rad, the offset for the IMUs' timestamps, ns, and lines about changes.
+
+    The lines are about values that differ from the stated ones.
 
     Args:
-        clocks: whether an offset of the clock is taken over.
+        clocks: True if a clock offset is to be applied.
     """
     heading, offset_ns, lines = 0.0, 0, []
     if not subject.heading_known:

@@ -1,10 +1,10 @@
 """Mountings of IMUs from balance over the feet, for a body that no camera has seen.
 
-The centre of mass of a body lies over the feet that carry it, except for the share that its speed catches up
-(Hof et al. 2005, Journal of Biomechanics 38(1)). A mounting that is off tilts legs and trunk and moves the
-centre away. The distance between the two is a sum over the segments of a constant vector in the frame of
-each, so it is linear in small turns of the devices. Where in the feet a person balances is a constant, too,
-and is estimated beside them.
+The centre of mass of a body lies over the feet that carry it, except for an offset in proportion to its
+speed. See Hof et al. 2005, Journal of Biomechanics 38(1). A wrong mounting tilts legs and trunk and moves the
+centre of mass away. The distance between the two is a sum of one vector per segment that is constant in the
+frame of that segment. It is therefore linear in small rotations of the devices. The place within the feet
+over which a person balances is a constant too, and is estimated together with the rotations.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 from panoptic_ros.geometry.segment_chain import Chain
 
 Array = np.ndarray
-# Shares of the mass of a body (Winter 2009, Biomechanics and Motor Control of Human Movement, table 4.1), at
-# the joints between which it is spread; left and right have a half each.
+# Fractions of the mass of a body (Winter 2009, Biomechanics and Motor Control of Human Movement, table 4.1),
+# at the joints between which it is spread. Left and right have half each.
 MASSES = {
     "hips": 0.071,
     "Thigh": 0.184,
@@ -33,19 +33,22 @@ MASSES = {
     "Forearm": 0.042,
     "Hand": 0.026,
 }
-# m, where between ankle and ball, and between the feet, a person balances: 2 cm from clip to clip of recorded
-# motion, and as much again, as no device tells how the spine bends that carries half of the mass.
+# m, place of balance between ankle and ball and between the feet. It varies by 2 cm from clip to clip of
+# recorded motion. Another 2 cm allow for the bend of the spine. It carries half of the mass, and no device
+# measures it.
 PLACE_SD = 0.04
-SWAY_SD = 0.05  # m, of the centre of mass about it: up to 4 cm in recorded standing motion, and of the spine
-SWAY_S = 1.0  # for which it stays the same
-CATCHING = 0.5  # of speed / frequency of the pendulum, by which the centre deviates from the feet in a step
+# m, sway of the centre of mass about that place: up to 4 cm in recorded standing motion, plus the spine
+SWAY_SD = 0.05
+SWAY_S = 1.0  # correlation time of this sway, s
+CATCHING = 0.5  # fraction of speed / pendulum frequency by which the centre of mass leaves the feet in a step
 GRAVITY = 9.81
-UPRIGHT = 0.8  # share of the length of the legs; whoever has the hips lower sits, kneels or squats
-FARTHEST = 0.25  # m off the feet, of somebody who leans on something, or whose feet do not carry the body
+UPRIGHT = 0.8  # fraction of the leg length: with the hips lower, a person sits, kneels or squats
+# m, maximum offset from the feet: beyond it, a person leans on something or does not stand on the feet
+FARTHEST = 0.25
 
 
 def masses_of(names: tuple[str, ...]) -> Array:
-    """Shares (S,) of the mass of a body at the joints of segments; 0 at those of other names."""
+    """Return the fractions (S,) of the body mass at the joints of segments; 0 for names without an entry."""
     paired = [name[:1] in "lr" and name[1:2].isupper() for name in names]
     found = np.array(
         [
@@ -59,9 +62,10 @@ def masses_of(names: tuple[str, ...]) -> Array:
 
 
 def t_pose_turns(parents: Array, segments: Array, spread: float) -> Array:
-    """Covariance (3 N, 3 N) rad^2 of how segments stand in a T-pose in which each joint is off by `spread`.
+    """Return the covariance (3 N, 3 N) rad^2 of the segments' orientations in a T-pose.
 
-    The joints of a limb add up along it, and segments share those before them.
+    Each joint has the standard deviation `spread`, rad. The errors of joints add up along a limb, and
+    segments share the errors of the joints before them.
     """
     above = np.zeros((len(parents), len(parents)))
     for s in range(len(parents)):
@@ -75,12 +79,15 @@ def t_pose_turns(parents: Array, segments: Array, spread: float) -> Array:
 
 
 class Balance:
-    """Turns (N, 3) rad of the segments under devices, each in the segment's own frame, so that they balance.
+    """Rotations (N, 3) rad of the segments under devices, estimated from balance.
+
+    Each is in the frame of its segment.
 
     Args:
-        segments: (N,) of the devices. masses: (S,) at the joints, see `masses_of`. ground: (G,) segments
-            whose joints touch the ground.
-        covariance: (3 N, 3 N) rad^2, of the turns before anything is seen.
+        segments: (N,) of the devices.
+        masses: (S,) at the joints, see `masses_of`.
+        ground: (G,) segments whose joints touch the ground.
+        covariance: (3 N, 3 N) rad^2, of the rotations before any observation.
     """
 
     def __init__(self, chain: Chain, segments: Array, masses: Array, ground: Array, covariance: Array):
@@ -94,20 +101,22 @@ class Balance:
 
     @property
     def turns(self) -> Array:
-        """(N, 3) rad."""
+        """Return the rotations (N, 3) rad."""
         found: Array = self._state[:-2].reshape(-1, 3)
         return found
 
     def take_chain(self, chain: Chain) -> None:
-        """Go on with other lengths."""
+        """Continue with other segment lengths."""
         self._chain = chain
 
     def look(self, places: Array, frames: Array, loads: Array, speed: Array, seconds: float) -> None:
-        """Learn from an instant at which the body is as it is taken to be with these turns.
+        """Learn from an instant, at the pose that results with the current rotations.
 
         Args:
-            places, frames: (S, 3) m and (S, 3, 3) of the segments. loads: (G,), about how much each place on
-                the ground carries, 0 to 1. speed: (2,) m/s, of the body. seconds: since the last look.
+            places, frames: (S, 3) m and (S, 3, 3) of the segments.
+            loads: (G,), approximate load of each ground segment, 0 to 1.
+            speed: (2,) m/s, of the body.
+            seconds: s since the last observation.
         """
         carried = float(loads.sum())
         if not self._masses.any() or loads.max(initial=0.0) < 0.5:
@@ -136,7 +145,7 @@ class Balance:
         return found
 
     def _legs(self) -> float:
-        """m, from the hips to the lowest ground place of the T-pose."""
+        """Return the length of the legs, m, from the hips to the lowest ground joint of the T-pose."""
         lowest = 0.0
         for s in self._ground.tolist():
             height, k = 0.0, int(s)
@@ -147,7 +156,13 @@ class Balance:
         return -lowest
 
     def _vectors(self, weights: Array) -> Array:
-        """(S, 3) m in the frames of the segments, whose sum is what weights (S,) of the joints make."""
+        """Return the vectors (S, 3) m whose sum is the weighted sum of the joints.
+
+        Each vector is in the frame of its segment.
+
+        Args:
+            weights: (S,), weights of the joints.
+        """
         beyond, found = weights.copy(), np.zeros((len(weights), 3))
         for s in range(len(weights) - 1, 0, -1):
             parent = int(self._chain.parents[s])
@@ -159,7 +174,8 @@ class Balance:
         """Return the Jacobian (2, 3 N + 2) of the residual: turns (rad), place of balance (m)."""
         size = len(self._state)
         arms = (frames @ vectors[..., None])[..., 0]
-        turned = np.cross(np.eye(3)[None], arms[:, None]).swapaxes(1, 2)  # (S, 3, 3), by turns in the world
+        # (S, 3, 3), derivatives by rotations in the world
+        turned = np.cross(np.eye(3)[None], arms[:, None]).swapaxes(1, 2)
         found = np.empty((2, size))
         for n, s in enumerate(self._segments.tolist()):
             moved = np.tensordot(self._shares[:, n], turned, 1) @ frames[s]
@@ -169,7 +185,10 @@ class Balance:
 
 
 def _shares(parents: Array, segments: Array) -> Array:
-    """Return the share (S, N) with which each segment turns with each device: half between two devices."""
+    """Return the fraction (S, N) of each device's rotation that each segment takes.
+
+    It is half for segments between two devices.
+    """
     found = np.zeros((len(parents), len(segments)))
     rows = {int(s): n for n, s in enumerate(segments.tolist())}
     for s in range(len(parents)):

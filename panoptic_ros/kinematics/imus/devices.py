@@ -1,6 +1,7 @@
-"""The IMUs on one person: what they tell at an instant, how they are worn, and what is wrong with them.
+"""IMUs of one person: their measurements at an instant, their mountings, and their faults.
 
-`Wearing` finds which device is on which segment: two that were exchanged turn as the other's segment does.
+`Wearing` finds which device is on which segment. Each of two exchanged devices rotates like the other's
+segment.
 """
 
 from __future__ import annotations
@@ -32,44 +33,49 @@ from panoptic_ros.stage import Notice
 
 Array = np.ndarray
 
-COMPARED_LOOKS = 25  # that are compared
-FEWEST, FEWEST_LABELS = 8, 4  # for what must move, and what need not
-ODD = 0.26  # rad, root mean square about a constant mounting: more than soft tissue and cameras explain
-BETTER = 0.6  # share of that which the exchange must come below
-WRONG, RIGHT = 0.7, 0.5  # rad off its mounting as said, and with the other's
+COMPARED_LOOKS = 25  # maximum number of observations that are compared
+# minimum number of observations, for the test that needs motion and for the one that does not
+FEWEST, FEWEST_LABELS = 8, 4
+ODD = 0.26  # rad, root mean square about a constant mounting: more than soft tissue and camera errors explain
+BETTER = 0.6  # maximum fraction of that deviation that may remain after the exchange
+WRONG, RIGHT = 0.7, 0.5  # rad: minimum error with the stated mounting, maximum error with the other device's
 GRAVITY = np.array([0.0, 0.0, 9.81])
-LOOK_S = 0.2  # between two looks at how devices are worn
-IN_TURN = 4  # people, of whom one is looked at after the other: a look takes as long as half an instant
+LOOK_S = 0.2  # time between two observations of the mountings
+IN_TURN = 4  # number of people who are observed in turn, as an observation takes half the time of an instant
 LOOK_ITERATIONS = 10
-LEAST_BONE, ON_AXIS = 0.15, 0.07  # m, of a limb; of a joint that is as good as on its axis
+# m: minimum length of a limb, maximum distance of a joint that counts as on its axis
+LEAST_BONE, ON_AXIS = 0.15, 0.07
 
 
 class Exchange(NamedTuple):
-    """Two devices (by number) that are on each other's segment, and how they sit there: (3, 3) each,
-    segment from device."""
+    """Two devices, by number, that are on each other's segment.
+
+    `mounts` are their mountings there, (3, 3) each, segment from device.
+    """
 
     devices: tuple[int, int]
     mounts: tuple[Array, Array]
 
 
 class Wearing:
-    """Compares how devices turn with how cameras alone see the segments turn."""
+    """Comparison of how devices rotate with how segments rotate according to cameras alone."""
 
     def __init__(self, count: int):
         self._looks: deque[tuple[Array, Array]] = deque(maxlen=COMPARED_LOOKS)
         self._count = count
 
     def look(self, frames: Array, orientations: Array, mounts: Array, unseen: Array) -> Exchange | None:
-        """Two devices that are exchanged, if there are any; after that all looks are forgotten.
+        """Add an observation and return two exchanged devices, or None. A find clears all observations.
 
-        Either their names are, so that the mounting of each fits the data of the other; or they are, and then
-        how they turn tells it as the body moves.
+        There are two cases. If the names are exchanged, the data of each device fit the segment and the
+        mounting of the other. If the devices themselves are exchanged, their rotations reveal it once the
+        body moves.
 
         Args:
-            frames: (N, 3, 3) of the segments that the N devices are said to be on, seen by cameras alone.
-            orientations: (N, 3, 3) world from device, NaN = not told.
-            mounts: (N, 3, 3) segment from device, as said.
-            unseen: (N, 3) axes of these segments about which cameras do not see them turn, 0 = none.
+            frames: (N, 3, 3) of the stated segments of the N devices, from cameras alone.
+            orientations: (N, 3, 3) world from device, NaN = not measured.
+            mounts: (N, 3, 3) segment from device, as stated.
+            unseen: (N, 3) axes of these segments about which cameras do not observe rotations, 0 = none.
         """
         self._looks.append((frames, orientations))
         seen, told = (np.array([look[k] for look in self._looks]) for k in (0, 1))
@@ -81,11 +87,12 @@ class Wearing:
         return found
 
     def _names(self, seen: Array, told: Array, mounts: Array, unseen: Array) -> Exchange | None:
-        """Two devices whose data fit when each has the other's place and mounting."""
-        goals = told[-FEWEST_LABELS:, None] @ mounts.swapaxes(1, 2)[None, :, None]  # by place, then device
+        """Return two devices whose data fit the segment and the mounting of each other, or None."""
+        # axes: observation, segment, device, 3, 3
+        goals = told[-FEWEST_LABELS:, None] @ mounts.swapaxes(1, 2)[None, :, None]
         turned = np.ascontiguousarray(seen[-FEWEST_LABELS:, :, None].swapaxes(-1, -2) @ goals)
         apart = np.linalg.norm(vectors_of(turned.reshape(-1, 3, 3)), axis=-1).reshape(turned.shape[:3])
-        along = np.einsum("pi,lpdij,pj->lpd", unseen, turned, unseen)  # of bones: where they point
+        along = np.einsum("pi,lpdij,pj->lpd", unseen, turned, unseen)  # cosine between bone directions
         points = np.linalg.norm(unseen, axis=-1)[:, None] > 0.0
         apart = np.where(points, np.arccos(np.clip(along, -1.0, 1.0)), apart)
         off = np.median(np.where(np.isfinite(apart), apart, 0.0), axis=0)
@@ -112,11 +119,17 @@ class Wearing:
 
 
 def _scatter(seen: Array, told: Array) -> tuple[Array, Array]:
-    """Root mean square (N,), rad, about a constant mounting (N, 3, 3), of N devices (looks, N, 3, 3) at the
-    places (looks, N, 3, 3) that were seen; 0 where there are too few looks."""
+    """Return the root mean square deviation (N,) rad from a constant mounting, and this mounting (N, 3, 3).
+
+    The deviation is 0 where there are too few observations.
+
+    Args:
+        seen: (observations, N, 3, 3), frames of the segments.
+        told: (observations, N, 3, 3), orientations of the devices; NaN = not measured.
+    """
     turned = seen.swapaxes(-1, -2) @ told
     there = np.isfinite(turned).all((-1, -2))
-    turned = np.where(there[..., None, None], turned, 0.0)  # a mean is of the same direction with zeros
+    turned = np.where(there[..., None, None], turned, 0.0)  # zeros do not change the direction of a mean
     middle = mean_rotation(turned)
     apart = np.where(there[..., None, None], turned @ middle.swapaxes(-1, -2), np.eye(3))
     squares = (vectors_of(apart.reshape(-1, 3, 3)) ** 2).sum(-1).reshape(there.shape).sum(0)
@@ -125,15 +138,16 @@ def _scatter(seen: Array, told: Array) -> tuple[Array, Array]:
 
 
 class WornDevices:
-    """Devices by number, in the order of the subject.
+    """Devices of one person by number, in the order of the subject.
 
     Attributes:
-        names, segments, mounts: (N,), (N,) and (N, 3, 3), as they are taken to be worn now, uncorrected.
-        accelerated, pushes: (N,) and (N, 3) m/s^2, which accelerations in the world the instant before told.
+        names, segments, mounts: (N,), (N,) and (N, 3, 3), the current assignment and mountings, uncorrected.
+        accelerated, pushes: (N,) and (N, 3) m/s^2, the devices that measured an acceleration at the previous
+            instant, and these accelerations in the world.
 
     Args:
-        mounts: (3, 3) segment from device, by name, of all devices that are used.
-        heading: rad, world from the IMUs' inertial frame, about the vertical.
+        mounts: (3, 3) segment from device, by name, of all devices in use.
+        heading: rad, rotation about the vertical from the IMUs' inertial frame to the world.
     """
 
     def __init__(
@@ -146,7 +160,7 @@ class WornDevices:
     ):
         self._config, self._subject, self._chain = config, subject, chain
         used = [k for k, d in enumerate(subject.devices) if d.name in mounts]
-        self._rows = np.array(used, np.int64)  # among those of the subject
+        self._rows = np.array(used, np.int64)  # rows of the devices in use among those of the subject
         self._devices = [subject.devices[k] for k in used]
         self.names = [d.name for d in self._devices]
         self.mounts = np.array([mounts[d.name] for d in self._devices]).reshape(-1, 3, 3)
@@ -163,10 +177,12 @@ class WornDevices:
         self.forget()
 
     def orientations(self, measured: Measured) -> tuple[Array, Array]:
-        """Devices (M,) that tell an orientation, and of their segments (M, 3, 3), uncorrected.
+        """Return the devices (M,) with an orientation, and their segments' orientations (M, 3, 3).
+
+        They do not contain the corrections of `MountingEstimate`.
 
         Args:
-            measured: of all of the subject's devices.
+            measured: Measurements of all of the subject's devices.
         """
         worn = measured.rows(self._rows)
         which = np.flatnonzero(worn.oriented)
@@ -174,14 +190,14 @@ class WornDevices:
         return which, goals @ rotations_of(self._balance.turns[which])
 
     def spreads(self, which: Array) -> Array:
-        """Standard deviations (M,) rad of their corrected orientations."""
+        """Return the standard deviations (M,) rad of their corrected orientations."""
         if self._config.mounting:
             found: Array = self.mounting.spreads[which]
             return found
         return np.full(len(which), math.radians(self._config.orientation_sd))
 
     def turning(self, which: Array, goals: Array, stride: int = 1) -> Turning:
-        """How the segments turned since the instant before, so many periods ago."""
+        """Return the rotations of the segments since the previous instant, `stride` periods ago."""
         known = self._oriented[which]
         both = which[known]
         changes = goals[known] @ self._goals[both].swapaxes(1, 2)
@@ -189,10 +205,13 @@ class WornDevices:
         return Turning(self.segments[both], changes, np.full(len(both), spread**-2))
 
     def accelerations(self, relative: bool, stride: int = 1) -> Accelerations:
-        """Of the instant before; `relative`: that of the whole body is not to be trusted.
+        """Return the accelerations at the previous instant.
 
-        They stand for the mean over the steps of time around it, of so many periods: the longer, the less
-        they tell.
+        Each stands for the mean over the neighbouring time steps of `stride` periods. Longer steps therefore
+        get lower weights.
+
+        Args:
+            relative: True if the acceleration of the whole body is not to be trusted.
         """
         which = np.flatnonzero(self.accelerated)
         if not len(which) or (relative and len(which) < 2):
@@ -208,13 +227,13 @@ class WornDevices:
         )
 
     def shaken(self) -> dict[int, float]:
-        """Accelerations, m/s^2, of the instant before by segment."""
+        """Return the magnitudes of accelerations, m/s^2, at the previous instant, by segment."""
         which = np.flatnonzero(self.accelerated)
         sizes = np.linalg.norm(self.pushes[which], axis=-1)
         return dict(zip(self.segments[which].tolist(), sizes.tolist()))
 
     def remember(self, measured: Measured, which: Array, goals: Array) -> None:
-        """What the next instant needs of this one."""
+        """Keep the data of this instant that the next instant needs."""
         self._take_forces(measured.rows(self._rows))
         self._oriented = np.zeros(len(self._devices), bool)
         self._oriented[which] = True
@@ -222,22 +241,24 @@ class WornDevices:
         self._goals[which] = goals
 
     def forget(self) -> None:
-        """There was no instant before."""
+        """Discard the data of the previous instant."""
         count = len(self._devices)
         self.accelerated, self.pushes = np.zeros(count, bool), np.zeros((count, 3))
         self._oriented, self._goals = np.zeros(count, bool), np.zeros((count, 3, 3))
 
     def passed(self, seconds: float) -> None:
-        """So much time has passed since the instant before."""
+        """Record the time since the previous instant, s."""
         self._since_look += seconds
 
     def look(
         self, measured: Measured, pose: Pose, seen: Evidence, views: int, oriented: tuple[Array, Array]
     ) -> None:
-        """Learn, now and then, how devices are worn.
+        """Learn at intervals how devices are mounted.
 
         Args:
-            seen: all but the orientations. views: that see the person. oriented: see `orientations`.
+            seen: All evidence except the orientations.
+            views: Number of views that see the person.
+            oriented: See `orientations`.
         """
         which, goals = oriented
         if not views or not len(which) or not self._config.mounting or self._since_look < LOOK_S - 1e-9:
@@ -249,13 +270,17 @@ class WornDevices:
         self._tell_corrections()
 
     def weigh(self, stamp_ns: int, pose: Pose, loads: Array, speed: Array) -> None:
-        """Learn, now and then, from how somebody balances whom no camera has seen: cameras tell more.
+        """Learn at intervals from the balance of a person whom no camera has seen.
+
+        Cameras hold more information, so balance is not used once they have seen the person.
 
         Args:
-            stamp_ns: while a T-pose is held, nothing is learnt. loads: (G,) of what stands, see `Balance`.
+            stamp_ns: Timestamp, ns. Nothing is learnt up to the end of the T-pose.
+            loads: (G,) load of each ground segment, see `Balance`.
             speed: (2,) m/s, of the body.
         """
-        stand = self._subject.t_pose  # a posture that is held for the mountings, and not as people stand
+        # people hold a T-pose for the mountings; it is not how they usually stand
+        stand = self._subject.t_pose
         held = stand is not None and stamp_ns <= stand.to_ns
         if held or self.mounting.looks or not self._config.mounting:
             return
@@ -266,13 +291,13 @@ class WornDevices:
         self._since_look = 0.0
 
     def take_chain(self, chain: Chain) -> None:
-        """Go on with other lengths."""
+        """Continue with other segment lengths."""
         self._chain = chain
         self.mounting.take_chain(chain)
         self._balance.take_chain(chain)
 
     def take_notices(self) -> list[Notice]:
-        """What was found out since it was last asked."""
+        """Return the notices since the last call."""
         found, self._notices = self._notices, []
         return found
 
@@ -281,7 +306,8 @@ class WornDevices:
 
     def _fresh_balance(self) -> Balance:
         model, spread = self._subject.body.model, math.radians(self._config.mounting_sd)
-        told = np.repeat(np.array([d.mount is None for d in self._devices], bool), 3)  # by a T-pose
+        # mountings from a T-pose
+        told = np.repeat(np.array([d.mount is None for d in self._devices], bool), 3)
         covariance = t_pose_turns(model.parents, self.segments, spread)
         covariance[~told] = covariance[:, ~told] = 0.0
         covariance += np.diag(np.where(told, math.radians(self._config.strap_sd), spread) ** 2)
@@ -289,13 +315,13 @@ class WornDevices:
         return Balance(self._chain, self.segments, masses_of(model.names), ground, covariance)
 
     def _take_forces(self, worn: Measured) -> None:
-        """Accelerations (N, 3) m/s^2 in the world, gravity taken off (eq. 12)."""
+        """Compute the accelerations (N, 3) m/s^2 in the world, without gravity (eq. 12)."""
         turn = turn_about_z(self.mounting.heading) @ self._turn
         self.pushes = (turn @ worn.orientations @ worn.forces[..., None])[..., 0] - GRAVITY
         self.accelerated = worn.there & np.isfinite(self.pushes).all(-1)
 
     def _exchanged(self, worn: Measured, pose: Pose, seen: Evidence) -> bool:
-        """Take two devices for each other from now on, if that is what cameras say."""
+        """Exchange two devices that cameras show on each other's segment; return True if there were any."""
         alone, size = pose.copy(), 3 * len(pose.turns) + 3
         nothing = no_anchor(len(pose.turns))
         solve_pose(self._chain, alone, seen, nothing, LOOK_ITERATIONS, np.empty((size, size)))
@@ -315,7 +341,7 @@ class WornDevices:
         return True
 
     def _tell_corrections(self) -> None:
-        """Devices that are mistaken or slipped, and a heading that is off: each is told once."""
+        """Add notices of mistaken or slipped devices and of a wrong heading, once each."""
         names = self._subject.body.model.names
         for k in self.mounting.slipped:
             text = f"has slipped on {names[self.segments[k]]}; its mounting is found anew"
@@ -325,7 +351,8 @@ class WornDevices:
             text = f"sits on {names[self.segments[k]]} about {off:.0f} deg off its mounting; corrected"
             self._tell("mounting", self._devices[k], text)
         stated = self._subject.heading_known and all(d.mount is not None for d in self._devices)
-        if stated and self.mounting.heading_off:  # else how somebody stood in the T-pose is in it
+        # otherwise the heading also contains the error of the person's facing in the T-pose
+        if stated and self.mounting.heading_off:
             off = math.degrees(self.mounting.heading)
             self._tell("heading", None, f"the heading of the IMUs is about {off:.0f} deg off; corrected")
 
@@ -340,8 +367,10 @@ class WornDevices:
 
 
 def unseen_axes(body: Body) -> Array:
-    """Axes (S, 3) of segments beyond whose one bone no joint of the detector lies: cameras do not see them
-    turn about it. 0 for all others."""
+    """Return the axes (S, 3) of segments about which cameras do not observe rotations; 0 for all others.
+
+    These are segments with a single bone and no joint of the detector beyond or beside it.
+    """
     parents, offsets = body.model.parents, body.offsets
     found = np.zeros((len(parents), 3))
     for s in range(1, len(parents)):

@@ -1,4 +1,4 @@
-"""How somebody's IMUs sit on the body and lie in space and time, found while data come."""
+"""Online estimation of the heading, clock offset and mountings of one person's IMUs."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
-LOOK_S, LONGEST_S = 5.0, 15.0  # between looks at heading and clock, and after which there are no more
-BENT_S = 3.0  # after the T-pose, of joints that bend
-STEP_S = 0.1  # from one body to the next, that counts at most as time in which the person is seen
-UNSEEN_S = 2.0  # without a camera that sees the person: nothing tells the heading
-# for which samples are kept: somebody whom cameras see once in UNSEEN_S has been seen for LONGEST_S then
+# time between estimates of heading and clock, and time after which there are no more
+LOOK_S, LONGEST_S = 5.0, 15.0
+BENT_S = 3.0  # minimum time of bending joints after the T-pose
+STEP_S = 0.1  # maximum interval between two bodies that counts as time in which the person is seen
+UNSEEN_S = 2.0  # time without a camera that sees the person, after which cameras do not determine the heading
+# time for which samples are kept. A person whom cameras see once in UNSEEN_S has then been seen for
+# LONGEST_S.
 KEPT_S = LONGEST_S / STEP_S * UNSEEN_S
 
 
@@ -28,8 +30,8 @@ class ImuFitting:
 
     Attributes:
         heading: rad, world from the IMUs' inertial frame; None = not known yet.
-        offset_ns: what is added to their stamps.
-        looking: whether motion that cameras alone have seen is still asked for.
+        offset_ns: Offset, ns, that is added to their timestamps.
+        looking: True while motion from cameras alone is still needed.
     """
 
     def __init__(self, config: KinematicsConfig, subject: Subject):
@@ -40,26 +42,30 @@ class ImuFitting:
         self.looking = worn and config.window and (config.clocks or not subject.heading_known)
         self._states: list[BodyState] = []
         self._stamps: list[int] = []
-        self._turns: list[Array] = []  # orientations (D, 3, 3), and forces (D, 3), at all stamps
+        self._turns: list[Array] = []  # orientations (D, 3, 3), and forces (D, 3), at all timestamps
         self._forces: list[Array] = []
-        self._held: dict[str, list[Array]] = {}  # orientations in the T-pose
-        self._poseless: list[str] = []  # devices that had no samples in it
-        self._settled: dict[str, Array] | None = None  # mountings that need not be found
-        self._seen_s, self._next_s = 0.0, LOOK_S  # in which cameras saw the person; of the next look
+        self._held: dict[str, list[Array]] = {}  # orientations in the T-pose, by device
+        self._poseless: list[str] = []  # devices without samples in the T-pose
+        self._settled: dict[str, Array] | None = None  # known mountings, which are not estimated
+        # time in which cameras saw the person, and such time at the next estimate
+        self._seen_s, self._next_s = 0.0, LOOK_S
 
     def settle(self, heading: float, mounts: dict[str, Array]) -> None:
-        """Go by what is known already: heading, rad, and mountings (3, 3) by device; clocks are right."""
+        """Use known values: heading, rad, and mountings (3, 3) by device. Clocks are taken as correct."""
         self.heading, self._settled, self.looking = heading, mounts, False
 
     def at_rest(self) -> ImuFitting:
-        """The same without the motion so far, which says nothing about a clock that was stopped."""
+        """Return a copy without the motion so far.
+
+        Motion from before a pause does not determine a clock that was stopped.
+        """
         found = copy.copy(self)
         found._states, found._stamps, found._turns, found._forces = [], [], [], []
         found._seen_s, found._next_s = 0.0, LOOK_S
         return found
 
     def take(self, stamp_ns: int, subject: Subject, measured: Measured) -> list[Notice]:
-        """What the person's devices measured at an instant."""
+        """Add what the person's devices measured at an instant, and return notices."""
         if self._settled is not None:
             return []
         pose = subject.t_pose
@@ -74,8 +80,10 @@ class ImuFitting:
         return self._missing(stamp_ns, subject)
 
     def mounts(self, stamp_ns: int, subject: Subject) -> dict[str, Array]:
-        """Mounting (3, 3), segment from device, of all devices of which it is known by now; none before the
-        heading is."""
+        """Return the mountings (3, 3), segment from device, that are known by now.
+
+        There are none before the heading is known.
+        """
         if self._settled is not None:
             return self._settled
         if self.heading is None:
@@ -91,9 +99,9 @@ class ImuFitting:
     def learn(
         self, subject: Subject, states: list[BodyState], rate_hz: float, statistics: PoseStatistics
     ) -> list[Notice]:
-        """Motion that cameras alone have seen; heading and clock, once there is enough of it."""
+        """Add motion from cameras alone, estimate heading and clock if it suffices, and return notices."""
         second = round(rate_hz)
-        if len(self._stamps) >= round(KEPT_S * rate_hz) + second:  # while a T-pose lies ahead
+        if len(self._stamps) >= round(KEPT_S * rate_hz) + second:  # reached while a T-pose lies ahead
             for kept in (self._stamps, self._turns, self._forces):
                 del kept[:second]
         for state in states:
@@ -118,7 +126,7 @@ class ImuFitting:
         return [_notice("imu_aligned", "info", subject, line) for line in lines]
 
     def _without_cameras(self, subject: Subject, rate_hz: float, statistics: PoseStatistics) -> list[Notice]:
-        """The heading, as joints bend since a T-pose that tells the mountings."""
+        """Estimate the heading from bending joints since the T-pose, if that determines the mountings."""
         why = "no camera sees enough of the person"
         if self.heading is not None or not t_pose_decides(subject):
             return self._give_up(subject, why)
@@ -134,7 +142,7 @@ class ImuFitting:
         return [_notice("imu_aligned", "info", subject, bent_line(heading))]
 
     def _turns_of(self, subject: Subject) -> dict[str, Array]:
-        """Orientations (T, 3, 3) at all stamps by device."""
+        """Return the orientations (T, 3, 3) at all timestamps, by device."""
         turns = np.array(self._turns)
         return {device.name: turns[:, d].copy() for d, device in enumerate(subject.devices)}
 
@@ -151,7 +159,7 @@ class ImuFitting:
         self._states, self._stamps, self._turns, self._forces = [], [], [], []
 
     def _missing(self, stamp_ns: int, subject: Subject) -> list[Notice]:
-        """Devices whose mounting nothing tells, each once."""
+        """Return notices of devices whose mounting no data determine, once per device."""
         pose, notices = subject.t_pose, []
         for device in subject.devices if len(self._held) + len(self._poseless) < len(subject.devices) else ():
             if device.mount is not None or device.name in (*self._held, *self._poseless):

@@ -1,6 +1,4 @@
-"""What the IMUs of somebody measured at an instant, as rows; and samples of a device at instants of a fixed
-rate.
-"""
+"""Measurements of a person's IMUs at an instant as rows, and samples of a device at a fixed rate."""
 
 from __future__ import annotations
 
@@ -14,24 +12,29 @@ from panoptic_ros.geometry.rotations import from_quaternions
 
 Array = np.ndarray
 
-LONGEST_GAP_S = 0.1  # between two samples of an IMU, over which it is interpolated
+LONGEST_GAP_S = 0.1  # longest interval between two samples of an IMU over which it is interpolated
 
 
 class Measured(NamedTuple):
-    """Of D devices in their order: whether each told anything (D,), orientations (D, 3, 3), inertial frame
-    from device, and specific forces (D, 3) m/s^2 in the device's frame; NaN = not told."""
+    """Measurements of D devices, in their order.
+
+    Attributes:
+        there: (D,), True if the device measured anything.
+        orientations: (D, 3, 3), inertial frame from device; NaN = not measured.
+        forces: (D, 3) m/s^2, specific forces in the device frame; NaN = not measured.
+    """
 
     there: Array
     orientations: Array
     forces: Array
 
     def rows(self, which: Array) -> Measured:
-        """Of some devices (N,)."""
+        """Return the measurements of devices `which` (N,)."""
         return Measured(self.there[which], self.orientations[which], self.forces[which])
 
     @property
     def oriented(self) -> Array:
-        """Which devices (D,) told their orientation."""
+        """Return which devices (D,) measured their orientation."""
         found: Array = self.there & np.isfinite(self.orientations[:, 0, 0])
         return found
 
@@ -40,7 +43,10 @@ NOTHING_MEASURED = Measured(np.zeros(0, bool), np.zeros((0, 3, 3)), np.zeros((0,
 
 
 def resample(series: ImuSeries, stamps: Array) -> Measured:
-    """A device at instants (T,) ns, which are the rows; it is not there where it has no samples around."""
+    """Return the measurements of a device at instants (T,) ns, one row per instant.
+
+    Rows without samples around the instant are marked as not there.
+    """
     if len(series.stamps) < 2:
         return _nothing(len(stamps))
     after = np.clip(np.searchsorted(series.stamps, stamps), 1, len(series.stamps) - 1)
@@ -57,7 +63,11 @@ def resample(series: ImuSeries, stamps: Array) -> Measured:
 
 
 def measured_by(devices: Sequence[Device], felt: Mapping[str, Measured], count: int) -> list[Measured]:
-    """What these devices measured at each of so many instants, of devices by name, see `resample`."""
+    """Return what these devices measured at each of `count` instants.
+
+    Args:
+        felt: Measurements by device name, see `resample`.
+    """
     if not devices:
         return [NOTHING_MEASURED] * count
     own = [felt.get(device.name, _nothing(count)) for device in devices]
@@ -65,12 +75,16 @@ def measured_by(devices: Sequence[Device], felt: Mapping[str, Measured], count: 
 
 
 def _nothing(count: int) -> Measured:
-    """So many rows of which nothing is told."""
+    """Return `count` rows without any measurement."""
     return Measured(np.zeros(count, bool), np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan))
 
 
 def slerp(begin: Array, end: Array, share: Array) -> Array:
-    """Quaternions (N, 4) between two (N, 4), along the shorter arc, at shares (N, 1)."""
+    """Return quaternions (N, 4) between two sets (N, 4), along the shorter arc.
+
+    Args:
+        share: (N, 1), fraction of the arc.
+    """
     cosine = (begin * end).sum(-1, keepdims=True)
     end = np.where(cosine < 0.0, -end, end)
     angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))

@@ -1,11 +1,14 @@
-"""How IMUs sit on their segments, kept uncertain: mounting of each, and the heading that they share.
+"""Estimate of the mountings of IMUs on their segments, and of the heading that these IMUs share.
 
-At single instants, cameras and prior tell the orientation of a segment apart from its IMU. What they tell is
-wrong by about the same at all instants, so information is averaged over instants, never added up: a mounting
-is known no better than a few looks at the body allow, whatever the length of the recording. How far
-mountings are off at all is learnt from all devices together (empirical Bayes), so that a good T-pose is kept
-and a poor one is mended. What is far off from all others is a mistake: nothing holds it back. What the newest
-looks contradict has moved since: the older ones are forgotten.
+At single instants, cameras and prior determine the orientation of a segment independently of its IMU. The
+errors of that orientation are about the same at all instants. Information is therefore averaged over
+instants, never summed. The uncertainty of a mounting is that of a few independent observations, whatever the
+length of the recording.
+
+The standard deviation of mountings is learnt from all devices together (empirical Bayes). A good T-pose is
+thus kept, and a poor one is corrected. A mounting that is far off, compared with all others, is a mistake,
+and the prior does not hold back its correction. If the newest observations contradict the older ones, the
+device has slipped, and the older ones are forgotten.
 """
 
 from __future__ import annotations
@@ -26,26 +29,33 @@ from panoptic_ros.kinematics.pose.positive_matrices import inverse_of
 from panoptic_ros.kinematics.pose.targets import Evidence, no_anchor
 
 Array = np.ndarray
-MEMORY = 100  # looks over which information is averaged
-DEVICE_TRUST = 3.0  # how many measurements the common deviation of mountings counts as, for one device
-COMMON_TRUST = 6.0  # the same for the stated deviation, against all devices
+MEMORY = 100  # maximum number of observations in the average
+# number of measurements that the common standard deviation of mountings counts as, for one device
+DEVICE_TRUST = 3.0
+COMMON_TRUST = 6.0  # number of measurements that the stated standard deviation counts as, against all devices
 MOST_SD = math.radians(60.0)
-MISTAKEN, MISTAKEN_SDS = math.radians(14.0), 3.0  # off by more, and by so many common deviations
+# minimum error of a mistake: rad, and common standard deviations
+MISTAKEN, MISTAKEN_SDS = math.radians(14.0), 3.0
 WIDE, ROUNDS = math.radians(25.0), 4
-FEWEST_LOOKS = 5  # before anything is told
-RECENT = 12  # looks that are compared with those before
+FEWEST_LOOKS = 5  # minimum number of observations before anything is reported
+RECENT = 12  # number of newest observations that are compared with the older ones
 SLIPPED_SDS, SLIPPED_LOOKS = 3.3, 6
-FEWEST_BEFORE = 8  # looks that others are compared with
-UNKNOWN = 1e-9  # 1/rad^2, what is known of what nothing tells
-MISTAKEN_SPREADS = 2.2  # in what is known of it
+FEWEST_BEFORE = 8  # minimum number of older observations for this comparison
+UNKNOWN = 1e-9  # 1/rad^2, information about what no data determine
+MISTAKEN_SPREADS = 2.2  # minimum error of a mistake in its own standard deviations
 TOLD = math.radians(20.0)
-HEADING_TRUST = 2.0  # measurements that the stated error of the heading counts as
-LATE_HEADING = math.radians(5.0)  # that is told
+HEADING_TRUST = 2.0  # number of measurements that the stated heading standard deviation counts as
+LATE_HEADING = math.radians(5.0)  # minimum heading error that is reported
 
 
 class Looks(NamedTuple):
-    """Looks on the average: information (1 + 3 N, 1 + 3 N) and pull (1 + 3 N,) of the heading and the
-    mountings, and how many they are."""
+    """Average of observations.
+
+    Attributes:
+        information, pull: (1 + 3 N, 1 + 3 N) and (1 + 3 N,) of the heading and the mountings. `pull` is the
+            gradient of the cost.
+        number: Number of observations.
+    """
 
     information: Array
     pull: Array
@@ -63,7 +73,7 @@ class MountingEstimate:
 
     Args:
         segments: (N,) of the devices.
-        unseen: (N, 3) axes of the segments about which cameras do not see them turn, 0 = none.
+        unseen: (N, 3) axes of the segments about which cameras do not observe rotations, 0 = none.
     """
 
     def __init__(self, config: KinematicsConfig, chain: Chain, segments: Array, unseen: Array):
@@ -76,27 +86,28 @@ class MountingEstimate:
         self._strap = math.radians(config.strap_sd)
         self.spreads = np.full(len(segments), math.hypot(self._common, self._strap))
         self._recent: deque[tuple[Array, Array]] = deque(maxlen=RECENT)
-        self._several = True  # views see it
-        self._suspect, self._moved = -1, 0  # a device that may have moved, and looks that said so
+        self._several = True  # several views see the person
+        # device that may have slipped, and number of consecutive observations of that
+        self._suspect, self._moved = -1, 0
         self.mistaken = np.zeros(len(segments), bool)
         self.slipped: list[int] = []
 
     @property
     def heading_off(self) -> bool:
-        """Whether the heading of the inertial frame is off by more than it should."""
+        """Return whether the heading error of the inertial frame is to be reported."""
         return abs(self.heading) > LATE_HEADING and self._looks >= FEWEST_BEFORE
 
     @property
     def looks(self) -> int:
-        """Number of looks of cameras so far."""
+        """Return the number of observations by cameras so far."""
         return self._looks
 
     def take_chain(self, chain: Chain) -> None:
-        """Go on with other lengths."""
+        """Continue with other segment lengths."""
         self._chain = chain
 
     def corrected(self, goals: Array, which: Array) -> Array:
-        """Orientations (M, 3, 3) of the segments of these devices (M,)."""
+        """Return the corrected orientations (M, 3, 3) of the segments of devices `which` (M,)."""
         found: Array = turn_about_z(self.heading) @ goals @ rotations_of(self.mountings[which])
         return found
 
@@ -104,9 +115,10 @@ class MountingEstimate:
         """Learn from an instant.
 
         Args:
-            seen: all but the orientations. oriented: (M, 3, 3) uncorrected, and the devices (M,). several:
-                views see it; one alone mistakes limbs that point towards it for others that point away, and
-                convicts no device.
+            seen: All evidence except the orientations.
+            oriented: (M, 3, 3), uncorrected orientations of segments, and (M,), their devices.
+            several: True if several views see the person. A single view confuses limbs that point towards it
+                with limbs that point away. It therefore flags no device as mistaken or slipped.
         """
         (goals, which), self._several = oriented, several
         size = len(pose.turns) * 3 + 3
@@ -136,7 +148,7 @@ class MountingEstimate:
         return state
 
     def _take(self, information: Array, pull: Array) -> None:
-        """One more look; the oldest of the recent ones goes to those before."""
+        """Add an observation. The oldest of the recent ones moves into the average of the older ones."""
         if len(self._recent) == RECENT:
             count = min(self._older.number + 1, MEMORY - RECENT)
             (information_before, pull_before, _), (first, second) = self._older, self._recent[0]
@@ -148,12 +160,12 @@ class MountingEstimate:
         self._recent.append((information, pull))
 
     def _newest(self) -> Looks:
-        """The recent looks."""
+        """Return the average of the recent observations."""
         information, pull = (np.mean(parts, axis=0) for parts in zip(*self._recent))
         return Looks(information, pull, len(self._recent))
 
     def _update(self) -> None:
-        """The most likely corrections, how far mountings are off at all, and what is out of the ordinary."""
+        """Update corrections, common standard deviation, and mistaken and slipped devices."""
         newest, self.slipped = self._newest(), []
         if self._older.number > FEWEST_BEFORE and self._several:
             slipped = self._slip(newest)
@@ -171,10 +183,11 @@ class MountingEstimate:
         self.mistaken = self._far(state, covariance) & (off > TOLD) & (self._looks >= FEWEST_LOOKS)
 
     def _slip(self, newest: Looks) -> int:
-        """The device that has moved since, as the recent looks say; -1: none.
+        """Return the device that has slipped according to the recent observations, or -1.
 
-        A generalised likelihood ratio (Willsky and Jones 1976): by how much each mounting would have to be
-        another for what the newest looks say beyond all before, with nothing that holds it back.
+        This is a generalised likelihood ratio test (Willsky and Jones 1976). For each device it estimates the
+        change of the mounting that explains the difference between recent and older observations. This change
+        has no prior. The test statistic is the change in its standard deviations.
         """
         state, covariance = self._corrections(self._older)
         looks = min(self._config.looks, float(newest.number))
@@ -183,7 +196,7 @@ class MountingEstimate:
         drawn = -before @ after @ (looks * (newest.information @ state + newest.pull))
         known = before - before @ after @ before
         blocks, drawn, axes = _own_blocks(known), drawn[1:].reshape(-1, 3), self._unseen
-        # turns about an axis that cameras do not see are free, and eliminated
+        # rotations about an axis that cameras do not observe are free, and eliminated
         along = (blocks @ axes[..., None])[..., 0]
         share = along / np.maximum((along * axes).sum(-1), UNKNOWN)[:, None]
         blocks = blocks - along[:, :, None] * share[:, None, :] + WIDE**-2 * np.eye(3)
@@ -194,12 +207,12 @@ class MountingEstimate:
         return device if sure[device] > SLIPPED_SDS else -1
 
     def _corrections(self, found: Looks) -> tuple[Array, Array]:
-        """Most likely state and its covariance."""
+        """Return the most likely state and its covariance."""
         information, pull, _ = found
         looks = min(self._config.looks, float(found.number))
         stated = math.radians(self._config.mounting_sd)
         count = len(self._segments)
-        # first without holding anything back, or a mistake would be before it is seen
+        # first with a wide prior: a tight one would hold a mistake back before it is detected
         state, covariance = self._solved(information, pull, looks, (self._heading_sd, np.full(count, WIDE)))
         far = self._far(state, covariance)
         heading_sd, own = self._heading_sd, np.where(far, MOST_SD, self._common)
@@ -218,7 +231,10 @@ class MountingEstimate:
         return state, covariance
 
     def _far(self, state: Array, covariance: Array) -> Array:
-        """Which mountings (N,) are off by more than those of one person are, and than cameras mistake."""
+        """Return which mountings (N,) are mistakes.
+
+        Their errors are larger than is usual for one person, and larger than cameras can mistake.
+        """
         off = np.linalg.norm(self._seen_part(state[1:].reshape(-1, 3)), axis=-1)
         blocks, axes = _own_blocks(covariance), self._unseen
         unseen = ((blocks @ axes[..., None])[..., 0] * axes).sum(-1)
@@ -227,7 +243,10 @@ class MountingEstimate:
         return found & self._several
 
     def _seen_part(self, turns: Array) -> Array:
-        """Turns (N, 3) of the segments without what the prior alone tells."""
+        """Return rotations (N, 3) of the segments without the part about unobserved axes.
+
+        The prior alone determines that part.
+        """
         found: Array = turns - (turns * self._unseen).sum(-1, keepdims=True) * self._unseen
         return found
 
@@ -235,14 +254,14 @@ class MountingEstimate:
     def _solved(
         information: Array, pull: Array, looks: float, spreads: tuple[float, Array]
     ) -> tuple[Array, Array]:
-        """State and covariance for these deviations of the heading and of the mountings (N,)."""
+        """Return state and covariance for given standard deviations of the heading and the mountings (N,)."""
         precision = np.r_[spreads[0] ** -2, np.repeat(spreads[1] ** -2, 3)]
         covariance = inverse_of(looks * information + np.diag(precision))
         return -covariance @ (looks * pull), covariance
 
 
 def _own_blocks(matrix: Array) -> Array:
-    """(N, 3, 3) of each mounting with itself, of (1 + 3 N, 1 + 3 N)."""
+    """Return the diagonal blocks (N, 3, 3) of the mountings in a matrix (1 + 3 N, 1 + 3 N)."""
     count = len(matrix) // 3
     found: Array = matrix[1:, 1:].reshape(count, 3, count, 3)[np.arange(count), :, np.arange(count)]
     return found

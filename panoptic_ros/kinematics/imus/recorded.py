@@ -1,5 +1,7 @@
-"""Recorded samples of IMUs, looked through before a recording is solved: what is odd about a device is told
-once, and nobody else suffers from it."""
+"""Checks of recorded IMU samples before a recording is solved.
+
+Each fault of a device is reported once and does not affect the other devices.
+"""
 
 from __future__ import annotations
 
@@ -24,17 +26,18 @@ from panoptic_ros.kinematics.imus.streams import (
 )
 
 Array = np.ndarray
-FEWEST = 10  # samples, of a device that is any use
+FEWEST = 10  # minimum number of samples of a usable device
 
 
 def looked_through(
     devices: Mapping[str, ImuSeries], time: tuple[int, int] | None = None
 ) -> tuple[dict[str, ImuSeries], list[str]]:
-    """Devices that can be used, with what of their samples can be, and a line about each thing that is odd,
-    of all devices of which it is true.
+    """Return the usable devices with their usable samples, and lines about faults.
+
+    There is one line per fault, with all devices that have it.
 
     Args:
-        time: of the cameras, from and to in ns; None without cameras.
+        time: Begin and end of the cameras, ns; None without cameras.
     """
     found, told = {}, dict[str, list[str]]()
     end = max((int(s.stamps[-1]) for s in devices.values() if len(s.stamps)), default=0)
@@ -53,7 +56,10 @@ def looked_through(
 
 
 def _usable(series: ImuSeries, end_ns: int) -> tuple[ImuSeries, list[str]]:
-    """Samples at most 500 times a second, impossible quaternions taken out; and what is odd about them."""
+    """Return the usable samples and lines about faults.
+
+    There are at most 500 samples per second. Invalid quaternions become NaN.
+    """
     lines = []
     kept = _spaced(series.stamps)
     if len(kept) < len(series.stamps):
@@ -81,7 +87,7 @@ def _usable(series: ImuSeries, end_ns: int) -> tuple[ImuSeries, list[str]]:
 
 
 def _spaced(stamps: Array) -> Array:
-    """Rows of samples that are not too near to the one before that is taken."""
+    """Return the rows of samples that are not too close in time to the last selected one."""
     if not len(stamps) or (np.diff(stamps) >= NEAREST_NS).all():
         return np.arange(len(stamps))
     kept, last = [0], int(stamps[0])
@@ -93,7 +99,7 @@ def _spaced(stamps: Array) -> Array:
 
 
 def _useless(series: ImuSeries, time: tuple[int, int] | None) -> str:
-    """Why a device cannot be used; "" if it can."""
+    """Return why a device cannot be used, or "" if it can."""
     if len(series.stamps) < FEWEST:
         return f"has {len(series.stamps)} samples that can be used"
     if time is not None and (series.stamps[-1] < time[0] or series.stamps[0] > time[1]):
@@ -116,7 +122,7 @@ def _useless(series: ImuSeries, time: tuple[int, int] | None) -> str:
 
 
 def _rates(series: ImuSeries) -> Array:
-    """Sums of the rates that orientations and gyroscope tell, see `rate_sums`."""
+    """Return the sums that compare rates of orientations and of the gyroscope, see `rate_sums`."""
     known = np.isfinite(series.quaternions).all(-1)
     stamps, told = series.stamps[known], series.rates[known][:-1]
     if len(stamps) < 2:
@@ -129,7 +135,7 @@ def _rates(series: ImuSeries) -> Array:
 
 
 def _turns_otherwise(sums: Array) -> bool:
-    """Whether rates, whatever their unit, are not those with which orientations turn."""
+    """Return whether the gyroscope's rates, in any unit, disagree with the rotation of the orientations."""
     count, own, told, both = sums.tolist()
     if count < FEWEST or own < count * LEAST_RATE**2 or not told:
         return False

@@ -1,10 +1,10 @@
-"""The newest samples of all IMUs, read at any instant; and which of them are not to be trusted.
+"""Newest samples of all IMUs, interpolated at any instant, and detection of faulty devices.
 
-`unit_fault` tells the unit of a gyroscope's rates by how the orientation of the same device turns. Nothing
-is solved from rates, but who reads them besides should know, and a driver that errs there may err
-elsewhere.
+`unit_fault` infers the unit of a gyroscope's rates from the rotation of the same device's orientation. Bodies
+are not solved from rates, but other readers of the rates should know. A driver with this error may have
+others.
 
-`Wearers` holds who wears which device, and what everybody's devices measured at an instant.
+`Wearers` holds which person wears which device. It returns what each person's devices measured at an instant.
 """
 
 from __future__ import annotations
@@ -22,29 +22,33 @@ from panoptic_ros.stage import Notice
 
 Array = np.ndarray
 
-LEAST_RATE = 0.3  # rad/s, root mean square, of somebody who moves
-ALIKE = 0.5  # cosine between the same turns, told in two ways
-DEGREES = math.degrees(1.0)  # as rad/s, 57.3 times too much
-BETWEEN = math.sqrt(DEGREES)  # of being right and of being in degrees
+LEAST_RATE = 0.3  # rad/s, minimum root mean square rate of a moving person
+ALIKE = 0.5  # minimum cosine between rates from orientations and rates from the gyroscope
+DEGREES = math.degrees(1.0)  # factor by which rates in deg/s are too large if read as rad/s: 57.3
+BETWEEN = math.sqrt(DEGREES)  # threshold of this factor: the geometric mean of 1 (correct) and 57.3 (deg/s)
 NO_ROWS = np.zeros(0, np.int64)
 KEPT = 64  # samples of a device
-NEAREST_NS = 2_000_000  # between two samples: more of them tell nothing new
+NEAREST_NS = 2_000_000  # minimum interval between samples: denser samples add no information
 SILENT_NS = 500_000_000
-ALL_SILENT_NS = 2_000_000_000  # where most are silent at once, as when the machine stalls
-FEW = 2  # silent devices that are no stall
-FLOOD = 0.6  # share of the samples of a device that are left out: more than 1 kHz leaves out
-FLOOD_S, FEWEST = 2.0, 100  # s that count, about; samples left out in them
-UPRIGHT_S = 3.0  # over which the mean specific force of somebody who moves is that of gravity
-UPRIGHT = 5.0  # m/s^2, by which it may differ
+ALL_SILENT_NS = 2_000_000_000  # limit where most devices are silent at once, as when the machine stalls
+FEW = 2  # maximum number of silent devices that is no stall
+FLOOD = 0.6  # fraction of dropped samples that counts as a flood: a device of 1 kHz loses less
+FLOOD_S, FEWEST = 2.0, 100  # decay time of the counts, s; minimum number of dropped samples
+UPRIGHT_S = 3.0  # averaging time: over it the mean specific force of a moving person is that of gravity
+UPRIGHT = 5.0  # m/s^2, maximum difference of that mean from gravity
 GRAVITY = np.array([0.0, 0.0, 9.81])
-FEWEST_TURNS = 30  # between samples, that tell the unit of rates
-FEWEST_UNORIENTED = 30  # samples without an orientation, one after another: half a second at the usual rate
-NONE = -1  # in place of a stamp
+FEWEST_TURNS = 30  # minimum number of rotations between samples for the check of the rates' unit
+FEWEST_UNORIENTED = 30  # consecutive samples without an orientation: half a second at the usual rate
+NONE = -1  # stands for a missing timestamp
 
 
 def turned_by(before: Array, after: Array, seconds: Array) -> Array:
-    """Angular velocities (N, 3) rad/s in the device's frame, by orientations (N, 4) w x y z before and after
-    so many seconds (N,)."""
+    """Return angular velocities (N, 3) rad/s in the device frame, from pairs of orientations.
+
+    Args:
+        before, after: (N, 4) quaternions w x y z.
+        seconds: (N,) s between them.
+    """
     begin, end = from_quaternions(before), from_quaternions(after)
     apart = vectors_of(np.ascontiguousarray(begin.swapaxes(1, 2) @ end))
     found: Array = apart / seconds[:, None]
@@ -52,13 +56,20 @@ def turned_by(before: Array, after: Array, seconds: Array) -> Array:
 
 
 def rate_sums(own: Array, told: Array) -> Array:
-    """Number of samples, squares of rates (N, 3) that orientations tell, of those that are told, and their
-    products, (N, 4) to be added up."""
+    """Return terms (N, 4) to be summed: 1, both squared rates, and their product.
+
+    Args:
+        own: (N, 3) rad/s, rates from orientations.
+        told: (N, 3), rates from gyroscopes.
+    """
     return np.column_stack([np.ones(len(own)), (own**2).sum(-1), (told**2).sum(-1), (own * told).sum(-1)])
 
 
 def odd_units(sums: Array) -> Array:
-    """Which rates (N,), of which these (N, 4) are the sums, are of another unit, as far as motion tells."""
+    """Return which devices (N,) report rates in another unit, from sums (N, 4) of `rate_sums`.
+
+    Devices that hardly move are not flagged.
+    """
     count, own, told, both = sums.T
     moves = (count > 0.0) & (own >= count * LEAST_RATE**2) & (told > 0.0)
     alike = both >= ALIKE * np.sqrt(own * told)
@@ -67,8 +78,13 @@ def odd_units(sums: Array) -> Array:
 
 
 def unit_fault(sums: Array) -> str:
-    """What is odd about the unit of rates, of which these (4,) are the sums; "" if nothing is, or nobody
-    moves."""
+    """Return the fault in the unit of a device's rates as text, or "" for none.
+
+    Without enough motion the result is "" too.
+
+    Args:
+        sums: (4,), sums of `rate_sums`.
+    """
     if not odd_units(sums[None])[0]:
         return ""
     _, own, told, _ = sums.tolist()
@@ -81,7 +97,7 @@ def unit_fault(sums: Array) -> str:
 
 
 class Wearers:
-    """Of the designated people."""
+    """Assignment of devices to the designated people who wear them."""
 
     def __init__(self, subjects: Sequence[Subject]):
         self.devices = tuple(dict.fromkeys(d.name for s in subjects for d in s.devices))
@@ -90,14 +106,17 @@ class Wearers:
         self._rows = {s.id: np.array([rows[d.name] for d in s.devices], np.int64) for s in subjects}
 
     def of(self, device: str) -> int | None:
-        """The id of who wears a device."""
+        """Return the id of the person who wears a device, or None."""
         return self._who.get(device)
 
     def measured(self, streams: ImuStreams, stamp_ns: int, offsets: Mapping[int, int]) -> dict[int, Measured]:
-        """What everybody's devices measured at an instant, in the order of the subject.
+        """Return what each person's devices measured at an instant, by id of the person.
+
+        Devices are in the order of the subject.
 
         Args:
-            streams: of `devices`. offsets: of the clock of everybody's devices, ns, by id.
+            streams: Streams of `devices`.
+            offsets: Clock offset of each person's devices, ns, by id.
         """
         found = {offset: streams.at(stamp_ns - offset) for offset in set(offsets.values())}
         return {
@@ -106,10 +125,10 @@ class Wearers:
 
 
 class ImuStreams:
-    """Samples of the devices that somebody wears.
+    """Newest samples of the devices that people wear.
 
     Args:
-        devices: names.
+        devices: Names.
     """
 
     def __init__(self, devices: Sequence[str]):
@@ -117,33 +136,35 @@ class ImuStreams:
         self._numbers = {name: d for d, name in enumerate(self.names)}
         count = len(self.names)
         self._stamps = np.full((count, KEPT), NONE)
-        self._values = np.full((count, KEPT, 10), np.nan)  # w x y z, force, rate
-        self._force = np.zeros((count, 3))  # mean in the inertial frame
-        self._weight = np.zeros(count)  # s over which it was taken
-        self._odd = np.zeros(count, bool)  # of another convention
-        self._silent = np.zeros(count, bool)  # and told so
-        self._taken = np.zeros((count, 2))  # samples lately that were kept, and that were left out
+        self._values = np.full((count, KEPT, 10), np.nan)  # quaternion w x y z, force (3), rate (3)
+        self._force = np.zeros((count, 3))  # mean specific force in the inertial frame, m/s^2
+        self._weight = np.zeros(count)  # s over which this mean was taken
+        self._odd = np.zeros(count, bool)  # measures in another convention
+        self._silent = np.zeros(count, bool)  # silent, and reported
+        self._taken = np.zeros((count, 2))  # recent counts of kept and of dropped samples
         self._flooding = np.zeros(count, bool)
-        self._rates = np.zeros((count, 4))  # lately, see `rate_sums`
-        self._learnt = np.full(count, NONE)  # stamps of the newest samples in these
+        self._rates = np.zeros((count, 4))  # recent sums, see `rate_sums`
+        self._learnt = np.full(count, NONE)  # timestamps of the newest samples in these sums
         self._rates_told = np.zeros(count, bool)
-        self._unoriented = np.zeros(count, np.int64)  # samples without an orientation, of the newest ones
-        self._batch = np.full(count, NONE)  # the stamp that the newest samples came with
-        self._batched = np.zeros(count, np.int64)  # how many they are
-        self._period = np.zeros(count, np.int64)  # ns between samples of the batch before; 0 = not known
-        self._first = np.ones(count, bool)  # of one stamp so far
+        # number of consecutive newest samples without an orientation
+        self._unoriented = np.zeros(count, np.int64)
+        self._batch = np.full(count, NONE)  # timestamp of the newest batch of samples
+        self._batched = np.zeros(count, np.int64)  # number of samples in this batch
+        self._period = np.zeros(count, np.int64)  # ns between samples of the previous batch; 0 = unknown
+        self._first = np.ones(count, bool)  # only one timestamp so far
         self._batches_told = False
 
     @property
     def last(self) -> Array:
-        """Stamps (D,) of the newest samples, -1 where there is none."""
+        """Return the timestamps (D,) of the newest samples, -1 where there is none."""
         found: Array = self._stamps[:, -1]
         return found
 
     def take(self, sample: ImuSample) -> tuple[Notice, ...]:
-        """Keep a sample; one that is not newer than the last is left out, with a notice.
+        """Add a sample and return notices.
 
-        Samples that come several to a stamp, in batches, are spread by the rate of the batch before.
+        A sample that is not newer than the last one is dropped, with a notice. A batch is several samples
+        with one timestamp; they are spread at the sample interval of the previous batch.
         """
         d = self._numbers.get(sample.device)
         if d is None:
@@ -153,7 +174,7 @@ class ImuStreams:
         stamp, told = self._spread(d, sample.stamp_ns)
         if stamp <= last:
             if self._first[d] and sample.stamp_ns == last:
-                return ()  # perhaps a batch: the next stamp tells the rate
+                return ()  # possibly a batch: the next timestamp determines its rate
             text = (
                 f"{sample.device} sends the stamp {sample.stamp_ns} after {last}; such samples are left out"
             )
@@ -175,7 +196,7 @@ class ImuStreams:
         return told
 
     def _spread(self, d: int, stamp_ns: int) -> tuple[int, tuple[Notice, ...]]:
-        """Return the time of a sample of a device that has this stamp, and a notice at the first batch."""
+        """Return the time of a device's sample with this timestamp, and a notice at the first batch."""
         begin, count = int(self._batch[d]), int(self._batched[d])
         if stamp_ns > begin:
             if begin != NONE and count > 1:
@@ -195,7 +216,10 @@ class ImuStreams:
         return stamp_ns + count * int(self._period[d]), told
 
     def at(self, stamp_ns: int) -> Measured:
-        """What devices measured at an instant, between the samples on both sides of it (slerp, linear)."""
+        """Return what all devices measured at an instant.
+
+        Orientations (slerp) and forces (linear) are interpolated between the samples before and after it.
+        """
         if not self.names:
             return NOTHING_MEASURED
         rows = np.arange(len(self.names))
@@ -212,10 +236,13 @@ class ImuStreams:
         return Measured(usable, turns, forces)
 
     def judge(self, stamp_ns: int, period: float) -> list[Notice]:
-        """Look at all devices once an instant: who is silent, who measures in another convention.
+        """Check all devices once per instant, and return notices.
+
+        The checks are for silence, floods of samples, the unit of rates, and the convention of frame and
+        sign.
 
         Args:
-            period: s since the instant before.
+            period: s since the previous instant.
         """
         if not self.names:
             return []
@@ -252,7 +279,7 @@ class ImuStreams:
         return notices
 
     def _learn_rates(self) -> None:
-        """Compare how the newest samples turned from those before with what gyroscopes tell."""
+        """Update the rate sums: compare the rotation between the two newest samples with gyroscope rates."""
         before, newest = self._stamps[:, -2], self._stamps[:, -1]
         new = (newest != self._learnt) & (before != NONE) & (newest - before < LONGEST_GAP_S * 1e9)
         self._learnt[:] = newest
@@ -263,7 +290,7 @@ class ImuStreams:
             self._rates[which] += rate_sums(own, self._values[which, -2, 7:])
 
     def _units(self, period: float) -> list[Notice]:
-        """Of devices whose rates are of another unit: told once."""
+        """Return notices of devices whose rates are in another unit, once per device."""
         self._learn_rates()
         notices = []
         ready = (self._rates[:, 0] >= FEWEST_TURNS) & ~self._rates_told & odd_units(self._rates)
@@ -275,7 +302,7 @@ class ImuStreams:
         return notices
 
     def _floods(self, period: float) -> list[Notice]:
-        """Of devices that send most of their samples too soon after another: told once."""
+        """Return notices of devices most of whose samples follow another too closely, once per device."""
         kept, left = self._taken.T
         floods = (left > FLOOD * (kept + left)) & (left > FEWEST)
         notices = []
@@ -292,7 +319,7 @@ class ImuStreams:
 
 
 def _unit(quaternions: Array) -> Array:
-    """Of length 1."""
+    """Return quaternions of length 1."""
     found: Array = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
     return found
 

@@ -1,8 +1,8 @@
-"""How IMUs are mounted, from a T-pose; and without cameras their heading, from how joints bend.
+"""Mountings of IMUs from a T-pose, and their heading without cameras, from how joints bend.
 
-A T-pose takes a wrong heading into the mountings, and segments then turn about axes that lie wrong: knees
-seem to bend sideways. Turns between neighbouring segments since the T-pose, turned by the heading, are to be
-turns that people's joints make: the heading is the one by which they are likeliest in the pose prior.
+A wrong heading in a T-pose enters the mountings. Segments then rotate about wrong axes: knees, for example,
+seem to bend sideways. Rotations between neighbouring segments since the T-pose, rotated by the heading,
+should be rotations that human joints make. The estimated heading makes them most likely under the pose prior.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Array = np.ndarray
 
 MOST_INSTANTS = 600
 FEWEST_INSTANTS = 60
-LEAST_TURN = math.radians(20.0)  # of some joint, in the root mean square
-SCALE2 = 9.0  # of Cauchy's loss of squared distances in deviations
-STEPS = 360  # headings that are tried
-ERROR = math.radians(5.0)  # per axis, of a segment in the T-pose
+LEAST_TURN = math.radians(20.0)  # minimum root mean square rotation of at least one joint
+SCALE2 = 9.0  # scale of Cauchy's loss, of squared distances in standard deviations
+STEPS = 360  # number of headings that are tried
+ERROR = math.radians(5.0)  # error per axis of a segment in the T-pose
 
 
 def heading_from_poses(
@@ -35,13 +35,13 @@ def heading_from_poses(
     turns: Mapping[str, Array],
     held: Mapping[str, Sequence[Array] | Array],
 ) -> float | None:
-    """Heading, rad, world from the IMUs' inertial frame, where the subject faces in the T-pose as stated.
+    """Return the heading, rad, world from the IMUs' inertial frame, or None.
 
-    None where it hardly moves or too few devices tell.
+    It is None with little motion or too few devices. The subject is taken to face in the T-pose as stated.
 
     Args:
-        turns: orientations (N, 3, 3) of each device at the same instants, NaN = not there.
-        held: orientations (M, 3, 3) of each device in the T-pose.
+        turns: Orientations (N, 3, 3) of each device at the same instants, NaN = missing.
+        held: Orientations (M, 3, 3) of each device in the T-pose.
     """
     model = subject.body.model
     moved: dict[int, Array] = {}
@@ -69,18 +69,21 @@ def heading_from_poses(
 
 
 def t_pose_decides(subject: Subject) -> bool:
-    """Whether a T-pose tells how a device of the subject is mounted, so that the heading matters."""
+    """Return whether a T-pose determines the mounting of any device of the subject.
+
+    The heading then matters for the mountings.
+    """
     return subject.t_pose is not None and any(device.mount is None for device in subject.devices)
 
 
 def bent_line(heading: float) -> str:
-    """What the user is told."""
+    """Return the line for the user about a heading from bending joints."""
     found = f"{math.degrees(heading):.0f} deg, as its joints bend"
     return f"no camera tells the heading of its IMUs, which is taken as {found}"
 
 
 def _joints(moved: Mapping[int, Array], model: SegmentModel) -> dict[int, int]:
-    """Segments with a device, and the next one before each of them that has one too."""
+    """Return the segments with a device, each with its nearest ancestor that has one too."""
     found = {}
     for segment in moved:
         above = int(model.parents[segment])
@@ -94,7 +97,7 @@ def _joints(moved: Mapping[int, Array], model: SegmentModel) -> dict[int, int]:
 def _statistics(
     statistics: PoseStatistics, model: SegmentModel, segment: int, above: int
 ) -> tuple[Array, Array]:
-    """Mean (3,) rad and information (3, 3) of how a segment is turned against one before it."""
+    """Return mean (3,) rad and information (3, 3) of the rotation of a segment relative to an ancestor."""
     mean, covariance = np.zeros(3), 2.0 * ERROR**2 * np.eye(3)
     k = segment
     while k != above:
@@ -116,7 +119,12 @@ def _cost(angle: float, found: list[Array], typical: list[tuple[Array, Array]]) 
 
 
 def held_in(pose: TPose, stamps: Array, felt: Measured) -> Array:
-    """Orientations (M, 3, 3) of a device in a T-pose, of those at stamps (T,) ns."""
+    """Return the orientations (M, 3, 3) of a device during a T-pose.
+
+    Args:
+        stamps: (T,) ns, timestamps of the measurements.
+        felt: Measurements of the device, one row per timestamp.
+    """
     found: Array = felt.orientations[(pose.from_ns <= stamps) & (stamps <= pose.to_ns) & felt.oriented]
     return found
 
@@ -124,15 +132,18 @@ def held_in(pose: TPose, stamps: Array, felt: Measured) -> Array:
 def t_pose_mounts(
     subject: Subject, stamps: Array, felt: Mapping[str, Measured], heading: float
 ) -> tuple[dict[str, Array], list[str]]:
-    """Mounting (3, 3), segment from device, of every device worn, as stated or as the T-pose tells it; and a
-    line for each that has no samples in it.
+    """Return the mounting (3, 3) of every worn device, and lines about devices without one.
+
+    A mounting is segment from device. It is as stated, or else from the T-pose. A device without samples in
+    the T-pose gets a line instead.
 
     Args:
-        stamps: (T,) ns. felt: what devices measured then, by name.
+        stamps: (T,) ns.
+        felt: Measurements at these timestamps, by device name.
         heading: rad, world from the IMUs' inertial frame.
 
     Raises:
-        DataError: if neither is there.
+        DataError: If a device has neither a stated mounting nor a T-pose.
     """
     mounts, lines = {}, []
     for device in subject.devices:
@@ -157,10 +168,11 @@ def t_pose_mounts(
 
 
 def t_pose_mount(pose: TPose, heading: float, held: Sequence[Array] | Array) -> Array:
-    """Mounting (3, 3), segment from device, of a device with these orientations (3, 3) in a T-pose.
+    """Return the mounting (3, 3), segment from device, of a device from a T-pose.
 
     Args:
         heading: rad, world from the IMUs' inertial frame.
+        held: Orientations (3, 3) of the device in the T-pose.
     """
     facing = pose.facing if pose.facing is not None else np.array([1.0, 0.0, 0.0])
     body = turn_about_z(float(np.arctan2(facing[1], facing[0])))

@@ -1,1 +1,1 @@
-"""People: what was seen of each, whose the 2D people of an instant are, and who comes back."""
+"""People: recent observations of each, assignment of 2D poses, and re-identification after an absence."""

@@ -1,4 +1,4 @@
-"""Whose the 2D people of an instant are: of whom a track holds them, or who is expected where they are."""
+"""Assignment of the 2D poses of an instant to people: by their tracks, or by their expected positions."""
 
 from __future__ import annotations
 
@@ -20,12 +20,16 @@ from panoptic_ros.kinematics.people.presence import middle_expected
 from panoptic_ros.kinematics.people.seen_people import SeenPoints
 
 Array = np.ndarray
-Rows = set[tuple[int, int]]  # cameras and rows of 2D people
+Rows = set[tuple[int, int]]  # camera and row of each 2D pose
 
 
 class SeenView(NamedTuple):
-    """2D people of a camera that wait for those who are tracked: camera, stamp ns, frame number, points (P,
-    J, 2) px, scores (P, J)."""
+    """2D poses of one camera that wait for the tracking result.
+
+    Attributes:
+        camera, stamp_ns, frame: Index, timestamp in ns, and frame number.
+        points, scores: (P, J, 2) px and (P, J).
+    """
 
     camera: int
     stamp_ns: int
@@ -35,17 +39,17 @@ class SeenView(NamedTuple):
 
 
 class SeenSet(NamedTuple):
-    """Views of an instant, and the index of the detection set."""
+    """Views of an instant, and the index of their detection set."""
 
     number: int
     views: tuple[SeenView, ...]
 
 
 class Allotment:
-    """Gives 2D people to those whose they are.
+    """Assignment of 2D poses to people.
 
     Args:
-        gate: m, from where somebody is expected.
+        gate: m, maximum distance from the expected body.
     """
 
     def __init__(self, rig: Rig, gate: float):
@@ -55,14 +59,14 @@ class Allotment:
 
     @property
     def cameras(self) -> tuple[str, ...]:
-        """Their names."""
+        """Return the names of the cameras."""
         return tuple(self._cameras)
 
     def camera(self, name: str) -> int:
-        """The index of a camera.
+        """Return the index of a camera.
 
         Raises:
-            DataError: if the rig has none of this name.
+            DataError: If the rig has no camera of this name.
         """
         if name not in self._cameras:
             raise DataError(f"a view of camera {name!r}; the rig has {', '.join(self._cameras)}")
@@ -71,7 +75,7 @@ class Allotment:
     def by_tracks(
         self, people: Mapping[int, Person], views: Sequence[SeenView], item: TrackedPoseSet
     ) -> Rows:
-        """Give people the 2D people that their tracks hold; all that any track holds."""
+        """Give people the 2D poses that their tracks hold, and return the 2D poses of all tracks."""
         sources, taken = item.sources, Rows()
         if sources is None:
             return taken
@@ -109,12 +113,12 @@ class Allotment:
         tracked: set[int],
         tracks_begin: bool,
     ) -> None:
-        """Give people without a track the 2D people that are where they are expected, or with which they
-        come back.
+        """Give people without a track the 2D poses at their expected positions, or those of their return.
 
         Args:
-            taken: 2D people that tracks hold. tracked: ids of who is tracked.
-            tracks_begin: whether only tracks tell where somebody is at first.
+            taken: 2D poses that tracks hold.
+            tracked: Ids of the tracked people.
+            tracks_begin: True if only tracks determine where a person is at first.
         """
         lost = [
             person
@@ -134,11 +138,16 @@ class Allotment:
         give_people(lost, find_people(lost, instant, self._gate, first), instant, stamps)
 
     def _planes(self, view: SeenView, rows: list[int]) -> ViewPeople:
-        """Some 2D people of a view on the plane at distance 1."""
+        """Return some 2D poses of a view on the normalised image plane."""
         return self._plane(view.points[rows], view.scores[rows], np.full(len(rows), view.camera, np.int64))
 
     def _plane(self, points: Array, scores: Array, cameras: Array) -> ViewPeople:
-        """2D people (R, K, 2) px and scores (R, K) of cameras (R,) on the plane at distance 1."""
+        """Return 2D poses on the normalised image plane.
+
+        Args:
+            points, scores: (R, K, 2) px and (R, K).
+            cameras: (R,), camera of each 2D pose.
+        """
         usable = (scores > 0.0) & np.isfinite(points).all(-1)
         plane, _, good = undistort_points(np.ascontiguousarray(points), usable, cameras, self._lenses)
         plane[~good] = np.nan
@@ -151,11 +160,14 @@ def find_people(
     gate: float,
     first: Callable[[Person, Instant], People],
 ) -> list[People]:
-    """2D people of each person: nearest to where it is expected, of several views that agree, or those with
-    which it comes back; nobody twice.
+    """Return the 2D poses of each person. No 2D pose is given to two people.
+
+    They are the nearest to the expected body, except those that several views place elsewhere (see
+    `Presence.own`). For a person who returns after an absence, they come from `Presence.back`.
 
     Args:
-        gate: m. first: tells those of somebody of whom nothing tells where he is.
+        gate: m, maximum distance from the expected body.
+        first: Function that returns the 2D poses of a person whose position is unknown.
     """
     weighing, trackers = people[0].weighing, [person.tracker for person in people]
     found = assign_people(trackers, instant, weighing.rotations, weighing.translations, gate)
@@ -169,10 +181,10 @@ def find_people(
 def give_people(
     people: Sequence[Person], found: Sequence[People], instant: Instant, stamps: Mapping[int, int]
 ) -> None:
-    """Give each person the 2D people that were found.
+    """Give each person the 2D poses that were found.
 
     Args:
-        stamps: ns, of the images of the instant by camera.
+        stamps: Timestamps, ns, of the images of the instant, by camera.
     """
     for person, own in zip(people, found):
         person.look(instant, bool(own), middle_expected(person.tracker))

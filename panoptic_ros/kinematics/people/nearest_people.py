@@ -1,5 +1,4 @@
-"""2D people of the views that are nearest to where bodies are expected, and who stands where a subject
-starts."""
+"""2D poses that are nearest to expected bodies, or at the position where a subject starts."""
 
 from __future__ import annotations
 
@@ -15,19 +14,20 @@ from panoptic_ros.kinematics.body.tracker import SubjectTracker
 
 Array = np.ndarray
 
-NEAR, FIRST_GATE = 0.35, 0.8  # m, across: of views that agree; from where a subject is said to start, at most
-LEAST = 1e-3  # share of a ray that lies level
+# m, sideways: limit for views that agree, and maximum distance from the stated start
+NEAR, FIRST_GATE = 0.35, 0.8
+LEAST = 1e-3  # minimum horizontal part of a ray direction, which avoids a division by 0
 
 
 def nearest_to_start(subject: Subject, instant: Instant, weighing: Weighing, alone: bool = True) -> People:
-    """Points (K, 2) and scores (K,) by camera of who stands where the subject starts; where nothing says so,
-    of who is alone in a view.
+    """Return points (K, 2) and scores (K,) by camera of the person at the subject's start position.
 
-    In a view that misses the subject somebody behind or before the place may seem to stand there. So views
-    that agree in space tell it first.
+    Without a stated position, they are those of views with a single 2D pose. In a view that misses the
+    subject, another person behind or in front of the position may appear to stand there. Views that agree in
+    3D therefore take precedence.
 
     Args:
-        alone: whether views tell it that agree with no other, if none do.
+        alone: True if a view that agrees with no other is accepted where no views agree.
     """
     if subject.start is None:
         return {
@@ -49,8 +49,13 @@ def nearest_to_start(subject: Subject, instant: Instant, weighing: Weighing, alo
 
 
 def _across(weighing: Weighing, camera: int, points: Array, place: Array) -> float:
-    """How far, m, the ray to the middle of a 2D person (K, 2) passes from the vertical line through a place;
-    infinite where hardly any joint is seen or the place is behind the camera."""
+    """Return the distance, m, between a vertical line and the ray to the middle of a 2D pose (K, 2).
+
+    It is infinite if too few joints are visible or the line is behind the camera.
+
+    Args:
+        place: (3,) m, a point of the vertical line.
+    """
     seen = points[np.isfinite(points).all(-1)]
     if len(seen) < FEWEST:
         return np.inf
@@ -69,8 +74,10 @@ def assign_people(
     translations: Array,
     gate: float,
 ) -> list[People]:
-    """2D people of the views for each tracker that has started: nearest first, nobody twice, none beyond the
-    gate, m."""
+    """Return the 2D poses of the views for each tracker that has started.
+
+    The nearest are assigned first, none twice, and none beyond the gate, m.
+    """
     found: list[People] = [{} for _ in trackers]
     expected = [None if tracker is None else tracker.expected_sites() for tracker in trackers]
     for camera, people in sorted(instant.views.items()):

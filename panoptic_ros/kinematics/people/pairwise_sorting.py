@@ -1,8 +1,8 @@
-"""2D people sorted to subjects by all pairs of views, as in Malleson et al. 2020, section 3.3.1, algorithm 1.
+"""Assignment of 2D poses to subjects by all pairs of views: Malleson et al. 2020, section 3.3.1, algorithm 1.
 
-Every pair of 2D people of two views is triangulated. Pairs that fit become candidates in space, pairs at the
-same place join them, and each subject takes the nearest candidate to where it was last seen. Whoever is near
-no subject is a bystander.
+Every pair of 2D poses from two views is triangulated. Pairs with a small error become candidates in 3D, and
+pairs at the same place join them. Each subject takes the candidate nearest to its last position. Candidates
+that are near no subject are bystanders.
 """
 
 from __future__ import annotations
@@ -17,13 +17,18 @@ from panoptic_ros.domain.subjects import Instant
 from panoptic_ros.kinematics.body.sight import People
 
 Array = np.ndarray
-TRIANGULATION_ERROR = 0.015  # of the image width, mean over the joints of both views: ThreshTriError
+TRIANGULATION_ERROR = 0.015  # fraction of the image width, mean over the joints of both views: ThreshTriError
 SAME_PERSON = 0.3  # m, mean distance of joints: ThreshDistSamePerson
-MOVEMENT = 1.0  # m, from where a subject was last seen: ThreshInterframeMovement
+MOVEMENT = 1.0  # m from the last position of a subject: ThreshInterframeMovement
 
 
 class Seen(NamedTuple):
-    """All 2D people of an instant: cameras and rows in their views (R,), points (R, K, 2), scores (R, K)."""
+    """All 2D poses of an instant.
+
+    Attributes:
+        cameras, rows: (R,), camera and row in its view.
+        points, scores: (R, K, 2) on the normalised image plane, and (R, K).
+    """
 
     cameras: Array
     rows: Array
@@ -32,7 +37,7 @@ class Seen(NamedTuple):
 
 
 class Candidate:
-    """Somebody in space: joints that all pairs of views say, and rows of the 2D people by camera."""
+    """A person in 3D: mean joints over pairs of views, and rows of the 2D poses by camera."""
 
     def __init__(self, joints: Array):
         self._sums, self._counts = np.zeros_like(joints), np.zeros(len(joints), int)
@@ -40,13 +45,18 @@ class Candidate:
 
     @property
     def joints(self) -> Array:
-        """Mean (K, 3) m of the pairs; NaN where none has the joint."""
+        """Return the mean joints (K, 3) m of the pairs; NaN where no pair has the joint."""
         with np.errstate(invalid="ignore"):
             found: Array = self._sums / self._counts[:, None]
         return found
 
     def add(self, joints: Array, people: Sequence[tuple[int, int]]) -> None:
-        """Take a pair: joints (K, 3) m, camera and row of both; of each camera the first counts."""
+        """Add a pair of 2D poses. The first 2D pose of each camera counts.
+
+        Args:
+            joints: (K, 3) m, triangulated.
+            people: Camera and row of both 2D poses.
+        """
         known = np.isfinite(joints).all(-1)
         self._sums[known] += joints[known]
         self._counts += known
@@ -54,17 +64,17 @@ class Candidate:
             self.rows.setdefault(camera, row)
 
     def apart(self, joints: Array) -> float:
-        """Mean distance, m, from joints (K, 3); infinite if none is known of both."""
+        """Return the mean distance, m, from joints (K, 3); infinite without a joint in common."""
         far = np.linalg.norm(self.joints - joints, axis=-1)
         known = np.isfinite(far)
         return float(far[known].mean()) if known.any() else np.inf
 
 
 class PairwiseSorter:
-    """Remembers where each subject was last seen.
+    """Assignment by pairs of views, with the last position of each subject.
 
     Args:
-        starts: (3,) m where each subject is at first; None = not known.
+        starts: (3,) m, initial position of each subject; None = unknown.
     """
 
     def __init__(self, rig: Rig, starts: Sequence[Array | None]):
@@ -72,13 +82,13 @@ class PairwiseSorter:
         self._rotations = np.array([camera.cam_from_world.rotation for camera in rig.cameras])
         self._translations = np.array([camera.cam_from_world.translation for camera in rig.cameras])
         widths = [camera.image_size[0] / camera.intrinsics.matrix[0, 0] for camera in rig.cameras]
-        self._limits = TRIANGULATION_ERROR * np.array(widths)  # on the plane at distance 1
+        self._limits = TRIANGULATION_ERROR * np.array(widths)  # on the normalised image plane
 
     def sort(self, instant: Instant, expected: Sequence[Array | None]) -> list[People]:
-        """Points (K, 2) and scores (K,) by camera, for each subject.
+        """Return points (K, 2) and scores (K,) by camera, for each subject.
 
         Args:
-            expected: (3,) m, the middle of each body, for who has not been seen by two views before.
+            expected: (3,) m, middle of each body, for subjects that two views have not seen before.
         """
         self._places = [mine if mine is not None else other for mine, other in zip(self._places, expected)]
         left, views = self._candidates(instant), instant.views
@@ -96,7 +106,7 @@ class PairwiseSorter:
         return found
 
     def _candidates(self, instant: Instant) -> list[Candidate]:
-        """Everybody whom two views and more see at one place."""
+        """Return all people whom two views or more see at one place."""
         seen = _all_of(instant)
         if seen is None:
             return []
@@ -114,7 +124,10 @@ class PairwiseSorter:
         return found
 
     def _triangulated(self, seen: Seen, one: Array, other: Array) -> Array:
-        """Joints (N, K, 3) m of pairs of 2D people (N,), linear; NaN where one of them has none."""
+        """Return the joints (N, K, 3) m of N pairs of 2D poses by linear triangulation.
+
+        A joint that one of the two lacks is NaN.
+        """
         normal, right = np.zeros((*seen.points[one].shape[:2], 3, 3)), 0.0
         for who in (one, other):
             plane, turned, moved = seen.points[who], self._rotations[seen.cameras[who]], self._translations
@@ -129,7 +142,10 @@ class PairwiseSorter:
         return found
 
     def _errors(self, seen: Seen, one: Array, other: Array, joints: Array) -> Array:
-        """Mean reprojection errors (N,) of pairs, shares of what is allowed; infinite without joints."""
+        """Return the mean reprojection errors (N,) of pairs, as fractions of their limits.
+
+        The error is infinite for pairs without joints.
+        """
         both = []
         for who in (one, other):
             cameras = seen.cameras[who]
@@ -145,7 +161,7 @@ class PairwiseSorter:
 
 
 def _all_of(instant: Instant) -> Seen | None:
-    """All 2D people of an instant; None if nobody is seen."""
+    """Return all 2D poses of an instant; None without any."""
     there = [(camera, view) for camera, view in sorted(instant.views.items()) if len(view.points)]
     if not there:
         return None

@@ -1,4 +1,4 @@
-"""One person while data come: what was seen, how the IMUs sit, and the body that is solved from both."""
+"""One person online: observations, mountings of the IMUs, and the body that is solved from both."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
-LOST_S = 0.5  # without any data, after which a body is given up
-AWAITED_S = 2.0  # for which somebody whom no camera has seen yet is waited for
-SEVERAL_S = 0.5  # for which a recording of several cameras waits for a second view
-COMPLETE_NS = 100_000_000  # ago: by then all views have come
-AGAIN_S = 1.0  # without cameras, after which the place is taken from what they see
+LOST_S = 0.5  # time without any data after which a body is dropped
+AWAITED_S = 2.0  # waiting time for a person whom no camera has seen yet
+SEVERAL_S = 0.5  # waiting time of a recording with several cameras for a second view
+COMPLETE_NS = 100_000_000  # age of an instant at which all its views have arrived
+AGAIN_S = 1.0  # time without cameras after which cameras set the position
 
 
 class Behind(NamedTuple):
-    """What an instant of a body rests on: `BodySource`, numbers of cameras and devices."""
+    """Data from which a body was solved: `BodySource`, number of cameras, number of devices."""
 
     source: int
     views: int
@@ -43,10 +43,10 @@ class Behind(NamedTuple):
 
 
 class Person:
-    """A designated person, or somebody who is tracked.
+    """A designated or tracked person.
 
     Args:
-        joint_names: (K,) of the detections.
+        joint_names: Names (K) of the joints in the detections.
     """
 
     def __init__(
@@ -62,26 +62,28 @@ class Person:
         self.seen = SeenPerson()
         self.fitting = ImuFitting(config, subject)
         self.tracker: SubjectTracker | None = None
-        self.behind: dict[int, Behind] = {}  # by stamp, of instants that are not given yet
-        self.of_track = False  # the newest 2D people are those of a track
-        self.came = False  # was ever seen, or felt by IMUs
+        self.behind: dict[int, Behind] = {}  # by timestamp, for instants that were not returned yet
+        self.of_track = False  # the newest 2D poses are those of a track
+        self.came = False  # cameras or IMUs have measured the person at least once
         self.worn = frozenset(device.name for device in subject.devices)
-        self._alone: SubjectTracker | None = None  # from cameras alone, to compare IMUs with
-        self._mounted: tuple[float, tuple[str, ...]] | None = None  # what the tracker's IMUs are
-        self._mounted_devices = np.zeros(len(subject.devices), bool)  # which of the subject's these are
+        self._alone: SubjectTracker | None = None  # from cameras alone, for the comparison with IMUs
+        # heading, and names of the devices, in the tracker
+        self._mounted: tuple[float, tuple[str, ...]] | None = None
+        # mask of these devices among the subject's
+        self._mounted_devices = np.zeros(len(subject.devices), bool)
         self.presence = Presence()
-        self._returns = False  # is seen again, maybe elsewhere
-        self._without = 0  # instants without any data
-        self._unseen = 0  # instants without cameras
+        self._returns = False  # seen again after an absence, maybe elsewhere
+        self._without = 0  # number of instants without any data
+        self._unseen = 0  # number of instants without cameras
         self._awaited_s, self._lost_s = AWAITED_S, LOST_S
-        self._several_s = 0.0  # for which one view waits for another
+        self._several_s = 0.0  # waiting time, s, of one view for another
 
     def settle(self, heading: float, mounts: dict[str, Array], cameras: int) -> None:
-        """Go by what a recording has told as a whole: how the IMUs sit and lie in space, see `ImuFitting`.
+        """Use what a whole recording determines: heading and mountings of the IMUs, see `ImuFitting`.
 
-        Where there are cameras they are waited for to the end, and a body begins with two views, or with one
-        after a while. One camera alone does not tell whether somebody is back who was out of sight, so there
-        a body goes on.
+        With cameras, the person is waited for to the end of the recording. A body then begins with two views,
+        or with one after some time. A single camera does not show whether a new person is one who was out of
+        sight, so a body is then never dropped.
         """
         self.fitting.settle(heading, mounts)
         self._awaited_s = math.inf if cameras else 0.0
@@ -96,11 +98,13 @@ class Person:
         statistics: PoseStatistics,
         stride: int = 1,
     ) -> tuple[list[BodyState], list[Notice]]:
-        """Solve an instant: bodies that are final, of the instant that is the lag ago, and notices.
+        """Solve an instant. Return final bodies, of the instant that is the lag ago, and notices.
 
         Args:
-            measured: by the person's devices. half_period_ns: for so long a sample alone counts.
-            statistics: of poses. stride: periods since the instant before.
+            measured: Measurements of the person's devices.
+            half_period_ns: Maximum distance, ns, at which a single sample counts.
+            statistics: Statistics of poses.
+            stride: Number of periods since the previous instant.
         """
         people, joints = self._seen_at(stamp_ns, half_period_ns)
         notices = self.feel(stamp_ns, measured)
@@ -128,67 +132,74 @@ class Person:
         return done, notices
 
     def feel(self, stamp_ns: int, measured: Measured) -> list[Notice]:
-        """What the person's devices measured at an instant."""
+        """Add what the person's devices measured at an instant, and return notices."""
         return self.fitting.take(stamp_ns, self.subject, measured)
 
     @property
     def missed(self) -> bool:
-        """Whether there have been no data of the person for so long that the body was given up."""
+        """Return whether the body was dropped because the person had no data for too long."""
         return self._without > self._lost_s * self._config.rate_hz
 
     def see(self, seen: SeenPoints, camera: int, of_track: bool) -> None:
-        """A camera has seen the person; of_track: in a view that its track holds."""
+        """Add the 2D joints from a camera.
+
+        Args:
+            of_track: True if the person's track holds this view.
+        """
         self.seen.see(camera, seen)
         self.of_track = of_track
 
     @property
     def is_expected(self) -> bool:
-        """Whether there is a body that tells where the person is expected."""
+        """Return whether there is a body that predicts the position of the person."""
         return self.tracker is not None and self.tracker.started
 
     @property
     def is_new(self) -> bool:
-        """Whether nothing tells where the person is: it has not been seen, or not since time began anew."""
+        """Return whether the position of the person is unknown.
+
+        The person has then not been seen at all, or not since timestamps restarted.
+        """
         return not (self.is_expected or self.presence.is_away)
 
     def look(self, instant: Instant, is_seen: bool, expected: Array | None) -> None:
-        """Views without a track of the person have been looked through, see `Presence.saw`."""
+        """Record the result of searching views without a track for the person, see `Presence.saw`."""
         self._returns |= is_seen and self.presence.is_away
         self.presence.saw(instant, is_seen, expected)
 
     def follow(self, stamp_ns: int, views: int) -> None:
-        """A track holds the person in so many views."""
+        """Record that a track holds the person in `views` views."""
         self._returns |= self.presence.is_away
         self.presence.told(stamp_ns, views)
 
     @property
     def body(self) -> Body:
-        """With the lengths by which the person is solved now, of which some may have been learnt."""
+        """Return the body with its current lengths, some of which may have been learnt."""
         return self.subject.body if self.tracker is None else self.tracker.body
 
     def take_body(self, body: Body) -> None:
-        """Go on with other lengths."""
+        """Continue with other segment lengths."""
         self.subject = replace(self.subject, body=body)
         self.weighing = self.weighing.with_body(body)
         if self.tracker is not None:
             self.tracker.take_body(body)
 
     def restart(self) -> None:
-        """Time goes on elsewhere: forget the motion, keep what is known of the person."""
+        """Forget the motion after a jump of timestamps. Keep what is known about the person."""
         self.seen, self._alone = SeenPerson(), None
         self.tracker = None if self.tracker is None else self.tracker.begun_anew()
         self.presence, self._returns = Presence(), False
         self.behind, self._without, self._unseen = {}, 0, 0
 
     def at_rest(self) -> Person:
-        """The same as it goes on after a pause."""
+        """Return a copy that continues after a pause."""
         found = copy.copy(self)
         found.fitting, found.behind, found._alone = self.fitting.at_rest(), {}, None
         found.tracker = None if self.tracker is None else self.tracker.at_rest()
         return found
 
     def flush(self) -> list[BodyState]:
-        """Bodies of the instants that the lag still holds back."""
+        """Return the bodies of the instants that are still within the lag."""
         return [] if self.tracker is None else self.tracker.flush()
 
     def _source(self, people: object, joints: object, used: object) -> int:
@@ -199,7 +210,10 @@ class Person:
         return BodySource.IMUS if used else BodySource.PREDICTED
 
     def _begins(self, views: int, seen: bool, used: int) -> bool:
-        """Whether there is something to begin with; without a camera, once nobody waits for one any more."""
+        """Return whether there are data with which a body can begin.
+
+        IMUs alone suffice once cameras are no longer waited for.
+        """
         if seen and (views != 1 or self._unseen >= self._several_s * self._config.rate_hz):
             return True
         self._unseen += 1
@@ -207,7 +221,10 @@ class Person:
         return waited and used > 0
 
     def _seen_at(self, stamp_ns: int, half_period_ns: int) -> tuple[People, tuple[Array, Array] | None]:
-        """2D people by camera, and joints in space, which are left out of those."""
+        """Return the 2D poses by camera, and the 3D joints.
+
+        The 2D poses do not contain joints that are known in 3D.
+        """
         joints = self.seen.joints_at(stamp_ns, half_period_ns)
         told = None if joints is None else np.isfinite(joints[0]).all(-1)
         return self.seen.views_at(stamp_ns, half_period_ns, told), joints
@@ -215,10 +232,10 @@ class Person:
     def _look(
         self, stamp_ns: int, half_period_ns: int, statistics: PoseStatistics, stride: int
     ) -> list[Notice]:
-        """Solve from cameras alone, and compare with the IMUs.
+        """Solve from cameras alone, and compare the result with the IMUs. Return notices.
 
-        Of an instant for which all images have come: where views are late and the image before stands for
-        the instant, poses follow late, and the clock of the IMUs seems to be off by as much.
+        The instant is so old that all its images have arrived. Otherwise earlier images would stand in for
+        late ones. Poses would then be late, and the clock of the IMUs would seem to be off by the same time.
         """
         people, joints = self._seen_at(stamp_ns, half_period_ns)
         if self._alone is None and people:
@@ -235,7 +252,10 @@ class Person:
         return notices
 
     def _remount(self, stamp_ns: int) -> list[BodyState]:
-        """Solve with the IMUs whose mounting is known by now: bodies that the tracker before still held."""
+        """Continue with the IMUs whose mountings are known by now.
+
+        Return the bodies that the previous tracker still held.
+        """
         mounts = self.fitting.mounts(stamp_ns, self.subject)
         now = (self.fitting.heading or 0.0, tuple(sorted(mounts)))
         if now == (self._mounted or (now[0], ())):

@@ -1,8 +1,8 @@
-"""Which 2D people of an instant are a subject's, while it is in sight, and once it is back.
+"""Presence of a subject: its 2D poses while it is in sight, and once it has returned.
 
-`Absence` is about somebody who was out of sight and comes back, maybe elsewhere, while others are there.
-Whoever is seen while the subject is not is somebody else, and stays so as long as he can be followed. Who
-appears besides, where several views agree and within what one can walk, is the subject.
+`Absence` searches for a subject that was out of sight and may return elsewhere, among other people. A person
+who is seen while the subject is not is another person, as long as that person can be followed. A new person
+is the subject if several views agree and the position is within walking distance.
 """
 
 from __future__ import annotations
@@ -20,45 +20,50 @@ from panoptic_ros.kinematics.body.tracker import SubjectTracker
 
 Array = np.ndarray
 
-NEAR_RAYS = 0.25  # m, between rays to the middle of one person
-SAME_PERSON = 0.6  # m, that somebody moves between looks
-NEAR_PLACE = 0.4  # m, from where the subject is expected: may still be the subject
-WALK, LOOKS = 3.0, 3  # m/s; looks in which a newcomer is seen before he counts
-OTHERS_NS = 300_000_000  # of looking, in which all others are met
-SIGHTS_NS = 1_000_000_000  # between two sights of a newcomer, at most
-FEW, USUAL_SHARE = 0.5, 0.02  # of the views that usually see a subject: less, and others are told from it,
-ODD = 0.2  # m, and where these see it elsewhere than it is expected
-ABSENT_S = 0.2  # out of sight, after which it is looked for
-MISSED = 3  # instants with images without it, before
-COMPANY_SHARE, COMPANY = 0.1, 0.5  # of newer instants; of instants with others, who may be mistaken for it
+NEAR_RAYS = 0.25  # m, maximum distance between rays to the middle of one person
+SAME_PERSON = 0.6  # m, maximum movement of a person between observations
+NEAR_PLACE = 0.4  # m from the expected position, within which a person may still be the subject
+WALK, LOOKS = 3.0, 3  # m/s; observations of a new person before the subject is re-identified
+OTHERS_NS = 300_000_000  # initial time of the search, in which all other people are recorded
+SIGHTS_NS = 1_000_000_000  # maximum interval between two observations of a new person
+# fraction of the usual number of views, below which others are excluded; update gain
+FEW, USUAL_SHARE = 0.5, 0.02
+ODD = 0.2  # m from the expected position, beyond which others are excluded too
+ABSENT_S = 0.2  # time out of sight after which the search for the subject begins
+MISSED = 3  # number of instants with images but without it, before the search begins
+# update gain; fraction of instants with other people, who may be mistaken for the subject
+COMPANY_SHARE, COMPANY = 0.1, 0.5
 
 
 class Appearance(NamedTuple):
-    """Where (3,) m the middle of somebody is, and his 2D people by camera."""
+    """A person in several views: middle of the joints (3,) m, and 2D pose by camera."""
 
     place: Array
     people: People
 
 
 class Absence:
-    """One subject out of sight.
+    """Search for one subject that is out of sight.
 
     Args:
-        place: (3,) m, where it is expected as it goes. stamp_ns: of the last instant in which it was seen.
-        alone: nobody else was there, so whoever is seen now is the subject, of whom sight was lost.
+        place: (3,) m, expected position.
+        stamp_ns: Timestamp, ns, of the last instant in which the subject was seen.
+        alone: True if no other people were present. A person who is seen now is then the subject, of whom
+            sight was lost.
     """
 
     def __init__(self, place: Array, stamp_ns: int, alone: bool = False):
         self._place, self._stamp_ns, self._alone = place, stamp_ns, alone
         self._others: list[Array] = []
-        self._first_ns = -1  # look
-        self._newcomer = (place, 0, -1)  # place, looks, stamp of the last
+        self._first_ns = -1  # timestamp of the first observation
+        self._newcomer = (place, 0, -1)  # place, number of observations, timestamp of the last
 
     def look(self, appearances: list[Appearance], stamp_ns: int, gate: float) -> People:
-        """The subject's 2D people, if it is back; of all who are nobody's.
+        """Return the subject's 2D poses if it has returned, else an empty dict.
 
         Args:
-            gate: m, that the place may be off without any walking.
+            appearances: All people who are not assigned.
+            gate: m, tolerance of the position for a subject that has not walked.
         """
         self._first_ns = stamp_ns if self._first_ns < 0 else self._first_ns
         new = self._without_others(appearances)
@@ -77,7 +82,7 @@ class Absence:
         return best.people if looks >= LOOKS else {}
 
     def _without_others(self, appearances: list[Appearance]) -> list[Appearance]:
-        """Those who are none of the others, who are followed."""
+        """Return the people who are none of the known others, and follow these others."""
         pairs = sorted(
             (float(np.linalg.norm(a.place - other)), n, k)
             for n, a in enumerate(appearances)
@@ -93,7 +98,7 @@ class Absence:
 
 
 def appearances(weighing: Weighing, instant: Instant, claimed: list[People]) -> list[Appearance]:
-    """Everybody who is seen by two views or more and whom nobody has claimed."""
+    """Return all people whom two views or more see and whose 2D poses are not claimed."""
     free = {
         (camera, p): (points, people.scores[p])
         for camera, people in instant.views.items()
@@ -122,10 +127,10 @@ def appearances(weighing: Weighing, instant: Instant, claimed: list[People]) -> 
 
 
 def without_others(people: People, expected: Sites, weighing: Weighing, instant: Instant) -> People:
-    """A subject's 2D people without those of whom several views say that they are elsewhere.
+    """Return a subject's 2D poses without those of people whom several views locate elsewhere.
 
     Args:
-        expected: the subject's joints.
+        expected: Expected joints of the subject.
     """
     elsewhere = [
         other.people
@@ -140,7 +145,7 @@ def without_others(people: People, expected: Sites, weighing: Weighing, instant:
 
 
 def _ray(weighing: Weighing, camera: int, points: Array) -> tuple[Array, Array]:
-    """Centre (3,) of a camera and direction (3,) to the middle of a 2D person (K, 2)."""
+    """Return the centre (3,) m of a camera and the direction (3,) to the middle of a 2D pose (K, 2)."""
     rotation = weighing.rotations[camera]
     middle = np.median(points[np.isfinite(points).all(-1)], axis=0)
     direction = rotation.T @ np.append(middle, 1.0)
@@ -148,10 +153,11 @@ def _ray(weighing: Weighing, camera: int, points: Array) -> tuple[Array, Array]:
 
 
 def _largest(cameras: Array, centres: Array, ways: Array) -> Array:
-    """Rows of the rays, one of each camera at most, that meet at the place where most meet.
+    """Return the rows of the rays that meet at the point where most rays meet, at most one per camera.
 
     Args:
-        cameras: (N,). centres, ways: (N, 3), of the rays.
+        cameras: (N,), camera of each ray.
+        centres, ways: (N, 3) m and (N, 3), origin and direction of each ray.
     """
     first, second = np.nonzero(cameras[:, None] < cameras[None, :])
     between = centres[second] - centres[first]
@@ -181,28 +187,32 @@ def _largest(cameras: Array, centres: Array, ways: Array) -> Array:
 
 
 class Presence:
-    """Whether one subject is in sight, by instants with several views: one alone does not tell who is who."""
+    """Sighting state of one subject: in sight, or searched for.
+
+    Only instants with several views count, because a single view does not distinguish people.
+    """
 
     def __init__(self) -> None:
-        self.last_ns = 0  # of the last instant in which it was seen, 0 = never
-        self._missed = 0  # instants with images without it since then
-        self._usual = 0.0  # views that see it
-        self._company = 0.0  # share of the instants with it, of late, in which several views see others too
+        self.last_ns = 0  # timestamp, ns, of the last instant in which it was seen; 0 = never
+        self._missed = 0  # number of instants with images but without it since then
+        self._usual = 0.0  # usual number of views that see it
+        self._company = 0.0  # recent fraction of instants with it in which several views see others too
         self._absence: Absence | None = None
 
     @property
     def is_away(self) -> bool:
-        """Whether it is looked for."""
+        """Return whether the subject is being searched for."""
         return self._absence is not None
 
     def own(self, people: People, expected: Sites | None, weighing: Weighing, instant: Instant) -> People:
-        """Of the 2D people that are nearest to where it is expected those that may be its own.
+        """Return those of the given 2D poses that may belong to the subject.
 
         Args:
-            expected: its joints; None before there is a pose.
+            people: 2D poses that are nearest to the expected body.
+            expected: Expected joints of the subject; None before there is a pose.
         """
         if self._absence is not None:
-            people = {}  # who is near may be somebody else: see `back`
+            people = {}  # a near person may be another one: see `back`
         elif people and len(instant.views) > 1 and expected is not None:
             seen = middle_of(weighing, people, None)
             odd = seen is None or np.linalg.norm(seen - expected.middle_seen(people)) > ODD
@@ -219,11 +229,13 @@ class Presence:
     def back(
         self, instant: Instant, weighing: Weighing, claimed: list[People], gate: float, expected: Sites | None
     ) -> People:
-        """Its 2D people, if it is away and back.
+        """Return the subject's 2D poses if it was away and has returned, else an empty dict.
 
         Args:
-            claimed: 2D people that are others'. gate: m, see `Absence.look`. expected: its joints; of who is
-                seen in part, they tell where the whole is.
+            claimed: 2D poses that belong to others.
+            gate: m, see `Absence.look`.
+            expected: Expected joints of the subject. They locate the whole body of a person who is partly
+                visible.
         """
         if self._absence is None or not instant.views:
             return {}
@@ -235,10 +247,12 @@ class Presence:
         return self._absence.look(there, instant.stamp_ns, gate)
 
     def saw(self, instant: Instant, is_seen: bool, expected: Array | None) -> None:
-        """An instant is over; whoever has been out of sight for a while is looked for from now on.
+        """Record whether the subject was seen at an instant.
+
+        The search for it begins after some time out of sight.
 
         Args:
-            expected: as above, before the instant.
+            expected: (3,) m, expected middle of its joints, from before the instant.
         """
         if is_seen:
             self.last_ns, self._missed, self._absence = instant.stamp_ns, 0, None
@@ -249,13 +263,13 @@ class Presence:
                 self._absence = Absence(expected, self.last_ns, alone=self._company < COMPANY)
 
     def told(self, stamp_ns: int, views: int) -> None:
-        """A track holds it in so many views."""
+        """Record that a track holds the subject in `views` views."""
         self._usual += (views - self._usual) * USUAL_SHARE
         self.last_ns, self._missed, self._absence = stamp_ns, 0, None
-        self._company = 1.0  # nothing tells here who else is there
+        self._company = 1.0  # other people are unknown here
 
 
 def middle_expected(tracker: SubjectTracker | None) -> Array | None:
-    """The middle (3,) m of the joints of a body where it is expected; None before there is a pose."""
+    """Return the expected middle (3,) m of the joints of a body; None before there is a pose."""
     sites = None if tracker is None else tracker.expected_sites()
     return sites.middle if sites is not None and len(sites.places) else None

@@ -1,4 +1,4 @@
-"""What was seen of one person lately, read at any instant: 2D joints of every camera, or joints in space."""
+"""Recent observations of one person, interpolated at any instant: 2D joints by camera, and 3D joints."""
 
 from __future__ import annotations
 
@@ -13,15 +13,20 @@ from panoptic_ros.kernels import njit
 from panoptic_ros.kinematics.body.sight import People
 
 Array = np.ndarray
-KEPT_NS = 250_000_000  # before the newest sample of a camera
-NEAR_NS = 1_000  # a sample is at an instant: periods are no whole numbers of ns
-LONGEST_GAP_NS = 150_000_000  # over which joints are interpolated
-SEVERAL = 2  # views that measured a joint: it is told in space, by those of them that agree
+KEPT_NS = 250_000_000  # time before a camera's newest sample for which older samples are kept
+NEAR_NS = 1_000  # tolerance of a sample at an instant: periods are no whole numbers of ns
+LONGEST_GAP_NS = 150_000_000  # longest interval over which joints are interpolated
+SEVERAL = 2  # minimum number of agreeing views that measured a joint whose 3D position is used
 
 
 class SeenPoints(NamedTuple):
-    """2D joints of a view: stamp, ns; points (K, 2) on the plane at distance 1, NaN = missing; scores
-    (K,)."""
+    """2D joints of one person in a view.
+
+    Attributes:
+        stamp_ns: Timestamp, ns.
+        points: (K, 2) on the normalised image plane, NaN = missing.
+        scores: (K,).
+    """
 
     stamp_ns: int
     points: Array
@@ -29,7 +34,13 @@ class SeenPoints(NamedTuple):
 
 
 class SeenJoints(NamedTuple):
-    """Joints in space: stamp, ns; positions (K, 3) m, NaN = missing; covariances (K, 3, 3) m^2."""
+    """3D joints of one person.
+
+    Attributes:
+        stamp_ns: Timestamp, ns.
+        positions: (K, 3) m, NaN = missing.
+        covariances: (K, 3, 3) m^2.
+    """
 
     stamp_ns: int
     positions: Array
@@ -40,31 +51,31 @@ Seen = TypeVar("Seen", SeenPoints, SeenJoints)
 
 
 class SeenPerson:
-    """The newest samples of one person."""
+    """Newest samples of one person."""
 
     def __init__(self) -> None:
         self.views: dict[int, list[SeenPoints]] = {}  # by camera
         self.joints: list[SeenJoints] = []
 
     def see(self, camera: int, seen: SeenPoints) -> None:
-        """A camera has seen the person."""
+        """Add the 2D joints from a camera."""
         own = self.views.setdefault(camera, [])
         own.append(seen)
         _forget_old(own)
 
     def take_joints(self, joints: SeenJoints) -> None:
-        """Somebody has solved for the person's joints."""
+        """Add 3D joints that another stage has solved for."""
         self.joints.append(joints)
         _forget_old(self.joints)
 
     def views_at(self, stamp_ns: int, half_period_ns: int, told: Array | None = None) -> People:
-        """Points (K, 2) and scores (K,) of every camera at an instant.
+        """Return points (K, 2) and scores (K,) of every camera at an instant.
 
-        Linear between two samples; where there is one alone, or a joint is in one alone, that one if it is
-        within half a period.
+        Joints are interpolated linearly between two samples. A single sample, or a joint that only one sample
+        has, counts if the sample is within half a period of the instant.
 
         Args:
-            told: (K,) bool, joints that are told otherwise, and left out.
+            told: (K,) bool, joints that are given in another form, and left out.
         """
         cameras: list[int] = []
         begins: list[SeenPoints] = []
@@ -87,7 +98,10 @@ class SeenPerson:
         return {camera: (points[k], scores[k]) for k, camera in enumerate(cameras)}
 
     def joints_at(self, stamp_ns: int, half_period_ns: int) -> tuple[Array, Array] | None:
-        """Positions (K, 3) and covariances (K, 3, 3) at an instant; None if there are none about then."""
+        """Return 3D joints at an instant: positions (K, 3) m and covariances (K, 3, 3) m^2.
+
+        The result is None if no sample is near the instant.
+        """
         found = self._joints_about(stamp_ns, half_period_ns)
         return found if found is not None and np.isfinite(found[0]).any() else None
 
@@ -104,10 +118,10 @@ class SeenPerson:
 
 
 def joints_as_seen(item: TrackedPoseSet, model: SegmentModel, several: bool = False) -> Array:
-    """Joints in space (P, J, 3) m, as the detector sees them where the model has its offsets.
+    """Return the 3D joints (P, J, 3) m, where the detector sees them if the model has the detector's offsets.
 
     Args:
-        several: only those that several views measured; all others are NaN.
+        several: True for only those joints that several views measured; all others are NaN.
     """
     positions = item.positions
     if model.offsets and item.corrections is not None:
@@ -119,18 +133,18 @@ def joints_as_seen(item: TrackedPoseSet, model: SegmentModel, several: bool = Fa
 
 
 def _forget_old(own: list[Seen]) -> None:
-    """Keep what is newer, and the newest before that."""
+    """Discard samples older than KEPT_NS, except for the newest of them."""
     while len(own) > 2 and own[1].stamp_ns < own[-1].stamp_ns - KEPT_NS:
         del own[0]
 
 
 def _stacked(samples: Sequence[SeenPoints]) -> tuple[Array, Array]:
-    """Points (V, K, 2) and scores (V, K)."""
+    """Return points (V, K, 2) and scores (V, K)."""
     return np.array([one.points for one in samples]), np.array([one.scores for one in samples])
 
 
 def _around(own: Sequence[Seen], stamp_ns: int) -> tuple[Seen | None, Seen | None]:
-    """The newest sample that is not after an instant, and the oldest that is not before it."""
+    """Return the newest sample that is not after an instant, and the oldest that is not before it."""
     before: Seen | None = None
     after: Seen | None = None
     for sample in reversed(own):
@@ -156,8 +170,10 @@ def _share(begin_ns: int, end_ns: int, stamp_ns: int) -> float:
 def _pair(
     begin: SeenPoints | None, end: SeenPoints | None, stamp_ns: int, half_period_ns: int
 ) -> tuple[SeenPoints, SeenPoints, float, bool] | None:
-    """Two samples of which to take a share of the later one, and whether one of them alone counts; twice the
-    same, if it is that alone."""
+    """Return two samples, the weight of the later one, and whether a joint of only one of them counts.
+
+    Where a single sample counts, it is returned twice. The result is None where none does.
+    """
     if begin is None or end is None or end.stamp_ns - begin.stamp_ns > LONGEST_GAP_NS:
         one = _nearest(begin, end, stamp_ns, half_period_ns)
         return None if one is None else (one, one, 0.0, True)
@@ -173,10 +189,11 @@ def _pair(
 def _mix(
     begin: Array, begin_scores: Array, end: Array, end_scores: Array, shares: Array, near: Array, told: Array
 ) -> None:
-    """Points (V, K, 2) and scores (V, K) between those of two samples, into the first of them.
+    """Interpolate points (V, K, 2) and scores (V, K) between two samples, into the arrays of the first.
 
     Args:
-        shares: (V,) of the later one. near: (V,), whether a joint that is in one alone counts.
+        shares: (V,), weights of the later sample.
+        near: (V,), True if a joint that only one sample has counts.
         told: (K,), joints that are left out.
     """
     for v in range(len(begin)):

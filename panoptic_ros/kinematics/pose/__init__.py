@@ -1,1 +1,1 @@
-"""One pose, or a window of them, solved from weighed targets: sums, kernels and covariances."""
+"""Solvers of one pose or of a time window of poses: weighted targets, normal equations, covariances."""

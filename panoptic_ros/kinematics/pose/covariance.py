@@ -1,4 +1,4 @@
-"""What the information of a pose says about each of its segments."""
+"""Covariances of the position and orientation of each segment, from the covariance of a pose."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
-RIDGE = 1e-9  # as for the solution: what nothing determines is as unsure as can be
+RIDGE = 1e-9  # regularisation of unobserved degrees of freedom, as in `solve`
 
 
 def segment_covariances(chain: Chain, pose: Pose, covariance: Array) -> Array:
-    """Covariances (S, 6, 6) of place, m, and of a small rotation from the left, rad, in the world.
+    """Return the covariances (S, 6, 6) of segment positions (m) and small rotations (rad).
+
+    Both are in the world frame. A small rotation is applied from the left.
 
     Args:
-        covariance: (3 + 3 S, 3 + 3 S) of a step of the pose.
+        covariance: (3 + 3 S, 3 + 3 S) of the pose increment, upper triangle. The lower triangle is filled in
+            place.
     """
     found = np.empty((len(chain.parents), 6, 6))
     _carry(chain, pose, covariance, found)
@@ -25,10 +28,13 @@ def segment_covariances(chain: Chain, pose: Pose, covariance: Array) -> Array:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _carry(chain: Chain, pose: Pose, covariance: Array, found: Array) -> None:
-    """From the root outwards: a segment moves as its parent does, and turns about its own joint.
+    """Propagate the covariance of the pose to all segments, from the root outwards.
+
+    A segment moves with its parent and rotates about its own proximal joint.
 
     Args:
-        covariance: (D, D), of which the upper half is there; the other is filled in.
+        covariance: (D, D), upper triangle. The lower triangle is filled in place.
+        found: (S, 6, 6) output, see `segment_covariances`.
     """
     count, size = len(chain.parents), len(covariance)
     for i in range(size):
@@ -36,7 +42,8 @@ def _carry(chain: Chain, pose: Pose, covariance: Array, found: Array) -> None:
             covariance[i, j] = covariance[j, i]
     frames, places = np.empty((count, 3, 3)), np.empty((count, 3))
     place_segments(chain, pose, frames, places)
-    cross = np.empty((count, 6, size))  # place and rotation of each segment against all degrees of freedom
+    # covariance of each segment's position and rotation with all degrees of freedom
+    cross = np.empty((count, 6, size))
     cross[0] = covariance[:6]
     for s in range(1, count):
         parent = chain.parents[s]
@@ -57,7 +64,10 @@ def _carry(chain: Chain, pose: Pose, covariance: Array, found: Array) -> None:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _close(chain: Chain, frames: Array, places: Array, cross: Array, segment: int, out: Array) -> None:
-    """Covariance (6, 6) of a segment from its rows (6, D): the sum over the joints from the root to it."""
+    """Compute the covariance (6, 6) of a segment from its cross-covariance (6, D) with the pose.
+
+    It is a sum over the joints from the segment to the root.
+    """
     out[:] = 0.0
     out[:, :3] = cross[:, :3]
     s = segment

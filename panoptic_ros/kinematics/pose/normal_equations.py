@@ -1,7 +1,7 @@
 """Cost of a pose and its normal equations, without the Jacobian: see `segment_sums`.
 
-Targets of a pose are added to the sums of its segments. Terms of the pose as a whole say what poses look
-like, and which pose is expected. Each `add_` returns its cost.
+Targets of single segments are added to the sums of these segments. The prior and the anchor act on the pose
+as a whole. Each `add_` function returns its cost.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Array = np.ndarray
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
-NEAREST = 0.1  # m before a camera
+NEAREST = 0.1  # m, minimum depth in front of a camera
 
 
 @_jit
@@ -106,7 +106,10 @@ def add_points(targets: PointTargets, frames: Array, places: Array, matrices: Ar
 
 @_jit
 def add_turns(targets: TurnTargets, frames: Array, matrices: Array, vectors: Array) -> float:
-    """sin^2(a / 2) of the angle a: its gradient is that of k a^2 with k = sin(a) / (4 a)."""
+    """Add orientation targets and return their cost, sin^2(a / 2) for an angle a.
+
+    The gradient is that of k a^2 with k = sin(a) / (4 a).
+    """
     cost = 0.0
     apart, vector = np.empty((3, 3)), np.empty(3)
     for n in range(len(targets.segments)):
@@ -270,9 +273,12 @@ def add_anchor(anchor: Anchor, pose: Pose, hessian: Array, gradient: Array) -> f
 def assemble(
     chain: Chain, pose: Pose, evidence: Evidence, anchor: Anchor, hessian: Array, gradient: Array
 ) -> float:
-    """Cost of a pose; half of its second and first derivatives (D, D) and (D,) into the last two.
+    """Return the cost of a pose, and compute its derivatives.
 
-    Robust targets enter with the weight that their residuals leave them (Gauss-Newton).
+    The weights of robust targets are reduced by their residuals (Gauss-Newton on the reweighted cost).
+
+    Args:
+        hessian, gradient: (D, D) and (D,) outputs, half of the second and of the first derivatives.
     """
     count = len(chain.parents)
     frames, places = np.empty((count, 3, 3)), np.empty((count, 3))

@@ -1,4 +1,4 @@
-"""Positive matrices by LAPACK, whose calls cost less than what scipy checks before them."""
+"""Positive definite matrices by direct LAPACK calls. These cost less than scipy's checks of its inputs."""
 
 from __future__ import annotations
 
@@ -11,38 +11,40 @@ Array = np.ndarray
 
 
 def factor_of(matrix: Array) -> Array:
-    """Lower Cholesky factor (N, N), 0 above its diagonal.
+    """Return the lower Cholesky factor (N, N), with zeros above the diagonal.
 
     Raises:
-        ContractError: if there is none.
+        ContractError: If the matrix is not positive definite.
     """
     factor: Array
-    factor, failed = lapack.dpotrf(matrix.T, lower=1)  # symmetric: its transpose is in LAPACK's order
+    # a symmetric matrix equals its transpose, whose memory order is LAPACK's
+    factor, failed = lapack.dpotrf(matrix.T, lower=1)
     if failed:
         raise ContractError(f"a matrix of {len(matrix)} rows is not positive (row {failed})")
     return factor
 
 
 def forward(factor: Array, rows: Array) -> Array:
-    """factor^-1 rows, for a lower factor."""
+    """Return factor^-1 rows, for a lower triangular factor."""
     found: Array
     found, _ = lapack.dtrtrs(factor, rows, lower=1)
     return found
 
 
 def solved_by(factor: Array, vector: Array) -> Array:
-    """(factor factor^T)^-1 vector (N,)."""
+    """Return (factor factor^T)^-1 vector (N,)."""
     found, _ = lapack.dpotrs(factor, vector, lower=1)
     return np.ravel(found)
 
 
 def inverse_of(matrix: Array) -> Array:
-    """The inverse (N, N).
+    """Return the inverse (N, N).
 
     Raises:
-        ContractError: if the matrix is not positive.
+        ContractError: If the matrix is not positive definite.
     """
     half, _ = lapack.dpotri(factor_of(matrix), lower=1, overwrite_c=1)
-    found: Array = half + half.T  # what is above the diagonal is 0
+    # `half` is 0 above its diagonal; the diagonal counts twice here and is halved below
+    found: Array = half + half.T
     found.ravel(order="K")[:: len(found) + 1] *= 0.5
     return found

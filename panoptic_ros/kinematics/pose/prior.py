@@ -1,4 +1,4 @@
-"""What poses look like: a principal component analysis of recorded ones (Malleson et al. 2020, eq. 14,
+"""Statistical prior of poses: a principal component analysis of recorded poses (Malleson et al. 2020, eq. 14,
 15)."""
 
 from __future__ import annotations
@@ -15,14 +15,20 @@ from panoptic_ros.kinematics.pose.targets import NO_HINGES, Hinges, PosePrior
 
 Array = np.ndarray
 KEPT_VARIANCE = 0.95
-LEAST_OFF, OFF_SHARE = np.radians(2.0), 0.06  # rad; share of the range of a joint
-APART = 0.35  # rad, distance of poses that are kept for training: no pose counts by how often it occurs
+# rad, and fraction of a joint's range: least deviations from the component space
+LEAST_OFF, OFF_SHARE = np.radians(2.0), 0.06
+APART = 0.35  # rad, least distance between training poses: frequent poses do not count more than rare ones
 
 
 @dataclass(frozen=True, eq=False)
 class PoseStatistics:
-    """Mean (N,) of the rotation vectors of all segments but the root, components (N, K) and their standard
-    deviations (K,), rad; and the deviation of each axis of each segment (N,), rad."""
+    """Statistics of the rotation vectors of all segments except the root, N = 3 S - 3 axes.
+
+    Attributes:
+        mean: (N,) rad.
+        components, deviations: (N, K) principal components and (K,) rad, standard deviations along them.
+        spreads: (N,) rad, standard deviation of each axis of each segment.
+    """
 
     mean: Array
     components: Array
@@ -31,27 +37,31 @@ class PoseStatistics:
 
     @property
     def projection(self) -> Array:
-        """(N, N), squared distance from the space of the components."""
+        """Return the matrix (N, N) of the squared distance from the space of the components."""
         n = len(self.mean)
         found: Array = np.eye(n) - self.components @ self.components.T
         return found
 
     @property
     def deviation(self) -> Array:
-        """(N, N), squared distance from the mean inside of that space, in standard deviations."""
+        """Return the matrix (N, N) of the squared distance from the mean in that space.
+
+        Distances are in standard deviations.
+        """
         scaled = self.components / self.deviations
         found: Array = scaled @ scaled.T
         return found
 
     def of_other_segments(self, own: Sequence[str], names: Sequence[str]) -> PoseStatistics:
-        """Statistics of another skeleton whose segments are called alike; those of no segment here lie near
-        the T posture.
+        """Return the statistics of another skeleton, with segments matched by name.
+
+        Segments that have no counterpart here get the T posture as mean, with a spread of pi per axis.
 
         Args:
-            own, names: of the segments here and there, the roots first.
+            own, names: Names of the segments here and of the other skeleton, the roots first.
 
         Raises:
-            DataError: if the statistics are not of these segments, or none is called alike.
+            DataError: If the statistics are not of the segments `own`, or no name matches.
         """
         if 3 * len(own) - 3 != len(self.mean):
             raise DataError(f"statistics of {len(self.mean)} axes are not of {len(own)} segments")
@@ -73,8 +83,16 @@ class PoseStatistics:
         )
 
     def measured_in(self, spreads: Array) -> tuple[Array, Array]:
-        """Projection and deviation where axes are off the space by spreads (N,), rad, of their own: of the
-        distances from the space in these spreads, and of its point that is nearest by them."""
+        """Return projection and deviation matrices for axes that leave the space by different amounts.
+
+        Args:
+            spreads: (N,) rad, standard deviation of each axis from the space of the components.
+
+        Returns:
+            The matrix (N, N) of the squared distance from the space, in these spreads. The matrix (N, N) of
+            the squared deviation, in standard deviations, of the point of the space that is nearest in this
+            metric.
+        """
         weights = spreads**-2
         inverse = np.linalg.inv(self.components.T @ (weights[:, None] * self.components))
         along = inverse @ (self.components.T * weights)
@@ -83,22 +101,25 @@ class PoseStatistics:
         return np.ascontiguousarray(projection), np.ascontiguousarray(scaled.T @ scaled)
 
     def off_space(self, lower: Array, upper: Array, most: float) -> Array:
-        """How far (N,), rad, poses that were not recorded lie off the space, per axis: about as
-        far as recorded ones deviate, and no less than a share of what the joint can turn, as recordings of
-        joints tell little of turns about bones.
+        """Return the standard deviation (N,) rad of unrecorded poses from the component space, per axis.
+
+        It is about the recorded spread of the axis. It is at least a fraction of the joint's range, because
+        recordings of joints show little of rotations about bones.
 
         Args:
-            lower, upper: (S, 3) rad, limits. most: rad, that counts of what they deviate.
+            lower, upper: (S, 3) rad, joint limits.
+            most: rad, about the upper limit of the part that comes from the recorded spread.
         """
         seen = LEAST_OFF**2 + 1.0 / (np.maximum(self.spreads, 1e-6) ** -2 + most**-2)
         found: Array = np.maximum(np.sqrt(seen), OFF_SHARE * (upper - lower)[1:].ravel())
         return found
 
     def prior(self, lower: Array, upper: Array, costs: PriorCosts) -> PosePrior:
-        """For the solver.
+        """Return the prior in the form that the solver takes.
 
         Args:
-            lower, upper: (S, 3) limits, see `SegmentModel`.
+            lower, upper: (S, 3) rad, joint limits, see `SegmentModel`.
+            costs: Weights and scales of its terms.
         """
         projection, deviation = self.projection, self.deviation
         if costs.off_space:
@@ -120,8 +141,12 @@ class PoseStatistics:
 
 @dataclass(frozen=True)
 class PriorCosts:
-    """Weights and scales of the terms, see `targets.PosePrior`; `off_space`, rad: axes are off the space of
-    the components by distances of their own, at most about this; 0 = all by the same."""
+    """Weights and scales of the terms of `targets.PosePrior`.
+
+    Attributes:
+        off_space: rad, about the largest standard deviation of an axis from the space of the components. Each
+            axis has its own, see `PoseStatistics.off_space`. 0 = the same for all axes.
+    """
 
     projection: float
     projection_scale: float
@@ -132,16 +157,16 @@ class PriorCosts:
 
 
 def _axes(segments: Sequence[int]) -> Array:
-    """Rows (3 N,) of the axes of segments."""
+    """Return the indices (3 N,) of the axes of N segments."""
     found: Array = (3 * np.array(segments, np.int64)[:, None] + np.arange(3)).ravel()
     return found
 
 
 def hinges_of(model: SegmentModel, spread: float) -> Hinges:
-    """The hinges of a skeleton; bones lead to the next joint.
+    """Return the hinges of a skeleton. The bone of a hinge leads to the next joint.
 
     Args:
-        spread: rad, how far bones leave the plane in which they bend.
+        spread: rad, standard deviation of bones from the plane in which they bend.
     """
     segments = np.array([model.index(name) for name in model.hinges], np.int64)
     axes = np.array([np.eye(3)["xyz".index(axis)] for axis in model.hinges.values()]).reshape(-1, 3)
@@ -151,14 +176,15 @@ def hinges_of(model: SegmentModel, spread: float) -> Hinges:
 
 
 def train_prior(vectors: Array, mirrored: Array, apart: float = APART) -> PoseStatistics:
-    """Statistics of poses, and of the same poses mirrored.
+    """Return the statistics of poses together with their mirror images.
 
     Args:
-        vectors: (T, S, 3) rotation vectors, the root's first, which is not used.
+        vectors: (T, S, 3) rotation vectors, rad. The root comes first and is not used.
         mirrored: (S,) index of the segment on the other side.
+        apart: rad, least distance between poses that are kept.
 
     Raises:
-        DataError: if all poses are alike, as of somebody who stands still.
+        DataError: If all poses are alike, such as those of a person who stands still.
     """
     poses = np.concatenate([vectors, mirror(vectors, mirrored)])[:, 1:]
     flat = poses.reshape(len(poses), -1)
@@ -173,26 +199,32 @@ def train_prior(vectors: Array, mirrored: Array, apart: float = APART) -> PoseSt
 
 
 def mirror(vectors: Array, mirrored: Array) -> Array:
-    """Poses (T, S, 3) with left and right exchanged: a rotation vector (x, y, z) becomes (-x, y, -z)."""
+    """Return poses (T, S, 3) with left and right exchanged.
+
+    A rotation vector (x, y, z) becomes (-x, y, -z).
+    """
     found: Array = vectors[:, mirrored] * np.array([-1.0, 1.0, -1.0])
     return found
 
 
 def other_sides(names: tuple[str, ...]) -> Array:
-    """Index (S,) of the segment on the other side: lX of rX; of all others, of itself."""
+    """Return the index (S,) of each segment's counterpart on the other side.
+
+    Names lX and rX are counterparts. All other segments map to themselves.
+    """
     other = {"l": "r", "r": "l"}
     swapped = [other.get(name[0], "") + name[1:] for name in names]
     return np.array([names.index(s) if s in names else k for k, s in enumerate(swapped)])
 
 
 def shortest(vectors: Array) -> Array:
-    """The same rotations (T, S, 3) with vectors of at most pi."""
+    """Return the same rotations (T, S, 3) as vectors of length pi at most."""
     found: Array = vectors_of(rotations_of(vectors.reshape(-1, 3))).reshape(vectors.shape)
     return found
 
 
 def _thinned(poses: Array, apart: float) -> Array:
-    """Poses (K, N) of which no two are nearer than `apart`, in their order."""
+    """Return poses (K, N), in their order, of which no two are nearer than `apart`."""
     kept = np.empty_like(poses)
     count = 0
     for pose in poses:

@@ -1,9 +1,9 @@
-"""Sums over the segments of a body, and what they are for its degrees of freedom.
+"""Sums over the segments of a body, and their projection onto its degrees of freedom.
 
-For each segment a 6 x 6 matrix and a 6-vector are added up over its targets, for a rotation about the root
-and a translation of the segment. Those of children are added to their parents', as in the composite rigid
-body algorithm (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.2). A degree of freedom of
-segment b then meets one of an ancestor a as X_a^T M_b X_b, where X holds the rotation axes.
+Each segment has a 6 x 6 matrix and a 6-vector, which are sums over its targets. They refer to a rotation of
+the segment about the root and to its translation. Sums of children are added to those of their parents, as in
+the composite rigid body algorithm (Featherstone, Rigid Body Dynamics Algorithms, 2008, section 6.2). The
+Hessian block between segment b and its ancestor a is then X_a^T M_b X_b, where X holds the rotation axes.
 """
 
 from __future__ import annotations
@@ -20,8 +20,13 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 @_jit
 def add_point(matrix: Array, vector: Array, arm: Array, information: Array, pull: Array) -> None:
-    """A point at `arm` (3,) from the root with information (3, 3) and gradient (3,): S^T W S, S =
-    [-[arm] I]."""
+    """Add a point target to the sums of its segment: S^T W S and S^T pull, with S = [-[arm] I].
+
+    Args:
+        matrix, vector: (6, 6) and (6,), the sums; changed in place.
+        arm: (3,) m, from the root to the point.
+        information, pull: (3, 3), which is W, and (3,), the gradient of the cost by the point's position.
+    """
     x, y, z = arm[0], arm[1], arm[2]
     for j in range(3):
         a = -z * information[1, j] + y * information[2, j]
@@ -35,7 +40,7 @@ def add_point(matrix: Array, vector: Array, arm: Array, information: Array, pull
         matrix[3 + j, 2] += c
         for i in range(3):
             matrix[3 + i, 3 + j] += information[i, j]
-        # column j of [arm] W times [arm]^T
+        # column j of [arm] W, which is multiplied by [arm]^T below
         if j == 0:
             a0, b0, c0 = a, b, c
         elif j == 1:
@@ -74,7 +79,13 @@ def gather(
     hessian: Array,
     gradient: Array,
 ) -> None:
-    """From segments to degrees of freedom."""
+    """Project the sums of segments onto the degrees of freedom.
+
+    Args:
+        frames, places: (S, 3, 3), world from segment, and (S, 3) m, proximal joints.
+        matrices, vectors: (S, 6, 6) and (S, 6) sums. Those of children are added to their parents' in place.
+        hessian, gradient: (D, D) and (D,) outputs.
+    """
     count = len(chain.parents)
     for s in range(count - 1, 0, -1):
         parent = chain.parents[s]

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt on a pose, from where it is: a warm start needs two or three iterations."""
+"""Levenberg-Marquardt optimisation of one pose. A warm start needs two or three iterations."""
 
 from __future__ import annotations
 
@@ -14,20 +14,27 @@ from panoptic_ros.kinematics.pose.targets import Anchor, Evidence
 
 Array = np.ndarray
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e-7, 1e6
-# An anchor is far stiffer along some directions than others: damping that follows its diagonal would hold
-# still what
-# the evidence moves, and its cost says nothing about the gain of the evidence.
+# First damping, after a failed iteration, where the pose has an anchor. An anchor is far stiffer along some
+# directions than along others. Damping in proportion to its diagonal would block directions along which the
+# evidence moves the pose. The cost of the anchor also says nothing about the gain in the evidence.
 ANCHORED_DAMPING = 1e-8
-LEAST_STEP = 1e-4  # m or rad, beyond which a step from an anchor is followed by another
-RIDGE = 1e-9  # keeps degrees of freedom that nothing determines where they are
-LEAST_GAIN = 1e-4  # of the cost, that one more iteration must bring
+LEAST_STEP = 1e-4  # m or rad: with an anchor, iterate again while an element of the increment is larger
+RIDGE = 1e-9  # added to the diagonal, so that unobserved degrees of freedom do not move
+LEAST_GAIN = 1e-4  # minimum relative decrease of the cost for another iteration
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 @njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
 def factorise(matrix: Array, damping: float, factor: Array) -> bool:
-    """Cholesky factor (N, N) of a matrix, its diagonal enlarged by a share; whether there is one."""
+    """Compute the Cholesky factor (N, N) of a damped matrix into `factor`.
+
+    Args:
+        damping: Fraction of each diagonal element that is added to it.
+
+    Returns:
+        False if the damped matrix is not positive definite.
+    """
     for i in range(len(matrix)):
         for j in range(i + 1):
             total = matrix[i, j]
@@ -46,7 +53,7 @@ def factorise(matrix: Array, damping: float, factor: Array) -> bool:
 
 @_jit
 def _solve_factorised(factor: Array, gradient: Array, step: Array) -> None:
-    """The step (N,) with factor factor^T step = -gradient."""
+    """Solve factor factor^T step = -gradient for `step` (N,), which is the output."""
     n = len(gradient)
     for i in range(n):
         total = -gradient[i]
@@ -63,10 +70,14 @@ def _solve_factorised(factor: Array, gradient: Array, step: Array) -> None:
 def solve_pose(
     chain: Chain, pose: Pose, evidence: Evidence, anchor: Anchor, iterations: int, hessian: Array
 ) -> tuple[float, int]:
-    """Move a pose, in place, to the least cost: its cost, and the iterations that it took.
+    """Minimise the cost of a pose, in place.
 
     Args:
-        iterations: at most. hessian: (D, D), half of the second derivatives at the last linearisation.
+        iterations: Maximum number.
+        hessian: (D, D) output, half of the second derivatives at the last linearisation.
+
+    Returns:
+        The final cost and the number of iterations.
     """
     size = 3 + 3 * len(chain.parents)
     gradient, step, factor = np.empty(size), np.empty(size), np.empty((size, size))

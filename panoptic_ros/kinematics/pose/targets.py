@@ -1,7 +1,11 @@
-"""What a pose is solved from, as arrays for compiled code. Weights are 1 / standard deviation^2.
+"""Inputs of the pose solver, as arrays for compiled code. Weights are 1 / standard deviation^2.
 
-A robust target with residual r, weight w and scale c costs c log(1 + w r^2 / c), Cauchy's loss; with a
-scale of 0 it costs w r^2. Weight and scale are apart: a higher weight does not make the loss more robust.
+A robust target with residual r, weight w and scale c has Cauchy's loss c log(1 + w r^2 / c). A scale of 0
+means the quadratic loss w r^2. Weight and scale are separate: a higher weight does not make the loss more
+robust.
+
+A site is a point that is fixed on a segment: `segments` holds its segment and `offsets` its position in the
+frame of that segment.
 """
 
 from __future__ import annotations
@@ -17,11 +21,15 @@ _NO_SEGMENTS = np.zeros(0, np.int64)
 
 
 class ViewTargets(NamedTuple):
-    """Joints seen in views, on the plane at distance 1 of an undistorted camera (eq. 7).
+    """2D joints in camera views, on the normalised image plane (depth 1, lens distortion removed; eq. 7).
 
-    segments (N,), offsets (N, 3) m, cameras (N,), points (N, 2), weights (N,) 1 / variance on the plane,
-    scale of the loss; rotations (C, 3, 3) and translations (C, 3) of the cameras, camera from world. anchors
-    (N,): segments with whose proximal joints sites move when lengths change; none = `segments`.
+    Attributes:
+        segments, offsets: (N,) and (N, 3) m, the sites of the joints.
+        cameras: (N,) camera indices.
+        points, weights: (N, 2), and (N,) 1 / variance on the normalised image plane.
+        scale: Scale of Cauchy's loss.
+        rotations, translations: (C, 3, 3) and (C, 3) m of the cameras, camera from world.
+        anchors: (N,) segment whose proximal joint carries the site when lengths change; empty = `segments`.
     """
 
     segments: Array
@@ -36,8 +44,14 @@ class ViewTargets(NamedTuple):
 
 
 class PointTargets(NamedTuple):
-    """Joints in space: segments (N,), offsets (N, 3) m, goals (N, 3) m, information (N, 3, 3) 1/m^2,
-    scale; anchors as those of views."""
+    """3D joints as targets.
+
+    Attributes:
+        segments, offsets: (N,) and (N, 3) m, the sites of the joints.
+        goals, information: (N, 3) m and (N, 3, 3) 1/m^2, target positions in the world.
+        scale: Scale of Cauchy's loss.
+        anchors: (N,), as in `ViewTargets`.
+    """
 
     segments: Array
     offsets: Array
@@ -48,8 +62,14 @@ class PointTargets(NamedTuple):
 
 
 class TurnTargets(NamedTuple):
-    """Orientations in the world: segments (N,), goals (N, 3, 3), weights (N,) of the squared vector part
-    of the quaternion between (eq. 10), which is half of the angle; scale."""
+    """Segment orientations in the world as targets.
+
+    Attributes:
+        segments, goals: (N,) and (N, 3, 3).
+        weights: (N,), for the squared vector part of the quaternion between segment and goal (eq. 10). For
+            small angles the length of this vector part is half of the angle.
+        scale: Scale of Cauchy's loss.
+    """
 
     segments: Array
     goals: Array
@@ -58,7 +78,13 @@ class TurnTargets(NamedTuple):
 
 
 class Floor(NamedTuple):
-    """Points that stay above the floor (eq. 16): segments (N,), radius m, weight."""
+    """Points that stay above the floor (eq. 16).
+
+    Attributes:
+        segments: (N,) segments whose proximal joints are these points.
+        radius: m, minimum height.
+        weight: 1/m^2, of the squared depth below that height.
+    """
 
     segments: Array
     radius: float
@@ -66,9 +92,14 @@ class Floor(NamedTuple):
 
 
 class Hinges(NamedTuple):
-    """Joints that bend about one axis of the parent, however the segment turns about its own bone: segments
-    (H,), axes (H, 3) in the parent's frame and bones (H, 3) in the segment's, of length 1, and the weight of
-    the squared sine of the angle by which the bone leaves the plane across the axis."""
+    """Joints that bend about one axis of the parent. The segment may rotate freely about its own bone.
+
+    Attributes:
+        segments: (H,).
+        axes, bones: (H, 3) unit vectors, in the frame of the parent and in the frame of the segment.
+        weight: Weight of the squared sine of the angle between the bone and the plane perpendicular to the
+            axis.
+    """
 
     segments: Array
     axes: Array
@@ -77,9 +108,19 @@ class Hinges(NamedTuple):
 
 
 class PosePrior(NamedTuple):
-    """What poses look like (eq. 14, 15): of the rotation vectors d of all segments but the root, less `mean`
-    (3 S - 3,), the cost is projection_weight d^T projection d + deviation_weight d^T deviation d, each with
-    Cauchy's loss of a scale; limit_weight for what lies beyond `lower` and `upper`, rad; and `hinges`."""
+    """Prior of poses (eq. 14, 15).
+
+    The rotation vectors of all segments except the root differ from `mean` by d, rad. The cost is
+    projection_weight d^T projection d + deviation_weight d^T deviation d. Each of the two terms has Cauchy's
+    loss with its own scale.
+
+    Attributes:
+        mean: (3 S - 3,) rad.
+        projection, deviation: (3 S - 3, 3 S - 3).
+        lower, upper: (3 S - 3,) rad, joint limits.
+        limit_weight: 1/rad^2, of the squared angle beyond these limits.
+        hinges: Joints that bend about one axis.
+    """
 
     mean: Array
     projection: Array
@@ -95,9 +136,11 @@ class PosePrior(NamedTuple):
 
 
 class Anchor(NamedTuple):
-    """A quadratic cost of the step u from a pose: u^T information u + 2 gradient^T u, times `weight`.
+    """Quadratic cost of the increment u from a reference pose: weight (u^T information u + 2 gradient^T u).
 
-    root (3,), turns (S, 3, 3); information (D, D), gradient (D,).
+    Attributes:
+        root, turns: (3,) m and (S, 3, 3), the reference pose.
+        information, gradient: (D, D) and (D,).
     """
 
     root: Array
@@ -108,7 +151,7 @@ class Anchor(NamedTuple):
 
 
 class Evidence(NamedTuple):
-    """All that speaks for a pose at one instant; the whole is multiplied by `weight`, but for the anchor."""
+    """All evidence for the pose of one instant. `weight` multiplies its whole cost, but not the anchor's."""
 
     views: ViewTargets
     points: PointTargets
@@ -135,7 +178,7 @@ NO_HINGES = Hinges(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), 0.0)
 
 
 def no_anchor(segments: int) -> Anchor:
-    """No cost."""
+    """Return an anchor of weight 0, for a chain of `segments` segments."""
     size = 3 + 3 * segments
     return Anchor(
         np.zeros(3), np.tile(np.eye(3), (segments, 1, 1)), np.zeros((size, size)), np.zeros(size), 0.0
@@ -143,10 +186,13 @@ def no_anchor(segments: int) -> Anchor:
 
 
 class Accelerations(NamedTuple):
-    """Accelerations of sites at the instant before the last, world, gravity taken off (eq. 12).
+    """Measured accelerations of sites at the previous instant, in the world, without gravity (eq. 12).
 
-    segments (N,), offsets (N, 3) m, values (N, 3) m/s^2, weights (N,) 1/(m/s^2)^2, scale of Cauchy's loss.
-    relative: a part that all sites share is not known or not trusted.
+    Attributes:
+        segments, offsets: (N,) and (N, 3) m, the sites.
+        values, weights: (N, 3) m/s^2 and (N,) 1/(m/s^2)^2.
+        scale: Scale of Cauchy's loss.
+        relative: True if the common part of all accelerations is unknown or not trusted.
     """
 
     segments: Array
@@ -158,8 +204,13 @@ class Accelerations(NamedTuple):
 
 
 class Turning(NamedTuple):
-    """How segments turned between the last two instants, in the world: segments (N,), changes (N, 3, 3),
-    weights (N,) 1/rad^2. A constant error of the mounting is not in it."""
+    """Measured rotations of segments from the previous to the new instant, in the world.
+
+    A constant error of a mounting cancels in them.
+
+    Attributes:
+        segments, changes, weights: (N,), (N, 3, 3) and (N,) 1/rad^2.
+    """
 
     segments: Array
     changes: Array
@@ -167,8 +218,12 @@ class Turning(NamedTuple):
 
 
 class Standing(NamedTuple):
-    """Sites whose motion between the last two instants is known, as of a foot that stands: segments (N,),
-    offsets (N, 3) m, moves (N, 3) m, weights (N,) 1/m^2."""
+    """Sites of known displacement from the previous to the new instant, such as those of a standing foot.
+
+    Attributes:
+        segments, offsets: (N,) and (N, 3) m, the sites.
+        moves, weights: (N, 3) m, the displacements, and (N,) 1/m^2.
+    """
 
     segments: Array
     offsets: Array
@@ -182,7 +237,11 @@ NOTHING_STANDS = Standing(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), np.z
 
 
 class Between(NamedTuple):
-    """What was measured between instants; stride: periods from the last one to the new one."""
+    """Measurements between the previous and the new instant.
+
+    Attributes:
+        stride: Number of periods between the two.
+    """
 
     accelerations: Accelerations = NO_ACCELERATIONS
     turning: Turning = NOTHING_TURNS

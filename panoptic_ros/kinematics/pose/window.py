@@ -1,13 +1,13 @@
-"""A window of poses in time: filter with a marginal prior, and smoothing of the instants behind it.
+"""Time window of poses: a filter with a marginal prior, and fixed-lag smoothing.
 
-The state is the poses of the last two instants with their joint information. A new instant brings the
-motion between (white acceleration of every degree of freedom, and what IMUs measured) and its own
-evidence. The pose before the last is eliminated; what it would be for any pose of the later two is
-kept, so that smoothing over a lag is a few products with a vector for each instant (Rauch, Tung and
-Striebel 1965, in information form) and costs next to nothing.
+The state is the poses of the last two instants with their joint information. A new instant adds the motion
+model (white acceleration of every degree of freedom), the IMU measurements since the previous instant, and
+its own evidence. The pose before the last is then eliminated, and its conditional solution given the two
+later poses is kept. Smoothing over a lag therefore costs only a few products of a matrix and a vector per
+instant (Rauch, Tung and Striebel 1965, in information form).
 
-`afterwards` is what instants that came later say about a pose, by eliminating them one after the other.
-Of symmetric matrices one half is worked on: that takes half of the time.
+`afterwards` returns the information that later instants hold about a pose. It eliminates these instants one
+after the other. Only one half of each symmetric matrix is computed, which halves the time.
 """
 
 from __future__ import annotations
@@ -40,17 +40,25 @@ from panoptic_ros.kinematics.pose.window_sums import (
 
 Array = np.ndarray
 
-LONGEST_STEP = 0.5  # rad or m, between two instants, that is carried on as a velocity
-NEW = 0.5  # of what instants within the time of errors share, that counts as new
-OPEN = 1e-3  # 1/m^2 or 1/rad^2, of what the evidence of an instant leaves open
-LEAST = 1e-6  # of that, of what nothing determines at all: it is as unsure as can be
+LONGEST_STEP = 0.5  # rad or m, largest increment between two instants in a constant-velocity prediction
+NEW = 0.5  # fraction of an error common to instants within `error_time` that already counts as independent
+OPEN = 1e-3  # 1/m^2 or 1/rad^2, assumed information about what the evidence of an instant leaves unobserved
+LEAST = 1e-6  # fraction of OPEN, information about degrees of freedom that no data determine: nearly none
 
 
 class Linked(NamedTuple):
-    """What an instant added: (D, D) of second differences with the two before it, of first differences with
-    the one before, of its own evidence, and its lower factor; and, given all up to it, (2 D, 2 D) of the one
-    before and it, and (2 D, D) by how much errors that last pull them, see `PoseWindow.covariance`. ratio: of
-    the step of time to it to the one before."""
+    """Contribution of one instant to the window.
+
+    Attributes:
+        bend: (D, D), matrix of second differences with the two instants before.
+        turn: (D, D), matrix of first differences with the instant before.
+        own, root: (D, D), information of the instant's own evidence, and the lower Cholesky factor of it plus
+            the assumed information OPEN.
+        joint: (2 D, 2 D), information of the pose before and this pose, given all data up to this instant.
+        pulled: (2 D, D), sensitivity of these two poses to persistent errors, see `PoseWindow.covariance`.
+        weight: Weight of the evidence, 0 to 1.
+        ratio: Ratio of the time step to this instant to the time step before.
+    """
 
     bend: Array
     turn: Array
@@ -63,8 +71,13 @@ class Linked(NamedTuple):
 
 
 class Afterwards(NamedTuple):
-    """What later instants say about a pose and the one before it, (2 D, 2 D), and by how much errors that
-    last pull both through them, (2 D, D); how many instants ago that was found."""
+    """Information of later instants about a pose and the pose before it.
+
+    Attributes:
+        information: (2 D, 2 D).
+        pulled: (2 D, D), sensitivity of the two poses to persistent errors, through these later instants.
+        age: Number of instants since this was computed.
+    """
 
     information: Array
     pulled: Array
@@ -72,11 +85,11 @@ class Afterwards(NamedTuple):
 
 
 def afterwards(links: Iterable[Linked], free: Array) -> Afterwards:
-    """Of instants after a pose.
+    """Return the information that the instants after a pose hold about it.
 
     Args:
-        links: of these instants, the newest first.
-        free: (D, D), what the evidence of an instant leaves open.
+        links: Contributions of these instants, the newest first.
+        free: (D, D), assumed information about what the evidence of an instant leaves unobserved.
     """
     n = len(free)
     later, own, count = np.zeros((2 * n, 2 * n), order="F"), np.zeros((n, n)), 0
@@ -87,14 +100,21 @@ def afterwards(links: Iterable[Linked], free: Array) -> Afterwards:
     _mirror(later)
     if not count:
         return Afterwards(later, np.zeros((2 * n, n)), 0)
-    # what moves all later evidence by the same moves the pose by it: motion says nothing against that
+    # an error common to all later evidence shifts the pose by the same amount, as the motion model does not
+    # resist a common shift
     whole = later[:, :n] + later[:, n:]
     return Afterwards(later, forward(factor_of(own / count + free), whole.T).T, 0)
 
 
 def _before(link: Linked, later: Array) -> Array:
-    """What an instant and all after it say about the two before it, from what those after it say about it and
-    the one before; the lower half of (2 D, 2 D), by columns."""
+    """Return the information (2 D, 2 D) of an instant and all later ones about the two instants before.
+
+    Only the lower half is computed, in column order.
+
+    Args:
+        later: (2 D, 2 D), information of the later instants about this one and the one before, in the same
+            form.
+    """
     n = len(link.own)
     newest, against = np.empty((n, n), order="F"), np.empty((n, 2 * n), order="F")
     found = np.empty((2 * n, 2 * n), order="F")
@@ -114,8 +134,16 @@ def _assemble(
     against: Array,
     found: Array,
 ) -> None:
-    """The lower halves of what the newest of three instants has with itself and the two before have with one
-    another, and all that it has with them."""
+    """Assemble the blocks for the elimination of the newest of three instants.
+
+    Args:
+        second: Matrix (D, D) of second differences, and the ratio of the later time step to the earlier one.
+        turn, own: (D, D), matrix of first differences, and information of the newest instant's evidence.
+        later: (2 D, 2 D), lower half, information of later instants about the newest two.
+        newest: (D, D) output, lower half, the block of the newest instant with itself.
+        against: (D, 2 D) output, its blocks with the two instants before.
+        found: (2 D, 2 D) output, lower half, the blocks of these two with one another.
+    """
     bend, ratio = second
     n, middle = len(bend), 1.0 + ratio
     for j in range(n):
@@ -132,7 +160,7 @@ def _assemble(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _mirror(matrix: Array) -> None:
-    """Fill the upper half from the lower one."""
+    """Fill the upper half of a symmetric matrix from its lower half."""
     for j in range(len(matrix)):
         for i in range(j):
             matrix[i, j] = matrix[j, i]
@@ -140,14 +168,20 @@ def _mirror(matrix: Array) -> None:
 
 @dataclass(frozen=True)
 class Motion:
-    """Standard deviations of the accelerations of the root, m/s^2, and of every joint, rad/s^2; period, s."""
+    """Motion model of white acceleration.
+
+    Attributes:
+        root: m/s^2, standard deviation of the acceleration of the root, per axis.
+        joints: rad/s^2, the same of every joint.
+        period: s.
+    """
 
     root: float
     joints: float
     period: float
 
     def weights(self, freedoms: int) -> Array:
-        """Of the second differences (D,) of the degrees of freedom."""
+        """Return the weights (D,) of second differences of the degrees of freedom."""
         step = self.period**2
         spread = np.full(freedoms, self.joints * step)
         spread[:3] = self.root * step
@@ -155,8 +189,11 @@ class Motion:
 
 
 class _Eliminated(NamedTuple):
-    """A pose that later ones determine: its step from `pose` is u with factor factor^T u = -rows [v; w; 1],
-    for steps v and w of the two later ones from `later` and `last`."""
+    """An eliminated pose, as a function of the two later poses.
+
+    Its increment u from `pose` solves factor factor^T u = -rows [v; w; 1]. Here v and w are the increments of
+    the two later poses from `later` and `last`.
+    """
 
     pose: Pose
     later: Pose
@@ -166,10 +203,11 @@ class _Eliminated(NamedTuple):
 
 
 class PoseWindow:
-    """Poses of one body, instant by instant.
+    """Filter and smoother for the poses of one body, one instant at a time.
 
     Args:
-        lag: instants over which poses are smoothed.
+        start: First pose.
+        lag: Number of instants over which poses are smoothed.
     """
 
     def __init__(self, chain: Chain, start: Pose, motion: Motion, lag: int):
@@ -177,24 +215,28 @@ class PoseWindow:
         self._size = 3 + 3 * len(chain.parents)
         self._weights = motion.weights(self._size)
         self._poses = [start.copy(), start.copy()]
-        self._next: Pose | None = None  # what is predicted a period on, once somebody asked
-        self._stride = 1  # periods between the last two poses
+        self._next: Pose | None = None  # cached prediction one period ahead; None = not computed yet
+        self._stride = 1  # number of periods between the last two poses
         self._information = self.start
         self._pulled = np.zeros((2 * self._size, self._size))
         self._open = OPEN * np.eye(self._size)
         self._eliminated: deque[_Eliminated] = deque(maxlen=lag + 1)
         self._linked: deque[Linked] = deque(maxlen=lag + 1)
-        self._after: Afterwards | None = None  # as it was found last
+        self._after: Afterwards | None = None  # result of the last call of `afterwards`
         self.iterations = 0
 
     @property
     def last(self) -> Pose:
-        """The newest pose."""
+        """Return the newest pose."""
         return self._poses[1]
 
     @property
     def start(self) -> Array:
-        """What is known of the first two poses, (2 D, 2 D): about where they are, and that they are slow."""
+        """Return the prior information (2 D, 2 D) of the first two poses.
+
+        Standard deviations are 1 m or rad per degree of freedom, 1 m/s for the root and 1.4 rad/s for the
+        joints.
+        """
         slow = np.diag(np.full(self._size, 1.0))
         speed = np.r_[np.full(3, 1.0), np.full(self._size - 3, 0.5)]
         still = np.diag(speed / self._motion.period**2)
@@ -202,11 +244,11 @@ class PoseWindow:
         return found
 
     def take_chain(self, chain: Chain) -> None:
-        """Go on with other lengths."""
+        """Continue with other segment lengths."""
         self._chain = chain
 
     def predicted(self, stride: int = 1) -> Pose:
-        """The pose so many periods after the last one, at constant velocity."""
+        """Return the pose `stride` periods after the last one, at constant velocity."""
         if self._next is None or stride != 1:
             step = np.empty(self._size)
             step_between(self._poses[0], self._poses[1], step)
@@ -225,14 +267,16 @@ class PoseWindow:
         between: Between = NOTHING_BETWEEN,
         iterations: int = 5,
     ) -> Pose:
-        """Take in the evidence of the next instant: its pose.
+        """Add the next instant and return its pose.
 
         Args:
-            guess: where it begins, see `predicted`.
+            guess: Initial pose of the optimisation, see `predicted`.
+            evidence, between: Measurements at the instant, and since the previous one.
+            iterations: Maximum number.
         """
         n, ratio = self._size, between.stride / self._stride
         bend, slope, turn, pull = self._between(guess, between)
-        # the pose before the last, against the last and the new one
+        # eliminate the pose before the last, which is coupled to the last and the new one
         corner, rows = np.empty((n, n)), np.empty((n, 3 * n + 1), order="F")
         begin_elimination(self._information, self._pulled, (bend, slope), ratio, corner, rows)
         first = factor_of(corner)
@@ -245,7 +289,7 @@ class PoseWindow:
         solved, pulled = both[:, : 2 * n + 1], both[:, : 2 * n].T @ both[:, 2 * n + 1 :]
         rest = solved.T @ solved
         add_motion(self._information, (bend, slope, ratio), (turn, pull), rest)
-        # the last one against the new one
+        # eliminate the last pose, which is coupled to the new one
         second = factor_of(rest[:n, :n])
         against = np.array(rest[:n, n:], order="F")
         solved = forward(second, against)
@@ -271,17 +315,19 @@ class PoseWindow:
         return pose
 
     def covariance(self, back: int, lasting: float, kept: int = 0) -> Array:
-        """Of a step of the pose (D, D) of so many instants ago, given all so far.
+        """Return the covariance (D, D) of the pose increment `back` instants ago, given all data so far.
 
-        What came up to it and what came after it speak of it and of the pose before; they are added, and the
-        pose before is eliminated (Fraser and Potter 1969). That takes the errors of each stretch of evidence
-        for new. A share of them lasts: it pulls the pose the same way at all instants, so its steps add up,
-        and not their squares (a consider covariance, Schmidt 1966). Errors of an instant are those of the
-        triangular factor of its information.
+        Information from before and after the instant is about its pose and the pose before. Both are added,
+        and the pose before is eliminated (Fraser and Potter 1969). This treats the errors of each period of
+        `error_time` as independent. A fraction of their variance is persistent, however. Persistent errors
+        pull the pose in the same direction at all instants, so their effects add up linearly. This is a
+        consider covariance (Schmidt 1966). The unit errors of an instant are defined by the triangular factor
+        of its information.
 
         Args:
-            lasting: that share of the variance.
-            kept: for so many instants what came after a pose is taken to look as it did then.
+            lasting: Persistent fraction of the error variance.
+            kept: Number of instants for which the information from after a pose is reused without being
+                recomputed.
         """
         n = self._size
         link, after = self._linked[-1 - back], self._after if kept else None
@@ -295,13 +341,13 @@ class PoseWindow:
         solved = forward(factor_of(corner), rows)
         rest = solved[:, :n].T @ solved
         found = inverse_of(own - rest[:, :n] + LEAST * self._open)
-        # by errors of 1 in all instants, less what counts as new already
+        # effect of unit errors at all instants, less the part that already counts as independent
         moved = found @ (pulled - rest[:, n:] - (NEW / link.weight) * link.root)
         found += lasting * link.weight * (moved @ moved.T)
         return found
 
     def smoothed(self) -> list[Pose]:
-        """Poses of the last instants given all so far, newest first: up to lag + 2."""
+        """Return the poses of the last instants given all data so far, the newest first, lag + 2 at most."""
         found = [self._poses[1], self._poses[0]]
         n = self._size
         steps = np.ones(2 * n + 1)
@@ -315,11 +361,14 @@ class PoseWindow:
         return found
 
     def _between(self, guess: Pose, between: Between) -> tuple[Array, Array, Array, Array]:
-        """Matrix (D, D) and vector (D,) of second differences of the last two poses and the guess, and of
-        first differences of the last one and the guess."""
+        """Return matrix (D, D) and vector (D,) of second differences, then those of first differences.
+
+        Second differences are of the last two poses and the guess, first differences of the last pose and the
+        guess.
+        """
         n = self._size
         stride = between.stride
-        steps = 0.5 * stride * (self._stride + stride)  # periods^2: 1 where all steps are of one
+        steps = 0.5 * stride * (self._stride + stride)  # periods^2; 1 where both time steps are one period
         bend, slope, turn, pull = np.empty((n, n)), np.empty(n), np.empty((n, n)), np.empty(n)
         motion_between(
             self._chain,

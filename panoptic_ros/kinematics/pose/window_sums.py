@@ -1,12 +1,12 @@
-"""What the window puts together of large matrices, each in one pass over them.
+"""Assembly of the matrices of `window`, each in one pass over memory.
 
-Of symmetric matrices rows are read where columns are meant, as they lie one after the other in memory.
+Symmetric matrices are read along rows instead of columns, because rows are contiguous in memory.
 
-What lies between three instants is given as normal equations of one pose that stand for all three. Slopes
-hardly change from an instant to the next, so those of one pose serve for all. A second difference x0 - 2
-x1 + x2 of what has slopes J then has the matrix c_a c_b J^T W J between the steps a and b, with c = (1,
--2, 1), and a first difference the same with c = (-1, 1): one sum over the segments serves for all blocks.
-Where the later step of time is r times the one before, c = (r, -1 - r, 1).
+Measurements that relate three instants become the normal equations of one pose. The Jacobian hardly changes
+between instants, so the Jacobian J of one pose serves all three. For a second difference x0 - 2 x1 + x2,
+instants a and b share the matrix c_a c_b J^T W J, with c = (1, -2, 1). A first difference has the same with c
+= (-1, 1). One sum over the segments therefore serves all blocks. Where the later time step is r times the
+earlier one, c = (r, -1 - r, 1).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Array = np.ndarray
 
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
-ENOUGH = 3  # sites, whose mean acceleration tells that of the body
+ENOUGH = 3  # least number of sites whose mean acceleration represents that of the body
 RIDGE = 1e-6
 
 
@@ -39,18 +39,20 @@ def add_second_differences(
     matrix: Array,
     vector: Array,
 ) -> None:
-    """Accelerations of sites, into (D, D) and (D,).
+    """Add measured accelerations of sites to the matrix (D, D) and vector (D,) of second differences.
+
+    The Jacobian is that of the middle pose. Jacobians of the three poses differ a little, and the differences
+    would be divided by the squared period. The poses would then seem to determine the absolute orientation,
+    and a linearisation that is kept while the pose moves would distort the body.
+
+    The newest pose is a prediction at constant velocity. When a body stops or starts, the residuals of all
+    sites share the error of that prediction, and this is no outlier. With enough sites, the robust loss
+    therefore acts on the difference of each residual from their mean.
 
     Args:
-        times: ratio of the later step of time to the one before, and the period, s, whose square is by how
-            much an acceleration bends the way between three poses.
-
-    The slopes are those of the middle pose. With slopes of their own, which differ a little and are divided
-    by the period squared, the three poses would seem to know the orientation itself, and what is linearised
-    at one pose and kept while the pose moves on would bend the body out of shape.
-
-    The last pose is where a constant velocity brings it, so all sites of a body that stops or starts are off
-    alike. That is no outlier: the loss is of how far a site is off from all of them, if they are enough.
+        poses: Poses of the last two instants and the new one, in order of time.
+        times: Ratio of the later time step to the earlier one, and the period, s. The second difference
+            divided by the squared period is an acceleration.
     """
     count, size = len(chain.parents), len(vector)
     ratio, period = times
@@ -87,7 +89,7 @@ def add_second_differences(
     found, slope = np.empty((size, size)), np.empty(size)
     gather(chain, frames[1], places[1], matrices, vectors, found, slope)
     if given.relative:
-        # a part that all sites share is free: it moves the root alone, and is eliminated
+        # the common part of all accelerations is free: it moves the root alone, and is eliminated
         total = found[0, 0]
         for i in range(size - 1, -1, -1):
             for k in range(3):
@@ -104,7 +106,11 @@ def add_second_differences(
 def first_differences(
     chain: Chain, begin: Pose, end: Pose, turning: Turning, standing: Standing, matrix: Array, vector: Array
 ) -> None:
-    """Turns of segments and sites that stand, into (D, D) and (D,), with the slopes of the earlier pose."""
+    """Compute the matrix (D, D) and vector (D,) of first differences between two poses.
+
+    They hold measured rotations of segments and displacements of standing sites. The Jacobian is that of the
+    earlier pose.
+    """
     count = len(chain.parents)
     frames, places = np.empty((count, 3, 3)), np.empty((count, 3))
     later, there = np.empty((count, 3, 3)), np.empty((count, 3))
@@ -141,13 +147,17 @@ def first_differences(
 def add_motion(
     information: Array, second: tuple[Array, Array, float], first: tuple[Array, Array], rest: Array
 ) -> None:
-    """What the last pose, the new one and 1 have with one another when the pose before is eliminated.
+    """Complete the information of the last pose, the new pose and the constant 1 after an elimination.
+
+    The pose before the last has been eliminated.
 
     Args:
-        information: (2 D, 2 D) of the pose before and the last one.
-        second, first: matrix (D, D) and vector (D,) of second and first differences; of the second ones
-            also the ratio of the later step of time to the one before.
-        rest: (2 D + 1, 2 D + 1), what is eliminated; the result, but for the block below the diagonal.
+        information: (2 D, 2 D), of the pose before the last and the last pose.
+        second: Matrix (D, D) and vector (D,) of second differences, and the ratio of the later time step to
+            the earlier one.
+        first: Matrix (D, D) and vector (D,) of first differences.
+        rest: (2 D + 1, 2 D + 1). On entry, the part that elimination subtracts. On return, the result,
+            without the block below the diagonal.
     """
     bend, slope, ratio = second
     turn, pull = first
@@ -172,13 +182,15 @@ def motion_between(
     second: tuple[Array, Array],
     first: tuple[Array, Array],
 ) -> None:
-    """Matrix (D, D) and vector (D,) of second differences of three poses, and of first differences of the
-    later two.
+    """Compute the matrices (D, D) and vectors (D,) of second and first differences.
+
+    Second differences relate all three poses, first differences the later two.
 
     Args:
-        weights: (D,) of second differences where steps of time are of one period.
-        times: ratio of the later step of time to the one before; half of the product of the later one and
-            both, periods^2, which is 1 where all are of one; period, s.
+        weights: (D,) of second differences whose time steps are one period long.
+        times: Three values. The ratio of the later time step to the earlier one. Half of the product of the
+            later step and the sum of both, periods^2, which is 1 where both are one period. The period, s.
+        second, first: Outputs, matrix and vector each.
     """
     bend, slope = second
     turn, pull = first
@@ -203,12 +215,16 @@ def motion_between(
 def begin_elimination(
     information: Array, pulled: Array, second: tuple[Array, Array], ratio: float, corner: Array, rows: Array
 ) -> None:
-    """The pose before the last, with itself (D, D), and against the last, the new one, 1, and errors that
-    last, (D, 3 D + 1) by columns.
+    """Assemble the blocks for the elimination of the pose before the last.
 
     Args:
-        information, pulled: (2 D, 2 D) and (2 D, D) of the pose before the last and the last one.
-        second: matrix and vector of second differences.
+        information, pulled: (2 D, 2 D) and (2 D, D) of the pose before the last and the last pose, see
+            `window.Linked`.
+        second: Matrix and vector of second differences.
+        ratio: Ratio of the later time step to the earlier one.
+        corner: (D, D) output, the block of the pose with itself.
+        rows: (D, 3 D + 1) output in column order, its blocks with the last pose, the new pose, the constant 1
+            and persistent errors.
     """
     bend, slope = second
     n, middle = len(slope), ratio * (1.0 + ratio)
@@ -225,10 +241,11 @@ def begin_elimination(
 
 @_jit
 def left_over(rest: Array, product: Array, information: Array, gradient: Array) -> None:
-    """What is known of the new pose (D, D) and (D,), once the last one is eliminated too.
+    """Compute the information (D, D) and gradient (D,) of the new pose once the last pose is eliminated too.
 
     Args:
-        rest: (2 D + 1, 2 D + 1) of both and 1. product: (D, D + 1), what the last one takes away.
+        rest: (2 D + 1, 2 D + 1) of the last pose, the new pose and the constant 1.
+        product: (D, D + 1), the part that the elimination of the last pose subtracts.
     """
     n = len(gradient)
     for i in range(n):
@@ -239,7 +256,13 @@ def left_over(rest: Array, product: Array, information: Array, gradient: Array) 
 
 @_jit
 def told_by(hessian: Array, anchor: Array, free: Array, own: Array, opened: Array) -> None:
-    """What the evidence of an instant says (D, D), and the same with what it leaves open."""
+    """Compute the information of an instant's evidence.
+
+    Args:
+        hessian, anchor: (D, D), half of the second derivatives of the whole cost and of the anchor.
+        free: (D, D), assumed information about unobserved degrees of freedom.
+        own, opened: (D, D) outputs, the information without and with `free`.
+    """
     for i in range(len(own)):
         for j in range(len(own)):
             own[i, j] = hessian[i, j] - anchor[i, j]
@@ -250,11 +273,14 @@ def told_by(hessian: Array, anchor: Array, free: Array, own: Array, opened: Arra
 def join(
     rest: Array, told: tuple[Array, Array], pulls: tuple[Array, Array, Array], joint: Array, pulled: Array
 ) -> None:
-    """What is known of the last pose and the new one (2 D, 2 D), and by how much errors that last pull them.
+    """Compute the joint information of the last two poses, and their sensitivity to persistent errors.
 
     Args:
-        rest: before the evidence. told: half of the second derivatives with the anchor, and of the anchor.
-        pulls: what elimination takes away (2 D, D), before it (2 D, D), and of the new pose (D, D).
+        rest: (2 D + 1, 2 D + 1), information before the evidence of the new instant.
+        told: Matrices (D, D), half of the second derivatives with the anchor, and of the anchor alone.
+        pulls: Sensitivities to persistent errors: the part that elimination subtracts (2 D, D), those before
+            it (2 D, D), and that of the new pose (D, D).
+        joint, pulled: (2 D, 2 D) and (2 D, D) outputs.
     """
     hessian, anchor = told
     product, before, root = pulls
@@ -278,9 +304,18 @@ def meet(
     own: Array,
     pulled: Array,
 ) -> None:
-    """What came up to an instant and what came after it, (2 D, 2 D) and (2 D, D) each, added up: of the pose
-    before with itself (D, D), against the one at it and errors that last (D, 2 D) by columns, and of the one
-    at it (D, D) and (D, D)."""
+    """Add the information from before and after an instant.
+
+    It is about the pose at the instant and the pose before that.
+
+    Args:
+        here, later: Information (2 D, 2 D) and sensitivity to persistent errors (2 D, D), up to the instant
+            and after it.
+        corner: (D, D) output, the block of the pose before with itself.
+        rows: (D, 2 D) output in column order, the blocks of the pose before with the pose at the instant and
+            with persistent errors.
+        own, pulled: (D, D) outputs, information and sensitivity of the pose at the instant.
+    """
     n = len(own)
     for j in range(n):
         for i in range(n):
@@ -294,7 +329,7 @@ def meet(
 
 @_jit
 def steps_between(begin: tuple[Pose, Pose], end: tuple[Pose, Pose], steps: Array) -> None:
-    """The steps (2 D,) that lead from each of two poses to another."""
+    """Compute the increments (2 D,) that lead from each of two poses to another pose."""
     size = len(steps) // 2
     for k in range(2):
         step_between(begin[k], end[k], steps[k * size : (k + 1) * size])

@@ -1,1 +1,1 @@
-"""What nodes tell of themselves: diagnostics, notices, counts, clocks, previews."""
+"""Self-reports of nodes: diagnostics, log notices, counters, clock models and image previews."""

@@ -1,4 +1,7 @@
-"""How a node is, on /diagnostics; the names of statuses, for those who read them (docs/ros.md)."""
+"""Health of a node on /diagnostics, and the names of its statuses.
+
+Programs that read the statuses rely on these names (docs/ros.md).
+"""
 
 from __future__ import annotations
 
@@ -16,16 +19,19 @@ KIND = "diagnostic_msgs/msg/DiagnosticArray"
 TOPIC = "/diagnostics"
 PREFIX = "panoptic: "
 PERIOD_S = 1.0
-LOOK_S = 0.25  # whether something has changed, which is told at once
+LOOK_S = 0.25  # period of the check for changes; a change is published without waiting for PERIOD_S
 
 
 def status_name(namespace: str, what: str) -> str:
-    """The name of a status: "panoptic: sync", in a namespace "panoptic: lab/sync"."""
+    """Return the name of a status: "panoptic: sync", or "panoptic: lab/sync" in the namespace "lab"."""
     return f"{PREFIX}{namespace.strip('/')}/{what}" if namespace.strip("/") else f"{PREFIX}{what}"
 
 
 def own_statuses(message: Any, namespace: str) -> Iterator[tuple[str, Any]]:
-    """Those of a DiagnosticArray that a graph in this namespace gave, each with its name there."""
+    """Yield the statuses of a DiagnosticArray that come from a graph in this namespace.
+
+    Each comes with its name without prefix and namespace.
+    """
     head = status_name(namespace, "")
     for status in message.status:
         name = status.name.removeprefix(head)
@@ -34,12 +40,12 @@ def own_statuses(message: Any, namespace: str) -> Iterator[tuple[str, Any]]:
 
 
 def values_of(status: Any) -> dict[str, str]:
-    """The values of a status by key."""
+    """Return the values of a status as text by key."""
     return {pair.key: pair.value for pair in status.values}
 
 
 def status_message(namespace: str, status: Status) -> Any:
-    """A diagnostic_msgs/DiagnosticStatus."""
+    """Return a status as a diagnostic_msgs/DiagnosticStatus."""
     family = ros_messages()
     return family.make(
         "diagnostic_msgs/msg/DiagnosticStatus",
@@ -55,10 +61,11 @@ def status_message(namespace: str, status: Status) -> Any:
 
 
 class StatusPublisher:
-    """Publishes statuses once a second, and at once when one of them turns good or bad.
+    """Publisher of statuses: once a second, and at once when a status turns good or bad.
 
     Args:
-        statuses: told whether they may lack their values, which are not looked at then.
+        statuses: returns the current statuses. Its argument is True if values are not needed, which saves
+            work.
     """
 
     def __init__(self, node: Node, statuses: Callable[[bool], Iterable[Status]]):
@@ -67,9 +74,10 @@ class StatusPublisher:
         self._timer = node.create_timer(LOOK_S, self._look)
         self._due = 0.0
         self._told: dict[str, bool] = {}
-        self.events: Callable[[], int] = lambda: 0  # goes up when there is something new to tell at once
+        # counter of events; an increase triggers a message at once
+        self.events: Callable[[], int] = lambda: 0
         self._events_told = 0
-        self.more: Callable[[], list[Any]] = list  # further DiagnosticStatus messages
+        self.more: Callable[[], list[Any]] = list  # returns further DiagnosticStatus messages
 
     def _look(self) -> None:
         troubled = self._troubled(self._statuses(True))
@@ -78,7 +86,7 @@ class StatusPublisher:
             self.publish()
 
     def publish(self) -> None:
-        """Publish the state of now."""
+        """Publish the current statuses."""
         self._events_told = self.events()
         found = list(self._statuses(False))
         self._told = self._troubled(found)
@@ -93,10 +101,10 @@ class StatusPublisher:
 
 
 class Diagnostics(StatusPublisher):
-    """The health of a node's stages and inputs.
+    """Publisher of the health of a node's stages and inputs.
 
     Args:
-        look: brings the health up to date.
+        look: updates the health before each publication.
     """
 
     def __init__(self, node: Node, health: Health, look: Callable[[], None] = lambda: None):
@@ -109,11 +117,11 @@ class Diagnostics(StatusPublisher):
 
     @property
     def finished(self) -> bool:
-        """Whether the node is through (replay)."""
+        """Return whether the node has processed its whole input (replay)."""
         return self.health.finished
 
     def finish(self) -> None:
-        """The node is through: tell at once, and once."""
+        """Mark the node as finished and publish this at once; later calls do nothing."""
         if not self.finished:
             self.health.finished = True
             self.publish()

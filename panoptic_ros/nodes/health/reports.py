@@ -1,8 +1,7 @@
-"""What nodes tell about records that they take, besides what their stages make of them.
+"""Reports of a node about the records that it receives, apart from the output of its stages.
 
-What sync knows of clocks, for everybody else: sensor_msgs/TimeReference and diagnostics per device.
-
-Previews of the images that a node takes, for whoever looks on.
+Clock models of sync are published as sensor_msgs/TimeReference and as one diagnostic status per device.
+Images are published as small previews for viewers.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 from panoptic_ros.nodes.middleware.quality import data_quality
 
 FOREVER = 2**63 - 1
-UNSURE_NS = 2e6  # a clock that is less certain than that gets a warning
+UNSURE_NS = 2e6  # 2 ms standard deviation; a less certain clock gets a warning
 
 
 class ClockReports:
-    """Publishes a time reference with every clock model, and keeps the newest models for diagnostics."""
+    """Publisher of a time reference for every clock model; keeps the newest models for diagnostics."""
 
     def __init__(self, node: Node):
         self._node = node
@@ -37,7 +36,11 @@ class ClockReports:
         self._models: dict[str, ClockModel] = {}
 
     def take(self, model: ClockModel) -> None:
-        """header.stamp is a time of the device, time_ref the same instant on the master clock."""
+        """Keep a clock model and publish it as a time reference.
+
+        The message holds a time of the device in header.stamp and the same instant on the master clock in
+        time_ref.
+        """
         self._models[model.device] = model
         topic = TOPICS["time_reference"]
         if model.device not in self._publishers:
@@ -57,7 +60,7 @@ class ClockReports:
         )
 
     def statuses(self) -> list[Any]:
-        """One diagnostic_msgs/DiagnosticStatus per device."""
+        """Return one diagnostic_msgs/DiagnosticStatus per device."""
         namespace = self._node.get_namespace()
         return [status_message(namespace, self._status(model)) for model in self._models.copy().values()]
 
@@ -76,15 +79,17 @@ class ClockReports:
 
 
 def _observed(model: ClockModel) -> int:
-    """The newest device time that the model has seen."""
+    """Return the device time (ns) of the last observation of the model; its reference time if that is not
+    set.
+    """
     return model.until_ns if model.until_ns != FOREVER else model.reference_ns
 
 
 class PreviewReports:
-    """Publishes previews of images on `<camera>/preview/compressed`.
+    """Publisher of image previews on `<camera>/preview/compressed`.
 
-    Live, only while somebody subscribes. In replay always, and kept for those who are matched late, as the
-    results of a run hold them all.
+    In live flow it publishes only while the topic has a subscriber. In replay it always publishes and keeps
+    the messages for late subscribers, because the results of a run contain all previews.
     """
 
     def __init__(self, node: Node):
@@ -101,7 +106,7 @@ class PreviewReports:
             publisher.publish(to_message(make_preview(frame), ros_messages()))
 
     def statuses(self) -> list[Any]:
-        """None: the stage tells of its images."""
+        """Return no status: the stage reports on its images."""
         return []
 
     def _publisher(self, camera: str) -> Any:
@@ -114,13 +119,13 @@ class PreviewReports:
 
 
 class Report(Protocol):
-    """Takes every record of a kind."""
+    """Receiver of all records of one class."""
 
     def take(self, record: Any) -> None:
-        """Take one."""
+        """Process one record."""
 
     def statuses(self) -> list[Any]:
-        """diagnostic_msgs/DiagnosticStatus of now."""
+        """Return the current diagnostic_msgs/DiagnosticStatus messages."""
 
 
 REPORTS: Mapping[str, Callable[[Node], Report]] = {
@@ -130,6 +135,6 @@ REPORTS: Mapping[str, Callable[[Node], Report]] = {
 
 
 def reports_of(node: Node, wiring: Wiring) -> dict[str, Report]:
-    """By kind of record, for what a node takes from outside."""
+    """Return the reports for the records that a node receives from outside, by record class name."""
     kinds = {TOPICS[port.topic].record for port in wiring.inputs}
     return {kind: make(node) for kind, make in REPORTS.items() if kind in kinds}

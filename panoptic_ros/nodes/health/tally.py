@@ -1,6 +1,6 @@
-"""What a node counts about its stages, and what it says of it in the log.
+"""Counters of a node about its stages, and log lines about them.
 
-Notices of stages: one line in the log for each event; counts and the newest text on /diagnostics.
+A notice of a stage gives one log line per event. Counts and the newest text go to /diagnostics.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from panoptic_ros.errors import PanopticError
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.stage import Notice
 
-CALM_S = 10.0  # without such a notice; the next one is then about another event
+CALM_S = 10.0  # s without a notice of this kind, after which the next one is a new event
 
 
 class NoticeLog:
-    """Logs the first notice of an event of each camera or device, and counts those that follow.
+    """Log of the first notice of an event per camera or device; counts the notices that follow.
 
     Args:
-        now_s: a monotonic clock, s.
+        now_s: returns the time of a monotonic clock, s.
     """
 
     def __init__(self, logger: Any, statistics: StageStatistics, now_s: Callable[[], float] = time.monotonic):
@@ -28,7 +28,7 @@ class NoticeLog:
         self._statistics = statistics
         self._now_s = now_s
         self._newest: dict[tuple[str, str], float] = {}
-        self.events = 0  # that were logged
+        self.events = 0  # number of logged events
 
     def tell(self, notice: Notice) -> None:
         """Count a notice, and log it if it is the first of its event."""
@@ -41,13 +41,13 @@ class NoticeLog:
             self._logger.warning(f"{notice.code}: {notice.text} (the like is counted on /diagnostics)")
 
 
-QUIET_S = 5.0  # between lines about what was refused
-MOST_REFUSED = 90  # records one after another: three seconds at 30 Hz
-FARTHEST_NS = 3_600_000_000_000  # a stamp that is farther from now is on another clock
+QUIET_S = 5.0  # s between log lines about refused records
+MOST_REFUSED = 90  # refused records in a row: three seconds at 30 Hz
+FARTHEST_NS = 3_600_000_000_000  # 1 h; a timestamp farther from the current time is on another clock
 
 
 class Tally:
-    """Counts by stage.
+    """Counters by stage.
 
     Args:
         stages: names.
@@ -57,36 +57,40 @@ class Tally:
         self._logger = logger
         self.statistics = {stage: StageStatistics() for stage in stages}
         self._logs = {stage: NoticeLog(logger, own) for stage, own in self.statistics.items()}
-        self._refused = dict.fromkeys(stages, 0)  # one after another
+        self._refused = dict.fromkeys(stages, 0)  # refused records in a row, by stage
         self._said_s = -QUIET_S
 
     @property
     def first(self) -> str:
-        """The first stage."""
+        """Return the name of the first stage."""
         return next(iter(self.statistics))
 
     def stepped(self, stage: str, duration_ns: int) -> None:
-        """A stage has taken a record."""
+        """Count a record that a stage has processed, and its duration (ns)."""
         self._refused[stage] = 0
         self.statistics[stage].taken += 1
         self.statistics[stage].add_duration(duration_ns)
 
     def used(self, stage: str, cpu_ns: int) -> None:
-        """A stage has used so much processor time."""
+        """Add processor time (ns) to a stage."""
         self.statistics[stage].cpu_ns += cpu_ns
 
     def gave(self, stage: str, latency_ns: int | None) -> None:
-        """A stage has given a record, so long after its stamp (live)."""
+        """Count an output record of a stage.
+
+        Args:
+            latency_ns: time since the timestamp of the record, live only.
+        """
         self.statistics[stage].given += 1
         if latency_ns is not None and abs(latency_ns) < FARTHEST_NS:
             self.statistics[stage].add_latency(latency_ns)
 
     def tell(self, stage: str, notice: Notice) -> None:
-        """A notice of a stage."""
+        """Count and log a notice of a stage."""
         self._logs[stage].tell(notice)
 
     def refuse(self, stage: str, error: PanopticError) -> None:
-        """Something bad for a stage was dropped."""
+        """Count a dropped bad message for a stage; log at most one line per `QUIET_S`."""
         self.statistics[stage].dropped["bad_message"] += 1
         if time.monotonic() - self._said_s >= QUIET_S:
             self._said_s = time.monotonic()
@@ -94,15 +98,18 @@ class Tally:
 
     @property
     def events(self) -> int:
-        """Return the number of events of which stages have warned."""
+        """Return the number of logged events of all stages."""
         return sum(log.events for log in self._logs.values())
 
     def has_taken(self, stage: str) -> bool:
-        """Whether a stage has taken anything."""
+        """Return whether a stage has processed any record."""
         return self.statistics[stage].taken > 0
 
     def refuses_all(self, stage: str) -> bool:
-        """Whether a stage that was asked has refused many records one after another; asked after each."""
+        """Count a refusal and return whether the stage has refused `MOST_REFUSED` records in a row.
+
+        Call this after each refusal.
+        """
         self._refused[stage] += 1
         spoilt = self._refused[stage] >= MOST_REFUSED
         if spoilt:
@@ -110,5 +117,5 @@ class Tally:
         return spoilt
 
     def dropped(self, stage: str, cause: str, count: int) -> None:
-        """So many records for a stage are gone."""
+        """Add a number of dropped records to a stage, by cause."""
         self.statistics[stage].dropped[cause] += count

@@ -1,1 +1,1 @@
-"""Nodes that say in other words, show or keep what the graph publishes."""
+"""Nodes that convert, display or record the output of the graph."""

@@ -1,4 +1,4 @@
-"""The launcher's own node: takes what the graph gives, and knows when it is over."""
+"""Node of the launcher: it collects the output of the graph and detects when the run has ended."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ from panoptic_ros.nodes.middleware.quality import CLOCKS, collecting_quality
 from panoptic_ros.nodes.middleware.streams import StreamEnds
 from panoptic_ros.stage import Notice
 
-COUNTS = ("dropped.", "notice.")  # keys of numbers of messages on /diagnostics begin so
+COUNTS = ("dropped.", "notice.")  # prefixes of keys on /diagnostics whose values are message counts
 
 
 class CollectorNode(Node):
-    """Hands every record of some topics to a function, and keeps the last diagnostics of every node.
+    """Node that passes every record of some topics to a function and keeps the last diagnostics per node.
 
     Args:
-        cameras: whose detections are taken. devices: whose sound.
-        bodies: whose samples of IMUs are taken beside bodies; None: there are no bodies.
-        more: keys and owners of topics that are taken besides, which end.
-        on_record: called with (key of the topic, record), and with ("diagnostics", those of all nodes).
-        check: raises DataError for a record that is not of this graph, as detections of another camera.
+        cameras: Cameras whose detections are taken.
+        devices: Devices whose audio is taken.
+        bodies: IMUs whose samples are taken, in addition to /bodies. None: there are no bodies.
+        more: Keys and owners of further topics, which have an end.
+        on_record: Called with (key of the topic, record), and with ("diagnostics", those of all nodes).
+        check: Raises DataError for a record that is not of this graph, e.g. detections of another camera.
     """
 
     def __init__(
@@ -47,14 +48,14 @@ class CollectorNode(Node):
         super().__init__("collector")
         self._open: set[str] = set()  # topics that have not ended
         self._bad_messages = 0
-        self._refused: set[str] = set()  # topics of which that was told
+        self._refused: set[str] = set()  # topics with a logged refusal
         self.diagnostics: dict[str, dict[str, str]] = {}
         self._on_record, self._check = on_record, check
         self._quality, self._live = collecting_quality(flow), flow.name == "live"
         self._ends = StreamEnds(self, self._end)
         self._kept = [self._subscribe("detections", camera) for camera in cameras]
         self._kept += [self._subscribe("audio", device) for device in devices]
-        if cameras:  # without, there are bodies alone
+        if cameras:  # without cameras there are only bodies
             self._kept.append(self._subscribe("skeletons", ""))
         if bodies is not None:
             self._kept += [self._subscribe("imu", device) for device in bodies]
@@ -64,7 +65,8 @@ class CollectorNode(Node):
             self._open.add(subscription.topic_name)
             self._ends.watch(subscription.topic_name)
         self._kept.append(self._subscribe("clock_models", ""))  # has no end
-        self._kept += [self._subscribe("preview", camera) for camera in cameras]  # none is waited for
+        # the run does not wait for their end
+        self._kept += [self._subscribe("preview", camera) for camera in cameras]
         self._kept.append(
             self.create_subscription(
                 message_class("diagnostic_msgs/msg/DiagnosticArray"), "/diagnostics", self._take_status, 100
@@ -73,11 +75,11 @@ class CollectorNode(Node):
 
     @property
     def over(self) -> bool:
-        """Whether all messages of all topics have come (replay; a live graph has no end)."""
+        """Return whether all messages of all topics have arrived (replay; a live graph has no end)."""
         return not self._open
 
     def finished(self, names: Iterable[str]) -> bool:
-        """Whether these nodes have said that they are through."""
+        """Return whether all these nodes have reported that they are finished."""
         return all(self.diagnostics.get(name, {}).get("finished") == "true" for name in names)
 
     def _subscribe(self, key: str, camera: str) -> Any:
@@ -87,7 +89,7 @@ class CollectorNode(Node):
             try:
                 if isinstance(message, bytes):
                     message = unpacked(message, kind)
-                is_imu = topic.scope == "imu"  # whose frame_id is the driver's own
+                is_imu = topic.scope == "imu"  # the frame_id of an IMU is chosen by its driver
                 record = read_imu(message, camera) if is_imu else from_message(message, topic.record)
                 self._check(key, camera, record)
             except DataError as error:
@@ -122,7 +124,10 @@ class CollectorNode(Node):
             self.get_logger().warning(f"a message on {topic} was dropped: {why}")
 
     def _tell(self, notice: Notice) -> None:
-        """What does not fit of a driver; who takes its samples besides tells the rest."""
+        """Log a warning about a driver's QoS.
+
+        Other notices about its samples come from the stage node that also reads them.
+        """
         if notice.severity != "info":
             self.get_logger().warning(notice.text)
 
@@ -142,7 +147,7 @@ class CollectorNode(Node):
 
 
 def _is_usable(key: str, value: str) -> bool:
-    """Return whether a value is a number where those of our nodes are: counts whole, durations not."""
+    """Return whether a count is an integer and a duration a number; other values are always usable."""
     kind = float if key.startswith("step_") else int if key == "taken" or key.startswith(COUNTS) else str
     try:
         kind(value)

@@ -1,4 +1,4 @@
-"""One run at a time in a ROS domain: the topics of two graphs would mix unnoticed."""
+"""Exclusive use of a ROS domain by one run: the topics of two graphs would mix without an error."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.nodes.middleware.runtime import in_namespace, start_ros
 
-DISCOVERY_S = 1.0  # within this, graphs that run already have been heard of
+DISCOVERY_S = 1.0  # time in which discovery finds graphs that are already running
 
 
 def claim_domain(namespace: str = "") -> socket.socket:
-    """Claim a namespace of the ROS domain for this process, until the result is closed or the process ends.
+    """Claim a namespace of the ROS domain for this process, until the socket is closed or the process ends.
 
-    An abstract socket's name is taken in one step, and free again whatever ends its owner; ROS's
-    discovery takes a second, in which two runs that start together would not see each other.
+    An abstract socket's name is claimed atomically, and the kernel frees it however the process ends. ROS
+    discovery takes a second, so two runs that start together would not find each other.
 
     Raises:
-        EnvironmentProblem: if another run has it.
+        EnvironmentProblem: if another run has claimed it.
     """
     claim = socket.socket(socket.AF_UNIX)
     try:
@@ -39,7 +39,7 @@ def claim_domain(namespace: str = "") -> socket.socket:
 
 
 class Listener:
-    """Hears of graphs in a namespace from when it is made on, by a node of its own that publishes nothing.
+    """Silent node that discovers graphs in a namespace from its construction on.
 
     Raises:
         UsageError, EnvironmentProblem: as `in_namespace` and `start_ros`.
@@ -54,23 +54,23 @@ class Listener:
         self._since_s = time.monotonic()
 
     def require_no_other_graph(self) -> None:
-        """See `require_no_other_graph`."""
+        """Raise EnvironmentProblem if another graph runs, see `require_no_other_graph`."""
         require_no_other_graph(self._node, self._since_s)
 
     def close(self) -> None:
-        """Listen no more."""
+        """Destroy the node and its context."""
         self._node.destroy_node()
         self._context.try_shutdown()
 
 
 def require_no_other_graph(node: Node, since_s: float | None = None) -> None:
-    """Look for graphs that were started in other ways, e.g. by `ros2 launch`.
+    """Check that no other graph runs, e.g. one started by `ros2 launch`.
 
     Args:
-        since_s: when the node was made, by the monotonic clock; None: now.
+        since_s: monotonic time at which the node was made, s; None: now.
 
     Raises:
-        EnvironmentProblem: if somebody publishes /skeletons already.
+        EnvironmentProblem: if a node already publishes /skeletons.
     """
     deadline = (time.monotonic() if since_s is None else since_s) + DISCOVERY_S
     waiting = True

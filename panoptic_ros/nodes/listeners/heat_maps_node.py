@@ -1,4 +1,4 @@
-"""Score maps as images, of the cameras that somebody looks at."""
+"""Node that publishes score maps as images, for cameras with a subscriber."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from panoptic_ros.io.messages.images import heat_map_message
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 from panoptic_ros.nodes.middleware.quality import LATCHED
 
-LOOK_S = 0.5  # how soon it is noticed that somebody looks
+LOOK_S = 0.5  # period of the check for subscribers
 
 
 class HeatMapsNode(Node):
-    """Publishes `/<camera>/heat_map`: the largest score of all joints, or that of the parameter `joint`.
+    """Node that publishes `/<camera>/heat_map`.
 
-    The 2D people of a camera are read only while somebody subscribes to its map.
+    A map holds the largest score of all joints, or the score of the joint that the parameter `joint` names.
+    The node reads the detections of a camera only while the map has a subscriber.
     """
 
     fault = None
@@ -40,11 +41,11 @@ class HeatMapsNode(Node):
         self._timer = self.create_timer(LOOK_S, self._look)
 
     def close(self) -> None:
-        """Nothing to stop."""
+        """Do nothing: the node has no threads."""
 
     @property
     def cameras(self) -> tuple[str, ...]:
-        """Whose people are read now."""
+        """Return the cameras whose detections are currently read."""
         return tuple(self._reading)
 
     def _latched(self, key: str, take: Any) -> Any:

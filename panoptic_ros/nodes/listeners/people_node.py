@@ -1,10 +1,7 @@
-"""/skeletons and /bodies in the words of other packages: roots, TF, REP-155 bodies, boxes, joint angles.
+"""Nodes that convert /skeletons and /bodies into messages of other packages.
 
-Nodes that say /skeletons in other words.
-
-/skeletons as a MarkerArray for RViz and Foxglove.
-
-/bodies as joint angles with their URDF, as REP 155 has them, and as TF of segments.
+Skeletons become roots, TF, REP-155 bodies and boxes, or a MarkerArray for RViz and Foxglove. Bodies become
+joint angles with a URDF (REP 155), TF of segments, or a JSON stream.
 """
 
 from __future__ import annotations
@@ -45,15 +42,16 @@ from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 from panoptic_ros.nodes.middleware.packets import unpacked
 from panoptic_ros.nodes.middleware.quality import LATCHED, collecting_quality
 
-Take = Callable[[TrackedPoseSet, SkeletonModel, str], None]  # (people, their skeleton, the world's frame)
+# (tracked 3D poses, their skeleton, the world frame_id)
+Take = Callable[[TrackedPoseSet, SkeletonModel, str], None]
 Array = np.ndarray
-PORT = 8770  # of the stream
-CHANGED_M = 0.001  # of a length, from which a body is described anew
+PORT = 8770  # TCP port of the JSON stream
+CHANGED_M = 0.001  # m; if a bone offset changes by more, the URDF is published again
 JOINTS, DESCRIPTION = "/humans/bodies/{}/joint_states", "/humans/bodies/{}/urdf"
 
 
 class _Described:
-    """What is published of one body: its publishers, and the lengths that its description has."""
+    """Publishers of one body, and the bone offsets (m) of its published description."""
 
     def __init__(self, node: Node, body: str):
         self.joints = node.create_publisher(
@@ -66,19 +64,22 @@ class _Described:
 
 
 class BodyOutputs:
-    """Says /bodies in other words for a node.
+    """Converter of /bodies into other formats, for a node.
 
-    "joints": `/humans/bodies/<id>/joint_states` and, latched, `/humans/bodies/<id>/urdf`; the description is
-    also the node's parameter `human_description_<id>`, as packages for REP 155 look for it. "segments": /tf.
+    "joints": `/humans/bodies/<id>/joint_states` and, latched, `/humans/bodies/<id>/urdf`. The description is
+    also the node's parameter `human_description_<id>`, where packages for REP 155 look for it.
+    "segments": /tf.
     "stream": JSON over a WebSocket, see `export.body_json`, at the node's parameters `stream_host` and
     `stream_port`.
 
     Args:
-        words: which of these. segments: skeleton, as `kinematics.segments`. prefix: before frames in TF.
+        words: the selected formats.
+        segments: body model, as in the parameter `kinematics.segments`.
+        prefix: of TF frame names.
 
     Raises:
-        DataError: if there is no such skeleton.
-        EnvironmentProblem: if nothing can listen at that port.
+        DataError: if there is no such body model.
+        EnvironmentProblem: if the port cannot be opened.
     """
 
     def __init__(self, node: Node, flow: str, words: Sequence[str], segments: str, prefix: str):
@@ -87,7 +88,7 @@ class BodyOutputs:
         self._shape = read_body_shape(self._model)
         self._bodies: dict[int, _Described] = {}
         self._transforms = self._publisher_of_tf() if "segments" in words else None
-        self.framed: frozenset[int] = frozenset()  # ids whose frame body_<id> is said here
+        self.framed: frozenset[int] = frozenset()  # ids whose frame body_<id> is published here
         self._socket = self._open_socket() if "stream" in words else None
         topic = TOPICS["bodies"]
         self._kind = message_class(topic.message)
@@ -95,7 +96,7 @@ class BodyOutputs:
         self._kept = node.create_subscription(self._kind, topic.name, self._take, quality, raw=True)
 
     def close(self) -> None:
-        """Send nothing any more."""
+        """Close the JSON stream."""
         if self._socket is not None:
             self._socket.close()
 
@@ -158,11 +159,11 @@ class BodyOutputs:
 
 
 class SkeletonsReader:
-    """Reads /skeletons for a node, as long as somebody wants what it makes of them, and tells how it goes on
-    /diagnostics.
+    """Reader of /skeletons for a node, with diagnostics; it decodes messages only while the output is wanted.
 
     Args:
-        wanted: asked before a message is read. take: called with what it says.
+        wanted: returns whether to decode the next message.
+        take: called with the decoded 3D poses.
     """
 
     def __init__(self, node: Node, flow: str, wanted: Callable[[], bool], take: Take):
@@ -211,7 +212,7 @@ class SkeletonsReader:
 
 
 class MarkersNode(Node):
-    """Turns every message of /skeletons into markers, while somebody subscribes to those."""
+    """Node that converts every message of /skeletons into markers, while they have a subscriber."""
 
     fault = None
     healthy = True
@@ -226,7 +227,7 @@ class MarkersNode(Node):
         self._reader = SkeletonsReader(self, flow, self._is_wanted, self._take)
 
     def close(self) -> None:
-        """Nothing to stop."""
+        """Do nothing: the node has no threads."""
 
     def _is_wanted(self) -> bool:
         return bool(self._publisher.get_subscription_count())
@@ -237,27 +238,28 @@ class MarkersNode(Node):
         self._publisher.publish(marker_array(poses, skeleton, frame_id, gone, ros_messages()))
 
 
-KINDS = {  # what can be published: topic and message
+KINDS = {  # outputs made from /skeletons: topic and message type
     "roots": ("skeletons/roots", "geometry_msgs/msg/PoseArray"),
     "tf": ("/tf", "tf2_msgs/msg/TFMessage"),
     "bodies": ("/humans/bodies/tracked", "hri_msgs/msg/IdsList"),
     "boxes": ("skeletons/boxes", "vision_msgs/msg/Detection3DArray"),
 }
-OF_BODIES = ("joints", "segments", "stream")  # what `body_outputs` makes of /bodies
-DEFAULT = ("roots", "bodies", "boxes")  # on demand; TF reaches everybody, so it is asked for
+OF_BODIES = ("joints", "segments", "stream")  # outputs made from /bodies by `BodyOutputs`
+# published on demand; "tf" is excluded because it reaches every node that listens to TF
+DEFAULT = ("roots", "bodies", "boxes")
 
 Writer = Callable[[TrackedPoseSet, SkeletonModel, str], Any]
 
 
 class PeopleNode(Node):
-    """Publishes /skeletons, and /bodies, as other messages, each while somebody subscribes to it.
+    """Node that publishes /skeletons and /bodies as other messages, each while it has a subscriber.
 
-    Parameters: `publish`: which of `KINDS` and `OF_BODIES`; `segments`: skeleton of the bodies, as
-    `kinematics.segments`; `tf_prefix`: before the names of frames, e.g. "hall/". What
-    needs messages that are not installed is left out with one line in the log.
+    Parameters: `publish`, a list of `KINDS` and `OF_BODIES`; `segments`, body model as in
+    `kinematics.segments`; `tf_prefix`, prefix of frame names, e.g. "hall/". Outputs whose message packages
+    are not installed are omitted with one log line.
 
     Raises:
-        ConfigError: if `publish` names something else.
+        ConfigError: if `publish` contains another name.
     """
 
     fault = None
@@ -296,13 +298,13 @@ class PeopleNode(Node):
         self._bodies = BodyOutputs(self, flow, words, segments, self._prefix) if words else None
 
     def close(self) -> None:
-        """Stop the stream."""
+        """Stop the JSON stream."""
         if self._bodies is not None:
             self._bodies.close()
 
     @property
     def published(self) -> tuple[str, ...]:
-        """Full names of the topics."""
+        """Return the full names of the topics."""
         return tuple(str(publisher.topic_name) for publisher, _ in self._outputs)
 
     def _is_wanted(self) -> bool:

@@ -1,4 +1,7 @@
-"""A node that takes messages as they are, of all topics that are wanted, whenever these appear."""
+"""Node that records raw messages of selected topics.
+
+It also subscribes to topics that appear later.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +16,19 @@ from panoptic_ros.io.bag_connections import Connection
 from panoptic_ros.io.definitions import described
 from panoptic_ros.nodes.middleware.family import message_class
 
-LOOK_S = 0.5  # how soon a new topic is found
-LATCHED_DEPTH = 64  # messages of a latched topic that every recording begins with
-LATCHED_SIZE = 4_000_000  # bytes; larger messages are data, which a replay keeps for those who come late
-Take = Callable[[Connection, int, bytes], None]  # (topic, when it came in ns, CDR bytes)
+LOOK_S = 0.5  # period of the search for new topics
+LATCHED_DEPTH = 64  # messages per latched topic that are repeated at the beginning of every recording
+LATCHED_SIZE = 4_000_000  # bytes; larger ones are data of a replay, whose data topics are latched too
+Take = Callable[[Connection, int, bytes], None]  # (topic, time of arrival in ns, CDR bytes)
 
 
 class RecorderNode(Node):
-    """Subscribes to topics as CDR bytes, with what their publishers offer.
+    """Node that subscribes to topics as CDR bytes, with the QoS that their publishers offer.
 
     Args:
-        wanted: whether a topic is recorded, by its name and the kind of its messages.
-        take: called with every message. tell: called with one line about what cannot be taken.
+        wanted: Returns whether to record a topic, given its name and message type.
+        take: Called with every message.
+        tell: Called with one line about a topic that cannot be recorded.
     """
 
     def __init__(
@@ -40,12 +44,12 @@ class RecorderNode(Node):
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Those that are taken."""
+        """Return the recorded topics."""
         return tuple(self._subscriptions_by_topic)
 
     @property
     def latched(self) -> list[tuple[Connection, bytes]]:
-        """The newest messages of latched topics; may be asked from any thread."""
+        """Return the newest messages of latched topics. Any thread may call this."""
         return [item for items in list(self._latched.values()) for item in list(items)]
 
     def look(self) -> None:

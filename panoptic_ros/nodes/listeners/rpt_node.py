@@ -1,4 +1,4 @@
-"""2D people of RapidPoseTriangulation as those of this graph."""
+"""Node that converts the 2D poses of RapidPoseTriangulation into detections of this graph."""
 
 from __future__ import annotations
 
@@ -24,12 +24,14 @@ from panoptic_ros.stage import Notice
 
 
 class RptNode(Node):
-    """Publishes `/<camera>/detections` of what comes as rpt_msgs/Poses.
+    """Node that converts rpt_msgs/Poses into `/<camera>/detections`.
 
-    Parameters: `topics`: "<camera>=<topic>" each; `skeleton`: name of the working skeleton. Waits for /rig.
+    It waits for /rig. Parameters: `topics`, a list of "<camera>=<topic>"; `skeleton`, the name of the working
+    skeleton.
 
     Raises:
-        ConfigError: without topics. EnvironmentProblem: if rpt_msgs is not installed.
+        ConfigError: if there are no topics.
+        EnvironmentProblem: if rpt_msgs is not installed.
     """
 
     fault: PanopticError | None = None
@@ -50,11 +52,11 @@ class RptNode(Node):
 
     @property
     def healthy(self) -> bool:
-        """False after a fault."""
+        """Return False after a fault."""
         return self.fault is None
 
     def close(self) -> None:
-        """Nothing to stop."""
+        """Do nothing: the node has no threads."""
 
     def _take_rig(self, message: Any) -> None:
         if self._kept:

@@ -1,4 +1,4 @@
-"""Takes messages for the viewer as they are, and only those that somebody looks at."""
+"""Node that passes raw messages to the viewer, only of topics that the viewer displays."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from panoptic_ros.nodes.health.diagnostics import own_statuses, values_of
 from panoptic_ros.nodes.middleware.family import message_class
 from panoptic_ros.nodes.middleware.quality import LATCHED
 
-LOOK_S = 0.1  # for other topics that somebody looks at, and for messages where no skeletons come
+LOOK_S = 0.1  # period of the check for other displayed topics, and of taking messages while no skeletons come
 WAKING = "skeletons"
-QUALITY = QoSProfile(  # a publisher never waits for who looks on; what comes between two looks is held
+QUALITY = QoSProfile(  # publishers never wait for a viewer; the queue holds the messages between two looks
     history=HistoryPolicy.KEEP_LAST,
     depth=16,
     reliability=ReliabilityPolicy.BEST_EFFORT,
@@ -29,25 +29,32 @@ QUALITY = QoSProfile(  # a publisher never waits for who looks on; what comes be
 
 
 class Taker(Protocol):
-    """What the node feeds, e.g. `view.page.live.LiveScene`."""
+    """Consumer of the messages, e.g. `view.page.live.LiveScene`."""
 
     def begin(self, rig: Rig, skeleton: SkeletonModel) -> None:
-        """The rig and the skeleton are known, or are others now."""
+        """Take the rig and the skeleton; called again when one of them changes."""
 
     def wanted(self) -> frozenset[str]:
-        """Keys of topics that somebody looks at."""
+        """Return the keys of the topics that the viewer displays."""
 
     def take(self, key: str, owner: str, data: bytes, now_s: float, wall_ns: int) -> None:
-        """CDR bytes of a topic."""
+        """Take a message of a topic.
+
+        Args:
+            key, owner: key of the topic, and its camera or device.
+            data: CDR bytes.
+            now_s, wall_ns: time of arrival on the monotonic clock and on the system clock.
+        """
 
     def tell(self, name: str, status: Mapping[str, Any]) -> None:
-        """What a node says of itself."""
+        """Take the newest diagnostic status of a node."""
 
 
 class ViewerNode(Node):
-    """Subscribes to what a taker wants, while it wants it. Messages are not decoded.
+    """Node that subscribes to the topics that a taker wants, while it wants them, without decoding.
 
-    Only skeletons wake it. They come last of an instant, so what else has come is taken then.
+    Only skeletons wake the node. They are the last message of an instant, so all other waiting messages are
+    taken then.
     """
 
     fault = None
@@ -58,8 +65,8 @@ class ViewerNode(Node):
         self._taker = taker
         self._facts: dict[str, Any] = {}
         self._rig: Rig | None = None
-        self._taken: dict[tuple[str, str], Any] = {}  # subscriptions by topic
-        self._aside = Node(  # no executor spins it, so what it subscribes to wakes nobody
+        self._taken: dict[tuple[str, str], Any] = {}  # subscriptions by key and owner of the topic
+        self._aside = Node(  # not on an executor, so its messages wake no thread
             "viewer_aside", namespace=namespace, enable_rosout=False, start_parameter_services=False
         )
         self._kept = [
@@ -76,10 +83,10 @@ class ViewerNode(Node):
         self._timer = self.create_timer(LOOK_S, self._look)
 
     def close(self) -> None:
-        """Nothing to stop."""
+        """Do nothing: the node has no threads."""
 
     def destroy_node(self) -> None:
-        """With what it subscribes to aside."""
+        """Destroy this node and the node of the other subscriptions."""
         self._aside.destroy_node()
         super().destroy_node()
 
@@ -106,7 +113,7 @@ class ViewerNode(Node):
             self._taker.tell(name, said)
 
     def _look(self) -> None:
-        """Subscribe to what is wanted now, and to nothing else; take what has come."""
+        """Subscribe to the wanted topics, unsubscribe from others, and take waiting messages."""
         if self._rig is None:
             return
         wanted = {
@@ -127,7 +134,7 @@ class ViewerNode(Node):
         self._drain()
 
     def _of(self, key: str) -> Node:
-        """The node that subscribes to a topic."""
+        """Return the node that subscribes to a topic."""
         return self if key == WAKING else self._aside
 
     def _take_skeletons(self, data: bytes) -> None:
@@ -135,7 +142,7 @@ class ViewerNode(Node):
         self._taker.take(WAKING, "", data, time.monotonic(), time.time_ns())
 
     def _drain(self) -> None:
-        """Take all that has come of what does not wake this node."""
+        """Take all waiting messages of the topics that do not wake this node."""
         for (key, owner), subscription in self._taken.items():
             if key == WAKING:
                 continue

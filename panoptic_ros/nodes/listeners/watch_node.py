@@ -1,4 +1,4 @@
-"""A node that only listens: what graphs tell of themselves, in this ROS domain."""
+"""Node that only listens: it collects the diagnostics of all graphs in this ROS domain."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from panoptic_ros.nodes.middleware.family import message_class
 
 
 class WatchNode(Node):
-    """Keeps the newest status of every name."""
+    """Node that keeps the newest status of every name."""
 
     def __init__(self) -> None:
         super().__init__("panoptic_watch", enable_rosout=False, start_parameter_services=False)
-        self.told: dict[str, Told] = {}  # by full name
+        self.told: dict[str, Told] = {}  # by full name, without the prefix
         self._kept = self.create_subscription(message_class(KIND), TOPIC, self._take, 100)
 
     def _take(self, message: Any) -> None:

@@ -1,1 +1,1 @@
-"""What rclpy gives to all nodes: executors, messages as bytes, QoS, subscriptions, parameters, threads."""
+"""Wrappers around rclpy for all nodes: executor, raw messages, QoS, subscriptions, parameters, worker."""

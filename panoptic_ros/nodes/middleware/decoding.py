@@ -1,6 +1,7 @@
-"""Records from messages, by the topic that they come on.
+"""Decoders from ROS messages to records, selected by topic.
 
-audio_common_msgs/AudioDataStamped as audio blocks, where that package is installed (it has no wheel).
+audio_common_msgs/AudioDataStamped is decoded to audio blocks where that package is installed (it has no
+wheel).
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from panoptic_ros.io.messages.sensors import imu_of_numbers, read_imu
 from panoptic_ros.nodes.middleware.packets import numbers_of, stamp_in
 
 TOPIC = "{device}/audio_stamped"
-GAP_S = 0.25  # a stamp so much later than the samples so far tells that some were lost
+GAP_S = 0.25  # s; a timestamp this much later than the sample count predicts means that samples were lost
 SECOND = 1_000_000_000
 
 
 def audio_common_class() -> Any | None:
-    """The message's class, None where the package is not installed."""
+    """Return the class AudioDataStamped; None if its package is not installed."""
     try:
         return importlib.import_module("audio_common_msgs.msg").AudioDataStamped
     except ImportError:
@@ -34,10 +35,12 @@ def audio_common_class() -> Any | None:
 
 
 class AudioDataReader:
-    """Turns the messages of one device into blocks. They carry 16-bit little-endian samples without a count.
+    """Decoder of audio messages of one device into blocks.
+
+    The messages hold 16-bit little-endian samples without a sample count.
 
     Args:
-        sample_rate, channels: of the device, as the messages do not tell.
+        sample_rate, channels: of the device, Hz and count. The messages do not contain them.
     """
 
     def __init__(self, device: str, sample_rate: int, channels: int):
@@ -48,10 +51,10 @@ class AudioDataReader:
         self._expected_ns: int | None = None
 
     def block(self, message: Any) -> AudioBlock:
-        """The block of a message, with all channels.
+        """Return the audio block of a message, with all channels.
 
         Raises:
-            DataError: if its length is no whole number of samples.
+            DataError: if the data length is not a whole number of samples.
         """
         data = bytes(message.audio.data)
         width = 2 * self._channels
@@ -70,10 +73,11 @@ class AudioDataReader:
         return block
 
 
-Decoder = Callable[[Any, int], Any]  # (message, how many came before it): the record
-PackedDecoder = Callable[[bytes], Any]  # bytes of a message: the record; None: take the message itself
-IMU_NUMBERS = 37  # of a sensor_msgs/Imu
-LOOKS = 30  # images, of which one at least has details; cameras begin with dark ones
+Decoder = Callable[[Any, int], Any]  # (message, number of earlier messages) -> record
+# bytes of a message -> record; None: decode the message object instead
+PackedDecoder = Callable[[bytes], Any]
+IMU_NUMBERS = 37  # float64 values of a sensor_msgs/Imu behind its header
+LOOKS = 30  # images whose encoding is checked; the first ones of a camera may be too dark for a check
 
 
 def decoder_of(
@@ -84,14 +88,15 @@ def decoder_of(
     encoding: str = "",
     tell: Callable[[str], None] | None = None,
 ) -> Decoder:
-    """What makes records of the messages of a topic of a camera or device.
+    """Return the decoder for messages of a topic of a camera or device.
 
     Args:
-        topic: key of `TOPICS`.
-        audio_rate, audio_channels: of messages that do not tell, Hz.
-        encoding: of raw images, in place of what their messages say.
-        tell: called once with a line, where the first raw images show another encoding than they state, or
-            one is assumed; all are taken so. None: images are taken as they state.
+        topic: Key of `TOPICS`.
+        audio_rate, audio_channels: For audio messages that do not contain them, Hz and count.
+        encoding: Encoding of raw images; overrides the one that the messages state.
+        tell: Called once with a line if the first raw images have another encoding than they state, or if one
+            is assumed. All images are then decoded with that encoding. None: images are decoded as they
+            state.
     """
     record = TOPICS[topic].record
     if record == "ViewFrame":
@@ -107,7 +112,7 @@ def decoder_of(
 
 
 class _Images:
-    """Frames of a camera; see `decoder_of`."""
+    """Decoder of images of one camera; see `decoder_of`."""
 
     def __init__(self, owner: str, encoding: str, tell: Callable[[str], None] | None):
         self._owner, self._encoding, self._tell = owner, encoding, tell
@@ -119,9 +124,9 @@ class _Images:
         return frame_from_message(message, self._owner, number, self._encoding)
 
     def _look(self, message: Any) -> None:
-        """Look at the encoding that an image shows."""
+        """Detect the encoding of an image from its content, and report it once if it differs."""
         self._looks -= 1
-        with suppress(DataError):  # which the frame raises again
+        with suppress(DataError):  # ignored here: decoding the frame raises it again
             shown = shown_by(message, f"image of camera {self._owner}")
             if shown is not None:
                 self._looks, self._encoding = 0, shown.encoding
@@ -130,7 +135,11 @@ class _Images:
 
 
 def packed_decoder_of(topic: str, owner: str) -> PackedDecoder | None:
-    """What makes records of the bytes of messages, for topics of which there are thousands a second."""
+    """Return a decoder that works on message bytes, for topics with thousands of messages per second.
+
+    Returns:
+        the decoder; None for topics other than IMUs.
+    """
     if TOPICS[topic].record != "ImuSample":
         return None
 

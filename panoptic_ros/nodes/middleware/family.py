@@ -1,4 +1,4 @@
-"""rclpy's message classes for the converters of `io.messages`."""
+"""Message classes of rclpy for the converters in `io.messages`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = np.ndarray
 
 
 def message_class(name: str) -> Any:
-    """The class of "package/msg/Name".
+    """Return the class of "package/msg/Name".
 
     Raises:
         EnvironmentProblem: if its package is not installed.
@@ -25,7 +25,7 @@ def message_class(name: str) -> Any:
 
 
 def service_class(name: str) -> Any:
-    """The class of "package/srv/Name".
+    """Return the class of "package/srv/Name".
 
     Raises:
         EnvironmentProblem: if its package is not installed.
@@ -44,7 +44,7 @@ def _interface(name: str) -> Any:
 
 
 def _sequence(values: Array) -> array.array[Any]:
-    """array.array, the only type that rclpy's setters take without a Python loop."""
+    """Return values as array.array, the only type that rclpy's setters accept without a Python loop."""
     result = array.array(_CODES[values.dtype.str[1:]])
     result.frombytes(values.tobytes())
     return result
@@ -55,5 +55,5 @@ _CODES = {"f8": "d", "f4": "f", "i4": "i", "u1": "B", "u2": "H", "u4": "I", "i8"
 
 @lru_cache(maxsize=1)
 def ros_messages() -> Messages:
-    """The family that rclpy publishes."""
+    """Return the message family of rclpy: its message classes and sequence type."""
     return Messages(lru_cache(maxsize=64)(message_class), _sequence)

@@ -1,4 +1,7 @@
-"""Subscriptions that take what publishers offer: camera drivers often offer best effort only."""
+"""Subscriptions that adapt their QoS to the publishers.
+
+Camera drivers often offer best effort only.
+"""
 
 from __future__ import annotations
 
@@ -15,22 +18,23 @@ from panoptic_ros.nodes.middleware.read_together import Came, ReadTogether
 from panoptic_ros.nodes.middleware.runtime import OneShot, with_facts
 from panoptic_ros.stage import Notice
 
-CLOSE_S = 0.003  # between messages: more of them wait
-MOST_AT_ONCE = 64  # messages, before other topics have their turn
-BEST_EFFORT_DEPTH = 5  # as in ROS's profile for sensors
+CLOSE_S = 0.003  # s between two messages; at a shorter interval, more messages are waiting
+MOST_AT_ONCE = 64  # messages taken in a row before other topics get their turn
+BEST_EFFORT_DEPTH = 5  # as in ROS's QoS profile for sensor data
 
 
 class Negotiated:
-    """A subscription that is reliable, or best effort as soon as a publisher offers no more.
+    """Subscription that starts reliable and falls back to best effort if a publisher offers only that.
 
-    Reliable publishers go on reaching it then, without their promise. Nothing but the reliability gives way;
-    what else does not fit is told, with the remedy.
+    Reliable publishers still reach it then, but without guaranteed delivery. Only the reliability is relaxed.
+    Any other QoS mismatch is reported with its remedy.
 
     Args:
-        topic: name. take: called with the bytes of every message, and its number by the middleware.
-        quality: what is asked for at first.
-        gives_way: whether it may become best effort (live).
-        tell: about what does not fit.
+        topic: name.
+        take: called with the bytes of every message and its sequence number in the middleware.
+        quality: QoS that is requested first.
+        gives_way: whether the subscription may fall back to best effort (live).
+        tell: called with a notice about a QoS mismatch.
         together: reads the subscription; None: the executor does.
     """
 
@@ -49,7 +53,7 @@ class Negotiated:
         self._quality, self._gives_way, self._tell, self._together = quality, gives_way, tell, together
         self._again: OneShot | None = None
         self._pause: OneShot | None = None
-        self._newest_s = 0.0  # when a message came
+        self._newest_s = 0.0  # monotonic time of the newest message
         self._subscription = self._subscribe()
         self._name = str(self._subscription.topic_name)
         if together is not None:
@@ -57,12 +61,12 @@ class Negotiated:
 
     @property
     def topic_name(self) -> str:
-        """The full name."""
+        """Return the full topic name."""
         return self._name
 
     @property
     def is_reliable(self) -> bool:
-        """Whether lost messages are sent again."""
+        """Return whether lost messages are sent again."""
         return bool(self._quality.reliability == ReliabilityPolicy.RELIABLE)
 
     def _subscribe(self) -> Any:
@@ -90,7 +94,7 @@ class Negotiated:
         self._node.destroy_subscription(self._subscription)
 
     def _drain(self) -> None:
-        """Take what waits besides at once: waiting for each message anew costs more than the message."""
+        """Take all waiting messages at once: a wake-up of the executor costs more than a message."""
         handle = self._subscription.handle
         with handle:
             for _ in range(MOST_AT_ONCE - 1):
@@ -100,7 +104,7 @@ class Negotiated:
                 self._take(found[0], found[1]["publication_sequence_number"])
 
     def waiting(self) -> list[Came]:
-        """See `nodes.read_together.Source`."""
+        """Return the waiting messages; see `nodes.read_together.Source`."""
         came: list[Came] = []
         if self._pause is not None:
             return came
@@ -113,14 +117,19 @@ class Negotiated:
         return came
 
     def take(self, came: Came) -> None:
-        """See `nodes.read_together.Source`."""
+        """Process a message; see `nodes.read_together.Source`."""
         if self._pause is None:
             self._take(*came)
 
     def pause(self, seconds: float, resumed: Callable[[], None]) -> None:
-        """Take nothing for so long; publishers do not even send."""
+        """Unsubscribe for some time, so that publishers do not even send.
 
-        def begin() -> None:  # not within a callback of the subscription itself
+        Args:
+            seconds: duration of the pause.
+            resumed: called when the subscription exists again.
+        """
+
+        def begin() -> None:  # deferred: a subscription cannot be destroyed in its own callback
             self._unsubscribe()
             self._pause = OneShot(self._node, seconds, end)
 
@@ -134,7 +143,7 @@ class Negotiated:
     def _does_not_fit(self, info: QoSRequestedIncompatibleQoSInfo) -> None:
         policy = QoSPolicyKind(info.last_policy_kind)
         if policy == QoSPolicyKind.RELIABILITY and self._gives_way and self.is_reliable:
-            if self._again is None:  # not within a callback of the subscription itself
+            if self._again is None:  # deferred: a subscription cannot be destroyed in its own callback
                 self._again = OneShot(self._node, 0.0, self._give_way)
             return
         name = qos_policy_name_from_kind(policy).lower()

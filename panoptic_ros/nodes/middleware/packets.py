@@ -1,7 +1,7 @@
-"""Messages as the middleware hands them over: bytes, of which the header is read at once, the rest later.
+"""Raw messages: the header is parsed on arrival, the rest later.
 
-So what is dropped before anybody takes it costs nothing but its copy, and bytes that are no message end
-no node.
+A message that is dropped in between costs only its copy. Bytes that are not a valid message do not end the
+node.
 """
 
 from __future__ import annotations
@@ -14,17 +14,18 @@ from rclpy.serialization import deserialize_message
 from panoptic_ros.errors import DataError
 
 SECOND = 1_000_000_000
-LITTLE_ENDIAN = b"\x00\x01"  # plain CDR; the first bytes of every message on the machines that ROS supports
-HEADER = struct.Struct("<iII")  # sec, nanosec, and the length of frame_id with its final zero
-BEGIN = 4  # of the content
-ALIGNED = 8  # numbers of 8 bytes begin at multiples of it, from there on
+# encapsulation of plain CDR; the first bytes of every message on all platforms of ROS
+LITTLE_ENDIAN = b"\x00\x01"
+HEADER = struct.Struct("<iII")  # sec, nanosec, and length of frame_id with its final zero
+BEGIN = 4  # offset of the content, bytes
+ALIGNED = 8  # 8-byte numbers are aligned to multiples of 8 bytes from BEGIN on
 
 
 def header_of(data: bytes) -> tuple[int, str]:
-    """Stamp (ns) and frame_id of a message that begins with a std_msgs/Header.
+    """Return timestamp (ns) and frame_id of a message that begins with a std_msgs/Header.
 
     Raises:
-        DataError: if it is too short, or its stamp is none.
+        DataError: if the message is too short or its timestamp is invalid.
     """
     end = BEGIN + HEADER.size
     if len(data) < end or data[:2] != LITTLE_ENDIAN:
@@ -39,7 +40,10 @@ def header_of(data: bytes) -> tuple[int, str]:
 
 
 def stamp_in(data: bytes) -> int:
-    """The stamp (ns) of a message that begins with a std_msgs/Header, if it is one: anything for others."""
+    """Return the timestamp (ns) of a message that begins with a std_msgs/Header.
+
+    The result is arbitrary for other messages and 0 for those that are too short.
+    """
     if len(data) < BEGIN + HEADER.size:
         return 0
     seconds, nanoseconds, _ = HEADER.unpack_from(data, BEGIN)
@@ -47,9 +51,12 @@ def stamp_in(data: bytes) -> int:
 
 
 def numbers_of(data: bytes, count: int) -> tuple[float, ...] | None:
-    """All that follows the header of a message that holds nothing but so many float64; None: it is none.
+    """Return the numbers behind the header of a message that holds nothing but `count` float64.
 
-    A fraction of what the generic way takes, which makes an object for each of its parts.
+    This takes a fraction of the time of rclpy's deserialisation, which makes an object for each field.
+
+    Returns:
+        the numbers; None if the message does not have this layout.
     """
     end = BEGIN + HEADER.size
     if len(data) < end or data[:2] != LITTLE_ENDIAN:
@@ -62,10 +69,10 @@ def numbers_of(data: bytes, count: int) -> tuple[float, ...] | None:
 
 
 def unpacked(data: bytes, kind: Any) -> Any:
-    """The message.
+    """Return the deserialised message.
 
     Raises:
-        DataError: if the bytes are none of this kind.
+        DataError: if the bytes are not a message of this type.
     """
     try:
         return deserialize_message(data, kind)

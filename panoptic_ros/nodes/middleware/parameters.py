@@ -1,4 +1,7 @@
-"""A stage's configuration as ROS parameters: declared with range and description, read back."""
+"""Configuration of a stage as ROS parameters.
+
+The parameters are declared with range and description, and then read back.
+"""
 
 from __future__ import annotations
 
@@ -14,21 +17,21 @@ from panoptic_ros.errors import ConfigError
 from panoptic_ros.graph.flow import WINDOW, Flow, make_flow
 from panoptic_ros.params import Config, Param, describe, load
 
-_WIDE = 1e18  # stands for a bound that is not there: ROS ranges need both ends
+_WIDE = 1e18  # replaces a missing bound: a ROS range needs both ends
 
 
 def declare_flow(node: Node) -> Flow:
-    """Declare `flow` (live or replay) and `replay_window`, and return what they say (see `graph.flow`)."""
+    """Declare `flow` (live or replay) and `replay_window`, and return the flow (see `graph.flow`)."""
     name = node.declare_parameter("flow", "live").value
     return make_flow(name, node.declare_parameter("replay_window", WINDOW).value)
 
 
 def declare_config(node: Node, cls: type[Config], defaults: Mapping[str, Any], prefix: str = "") -> Config:
-    """Declare all parameters of a configuration and return what they are set to.
+    """Declare all parameters of a configuration and return the configuration with their values.
 
     Args:
-        defaults: of this node, in place of the configuration's own.
-        prefix: of the parameters' names.
+        defaults: of this node; they override the defaults of the configuration.
+        prefix: of the parameter names.
 
     Raises:
         ConfigError: if a value from the command line or a file is out of range or of another type.
@@ -45,7 +48,10 @@ def declare_config(node: Node, cls: type[Config], defaults: Mapping[str, Any], p
 
 
 def _default(item: Param) -> Any:
-    """The default, or the type where ROS cannot tell it: an empty list would be taken for bytes."""
+    """Return the default of a parameter; for an empty list, return the ROS parameter type instead.
+
+    ROS would infer a byte array from an empty list.
+    """
     if not isinstance(item.default, tuple):
         return item.default
     kinds = {

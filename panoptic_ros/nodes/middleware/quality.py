@@ -1,4 +1,4 @@
-"""QoS profiles of the graph's topics, from the flow."""
+"""QoS profiles of the graph's topics, chosen by the flow."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LATCHED = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-CLOCKS = QoSProfile(  # latched for as many devices
+CLOCKS = QoSProfile(  # latched for up to 64 devices
     history=HistoryPolicy.KEEP_LAST,
     depth=64,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -31,13 +31,17 @@ END_OF_STREAM = QoSProfile(
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
 
-AHEAD = 1024  # replay: blocks of sound, which is ahead of images, or samples of an IMU
+AHEAD = 1024  # messages, replay: audio blocks, which are sent ahead of images, or IMU samples
 
 
 def data_quality(flow: Flow, images: bool = False, sound: bool = False) -> QoSProfile:
-    """For images, for sound and the timecode in it, or for detections and everything after them.
+    """Return the QoS profile for images, for frequent data, or for detections and all later records.
 
     Publishers are reliable in both flows, so that subscribers may choose.
+
+    Args:
+        images: whether the topic carries images or depth maps.
+        sound: whether the topic carries audio, its timecode or IMU samples.
     """
     late = DurabilityPolicy.TRANSIENT_LOCAL if flow.keeps_for_late else DurabilityPolicy.VOLATILE
     return QoSProfile(
@@ -53,6 +57,6 @@ def _sound_depth(flow: Flow) -> int:
 
 
 def collecting_quality(flow: Flow) -> QoSProfile:
-    """For a subscriber that wants every message, however late it gets to them."""
+    """Return the QoS profile for a subscriber that needs every message, even with a long delay."""
     late = DurabilityPolicy.TRANSIENT_LOCAL if flow.keeps_for_late else DurabilityPolicy.VOLATILE
     return QoSProfile(history=HistoryPolicy.KEEP_ALL, reliability=ReliabilityPolicy.RELIABLE, durability=late)

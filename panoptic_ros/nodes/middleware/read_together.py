@@ -1,8 +1,8 @@
-"""Topics that a node reads at a time: what comes of many devices, in the order of its stamps.
+"""Joint polling of many subscriptions of a node, in the order of their timestamps.
 
-The executor wakes a node for every message. Of 52 devices at 60 Hz that costs more than the messages
-themselves, and a node that has fallen behind takes all that waits of one device before it gets to the next,
-so that one seems to run ahead of the others. Here a timer looks at all of them.
+The executor wakes a node for every message. For 52 devices at 60 Hz this costs more than the messages
+themselves. A node that has fallen behind would also take all waiting messages of one device before those of
+the next. That device would then appear to run ahead of the others. Here one timer polls all subscriptions.
 """
 
 from __future__ import annotations
@@ -18,32 +18,32 @@ from rclpy.subscription import Subscription
 
 from panoptic_ros.nodes.middleware.packets import stamp_in
 
-LOOK_S = 0.004  # between looks: a tenth of a camera's period or less
-MOST_LEFT_OUT = 2  # looks at a source: later than its next message it must not be looked at
+LOOK_S = 0.004  # polling period: a tenth of a camera's period or less
+MOST_LEFT_OUT = 2  # polls that may be skipped per source; more would delay its next message
 
 
 class Came(NamedTuple):
-    """A message as bytes, and its number by the middleware of its publisher."""
+    """Message as bytes, with the sequence number that the publisher's middleware gave it."""
 
     data: bytes
     number: int
 
 
 class Source(Protocol):
-    """A subscription that is read together with others."""
+    """Subscription that is polled together with others."""
 
     def waiting(self) -> list[Came]:
-        """All that waits in the middleware."""
+        """Return all messages that wait in the middleware."""
 
     def take(self, came: Came) -> None:
-        """Take one of these."""
+        """Process one of these messages."""
 
 
 class ReadTogether:
-    """Reads subscriptions of a node at a time.
+    """Poller of several subscriptions of a node.
 
     Args:
-        at_once: entered while what has come is taken.
+        at_once: returns a context in which the messages of one poll are processed.
     """
 
     def __init__(self, node: Node, at_once: Callable[[], AbstractContextManager[None]]):
@@ -56,22 +56,22 @@ class ReadTogether:
         return subscription in self._subscriptions
 
     def add(self, source: Source) -> None:
-        """Read one more source from now on."""
+        """Poll one more source from now on."""
         self._sources.append(_Looked(source))
         if self._timer is None:
             clock = Clock(clock_type=ClockType.STEADY_TIME)
             self._timer = self._node.create_timer(LOOK_S, self.read, clock=clock)
 
     def keep(self, subscription: Subscription) -> None:
-        """Leave a subscription of a source out of what the executor reads."""
+        """Exclude a subscription of a source from the executor."""
         self._subscriptions.add(subscription)
 
     def forget(self, subscription: Subscription) -> None:
-        """A subscription is destroyed."""
+        """Remove a subscription that is about to be destroyed."""
         self._subscriptions.discard(subscription)
 
     def read(self) -> None:
-        """Take all that waits."""
+        """Process all waiting messages in the order of their timestamps."""
         found = [row for looked in self._sources for row in looked.waiting()]
         if not found:
             return
@@ -82,16 +82,18 @@ class ReadTogether:
 
 
 class _Looked:
-    """A source, at which nobody looks for the first half of its period: nothing comes then, and to look takes
-    as long as to take a message."""
+    """Source that is not polled in the first half of its message period.
+
+    No message comes in that time, and a poll takes as long as receiving a message.
+    """
 
     def __init__(self, source: Source):
         self._source = source
         self._newest_ns = 0
-        self._left_out = 0  # looks to come
+        self._left_out = 0  # polls that are still to be skipped
 
     def waiting(self) -> list[tuple[int, Source, Came]]:
-        """All that waits, by its stamps."""
+        """Return all waiting messages with their timestamps (ns) and their source."""
         if self._left_out:
             self._left_out -= 1
             return []
@@ -104,13 +106,13 @@ class _Looked:
 
 
 class GatheringNode(Node):
-    """A node with subscriptions that it reads together; executors are not told of these."""
+    """Node with subscriptions that it polls itself; executors do not see these."""
 
     together: ReadTogether | None = None
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
-        """Those that an executor reads."""
+        """Yield the subscriptions that an executor reads."""
         for subscription in super().subscriptions:
             if self.together is None or subscription not in self.together:
                 yield subscription

@@ -1,14 +1,9 @@
-"""Running nodes in this process until they are done or somebody stops them.
+"""Initialisation of ROS, and spinning of nodes in this process until they end or are stopped.
 
-The time of a node, for those who ask thousands of times a second.
-
-A timer that fires once. The executor on events may still call a timer that has been destroyed.
-
-The executor of every process of the graph.
-
-rclpy's usual one tells the middleware anew before every wait what all nodes wait for: services of
-parameters, timers, guards, each subscription. That takes half a millisecond for each message, in Python, in
-each of the processes that it goes through. The one on events is told by the middleware what has come.
+All processes of the graph use the events executor. Before every wait, the standard executor of rclpy passes
+all entities of all nodes to the middleware: parameter services, timers, guard conditions and subscriptions.
+This takes half a millisecond of Python time per message, in each process that the message passes. The events
+executor is notified by the middleware instead.
 """
 
 from __future__ import annotations
@@ -41,7 +36,10 @@ from panoptic_ros.io.kernel_cache import full_disk_told
 
 
 def now_of(node: Node) -> int:
-    """The node's time, ns: the system's, unless it is simulated."""
+    """Return the time of a node, ns: the system time unless it is simulated.
+
+    This shortcut suits callers that need the time thousands of times per second.
+    """
     clock = node.get_clock()
     if isinstance(clock, ROSClock) and not clock.ros_time_is_active:
         return time.time_ns()
@@ -49,7 +47,10 @@ def now_of(node: Node) -> int:
 
 
 class OneShot:
-    """Calls a function once on the executor, some time from now, unless it is cancelled before."""
+    """Timer that calls a function once on the executor, unless it is cancelled before.
+
+    The events executor may still call a timer that has been destroyed; such a call does nothing.
+    """
 
     def __init__(self, node: Node, seconds: float, call: Callable[[], None]):
         self._node, self._call = node, call
@@ -57,7 +58,7 @@ class OneShot:
         self._timer = node.create_timer(seconds, self._fire)
 
     def cancel(self) -> None:
-        """Not any more."""
+        """Cancel the call."""
         if not self._over:
             self._over = True
             self._node.destroy_timer(self._timer)
@@ -72,15 +73,18 @@ Taker = Callable[[bytes, Mapping[str, Any]], None]
 
 
 def make_executor() -> Executor:
-    """An executor for one thread. Call `spin_once` in a loop: its `spin` does not end on signals."""
-    with contextlib.redirect_stderr(sys.__stderr__):  # it needs a file there, which notebooks have not
+    """Return an executor with a single thread.
+
+    Call `spin_once` in a loop: its `spin` does not end on signals.
+    """
+    with contextlib.redirect_stderr(sys.__stderr__):  # it needs a real file as stderr; notebooks replace it
         return EventsExecutor()
 
 
 def with_facts(take: Taker) -> Any:
-    """A callback for a raw subscription that is handed the middleware's facts about each message besides.
+    """Return a callback for a raw subscription that also receives the middleware's message info.
 
-    The executor on events hands over both as one tuple, others as two arguments.
+    The events executor passes both as one tuple, other executors as two arguments.
     """
 
     def taken(*said: Any) -> None:
@@ -91,12 +95,18 @@ def with_facts(take: Taker) -> Any:
     return taken
 
 
-SWITCH_S = 0.0005  # Python's 5 ms is what a worker waits for while messages are taken in a row
+# s, interval between thread switches. With Python's default of 5 ms, a worker waits 5 ms while messages are
+# taken in a row.
+SWITCH_S = 0.0005
 
 
 @contextmanager
 def quiet_once(ended: Callable[[], bool]) -> Iterator[None]:
-    """End what is done without an error if its node has been destroyed under it."""
+    """Suppress errors about a destroyed node.
+
+    Args:
+        ended: returns whether the node is being stopped. If it is not, the error is raised.
+    """
     try:
         yield
     except (InvalidHandle, RCLError):
@@ -105,10 +115,10 @@ def quiet_once(ended: Callable[[], bool]) -> Iterator[None]:
 
 
 def in_namespace(namespace: str) -> list[str]:
-    """Arguments for ROS that put all nodes of a process into a namespace; "" = none.
+    """Return ROS arguments that put all nodes of a process into a namespace; [] for no namespace.
 
     Raises:
-        UsageError: if ROS allows no such name.
+        UsageError: if ROS does not allow this name.
     """
     if not namespace.strip("/"):
         return []
@@ -118,16 +128,16 @@ def in_namespace(namespace: str) -> list[str]:
 
 
 def start_ros(arguments: Sequence[str] | None, context: Context | None = None) -> None:
-    """rclpy.init, with a word to the user if it fails.
+    """Initialise rclpy, with a clear message if that fails.
+
+    The program handles signals itself. rclpy would handle them in a thread that shuts ROS down while the main
+    thread destroys nodes. Sometimes this ends in a segmentation fault.
 
     Args:
-        context: None: that of all nodes of this process that have none of their own.
-
-    Signals stay with the program: rclpy would answer them in a thread of its own, which shuts ROS down
-    while the main thread destroys nodes, and at times both together end in a segmentation fault.
+        context: None: the default context of all nodes in this process.
 
     Raises:
-        EnvironmentProblem: e.g. where ROS finds no folder for its logs.
+        EnvironmentProblem: e.g. if ROS finds no folder for its logs.
     """
     _without_generator()
     try:
@@ -141,14 +151,14 @@ def start_ros(arguments: Sequence[str] | None, context: Context | None = None) -
 
 
 def _without_generator() -> None:
-    """Load the package through which messages find their type supports, without the generator of messages.
+    """Import rosidl_generator_py, which finds the type supports of messages, without its message generator.
 
-    The package loads both, unless the generator is not installed; its parser takes 16 MB and 0.2 s in
-    every process.
+    The package imports the generator too if it is installed. Its parser takes 16 MB and 0.2 s in every
+    process.
     """
     unused = "rosidl_generator_py.generate_py_impl"
     if unused not in sys.modules:
-        sys.modules[unused] = None  # type: ignore[assignment]  # how Python says: not to be imported
+        sys.modules[unused] = None  # type: ignore[assignment]  # None makes Python refuse the import
         try:
             importlib.import_module("rosidl_generator_py")
         finally:
@@ -163,21 +173,21 @@ def run_nodes(
     """Make nodes, spin them on one executor, and end cleanly on SIGINT, SIGTERM and SIGHUP.
 
     Args:
-        make: called after rclpy is initialised; the nodes have `fault`, `healthy` and `close()`.
-        wanted: asked several times a second; the nodes end when it says no.
+        make: called after rclpy is initialised; returns nodes with `fault`, `healthy` and `close()`.
+        wanted: called several times per second; the nodes end when it returns False.
 
     Returns:
-        the exit code: 0, or that of the error that ended a node, which is printed in one line.
+        the exit code: 0, or that of the error that ended a node. The error is printed in one line.
     """
     sys.setswitchinterval(SWITCH_S)
-    listen_to_signals(lambda: os._exit(0))  # nodes that are being made leave nothing to tidy up
+    listen_to_signals(lambda: os._exit(0))  # nodes under construction leave nothing to clean up
     try:
         start_ros(arguments)
         with full_disk_told():
             nodes = make()
             with first_request_told() as asked:
                 _spin(nodes, lambda: wanted() and not asked())
-    except KeyboardInterrupt:  # asked again, long after the first time
+    except KeyboardInterrupt:  # second request to end, long after the first one
         return 0
     except PanopticError as error:
         print(f"panoptic: {error}", file=sys.stderr, flush=True)
@@ -186,7 +196,7 @@ def run_nodes(
 
 
 def _spin(nodes: Sequence[Any], wanted: Callable[[], bool]) -> None:
-    """Spin nodes as long as they are wanted, then destroy them and shut ROS down."""
+    """Spin nodes while they are wanted, then destroy them and shut ROS down."""
     executor = make_executor()
     try:
         for node in nodes:
@@ -206,7 +216,7 @@ def _spin(nodes: Sequence[Any], wanted: Callable[[], bool]) -> None:
 
 
 def leave(code: int) -> None:
-    """End the process now; threads that block in a device or a network must not hold it."""
+    """End the process now, without waiting for threads that block in a device or a network."""
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(code)

@@ -1,6 +1,7 @@
-"""End of stream: how readers know in replay that a topic is over, and that they have all of it.
+"""End of stream and flow control in replay.
 
-How sources in replay wait for what comes out (see `graph.flow`).
+A publisher announces how many messages it has sent on a topic, so readers detect when they have all of them.
+Sources wait for the output of the graph before they send more (see `graph.flow`).
 """
 
 from __future__ import annotations
@@ -22,10 +23,13 @@ END_KIND = "panoptic_msgs/msg/EndOfStream"
 
 
 class StreamEnds:
-    """Announces the ends of a node's own topics and watches those of the topics it reads.
+    """Announcer of the ends of a node's topics, and monitor of the ends of the topics that it reads.
 
-    A stream is over for a reader when it has taken as many messages as the writer has sent. Several
-    writers cannot share a topic in replay.
+    A stream has ended for a reader when it has received as many messages as the publisher has sent. Several
+    publishers cannot share a topic in replay.
+
+    Args:
+        on_end: called with the full name of a watched topic when its stream has ended.
     """
 
     def __init__(self, node: Node, on_end: Callable[[str], None]):
@@ -33,26 +37,26 @@ class StreamEnds:
         self._publisher = node.create_publisher(self._message, TOPIC, END_OF_STREAM)
         self._subscription = node.create_subscription(self._message, TOPIC, self._ended, END_OF_STREAM)
         self._on_end = on_end
-        self._lock = threading.Lock()  # messages are counted by a worker, ends come on the executor
+        self._lock = threading.Lock()  # a worker thread counts messages; ends arrive on the executor
         self._expected: dict[str, int] = {}
         self._taken: dict[str, int] = {}
         self._over: set[str] = set()
         self._watched: set[str] = set()
 
     def watch(self, topic: str) -> None:
-        """Start to count the messages of a topic (its full name)."""
+        """Start to count the messages of a topic (full name)."""
         with self._lock:
             self._watched.add(topic)
         self._check(topic)
 
     def taken(self, topic: str) -> None:
-        """One more message of a topic has come."""
+        """Count one more message of a topic."""
         with self._lock:
             self._taken[topic] = self._taken.get(topic, 0) + 1
         self._check(topic)
 
     def announce(self, topic: str, count: int) -> None:
-        """Tell all readers that `count` messages were all of this topic."""
+        """Announce to all readers that the topic ended after `count` messages."""
         self._publisher.publish(self._message(topic=topic, count=count))
 
     def _ended(self, message: Any) -> None:
@@ -69,19 +73,20 @@ class StreamEnds:
         self._on_end(topic)
 
 
-STALL_S = 60.0  # replay: nothing comes out for so long: send one more, in case a set was refused
-AHEAD_NS = 60_000_000_000  # by which sound may be ahead of skeletons
+STALL_S = 60.0  # replay: after this time without output, one more record is sent, in case a set was refused
+AHEAD_NS = 60_000_000_000  # replay: 60 s by which audio may be ahead of skeletons
 
 
 class Credit:
-    """Counts what a source has sent and has not yet seen come out of a topic further down.
+    """Flow control of a source: it limits the sent messages that have not yet come out of a later topic.
 
-    Needs the stamps of the messages only, which stand first in all of them, so it takes them raw. Every
-    stream of a source is counted on its own, as queues are.
+    Only the timestamps are needed. They come first in all messages, so the subscription is raw. Each stream
+    of a source is counted separately, as queues are.
 
     Args:
-        window: messages of a stream that may be under way.
-        shift_ns: what is added to the stamps of what is sent, which may be on another clock.
+        topic, message: Name and type of the later topic.
+        window: Most messages of a stream that may be under way.
+        shift_ns: Added to the timestamps of sent messages, which may be on another clock.
     """
 
     def __init__(self, node: Node, flow: Flow, topic: str, message: str, window: int, shift_ns: int = 0):
@@ -95,13 +100,13 @@ class Credit:
         )
 
     def wait(self, stream: str, timeout_s: float) -> bool:
-        """Wait until one more of a stream may be sent; False if the time ran out."""
+        """Wait until one more message of a stream may be sent; return False after the timeout."""
         with self._changed:
             own = self._under_way.setdefault(stream, deque())
             return self._changed.wait_for(lambda: len(own) < self._window, timeout_s)
 
     def sent(self, stream: str, stamp_ns: int) -> None:
-        """One more is under way."""
+        """Count one more message as under way."""
         with self._changed:
             if stamp_ns + self._shift > self._done_until:
                 self._under_way.setdefault(stream, deque()).append(stamp_ns + self._shift)
@@ -116,14 +121,15 @@ class Credit:
 
 
 class SoundCredit:
-    """Lets sound be ahead of skeletons by some time, as nothing is sure to come out of it.
+    """Flow control of audio: it may be ahead of skeletons by `AHEAD_NS`.
 
-    Once all cameras have ended, the rest of the sound goes as fast as it is taken.
+    Audio does not always produce output, so its messages cannot be counted. After all cameras have ended, the
+    rest of the audio is sent as fast as readers take it.
 
     Args:
-        out: topic and message whose stamps tell how far the graph has come.
-        awaited: topics that end with the cameras.
-        shift_ns: what is added to the stamps of the sound, which may be on another clock.
+        out: Topic and message type whose timestamps give the progress of the graph.
+        awaited: Topics that end with the cameras.
+        shift_ns: Added to the timestamps of the audio, which may be on another clock.
     """
 
     def __init__(self, node: Node, flow: Flow, out: tuple[str, str], awaited: Sequence[str], shift_ns: int):
@@ -140,7 +146,7 @@ class SoundCredit:
         ]
 
     def wait(self, stamp_ns: int, timeout_s: float) -> bool:
-        """Wait until sound of that stamp may be sent; False if the time ran out."""
+        """Wait until audio of this timestamp may be sent; return False after the timeout."""
         with self._changed:
             if self._done_until is None:
                 self._done_until = stamp_ns + self._shift
@@ -161,6 +167,6 @@ class SoundCredit:
 
 
 def _stamp_of(data: bytes) -> int:
-    """The stamp that stands first in a message, behind the CDR header."""
+    """Return the timestamp (ns) at the beginning of a message, after the CDR header."""
     seconds, nanoseconds = struct.unpack_from("<iI", data, 4)
     return int(seconds) * 1_000_000_000 + int(nanoseconds)

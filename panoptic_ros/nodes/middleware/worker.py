@@ -1,4 +1,4 @@
-"""A thread that does a node's heavy work, so that its callbacks only enqueue."""
+"""Worker thread of a node: it does the heavy work, so that callbacks only enqueue."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from panoptic_ros.nodes.middleware.runtime import quiet_once
 
 
 class Worker:
-    """Does at a time what belongs together.
+    """Thread that processes queued items in batches.
 
     Args:
-        work: called with items that were waiting, those of one instant together.
-        on_drop: called with the number of items that were dropped.
-        fetch: called when nothing waits; whether it found something to do.
+        work: Called with a batch of waiting items. Items of one instant come together.
+        on_drop: Called with the number of dropped items.
+        fetch: Called when the queue is empty. Returns whether it found something to do.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class Worker:
         self._thread = threading.Thread(target=self._work_on, daemon=True)
 
     def start(self, waiting: Waiting) -> None:
-        """Begin to work on what this queue holds."""
+        """Start the thread on this queue."""
         self._waiting = waiting
         self._thread.start()
 
@@ -55,29 +55,29 @@ class Worker:
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """The thread sees nothing of what is enqueued meanwhile before all of it: it is woken once."""
+        """Hold back the thread within this context: it wakes once, after all items are enqueued."""
         with self._changed:
             yield
 
     def note(self, item: Any) -> None:
-        """Enqueue something that must not be dropped; it is done when no items wait."""
+        """Enqueue an item that must not be dropped; it is processed when no other items wait."""
         with self._changed:
             self._notes.append(item)
             self._changed.notify()
 
     def urge(self, item: Any) -> None:
-        """Enqueue something that must not be dropped, before all that waits."""
+        """Enqueue an item that must not be dropped, ahead of all waiting items."""
         with self._changed:
             self._urgent.append(item)
             self._changed.notify()
 
     @property
     def alive(self) -> bool:
-        """False after a fault, and after a bug, which prints its traceback."""
+        """Return False after a fault, or after a bug, whose traceback is printed."""
         return self._waiting is None or self._thread.is_alive()
 
     def stop(self) -> None:
-        """Finish the item at hand and end."""
+        """Finish the current item and end the thread."""
         with self._changed:
             self._stopping = True
             self._changed.notify()

@@ -1,1 +1,1 @@
-"""Nodes that publish: cameras, files, bags, and what benches put in their place."""
+"""Source nodes: cameras, files and bags, and replacements for them in benchmarks."""

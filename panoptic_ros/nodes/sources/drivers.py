@@ -1,4 +1,4 @@
-"""Running drivers: what is published on their topics, how, and what their CameraInfo says."""
+"""Discovery of running camera drivers: types of their topics, and their CameraInfo messages."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ from rclpy.signals import SignalHandlerOptions
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.nodes.middleware.family import message_class
 
-PATIENCE_S = 10.0  # for drivers that start together with us
-OTHERS = 12  # topics that a message names
+PATIENCE_S = 10.0  # for drivers that start at the same time as this program
+OTHERS = 12  # most topics that an error message lists
 ANY_OFFER = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 
 @dataclass
 class Drivers:
-    """What was found.
+    """Result of the search.
 
     Args:
-        types: "package/msg/Name" by topic. infos: the messages by topic of CameraInfo.
+        types: "package/msg/Name" by topic.
+        infos: CameraInfo message by topic.
     """
 
     types: dict[str, str] = field(default_factory=dict)
@@ -38,14 +39,15 @@ class Drivers:
 
 
 def find_drivers(topics: Mapping[str, str], patience_s: float = PATIENCE_S) -> Drivers:
-    """Look at topics that somebody publishes, and take one message of each CameraInfo.
+    """Look up topics that have a publisher, and take one message of each CameraInfo topic.
 
     Args:
-        topics: what each is for, by name.
+        topics: purpose of each topic, by its name.
+        patience_s: longest wait for all topics.
 
     Raises:
-        EnvironmentProblem: naming a topic that nobody publishes, and those like it that there are; or a
-            CameraInfo that does not come.
+        EnvironmentProblem: names a topic without publisher and similar existing topics, or a missing
+            CameraInfo.
     """
     context = Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
@@ -67,7 +69,7 @@ class _Search:
         self._kept: list[Any] = []
 
     def run(self, patience_s: float) -> Drivers:
-        """Wait until everything is there."""
+        """Wait until all topics and CameraInfo messages have been found."""
         deadline = time.monotonic() + patience_s
         while not self._is_complete():
             if time.monotonic() > deadline:
@@ -91,7 +93,7 @@ class _Search:
                 self._kept.append(self._node.create_subscription(message_class(kind), topic, take, ANY_OFFER))
 
     def _missing(self, patience_s: float) -> str:
-        """Why the search failed, in one line."""
+        """Return the reason of the failed search, in one line."""
         silent = [topic for topic, kind in self._found.types.items() if kind == CAMERA_INFO]
         for topic, what in self._topics.items():
             if topic not in self._found.types:

@@ -1,4 +1,7 @@
-"""A node in place of cameras and their detector: publishes 2D people, and notes when skeletons come."""
+"""Node that replaces cameras and detector in benchmarks.
+
+It publishes 2D poses and records when skeletons arrive.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,11 @@ from panoptic_ros.nodes.middleware.quality import collecting_quality, data_quali
 
 
 class FeedingNode(Node):
-    """Publishes views when it is told to.
+    """Node that publishes 2D poses on request.
 
     Args:
-        on_skeletons: called with (stamp of the message, when it came, the identities in it); ns.
-        clock: a monotonic clock in ns, asked before a message is decoded.
+        on_skeletons: Called with (timestamp of the message in ns, time of arrival in ns, track ids in it).
+        clock: Returns the time of a monotonic clock in ns. It is called before a message is decoded.
     """
 
     def __init__(
@@ -54,11 +57,11 @@ class FeedingNode(Node):
         ]
 
     def message_of(self, view: ViewDetections) -> Any:
-        """The message of a view, to be published as often as one likes."""
+        """Return the message of the 2D poses of a view; it can be published repeatedly."""
         return to_message(view, ros_messages())
 
     def publish(self, message: Any, stamp_ns: int, frame_number: int) -> None:
-        """Publish a view as one of another moment."""
+        """Publish a view with another timestamp (ns) and frame number."""
         message.header.stamp = ros_messages().header(stamp_ns, "").stamp
         message.frame_number = frame_number
         self._feeds[message.header.frame_id].publish(message)

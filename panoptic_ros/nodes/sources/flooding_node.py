@@ -1,6 +1,6 @@
-"""A publisher that errs, for the bench: damaged copies of what comes on a topic, too many or too large.
+"""Faulty publisher for benchmarks: it floods a topic with damaged or too large copies of messages.
 
-A program of its own: `-m panoptic_ros.nodes.sources.flooding_node TOPIC TARGET TYPE RATE SECONDS BYTES`.
+Usage: `-m panoptic_ros.nodes.sources.flooding_node TOPIC TARGET TYPE RATE SECONDS BYTES`.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from panoptic_ros.nodes.middleware.family import message_class
 from panoptic_ros.nodes.middleware.quality import data_quality
 from panoptic_ros.nodes.middleware.runtime import start_ros
 
-SAMPLES = 8  # messages that are copied
-VARIANTS = 400  # damaged ones
+SAMPLES = 8  # original messages
+VARIANTS = 400  # damaged copies
 PATIENCE_S = 10.0
 BATCH_S = 0.01
-LONGEST = 4.0  # times as long as asked for, where a machine cannot send so many in time
+LONGEST = 4.0  # factor on the requested duration after which a slow machine stops
 
 
 def damaged(data: bytes, size: int, rng: np.random.Generator) -> bytes:
-    """A message in which some bytes are others, at times cut, and with more behind it if `size` says so."""
+    """Return a message with some changed bytes; it may be truncated, and is padded up to `size` bytes."""
     found = bytearray(data)
     for place in rng.integers(4, len(found), rng.integers(1, 9)):
         found[place] = rng.integers(256)
@@ -36,7 +36,15 @@ def damaged(data: bytes, size: int, rng: np.random.Generator) -> bytes:
 
 
 def main(topic: str, target: str, kind: str, rate: float, seconds: float, size: int) -> int:
-    """Publish as many damaged copies of what comes on a topic as a rate gives in so long; gives how many."""
+    """Publish damaged copies of a topic's messages; return how many were published.
+
+    Args:
+        topic, target: Topics to copy from and to publish on.
+        kind: Message type.
+        rate: Messages per second.
+        seconds: Duration. A slow machine takes at most `LONGEST` times as long.
+        size: Least size of a damaged message, bytes.
+    """
     start_ros([])
     node, executor = Node("flooder", enable_rosout=False), SingleThreadedExecutor()
     samples: list[bytes] = []
@@ -52,7 +60,7 @@ def main(topic: str, target: str, kind: str, rate: float, seconds: float, size: 
         chosen = [bytes(samples[k % len(samples)]) for k in range(VARIANTS if samples else 0)]
         bad = [damaged(data, size, rng) for data in chosen]
         publisher = node.create_publisher(cls, target, quality)
-        time.sleep(0.5)  # readers are matched
+        time.sleep(0.5)  # until readers are matched
         sent, total, begun = 0, round(rate * seconds) if bad else 0, time.monotonic()
         while sent < total and (passed := time.monotonic() - begun) < LONGEST * seconds:
             if sent < rate * passed:

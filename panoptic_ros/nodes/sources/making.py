@@ -1,6 +1,7 @@
-"""Making source nodes from a plain description, as it stands in a launcher's file or in parameters.
+"""Source nodes for cameras (devices and files), audio, IMUs and bags.
 
-Sources: cameras (devices and files) and bags, publishing in the flow that was asked for.
+They are made from a plain description, which comes from a launcher's file or from parameters. They publish in
+the selected flow.
 """
 
 from __future__ import annotations
@@ -48,12 +49,15 @@ FREQUENT = (TOPICS["audio"].message, IMU)
 
 @dataclass(frozen=True)
 class Outgoing:
-    """Messages to send together: (publisher's key, message); frames that were overtaken before them.
-    Or the end of a publisher.
+    """Messages to publish together, or the end of a publisher.
 
     Args:
-        is_sound: it goes ahead of what it is beside, and waits for nothing of its own.
-        ended: key of a publisher that has no more to send; there are no messages then.
+        stamp_ns: Timestamp of the messages.
+        messages: (key of the publisher, message).
+        overtaken: Number of frames that a live source skipped before these messages.
+        is_sound: Whether the messages are audio or IMU samples. These are sent ahead and do not wait for
+            skeletons.
+        ended: Key of a publisher that sends no more. There are no messages then.
     """
 
     stamp_ns: int
@@ -64,18 +68,19 @@ class Outgoing:
 
 
 class SourceNode(Node):
-    """Publishes what an iterator gives, from a thread of its own.
+    """Node that publishes the items of an iterator from a separate thread.
 
-    Parameters: `flow` and `replay_window` as in `StageNode`; `shift_ns`: what is added to stamps in replay,
-    so that they can be compared with those of skeletons; `readers`: of IMUs alone, for how many readers of
-    each topic and of bodies it waits.
+    Parameters: `flow` and `replay_window` as in `StageNode`. `shift_ns` is added to timestamps in replay, for
+    a comparison with those of skeletons. `readers`, for IMUs without cameras only, is the number of
+    subscribers to wait for, per topic and for bodies.
 
     Args:
-        topics: key -> (topic, message type) of the publishers; the first one is the one that counts.
-        detections: for publishers of images, by key: the topic whose messages show that an image has
-            been dealt with.
-        sound_beside: of a source of sound or IMUs: the cameras beside it; IMUs that have none wait for bodies
-            instead. None: it sends images or detections.
+        topics: key -> (topic, message type) of the publishers. Flow control counts an item under its first
+            key.
+        detections: For publishers of images, by key: the topic whose messages show that an image was
+            processed.
+        sound_beside: For sources of audio or IMUs: the cameras that run too. IMUs without cameras wait for
+            bodies instead. None: the source publishes images or detections.
     """
 
     def __init__(
@@ -130,32 +135,32 @@ class SourceNode(Node):
 
     @property
     def fault(self) -> PanopticError | None:
-        """What ended the source before its end, if anything did."""
+        """Return the error that ended the source before its end; None if there was none."""
         return self._fault
 
     @property
     def healthy(self) -> bool:
-        """False after a fault, or a bug."""
+        """Return False after a fault or a bug."""
         alive = self._thread is None or self._thread.is_alive() or self._diagnostics.finished
         return self._fault is None and alive
 
     def start(self, outgoing: Iterable[Outgoing]) -> None:
-        """Begin to send."""
+        """Start to publish."""
         self._thread = threading.Thread(target=self._send, args=(iter(outgoing),), daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Stop sending."""
+        """Stop publishing and join the thread."""
         self._stopping.set()
         if self._thread is not None:
             self._thread.join(timeout=5.0)
 
     def note(self, notice: Notice) -> None:
-        """Count something that is known of what is sent."""
+        """Count a notice about the published data."""
         self._statistics.take(notice)
 
     def refuse(self, error: DataError) -> None:
-        """Count something that cannot be sent."""
+        """Count and log an item that cannot be published."""
         self._statistics.dropped["bad_message"] += 1
         self.note(Notice("source.bad_message", "warning", str(error)))
         self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
@@ -198,12 +203,16 @@ class SourceNode(Node):
         self._diagnostics.finish()
 
     def _end(self, key: str) -> None:
-        """Tell that no more comes of a publisher."""
+        """Announce the end of a publisher's topic."""
         self._ended.add(key)
         self._ends.announce(self._publishers_by_key[key].topic_name, self._sent[key])
 
     def _wait_for_readers(self) -> None:
-        """Wait until all are there who want every sample: bodies of them come faster than late readers do."""
+        """Wait until all readers that need every sample have subscribed.
+
+        Bodies are computed faster than a late reader can catch up. The wait ends with a warning after
+        `STALL_S`.
+        """
         bodies, began = self.resolve_topic_name(TOPICS["bodies"].name), time.monotonic()
         while not self._stopping.wait(0.05):
             readers = min(p.get_subscription_count() for p in self._publishers_by_key.values())
@@ -215,7 +224,7 @@ class SourceNode(Node):
                 return
 
     def _wait_with_sound(self, credit: SoundCredit, stamp_ns: int) -> None:
-        """Wait for the cameras, and for readers that are slower than the file."""
+        """Wait until the cameras have caught up, and for readers that are slower than the file."""
         while not self._stopping.is_set() and not credit.wait(stamp_ns, 0.5):
             pass
         if self._statistics.given % PATIENT == PATIENT - 1:
@@ -233,7 +242,7 @@ class SourceNode(Node):
 
 
 def camera_topics(camera: str, compressed: bool, depth: bool) -> dict[str, tuple[str, str]]:
-    """Publishers of a camera node, for `SourceNode`."""
+    """Return the publishers of a camera node, for `SourceNode`."""
     topics = {
         "image": TOPICS["compressed_image" if compressed else "image"],
         "camera_info": TOPICS["camera_info"],
@@ -243,9 +252,12 @@ def camera_topics(camera: str, compressed: bool, depth: bool) -> dict[str, tuple
 
 
 def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) -> Iterator[Outgoing]:
-    """Image (JPEG if a quality is given, else raw), CameraInfo and depth map, if any, of every frame.
+    """Yield the image, the CameraInfo and the depth map (if any) of every frame.
 
-    Numbers that are missing are frames of a live source that were overtaken.
+    Gaps in the frame numbers of a live source count as overtaken frames.
+
+    Args:
+        jpeg_quality: quality of JPEG images; 0: raw images.
     """
     family, beside = ros_messages(), frames if isinstance(frames, DepthSource) else None
     last, live = None, getattr(frames, "frame_count", None) is None
@@ -263,14 +275,14 @@ def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) ->
 
 
 def sound_messages(blocks: Iterable[AudioBlock]) -> Iterator[Outgoing]:
-    """Every block of a source of sound."""
+    """Yield a message for every block of an audio source."""
     family = ros_messages()
     for block in blocks:
         yield Outgoing(block.stamp_ns, (("audio", to_message(block, family)),))
 
 
 def imu_messages(samples: Iterable[ImuSample]) -> Iterator[Outgoing]:
-    """Every sample of IMUs, to the publisher of its device."""
+    """Yield a message for every IMU sample, for the publisher of its device."""
     family = ros_messages()
     for sample in samples:
         yield Outgoing(sample.stamp_ns, ((sample.device, to_message(sample, family)),))
@@ -279,14 +291,14 @@ def imu_messages(samples: Iterable[ImuSample]) -> Iterator[Outgoing]:
 def make_camera_node(
     camera: str, rig: Rig, source: Mapping[str, Any], overrides: Mapping[str, Any], jpeg_quality: int
 ) -> SourceNode:
-    """A node that publishes one camera's images.
+    """Return a node that publishes the images of one camera.
 
     Args:
         source: see `capture.open_source`.
         jpeg_quality: 0 = raw images.
 
     Raises:
-        UserError: as the source's opening.
+        UserError: if the source cannot be opened.
     """
     frames, calibrated = open_source(camera, rig, source)
     detections = TOPICS["detections"].of(camera)
@@ -297,23 +309,23 @@ def make_camera_node(
 
 
 def _noted(outgoing: Iterator[Outgoing], source: FrameSource, node: SourceNode) -> Iterator[Outgoing]:
-    """Yield the messages of a source; after the last one the node counts its notices."""
+    """Yield the messages of a source; after the last one, count the notices of the source."""
     yield from outgoing
-    for notice in getattr(source, "after", ()):  # live sources have no last frame
+    for notice in getattr(source, "after", ()):  # live sources never reach a last frame
         node.note(notice)
 
 
 def make_sound_node(
     sound: Mapping[str, Any], cameras: Sequence[str], overrides: Mapping[str, Any]
 ) -> SourceNode:
-    """A node that publishes what a device heard.
+    """Return a node that publishes the audio of a device.
 
     Args:
         sound: see `capture.sound.open_sound`.
-        cameras: beside it.
+        cameras: cameras that run too.
 
     Raises:
-        UserError: as the source's opening.
+        UserError: if the source cannot be opened.
     """
     source, topic = open_sound(sound), TOPICS["audio"]
     topics = {"audio": (topic.of(source.device), topic.message)}
@@ -328,13 +340,15 @@ def make_imu_node(
     overrides: Mapping[str, Any],
     until_ns: int | None = None,
 ) -> SourceNode:
-    """A node that publishes what IMUs measured.
+    """Return a node that publishes IMU samples.
 
     Args:
-        imus: file of samples by device. cameras: beside them. until_ns: see `imu_samples`.
+        imus: file of samples by device.
+        cameras: cameras that run too.
+        until_ns: see `imu_samples`.
 
     Raises:
-        UserError: as the files' reading.
+        UserError: if a file cannot be read.
     """
     topic = TOPICS[IMU_KEY]
     topics = {device: (topic.of(device), topic.message) for device in imus}
@@ -346,9 +360,10 @@ def make_imu_node(
 
 
 def make_bag_node(streams: Sequence[BagStream], overrides: Mapping[str, Any]) -> SourceNode:
-    """A node that publishes cameras' topics of bags, merged by their stamps, under the graph's names.
+    """Return a node that publishes topics of bags under the names of this graph, merged by timestamps.
 
-    What cannot be decoded is not sent: the middleware would lose it without a word.
+    Messages that cannot be decoded are not published, because the middleware would drop them without an
+    error.
     """
     names = {stream: TOPICS[stream.key].of(stream.camera) for stream in streams}
     topics = {name: (name, TOPICS[stream.key].message) for stream, name in names.items()}

@@ -1,8 +1,8 @@
-"""One host of the network bench.
+"""One host of the network benchmark.
 
 `-m panoptic_ros.nodes.sources.network_probe send|receive SECONDS OUT [CAMERA ...]`
 
-Senders publish 2D people of the size that a detector with score maps gives; the receiver notes what comes.
+Senders publish 2D poses whose size matches a detector with score maps. The receiver records the arrivals.
 """
 
 from __future__ import annotations
@@ -26,12 +26,16 @@ from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 from panoptic_ros.nodes.middleware.quality import data_quality
 from panoptic_ros.nodes.middleware.runtime import start_ros
 
-RATE = 30.0  # Hz
-FLOATS = 1250  # 10 kB
+RATE = 30.0  # Hz, messages per camera
+FLOATS = 1250  # 10 kB per message
 
 
 def main(role: str, seconds: float, out: str, cameras: Sequence[str]) -> None:
-    """Send or receive for so long; what came goes to a file: [camera, number, latency, moment] in s."""
+    """Send or receive for some time, and write the received messages to a file.
+
+    Args:
+        out: JSON file with [camera, number, latency in s, time of arrival in s] per message.
+    """
     start_ros([])
     node, executor = Node(f"probe_{role}"), SingleThreadedExecutor()
     executor.add_node(node)

@@ -1,4 +1,7 @@
-"""A node in place of cameras, for who looks on: previews, and when the graph published skeletons."""
+"""Node that replaces cameras in the benchmark of the viewer.
+
+It publishes previews and records when the graph published skeletons.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +21,10 @@ from panoptic_ros.nodes.middleware.runtime import with_facts
 
 
 class PreviewFeedingNode(Node):
-    """Publishes previews while somebody subscribes, as stages do.
+    """Node that publishes previews while they have a subscriber, as stage nodes do.
 
     Attributes:
-        published: of all /skeletons that came: their stamp, and when they were published, ns.
+        published: time of publication (ns) by timestamp (ns) of all received /skeletons.
     """
 
     def __init__(self, cameras: Iterable[str]):
@@ -44,11 +47,11 @@ class PreviewFeedingNode(Node):
         )
 
     def message_of(self, preview: Preview) -> Any:
-        """The message of a preview, to be published as often as one likes."""
+        """Return the message of a preview; it can be published repeatedly."""
         return to_message(preview, ros_messages())
 
     def publish(self, camera: str, message: Any, stamp_ns: int) -> None:
-        """Publish a preview as that of an image of another moment, if somebody wants it."""
+        """Publish a preview with another timestamp (ns), if it has a subscriber."""
         publisher = self._publishers_by_camera[camera]
         if publisher.get_subscription_count():
             message.header.stamp = ros_messages().header(stamp_ns, "").stamp

@@ -1,4 +1,4 @@
-"""A node that publishes CDR bytes of a bag on its topics, and the time of the bag on /clock."""
+"""Node that publishes CDR bytes of a bag on its topics, and the time of the bag on /clock."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 LATCHED_NAMES = tuple("/" + topic.name for topic in TOPICS.values() if topic.latched) + ("/tf_static",)
 DEPTH = 100
 LATCHED_DEPTH = 64
-ARRIVAL_S = 2.0  # for the last messages, all subscribers together
+ARRIVAL_S = 2.0  # longest wait for the delivery of the last messages to all subscribers
 
 
 class ReplayNode(Node):
-    """Publishers for topics of a bag.
+    """Node with publishers for the topics of a bag.
 
     Args:
-        connections: the topics. space: namespace before their names, "" = none.
-        with_clock: also publish /clock. tell: called with a line about what cannot be published.
+        connections: the topics.
+        space: namespace in front of their names, "" = none.
+        with_clock: also publish /clock.
+        tell: called with a line about a topic that cannot be published.
     """
 
     def __init__(
@@ -51,25 +53,28 @@ class ReplayNode(Node):
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Those of the bag that can be published."""
+        """Return the topics of the bag that can be published."""
         return tuple(self._publishers_by_topic)
 
     def heard(self, topics: Collection[str]) -> int:
-        """How many of these topics somebody subscribes to."""
+        """Return the number of these topics that have a subscriber."""
         return sum(self._publishers_by_topic[topic].get_subscription_count() > 0 for topic in topics)
 
     def publish(self, topic: str, data: bytes) -> None:
-        """Publish a message as it is."""
+        """Publish a raw message."""
         self._publishers_by_topic[topic].publish(data)
 
     def tell_time(self, stamp_ns: int) -> None:
-        """Publish the time of the bag."""
+        """Publish the time of the bag on /clock."""
         if self._clock is not None:
             header = ros_messages().header(stamp_ns, "")
             self._clock.publish(ros_messages().make("rosgraph_msgs/msg/Clock", clock=header.stamp))
 
     def wait_for_arrival(self) -> None:
-        """Until subscribers have what was published: what a program sends as it ends may be lost."""
+        """Wait until subscribers have received the published messages.
+
+        Messages that a program sends just before it ends may be lost.
+        """
         end = time.monotonic() + ARRIVAL_S
         publishers = [*self._publishers_by_topic.values(), *([self._clock] if self._clock else [])]
         for publisher in publishers:
@@ -77,12 +82,12 @@ class ReplayNode(Node):
 
 
 def is_latched(connection: Connection) -> bool:
-    """Whether messages of a topic are kept for those who come late."""
+    """Return whether messages of a topic are kept for late subscribers."""
     return connection.is_latched or connection.topic.endswith(LATCHED_NAMES)
 
 
 def _quality(connection: Connection) -> QoSProfile:
-    """As it was offered when it was recorded; reliable, if nobody wrote that down."""
+    """Return the QoS that was offered when the topic was recorded; reliable if the bag does not state it."""
     latched, effort = is_latched(connection), connection.is_best_effort
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,

@@ -1,9 +1,9 @@
-"""Stand-in for camera drivers of other packages, which also sends messages that no graph of ours expects.
+"""Simulated camera drivers of other packages, which also publish messages that this graph does not expect.
 
-`python -m panoptic_ros.nodes.sources.stand_in_drivers RIG TOPIC HZ` publishes grey images of all cameras of
-a rig, stamped with the wall time; {} in TOPIC stands for the camera. A line on the standard input names a
-foreign message to send: detections, skeletons or diagnostics. Any other line destroys their publishers. The
-program ends with its input.
+`python -m panoptic_ros.nodes.sources.stand_in_drivers RIG TOPIC HZ` publishes grey images of all cameras of a
+rig. Their timestamps are the system time; {} in TOPIC stands for the camera. A line on standard input names
+the foreign message to publish: detections, skeletons or diagnostics. Any other line destroys the publishers
+of foreign messages. The program ends when standard input ends.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ from panoptic_ros.nodes.middleware.runtime import start_ros
 
 
 class StandInDrivers(Node):
-    """Publishes images and, on demand, foreign messages.
+    """Node that publishes images and, on demand, foreign messages.
 
     Args:
-        rig: file of the rig. topic: of the images, where {} stands for the camera.
+        rig: file of the rig.
+        topic: of the images, where {} stands for the camera.
     """
 
     def __init__(self, rig: Path, topic: str):
@@ -50,7 +51,8 @@ class StandInDrivers(Node):
             "skeletons": "/" + TOPICS["skeletons"].name,
             "diagnostics": "/diagnostics",
         }
-        self._foreign: dict[str, Any] = {}  # publishers, made on demand: a graph starts beside no other
+        # publishers, made on demand: a graph does not start beside another one
+        self._foreign: dict[str, Any] = {}
         self._number = 0
 
     def publish(self) -> None:
@@ -64,7 +66,7 @@ class StandInDrivers(Node):
         self._number += 1
 
     def take_order(self, what: str) -> None:
-        """Publish one foreign message of that kind; any other word ends their publishers."""
+        """Publish one foreign message of this kind; any other word destroys their publishers."""
         if what not in self._topics:
             self._end_foreign()
             return
@@ -124,7 +126,7 @@ class StandInDrivers(Node):
 
 
 def main() -> int:
-    """Publish until the standard input ends."""
+    """Publish until standard input ends; return the exit code."""
     rate = float(sys.argv[3])
     start_ros([])
     node = StandInDrivers(Path(sys.argv[1]), sys.argv[2])

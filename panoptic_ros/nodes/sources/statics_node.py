@@ -1,4 +1,4 @@
-"""The latched facts of a capture: rig and skeleton model, and static transforms where ROS has TF."""
+"""Node of the latched facts of a capture: rig, skeleton model, and static transforms if TF is installed."""
 
 from __future__ import annotations
 
@@ -23,8 +23,9 @@ from panoptic_ros.nodes.stages.kept_states import StateKeeper
 
 
 class StaticsNode(Node):
-    """Publishes rig, skeleton model and, where tf2_msgs is there, /tf_static; keeps what stages remember, and
-    tells on /diagnostics how the graph is as a whole.
+    """Node that publishes rig, skeleton model and, if tf2_msgs is installed, /tf_static.
+
+    It also keeps the states of stages and publishes the health of the whole graph on /diagnostics.
     """
 
     fault = None
@@ -42,7 +43,7 @@ class StaticsNode(Node):
         self._kept.append(self.create_subscription(message_class(KIND), TOPIC, self._take_status, 100))
 
     def close(self) -> None:
-        """Nothing to stop."""
+        """Do nothing: the node has no threads."""
 
     def _take_status(self, message: Any) -> None:
         now_ns = time.monotonic_ns()
@@ -69,6 +70,6 @@ class StaticsNode(Node):
 
 
 def _transform(camera: Camera, frame_id: str) -> Any:
-    """The optical frame of a camera in the world."""
+    """Return the transform of a camera's optical frame in the world frame."""
     world_from_cam = camera.cam_from_world.inverse()
     return transform_message(ros_messages(), 0, frame_id, optical_frame(camera.name), world_from_cam)

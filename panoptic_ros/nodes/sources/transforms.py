@@ -1,4 +1,4 @@
-"""Where camera frames are, by TF: /tf and /tf_static read as they are, without the library tf2."""
+"""Poses of camera frames from TF; /tf and /tf_static are read directly, without the library tf2."""
 
 from __future__ import annotations
 
@@ -22,21 +22,22 @@ from panoptic_ros.nodes.middleware.family import message_class
 
 KIND = "tf2_msgs/msg/TFMessage"
 PATIENCE_S = 5.0
-SETTLE_S = 0.5  # after all frames have come: for a tree that goes on above them
-NAMED = 12  # frames in a message
+SETTLE_S = 0.5  # extra wait after all frames have arrived, for transforms above the current root
+NAMED = 12  # most frames that an error message lists
 
 
 def find_transforms(
     frames: Sequence[str], fixed: str = "", patience_s: float = PATIENCE_S
 ) -> tuple[str, dict[str, Rigid]]:
-    """The fixed frame, and fixed_from_frame of every frame, as TF says now.
+    """Return the fixed frame and the current transform fixed_from_frame of every frame.
 
     Args:
-        fixed: name of the frame that is the world; "": the top of the tree that all frames hang on.
+        fixed: Name of the world frame. "": the root of the tree that contains all frames.
+        patience_s: Longest wait for the transforms.
 
     Raises:
-        EnvironmentProblem: if the messages of TF are not installed, or nobody publishes any.
-        CalibrationError: naming a frame that is not there, or not connected.
+        EnvironmentProblem: if the messages of TF are not installed, or no node publishes any.
+        CalibrationError: names a frame that is missing or not connected.
     """
     try:
         kind = message_class(KIND)
@@ -72,7 +73,10 @@ class _Listener:
     def wait(
         self, executor: SingleThreadedExecutor, frames: Sequence[str], fixed: str, patience_s: float
     ) -> tuple[str, dict[str, Rigid]]:
-        """Until all frames are connected; a little longer where nobody names the fixed one."""
+        """Wait until all frames are connected and return the transforms as `find_transforms` does.
+
+        After that, wait `SETTLE_S` more for transforms that may still come. The wait is at most `patience_s`.
+        """
         begin = time.monotonic()
         complete_since: float | None = None
         while time.monotonic() < begin + patience_s:

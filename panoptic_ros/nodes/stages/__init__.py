@@ -1,1 +1,4 @@
-"""The one adapter round stages: what comes in, what goes out, what is kept, what a node reads itself."""
+"""Adapter that runs stages as a node.
+
+It covers inputs, outputs, kept states, and cameras that the node reads itself.
+"""

@@ -1,6 +1,7 @@
-"""The latched facts that every stage works with: rig and skeleton model.
+"""Latched facts that every stage needs: rig and skeleton model.
 
-Another /rig while the graph runs: taken over between two records, the newest if several have come.
+A new /rig that comes while the graph runs is adopted between two records. If several come, only the newest is
+adopted.
 """
 
 from __future__ import annotations
@@ -20,14 +21,15 @@ from panoptic_ros.nodes.middleware.quality import LATCHED
 
 
 class Facts:
-    """Waits for both. Another rig is offered to the node; another skeleton is not worked with, and the log
-    says so.
+    """Subscriber that waits for the rig and the skeleton model.
+
+    A later rig is offered to the node. A later skeleton model is not adopted, and a warning is logged.
 
     Args:
-        on_ready: called once, with both.
-        on_rig: called with another rig that comes later; raises ConfigError if the node cannot work with it.
-        on_bad: told about messages that cannot be used, which are left out.
-        needs_cameras: whether a rig without any cannot be used.
+        on_ready: Called once, with both.
+        on_bad: Called with the error of an unusable message, which is ignored.
+        on_rig: Called with a new rig that comes later. Raises ConfigError if the node cannot adopt it.
+        needs_cameras: Whether a rig without cameras is unusable.
     """
 
     def __init__(
@@ -40,8 +42,8 @@ class Facts:
     ):
         self._needs_cameras = needs_cameras
         self._node, self._on_ready, self._on_bad, self._on_rig = node, on_ready, on_bad, on_rig
-        self._taken: dict[str, tuple[Any, Any]] = {}  # message and record
-        self._unfit: dict[str, str] = {}  # why the newest of a topic is not worked with
+        self._taken: dict[str, tuple[Any, Any]] = {}  # message and record by key of the topic
+        self._unfit: dict[str, str] = {}  # by key: reason why the newest message is not adopted
         self._ready = False
         self._kept = [
             node.create_subscription(
@@ -52,28 +54,28 @@ class Facts:
 
     @property
     def rig(self) -> Rig:
-        """Only once both are there."""
+        """Return the rig; valid only when both facts have arrived."""
         record: Rig = self._taken["rig"][1]
         return record
 
     @property
     def skeleton(self) -> SkeletonModel:
-        """Only once both are there."""
+        """Return the skeleton model; valid only when both facts have arrived."""
         record: SkeletonModel = self._taken["skeleton_model"][1]
         return record
 
     @property
     def missing(self) -> list[str]:
-        """Those that have not come."""
+        """Return the names of the topics that have not arrived."""
         return [TOPICS[key].name for key in ("rig", "skeleton_model") if key not in self._taken]
 
     @property
     def unfit(self) -> list[str]:
-        """Why the newest that came is not worked with."""
+        """Return the reasons why the newest messages are not adopted."""
         return list(self._unfit.values())
 
     def take_over(self, rig: Rig) -> None:
-        """Work with another rig from now on."""
+        """Use another rig from now on."""
         self._taken["rig"] = self._taken["rig"][0], rig
 
     def _take(self, key: str, message: Any) -> None:
@@ -107,17 +109,20 @@ class Facts:
             self._node.get_logger().warning(str(error), throttle_duration_sec=5.0)
 
     def _is_in_use(self, key: str, record: Any) -> bool:
-        """Whether a skeleton is the one that is worked with; a rig that fits is taken over in any case."""
+        """Return whether a skeleton model is already in use.
+
+        A rig is always offered again, even if it is equal.
+        """
         return key != "rig" and bool(record.hash == self.skeleton.hash)
 
 
 class RigChanges:
-    """Offers rigs that fit to the node.
+    """Adoption of new rigs by a node, if they fit.
 
     Args:
-        cameras: only these are worked with; empty: all of the rig.
-        note: has a function called between two records.
-        change: takes a rig over; gives the stages that begin anew.
+        cameras: Names of the cameras in use. Empty: all cameras of the rig.
+        note: Schedules a call between two records.
+        change: Adopts a rig. Returns the names of the stages that restart with an empty state.
     """
 
     def __init__(
@@ -131,10 +136,10 @@ class RigChanges:
         self._next: Rig | None = None
 
     def offer(self, rig: Rig, now: Rig) -> None:
-        """Take a rig over as soon as that is possible.
+        """Adopt a rig as soon as possible.
 
         Raises:
-            ConfigError: if it has other cameras than the rig of now.
+            ConfigError: if its cameras or image sizes differ from the current rig.
         """
         if self._named(rig) != self._named(now):
             raise ConfigError(

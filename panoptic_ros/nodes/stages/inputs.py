@@ -1,6 +1,6 @@
-"""What a node subscribes to: one input for each topic of each camera or device.
+"""Inputs of a stage node: one for each subscribed topic of each camera or device.
 
-What comes into a node: a message becomes a record, or is counted as what cannot be used.
+Each message is converted to a record, or counted as unusable.
 """
 
 from __future__ import annotations
@@ -44,20 +44,20 @@ from panoptic_ros.params import named_words
 from panoptic_ros.stage import Notice
 
 ALL = "*"
-LOSSY = 0.2  # of best-effort messages lost: more is told
+LOSSY = 0.2  # share of lost best-effort messages above which a notice is given
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
-FLOODED = 128  # messages that wait in the middleware while bad ones are sorted out from among them
+FLOODED = 128  # messages that the middleware queues while bad ones are sorted out
 
 
 class Takers(NamedTuple):
-    """Who takes what comes of an input.
+    """Callbacks for the messages of an input.
 
     Args:
-        receive: (input, key of a queue, stamp, bytes of the message).
-        refuse: told of messages without a stamp that could be one.
-        tell: about publishers that do not fit, and topics that are left alone for a while.
-        lost: told how many messages are gone, and why.
-        on_record: told each record with its message.
+        receive: Called with (input, key of a queue, timestamp in ns, bytes of the message).
+        refuse: Called for messages without a valid timestamp.
+        tell: Called with notices about QoS mismatches and about topics that are paused.
+        lost: Called with the cause and the number of lost messages.
+        on_record: Called with each record and its message.
     """
 
     receive: Callable[[Input, str, int, bytes], None]
@@ -69,14 +69,20 @@ class Takers(NamedTuple):
 
 @dataclass
 class Input:
-    """One subscribed topic.
+    """Subscribed topic.
 
     Args:
-        topic: key of the port's topic. carrier: of the one that is subscribed to, a variant or the same.
-        owner: camera, sensor or device; "" for topics of the graph.
-        name: full name. kind: class of its messages. decode: makes records of them.
-        on_record: told each record with its message, if there was one.
-        packed: makes records of the bytes, where that is quicker.
+        topic: Key of the port's topic.
+        carrier: Key of the subscribed topic, a variant of `topic` or `topic` itself.
+        owner: Camera, sensor or device. "" for topics of the graph.
+        name: Full name.
+        kind: Message class.
+        decode: Converts messages to records.
+        arrivals: Counters of the messages.
+        continuity: Check of the timestamps, if there is one.
+        count: Number of processed messages.
+        on_record: Called with each record and its message, if there was one.
+        packed: Converts bytes to records, if that is faster.
     """
 
     topic: str
@@ -92,10 +98,10 @@ class Input:
     packed: PackedDecoder | None = None
 
     def record(self, data: bytes) -> Any:
-        """The record of a message.
+        """Return the record of a message.
 
         Raises:
-            DataError: if it is none.
+            DataError: if the message is invalid.
         """
         record = None if self.packed is None else self.packed(data)
         if record is not None:
@@ -106,24 +112,31 @@ class Input:
         return record
 
     def missing_before(self, record: Any) -> int:
-        """How many records did not come before this one though nothing was lost on the way."""
+        """Return how many records the publisher skipped before this one, without losses in transport."""
         number = getattr(record, "index", getattr(record, "frame_number", None))
         return 0 if number is None else self.arrivals.numbered(number)
 
 
 class InputChoice:
-    """Which inputs a node has, by its parameters.
+    """Selection of a node's inputs by its parameters.
 
-    Parameters, each a list of names: `inputs.<topic>` for every port of cameras or devices that is
-    optional, and that no stage of the graph gives: who has it; `inputs.<variant>` for every other message
-    that a port can take: whose records come so ("*": all). `topics`: "<topic> <owner>=<name>" where a
-    driver calls it otherwise. `encodings`: "<camera>=<encoding>" of raw images whose driver says something
-    else. `devices`: audio devices. `audio_rate` and `audio_channels`: of audio_common_msgs, which do not
-    tell.
+    Parameters:
+        inputs.<topic>: Owners that have the topic, for every optional port of cameras or devices that no
+            stage of the graph feeds.
+        inputs.<variant>: Owners that send this message type ("*": all), for every other type that a port
+            accepts.
+        topics: Entries "<topic> <owner>=<name>" for a driver with another topic name.
+        encodings: Entries "<camera>=<encoding>" for raw images whose driver states another encoding.
+        devices: Audio devices.
+        audio_rate, audio_channels: Values (Hz, count) for audio_common_msgs, whose messages lack them.
     """
 
     def __init__(self, node: Node, ports: Sequence[Port], graph: Collection[str]):
-        """graph: stages that run in the graph; what they give of a camera they give of all."""
+        """Declare the parameters.
+
+        Args:
+            graph: Stages that run in the graph. If a stage gives a topic for one camera, it gives it for all.
+        """
         given = {topic for name in graph if name in NODES for topic in NODES[name].outputs}
         self._node, self._ports = node, ports
         self._devices = self._names("devices")
@@ -151,11 +164,7 @@ class InputChoice:
         return list(self._node.declare_parameter(parameter, Parameter.Type.STRING_ARRAY).value or [])
 
     def owners(self, topic: str, rig: Rig) -> list[str]:
-        """The cameras, sensors or devices that give a topic to this node, in the order of the rig.
-
-        Raises:
-            ConfigError: if a parameter names one that is not there.
-        """
+        """Return the cameras, sensors or devices that give a topic to this node, in the order of the rig."""
         scope = TOPICS[topic].scope
         known = {
             "camera": list(rig.names),
@@ -169,8 +178,10 @@ class InputChoice:
         return [owner for owner in known if owner in self._optional[topic]]
 
     def carriers(self, topic: str, owner: str) -> Iterator[str]:
-        """The topics on which the records of a port come: one, and for sound the message of another
-        package.
+        """Yield the topics that deliver the records of a port: one, and for audio also audio_common_msgs.
+
+        Raises:
+            ConfigError: if the parameters select several variants for one owner.
         """
         packed = [key for key in variants(topic) if {owner, ALL} & set(self._variants.get(key, ()))]
         if len(packed) > 1:
@@ -180,18 +191,18 @@ class InputChoice:
             yield "audio_common"
 
     def name(self, carrier: str, owner: str) -> str:
-        """What the topic is called."""
+        """Return the name of a topic of an owner."""
         return self._renamed.get(f"{carrier} {owner}".strip(), TOPICS[carrier].of(owner))
 
     def decoder(self, carrier: str, owner: str, tell: Callable[[str], None] | None) -> Decoder:
-        """See `middleware.decoding`."""
+        """Return the decoder of a topic; see `middleware.decoding`."""
         return decoder_of(carrier, owner, *self._sound, self._encodings.get(owner, ""), tell)
 
 
 def subscribe(
     node: GatheringNode, choice: InputChoice, topic: str, owner: str, flow: Flow, takers: Takers
 ) -> list[Input]:
-    """Subscribe to a topic of a camera or device."""
+    """Subscribe to a topic of a camera or device; return its inputs."""
     return [
         _subscribe(node, choice, topic, carrier, owner, flow, takers)
         for carrier in choice.carriers(topic, owner)
@@ -225,7 +236,7 @@ def _subscribe(
             if odd:
                 takers.lost(found, odd, 1)
                 return
-            # what comes of many devices on one topic does not push each other out
+            # one queue per frame_id: devices on a shared latched topic must not displace each other
             queue = f"{topic} of {frame_id}" if row.latched else f"{topic} {owner}".strip()
             takers.receive(found, queue, stamp_ns, data)
         if arrivals.lost > lost:
@@ -278,8 +289,10 @@ def _subscribe(
 
 
 def lossy(arrivals: Arrivals, size: int) -> Notice:
-    """A driver that offers best effort loses much: its own middleware has room for little, or cuts images
-    into datagrams, as is needed between machines. On one machine it shall do as this graph does.
+    """Return a notice about a best-effort driver that loses many messages, with the remedy.
+
+    The driver's middleware has small buffers, or it splits images into datagrams, as is needed between
+    machines. On one machine the driver should use the transport profile of this graph.
     """
     profile = os.environ.get(PROFILE) or share_folder() / "config" / "fastdds.xml"
     text = (
@@ -291,36 +304,41 @@ def lossy(arrivals: Arrivals, size: int) -> Notice:
 
 
 def _is_regular(topic: str, carrier: str) -> bool:
-    """Whether messages come at a rate, so that their absence is an outage. Sound comes as one of two."""
+    """Return whether messages come at a rate, so that their absence is an outage.
+
+    Audio comes on one of two topics, so a silent audio topic is not an outage.
+    """
     return not TOPICS[topic].latched and topic not in ("timecode", "audio") and carrier != "audio_common"
 
 
-UNUSABLE = 3  # messages one after another that were refused
-UNUSABLE_S = 1.0  # time that these span before a notice names the input
+UNUSABLE = 3  # refused messages in a row
+UNUSABLE_S = 1.0  # s that these must span before a notice names the input
 
 
 class Entrance:
-    """Converts and checks messages; what is refused, lost or worth a notice counts for the first stage that
-    takes the topic.
+    """Converter and validator of messages.
+
+    Refusals, losses and notices count for the first stage that takes the topic.
 
     Args:
-        facts: rig and skeleton model, which records must fit.
-        reports: what is told of records on /diagnostics, by the name of their class.
-        wiring: of the node's stages.
+        facts: Rig and skeleton model, which records must fit.
+        reports: Receivers of records for /diagnostics, by record class name.
+        wiring: Connections of the node's stages.
     """
 
     def __init__(self, facts: Facts, tally: Tally, reports: Mapping[str, Report], wiring: Wiring):
         self._facts, self._tally, self._reports, self._wiring = facts, tally, reports, wiring
-        self._refused: dict[str, list[float]] = {}  # by topic: when the messages since the last good one came
+        # by topic: monotonic times of refused messages since the last good one, s
+        self._refused: dict[str, list[float]] = {}
 
     def takers(
         self, receive: Callable[[Input, str, int, Any], None], on_record: Callable[[Any, Any], None]
     ) -> Takers:
-        """Who takes what comes of an input."""
+        """Return the callbacks for the messages of an input."""
         return Takers(receive, self.refuse, self._tell, self.lost, on_record)
 
     def record(self, entry: Input, data: Any) -> Any | None:
-        """The record of a message, None if it cannot be used."""
+        """Return the record of a message; None if it is unusable."""
         try:
             record = entry.record(data)
             check_record(record, entry.owner, self._facts.rig, self._facts.skeleton)
@@ -337,11 +355,11 @@ class Entrance:
         return record
 
     def taker(self, topic: str) -> str:
-        """The first stage that takes a topic."""
+        """Return the first stage that takes a topic."""
         return self._wiring.specs[self._wiring.readers[topic][0].stage].name
 
     def refuse(self, entry: Input, error: PanopticError) -> None:
-        """Count a message that cannot be used; name the input once if none of its messages can."""
+        """Count an unusable message; give one notice about the input if none of its messages is usable."""
         entry.arrivals.bad += 1
         self._tally.refuse(self.taker(entry.topic), error)
         times = self._refused.setdefault(entry.name, [])
@@ -354,7 +372,7 @@ class Entrance:
         del times[UNUSABLE + 1 :]
 
     def lost(self, entry: Input, cause: str, count: int) -> None:
-        """So many messages of an input are gone."""
+        """Count lost messages of an input."""
         self._tally.dropped(self.taker(entry.topic), cause, count)
 
     def _tell(self, entry: Input, notice: Notice) -> None:

@@ -1,9 +1,9 @@
-"""Live: what stages remember outlives their node.
+"""Live flow: states of stages that survive a restart of their node.
 
-A node hands over the state of its stages twice a second, large ones less often; the node of the rig keeps the
-newest of each. A node that is started anew begins with them: people keep their identities, and tables of
-noise what they learnt. A state is on trial until its stage has taken a record; one that fails twice is not
-handed out again.
+A node hands over the states of its stages twice a second, and less often if they are large. The rig node
+keeps the newest state of each stage. A restarted node resumes from these states, so people keep their
+identities and noise tables keep what they learned. A kept state is on trial until its stage has processed a
+record. A state that fails twice is not handed out again.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from panoptic_ros.nodes.middleware.quality import LATCHED, NEWEST
 from panoptic_ros.nodes.middleware.runtime import OneShot
 
 PERIOD_S = 0.5
-SHARE = 0.02  # of the worker's time that goes into handing over, at most
+SHARE = 0.02  # largest share of the worker's time for handing over states
 MOST_TRIALS = 2
-EMPTY = 16  # bytes of a message without a state: its beginner tries the kept one
-WAITING_S = 0.3  # for states, if somebody keeps any: they come with the rig
-SEVERAL = ("detection", "flow", "appearance")  # stages that several nodes may have, and that remember little
+EMPTY = 16  # bytes; an empty message has at most this size. It announces that a node tries the kept state.
+WAITING_S = 0.3  # s; wait for kept states if a node keeps any. They come together with the rig.
+SEVERAL = ("detection", "flow", "appearance")  # stages that may run in several nodes; their states are small
 KIND = "std_msgs/msg/UInt8MultiArray"
 
 
 def given_topic(stage: str) -> str:
-    """What a stage remembers, from its node."""
+    """Return the topic on which the node of a stage hands over its state."""
     return f"stages/{stage}/state"
 
 
 def kept_topic(stage: str) -> str:
-    """The newest of it, latched, from the node that keeps it."""
+    """Return the latched topic on which the keeping node publishes the newest state."""
     return f"stages/{stage}/kept_state"
 
 
 class StateKeeper:
-    """Keeps the newest state of each stage for nodes that are started anew; part of the node of the rig."""
+    """Keeper of the newest state of each stage for restarted nodes; part of the rig node."""
 
     def __init__(self, node: Node, stages: Collection[str]):
         kind = message_class(KIND)
@@ -66,11 +66,12 @@ class StateKeeper:
 
 
 class KeptStates:
-    """Hands over the states of a node's stages, and gives those that were kept.
+    """Exchange of states with the keeper: hands over those of a node's stages and receives kept ones.
 
     Args:
-        ask: called twice a second at most: it calls `publish` where states may be taken.
-        proven: whether a stage has taken a record. clock: processor time of a thread, s.
+        ask: Called at most twice a second. It calls `publish` when the states may be read.
+        proven: Returns whether a stage has processed a record.
+        clock: Returns the processor time of the thread, s.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class KeptStates:
         clock: Callable[[], float] = time.thread_time,
     ):
         self._node, self._ask, self._proven, self._clock = node, ask, proven, clock
-        self._left_out, self._asked = 0, False  # moments to come; whether one is under way
+        self._left_out, self._asked = 0, False  # periods to skip; whether a request is pending
         self._kept: dict[str, bytes] = {}
         self._kind = message_class(KIND)
         self._listening = {
@@ -96,7 +97,7 @@ class KeptStates:
             stage: node.create_publisher(self._kind, given_topic(stage), NEWEST) for stage in self._listening
         }
         self._begin: Callable[[Mapping[str, bytes]], None] | None = None
-        self._on_trial: set[str] = set()  # not told yet
+        self._on_trial: set[str] = set()  # stages whose trial was not announced yet
         self._waiting: OneShot | None = None
         self._timer: Any = None
 
@@ -104,10 +105,13 @@ class KeptStates:
         if len(message.data):
             self._kept[stage] = bytes(message.data)
         if self._begin is not None and self._kept.keys() == self._listening.keys():
-            self._wait(0.0)  # not now, within a subscription's callback
+            self._wait(0.0)  # deferred: it must not run within a subscription's callback
 
     def when_known(self, begin: Callable[[Mapping[str, bytes]], None]) -> None:
-        """Call `begin` with the states that were kept, when they have come; with none if nobody keeps any."""
+        """Call `begin` with the kept states as soon as all have arrived, or after `WAITING_S`.
+
+        If no node keeps states, call it at once with none.
+        """
         self._begin = begin
         if not any(self._node.count_publishers(kept_topic(stage)) for stage in self._listening):
             self._end_waiting()
@@ -130,8 +134,10 @@ class KeptStates:
         self._timer = self._node.create_timer(PERIOD_S, self._ask_for)
 
     def tried(self) -> None:
-        """The stages are about to take a record: told before it can do harm, and not before, as a node may
-        be killed while it waits for one.
+        """Announce the trial of kept states, because their stages are about to process a record.
+
+        The announcement comes before the record can crash the node. It does not come earlier, because a node
+        may also be killed while it waits for a record.
         """
         for stage in sorted(self._on_trial):
             if self._proven(stage) or self._publishers[stage].get_subscription_count():
@@ -143,14 +149,14 @@ class KeptStates:
         if self._left_out > 0:
             self._left_out -= 1
         elif not self._asked and any(p.get_subscription_count() for p in self._publishers.values()):
-            self._asked = True  # a busy worker comes to it later
+            self._asked = True  # a busy worker answers later
             self._ask()
 
     def publish(self, states: Callable[[], Mapping[str, bytes]]) -> None:
-        """Hand over the states of those stages that are kept; one that is switched off has none.
+        """Hand over the states of the node's stages; a stage that is switched off has none.
 
         Args:
-            states: takes them, by stage.
+            states: Returns the states by stage.
         """
         began = self._clock()
         found = states()

@@ -1,12 +1,7 @@
-"""Cameras that a node reads itself: their images go to its stages as they are.
+"""Cameras that a stage node reads itself.
 
-Messages are made of them only for those who subscribe.
-
-Live cameras that a node reads itself, each in a thread of its own.
-
-Recordings that a node reads itself: each record is taken when the stages want it.
-
-What a node of stages does about the cameras that it reads itself.
+Their images go to the stages without conversion. Messages are made only for subscribers. Each live camera is
+read by its own thread. Records of recordings are read when the stages need them.
 """
 
 from __future__ import annotations
@@ -46,17 +41,17 @@ from panoptic_ros.nodes.stages.inputs import Input
 from panoptic_ros.params import Config
 from panoptic_ros.stage import Stage, StageContext
 
-WAIT_S = 0.1  # for room; then the node looks whether there is something else to do
+WAIT_S = 0.1  # s; longest wait for room, before the worker checks for other work
 
 
 @dataclass(frozen=True)
 class OwnCameras:
-    """The cameras that a node reads itself.
+    """Cameras that a node reads itself.
 
     Args:
-        sources: descriptions by camera, see `capture.open_source`.
-        threads: images that are worked on at a time.
-        jpeg_quality: of images that are sent; 0: as they are.
+        sources: Descriptions by camera, see `capture.open_source`.
+        threads: Number of images that are processed in parallel.
+        jpeg_quality: JPEG quality of published images. 0: raw images.
     """
 
     sources: Mapping[str, Mapping[str, Any]]
@@ -68,24 +63,28 @@ NONE = OwnCameras({})
 
 
 class OwnInput(Input):
-    """An input whose records come as they are."""
+    """Input whose records are read directly, without messages."""
 
     def record(self, data: Any) -> Any:
-        """The record."""
+        """Return the record unchanged."""
         return data
 
     def missing_before(self, record: Any) -> int:
-        """None: `came` has counted them."""
+        """Return 0: `came` has already counted the skipped frames."""
         return 0
 
     def came(self, frame: ViewFrame, latency_ns: int | None) -> int:
-        """An image was read, so long after its stamp (live); how many before it nobody read."""
+        """Count an image; return how many images before it were not read.
+
+        Args:
+            latency_ns: Time since its timestamp (live).
+        """
         self.arrivals.came(time.monotonic_ns(), None, latency_ns)
         return self.arrivals.numbered(frame.frame_number)
 
 
 def own_input(node: Node, topic: str, camera: str) -> OwnInput:
-    """The input of a topic of a camera that the node reads itself."""
+    """Return the input of a topic of a camera that the node reads itself."""
     row = TOPICS[topic]
     name = node.resolve_topic_name(row.of(camera))
     arrivals = Arrivals(topic, camera, name, topic == "image", time.monotonic_ns())
@@ -94,7 +93,7 @@ def own_input(node: Node, topic: str, camera: str) -> OwnInput:
 
 
 class ImagesSent:
-    """Sends images, camera infos and depth maps of some cameras to those who subscribe."""
+    """Publisher of images, camera infos and depth maps of some cameras, for subscribers only."""
 
     def __init__(self, node: Node, flow: Flow, rig: Rig, own: OwnCameras):
         self._rig, self._quality = rig, own.jpeg_quality
@@ -109,7 +108,7 @@ class ImagesSent:
         }
 
     def send(self, record: ViewFrame | DepthFrame) -> None:
-        """Send a record, if somebody subscribes."""
+        """Publish a record if its topic has a subscriber."""
         family, camera = ros_messages(), record.camera
         if isinstance(record, DepthFrame):
             if self._is_wanted("depth", camera):
@@ -131,11 +130,12 @@ class ImagesSent:
 
 
 class LiveCameras:
-    """Reads live cameras, each in a thread of its own.
+    """Reader of live cameras, with one thread per camera.
 
     Args:
-        take: called with (input, image), on that thread.
-        failed: called with what ended a camera.
+        sent: Called with each image on that thread, see `ImagesSent.send`.
+        take: Called with (input, image) on that thread.
+        failed: Called with the error that ended a camera.
     """
 
     def __init__(
@@ -182,18 +182,20 @@ class LiveCameras:
 
 
 class RecordingsRead:
-    """The records of cameras of a recording, taken when the stages want them.
+    """Reader of recordings: it takes records of cameras when the stages need them.
 
     Args:
-        sent: see `ImagesSent.send`.
-        stage: looks ahead at the images of different cameras side by side; None: nobody does.
-        credit: of what comes out of the graph, where stages of another process follow. Cameras then go on
-            side by side, as a stage further down may wait for any of them; without, in the order of the host.
-        shifts: by camera, ns: from its stamps to those of what comes out.
-        note: see `open_recording`.
+        sent: See `ImagesSent.send`.
+        stage: Detection stage that processes images of different cameras in parallel, ahead of the pipeline.
+            None: no look-ahead.
+        credit: Flow control by the output of the graph, if stages of other processes follow. The cameras then
+            advance evenly, because a later stage may wait for any of them. None: records are read in the
+            order of the host.
+        shifts: By camera, ns: added to its timestamps for a comparison with those of the output.
+        note: See `open_recording`.
 
     Raises:
-        UserError: as the opening of sources.
+        UserError: if a source cannot be opened.
     """
 
     def __init__(
@@ -224,13 +226,14 @@ class RecordingsRead:
         self.keys = frozenset(self._records)
 
     def fetch(self, host: Host, put: Callable[[Key, Any], None], end: Callable[[Key], None]) -> bool:
-        """Hand over the record that the stages want next, or tell the end of them.
+        """Pass on the record that the stages need next, or the end of its topic.
 
         Args:
-            put: takes a record and its topic and camera. end: told of those of which no more comes.
+            put: Called with (topic and camera, record).
+            end: Called with the topic and camera that have ended.
 
         Returns:
-            whether there is more to do; False: the stages want something else, or nothing.
+            whether there is more to do. False: the stages wait for another input, or for none.
         """
         key = None if self._stopping.is_set() else self._next_key(host)
         if key is None:
@@ -257,7 +260,10 @@ class RecordingsRead:
         return min(self._records, key=lambda key: self._taken[key], default=None)
 
     def _has_room(self, key: Key) -> bool:
-        """Whether one more record may be under way; after a long time in any case, as its set may be lost."""
+        """Return whether one more record may be under way.
+
+        The result is always True after `STALL_S`, because the set of an earlier record may be lost.
+        """
         if self._credit is None or self._credit.wait(key[1], WAIT_S):
             self._waited_s = 0.0
             return True
@@ -277,12 +283,12 @@ def _told(items: Iterator[Any], sent: Callable[[Any], None]) -> Iterator[Any]:
 
 
 class OwnReading:
-    """Cameras of a node: recordings, or live.
+    """Cameras of a node: recordings or live cameras.
 
     Args:
-        put: takes (topic and camera, record) when the stages want it (replay), on the node's worker.
-        end: told of the topics and cameras of which no more comes.
-        note: takes what is known after the last frame of a recording.
+        put: Called with (input, record) on the node's worker when the stages need the record (replay).
+        end: Called with each topic and camera that has ended.
+        note: Called with notices after the last frame of a recording.
     """
 
     def __init__(
@@ -305,12 +311,12 @@ class OwnReading:
 
     @property
     def table(self) -> Table:
-        """The rows of stages, with what was looked at ahead in the place of detection."""
+        """Return the table of stages; if images are processed ahead, detection is replaced."""
         return NODES if self.looks is None else TABLE
 
     @property
     def looks(self) -> SideBySide | None:
-        """What looks ahead at images (replay), if they do not influence each other."""
+        """Return the look-ahead detection (replay); None if images influence each other."""
         return None if self._recordings is None else self._recordings.looks
 
     def open(
@@ -324,10 +330,12 @@ class OwnReading:
         """Open recordings (replay).
 
         Args:
-            configs: of the node's stages. used: ports that a parameter switches on. shifts: by camera, ns.
+            configs: Configurations of the node's stages.
+            used: Ports that a parameter switches on.
+            shifts: By camera, ns.
 
         Raises:
-            UserError: as the opening of sources.
+            UserError: if a source cannot be opened.
         """
         if not self._own.sources or self._flow.name == "live":
             return
@@ -342,7 +350,10 @@ class OwnReading:
         self._recordings = RecordingsRead(self._own, rig, self._sent(rig), ahead, credit, shifts, self._note)
 
     def owners(self, owners: Mapping[str, list[str]]) -> dict[str, list[str]]:
-        """Who gives each topic to the stages: of cameras that are read here, what their recordings hold."""
+        """Return the owners of each topic.
+
+        A camera that is read here counts only if its recording has the topic.
+        """
         if self._recordings is None:
             return dict(owners)
         keys = self._recordings.keys
@@ -352,30 +363,33 @@ class OwnReading:
         }
 
     def reads(self, topic: str, owner: str) -> bool:
-        """Whether what a camera gives on a topic is read here; a device of its name may hear or move."""
+        """Return whether this node reads a topic of a camera itself.
+
+        A device with the name of a camera may have audio or IMU topics, which are not read here.
+        """
         return TOPICS[topic].scope == "camera" and owner in self._own.sources
 
     def inputs(self, present: Sequence[Key]) -> list[OwnInput]:
-        """The inputs of those of the topics and owners that are read here."""
+        """Make and return the inputs of those topics and owners that are read here."""
         self._inputs = {key: own_input(self._node, *key) for key in present if self.reads(*key)}
         return list(self._inputs.values())
 
     def start(
         self, rig: Rig, take: Callable[[OwnInput, ViewFrame], None], failed: Callable[[PanopticError], None]
     ) -> None:
-        """Begin to read live cameras; see `LiveCameras`."""
+        """Start to read live cameras; see `LiveCameras`."""
         if self._own.sources and self._flow.name == "live":
             inputs = {camera: self._inputs["image", camera] for camera in self._own.sources}
             self._live = LiveCameras(self._own, rig, inputs, self._sent(rig), take, failed)
 
     def fetch(self, host: Host | None) -> bool:
-        """Hand over what the stages want next of a recording; whether there is more to do."""
+        """Pass on the next record that the stages need from a recording; return whether more is to do."""
         if self._recordings is None or host is None:
             return False
         return self._recordings.fetch(host, self._came, self._end)
 
     def duration_ns(self, stage: str, step_ns: int) -> int:
-        """Of a step of a stage: where images were looked at ahead, of that look."""
+        """Return the duration (ns) of a step, or of the look-ahead detection that replaced it."""
         ahead = self.looks is not None and self.table[stage] is not NODES[stage]
         return self.looks.duration_ns if self.looks is not None and ahead else step_ns
 

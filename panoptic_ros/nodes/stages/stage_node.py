@@ -1,6 +1,7 @@
-"""The one adapter round stages: a node that declares, waits for rig and skeleton model, and starts them.
+"""Adapter that runs stages as a ROS node.
 
-Telling in the log and on /diagnostics that a node compiles kernels, and takes no data meanwhile.
+The node declares the parameters, waits for rig and skeleton model, and starts the stages. While it compiles
+kernels it takes no data, and it reports this in the log and on /diagnostics.
 """
 
 from __future__ import annotations
@@ -45,16 +46,16 @@ TELL_S = 1.0
 
 
 class Compilation:
-    """What is being compiled now, from when this is made until `close`.
+    """Monitor of kernel compilations, active from construction until `close`.
 
     Args:
-        tell: called when something begins to be compiled, at most once a second, in the thread that does it.
-        clock: s.
+        tell: Called when a compilation begins, at most once a second, in the thread that compiles.
+        clock: Returns a monotonic time, s.
     """
 
     def __init__(self, logger: Any, tell: Callable[[], None], clock: Callable[[], float] = time.monotonic):
         self._logger, self._tell, self._clock = logger, tell, clock
-        self._under_way: list[str] = []  # a kernel, then what it needs
+        self._under_way: list[str] = []  # names: a kernel, then the kernels that it calls
         self._logged = False
         self._told_s = -TELL_S
         self._stack = ExitStack()
@@ -62,12 +63,12 @@ class Compilation:
 
     @property
     def kernel(self) -> str:
-        """The name of what is being compiled; "" if nothing is."""
+        """Return the name of the kernel that is being compiled; "" if there is none."""
         names = self._under_way
         return names[0].removeprefix("panoptic_ros.") if names else ""
 
     def close(self) -> None:
-        """Watch no more."""
+        """Stop monitoring."""
         self._stack.close()
 
     def _begins(self, kernel: str) -> None:
@@ -86,27 +87,33 @@ class Compilation:
         self._under_way = self._under_way[:-1]
 
 
-Extras = Callable[[Node, str, SkeletonModel], Mapping[str, Any]]  # what stages need beyond the context
+Extras = Callable[[Node, str, SkeletonModel], Mapping[str, Any]]  # extras of the stage context
 
 
 class StageNode(GatheringNode):
-    """A node that runs one or more connected stages of `graph.nodes.NODES`.
+    """Node that runs one or more connected stages of `graph.nodes.NODES`.
 
-    Records go from stage to stage as they are; messages are made for topics that leave the process or that
-    somebody subscribes to. Waits for the latched rig and skeleton model, then builds the stages. A message
-    with bad content is counted, reported on /diagnostics and dropped; any other error ends the node (see
-    `fault`).
+    Records pass from stage to stage without conversion. Messages are made for topics that leave the process
+    or have a subscriber. The node waits for the latched rig and skeleton model, then builds the stages. A
+    message with bad content is counted, reported on /diagnostics and dropped. Any other error ends the node
+    (see `fault`).
 
-    Parameters: those of the stages' configurations, of several stages as `<stage>.<name>`; `flow` (live or
-    replay), `replay_window` (see `graph.flow`), `cameras` (only these; empty: all of the rig); `graph`: all
-    stages that run in the graph (empty: those that this node needs), and the ports that parameters of them
-    switch on; `shifts`: "camera or topic=ns", see `graph.host.Lane` (replay);
-    inputs as in `nodes.stages.inputs.InputChoice`.
+    The node declares the parameters of the stages' configurations, as `<stage>.<name>` if it has several
+    stages. It selects inputs as in `nodes.stages.inputs.InputChoice`.
+
+    Parameters:
+        flow: live or replay, see `graph.flow`.
+        replay_window: See `graph.flow`.
+        cameras: Names of the cameras to use. Empty: all cameras of the rig.
+        graph: All stages that run in the graph, and the ports that their parameters switch on. Empty: those
+            of this node.
+        shifts: "camera or topic=ns", see `graph.host.Lane` (replay).
 
     Args:
-        stages: names.
-        extras: what stages need beyond the context, by (node, prefix of its parameters, skeleton).
-        own: cameras that the node reads itself; their images are sent only to those who subscribe.
+        stages: Names.
+        extras: By stage: a function (node, prefix of its parameters, skeleton) -> extras of the stage
+            context.
+        own: Cameras that the node reads itself. Their images are published only for subscribers.
     """
 
     def __init__(
@@ -138,7 +145,7 @@ class StageNode(GatheringNode):
         used = {*graph, *ports_in_use(configs)}
         everywhere = [stage for stage in NODES if stage in {*graph, *names}]
         self._chosen = ChosenStages(configs, everywhere, used, shifts)
-        self._work: StageWork | None = None  # once rig and skeleton model are there
+        self._work: StageWork | None = None  # set when rig and skeleton model have arrived
         self._fault: PanopticError | None = None
         self._tally = Tally(self.get_logger(), names)
         choice = InputChoice(self, Wiring(names, table=rows_in_use(used)).inputs, graph)
@@ -195,38 +202,38 @@ class StageNode(GatheringNode):
 
     @property
     def _at_work(self) -> StageWork:
-        """The stages, which are there before the worker begins and before anything comes."""
+        """Return the stages, which exist before the worker starts and before messages arrive."""
         assert self._work is not None
         return self._work
 
     @property
     def fault(self) -> PanopticError | None:
-        """What ended this node, if anything did."""
+        """Return the error that ended this node; None if there was none."""
         return self._fault or self._worker.fault
 
     @property
     def healthy(self) -> bool:
-        """False after a fault or a bug."""
+        """Return False after a fault or a bug."""
         return self._fault is None and self._worker.alive
 
     @property
     def configs(self) -> Mapping[str, Config]:
-        """The configuration of each stage."""
+        """Return the configuration of each stage."""
         return self._chosen.configs
 
     @property
     def statistics(self) -> Mapping[str, StageStatistics]:
-        """What each stage counted."""
+        """Return the counters of each stage."""
         return self._tally.statistics
 
     def close(self) -> None:
-        """Stop the worker, and what reads cameras."""
+        """Stop the worker and the camera readers."""
         self._reading.close()
         self._worker.stop()
         self._compilation.close()
 
     def _look(self) -> None:
-        """What the stages are at, for /diagnostics."""
+        """Update the current activity of the stages for /diagnostics."""
         stage, since_ns = self._work.pipeline.stepping if self._work is not None else ("", 0)
         self._health.doing = Doing(stage, since_ns, self._compilation.kernel)
         self._health.awaited, self._health.unfit = self._facts.missing, self._facts.unfit
@@ -259,7 +266,7 @@ class StageNode(GatheringNode):
         self._fault = error
 
     def _hand_over(self) -> None:
-        """Let others keep what the stages remember; taken between two records."""
+        """Publish the states of the stages for the keeper, between two records."""
         kept = self._kept
         if kept is not None:
             self._worker.note(lambda: self._at_work.publish_states(kept))

@@ -1,10 +1,8 @@
-"""The stages of a node at work: messages in, one step after the other, messages out.
+"""Work of a stage node: messages in, one step after the other, messages out.
 
-What a node publishes: a message only where somebody wants one.
-
-Pausing and resuming a live node by a service, in place of a lifecycle: it keeps what it knows.
-
-How records reach the stages of a node: live as they come, in replay in the order of their places.
+Live records reach the stages as they arrive, replayed records in the order of their places. Messages are
+published only where they are wanted. A live node is paused and resumed by a service instead of a ROS
+lifecycle, so it keeps its state.
 """
 
 from __future__ import annotations
@@ -51,11 +49,13 @@ class Outputs:
     """Publishers of topics.
 
     Args:
-        leaving: keys of topics that are always published; others only while somebody subscribes.
-        ends: tells the ends of topics (replay).
+        leaving: Keys of topics that are always published. Others are published only while they have a
+            subscriber.
+        ends: Announces the ends of topics (replay).
 
     Attributes:
-        origins: of records that go on inside of messages that leave the process.
+        origins: Messages that records were decoded from. A published message that contains such a record
+            reuses its original message.
     """
 
     def __init__(self, node: Node, flow: Flow, leaving: Collection[str], ends: StreamEnds):
@@ -77,7 +77,7 @@ class Outputs:
         return len(self._publishers)
 
     def publish(self, topic: str, record: Any, rig: Rig) -> None:
-        """Publish a record, if it leaves the process or somebody subscribes."""
+        """Publish a record if it leaves the process or its topic has a subscriber."""
         key = topic, owner_of(topic, record)
         publisher = self._publishers[key]
         if topic not in self._leaving and not publisher.get_subscription_count():
@@ -86,8 +86,10 @@ class Outputs:
         self._sent[key] = self._sent.get(key, 0) + 1
 
     def end(self, topic: str, owner: str | None = None) -> None:
-        """Tell that no more comes on a topic, of one camera or device or (None) of all that were not told
-        yet.
+        """Announce the end of a topic.
+
+        Args:
+            owner: Camera or device. None: all owners whose end was not announced yet.
         """
         for key in [key for key in self._publishers if key[0] == topic and owner in (None, key[1])]:
             if self._sent.get(key, 0) >= 0:
@@ -99,19 +101,20 @@ SERVICE = "std_srvs/srv/SetBool"
 
 
 class Pausing:
-    """Offers `~/pause`: true = take nothing that comes from now on, false = go on.
+    """Service `~/pause` of a node: `true` discards all further messages, `false` resumes.
 
-    Identities, tables of noise and clocks stay; people who were there are found again where they are by then.
+    Identities, noise tables and clocks are kept. After a pause, people are re-identified at their new
+    positions.
     """
 
     def __init__(self, node: Node):
         self._node = node
         self.paused = False
-        self.left_out = 0  # messages since it was paused
+        self.left_out = 0  # messages discarded since the pause began
         self._service = node.create_service(service_class(SERVICE), "~/pause", self._asked)
 
     def leaves_out(self) -> bool:
-        """Whether a message that has come is left out; counts it."""
+        """Return whether to discard an arrived message, and count it if so."""
         self.left_out += self.paused
         return self.paused
 
@@ -133,8 +136,12 @@ class Pausing:
 
 
 class Arrival(NamedTuple):
-    """What has come on a topic of a camera or device, and when, on the monotonic clock; record None: it could
-    not be used."""
+    """Record that has arrived on a topic of a camera or device.
+
+    Args:
+        record: None if the message was unusable.
+        came_ns: Time of arrival on the monotonic clock.
+    """
 
     topic: str
     owner: str
@@ -144,20 +151,23 @@ class Arrival(NamedTuple):
 
 
 class Delivery(Protocol):
-    """All methods are called on the node's worker."""
+    """Interface that passes records to the stages.
+
+    All methods are called on the node's worker thread.
+    """
 
     def take(self, arrivals: Sequence[Arrival]) -> None:
-        """What has come, of one instant where it is known to be."""
+        """Process records; they are of one instant if that is possible."""
 
     def wait(self) -> None:
-        """Until no stage is at work."""
+        """Wait until no stage is busy."""
 
 
 class LiveDelivery:
-    """Stages take records as they come.
+    """Delivery of records in the order of their arrival.
 
     Args:
-        now_ns: the clock that stamps of cameras should be on.
+        now_ns: Returns the time of the clock that cameras should use for timestamps.
     """
 
     def __init__(self, under_way: UnderWay, now_ns: Callable[[], int] = time.time_ns):
@@ -175,10 +185,10 @@ class LiveDelivery:
 
 
 class ReplayDelivery:
-    """Stages take records in the order of their places, whatever comes first (see `graph.host`).
+    """Delivery of records in the order of their places, independent of their arrival (see `graph.host`).
 
     Args:
-        on_over: called when all topics have ended and all is taken; may be called again.
+        on_over: Called when all topics have ended and all records are processed. It may be called repeatedly.
     """
 
     def __init__(self, host: Host, on_over: Callable[[], None]):
@@ -190,10 +200,10 @@ class ReplayDelivery:
         self._advance()
 
     def wait(self) -> None:
-        """One record is taken after the other."""
+        """Do nothing: records are processed one at a time."""
 
     def end(self, key: Key) -> None:
-        """No more comes on a topic of a camera or device."""
+        """End a topic of a camera or device."""
         self.host.end(*key)
         self._advance()
 
@@ -205,10 +215,10 @@ class ReplayDelivery:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a node has before rig and skeleton model come.
+    """Objects of a node that exist before rig and skeleton model arrive.
 
     Args:
-        reports: what is told of records on /diagnostics, by the name of their class.
+        reports: Receivers of records for /diagnostics, by record class name.
         kept, pausing: None in replay.
     """
 
@@ -229,11 +239,13 @@ class Surroundings:
 
 @dataclass(frozen=True)
 class ChosenStages:
-    """The stages of a node, as its parameters choose them.
+    """Stages of a node and their configurations, as selected by its parameters.
 
     Args:
-        configs: by stage. everywhere: all stages that run in the graph.
-        used: ports that parameters switch on. shifts: see `StageNode`.
+        configs: Configurations by stage.
+        everywhere: All stages that run in the graph.
+        used: Ports that parameters switch on.
+        shifts: See `StageNode`.
     """
 
     configs: Mapping[str, Config]
@@ -243,11 +255,12 @@ class ChosenStages:
 
 
 class StageWork:
-    """Takes what comes, lets the stages step and publishes what they give; all but the start, `_receive` and
-    `_take_own` on the node's worker.
+    """Main loop of a node: takes messages, runs the stages and publishes their output.
+
+    Everything except the start, `_receive` and `_take_own` runs on the node's worker.
 
     Raises:
-        PanopticError: if a stage cannot be made of its configuration.
+        PanopticError: if a stage cannot be made from its configuration.
     """
 
     def __init__(self, around: Surroundings, chosen: ChosenStages, context: StageContext):
@@ -257,7 +270,7 @@ class StageWork:
         self._inputs: dict[str, Input] = {}  # by full name
         self._companions = Companions((), ())
         self._times = AlignedTimes(context.rig.names)
-        # stamps of a named clock agree once sync has corrected them
+        # Timestamps of named clocks agree only after sync has corrected them.
         named = any(camera.clock for camera in context.rig.cameras) or "clocks" in chosen.everywhere
         self._has_common_clock = not named
         reading, tally = around.reading, around.tally
@@ -292,10 +305,11 @@ class StageWork:
     # -------------------------------------------------------------- start
 
     def start(self, states: Mapping[str, bytes], failed: Callable[[PanopticError], None]) -> None:
-        """Begin to take what comes.
+        """Start to process messages.
 
         Args:
-            states: what stages remembered, by stage. failed: told why a live camera of the node has ended.
+            states: Kept states by stage.
+            failed: Called with the error that ended a live camera of the node.
         """
         around, present, ports = self._around, self._present, self.pipeline.wiring.inputs
         self._take_over(states)
@@ -306,7 +320,7 @@ class StageWork:
         around.worker.start(queue_for(self.pipeline.wiring, around.flow, present, self._full))
         self._subscribe()
         around.reading.start(self._rig, self._take_own, failed)
-        gc.freeze()  # what is there by now stays; to look through it takes longer than a period
+        gc.freeze()  # existing objects stay alive; scanning them takes longer than a camera period
         self._logger.info(f"ready: {len(self._inputs)} topics in, {len(self._outputs)} out")
 
     def _open_outputs(self) -> Outputs:
@@ -337,7 +351,7 @@ class StageWork:
                     around.ends.watch(entry.name)
 
     def _take_over(self, states: Mapping[str, bytes]) -> None:
-        """Begin with what stages of this name remembered, each by itself."""
+        """Resume from kept states, stage by stage; a stage whose state is unusable starts empty."""
         for stage, state in states.items():
             try:
                 self.pipeline.begin({stage: state})
@@ -346,14 +360,14 @@ class StageWork:
                 self._logger.warning(f"stage {stage} begins anew: {error}")
 
     def publish_states(self, kept: KeptStates) -> None:
-        """Hand over what the stages remember."""
+        """Hand over the states of the stages to the keeper."""
         self._delivery.wait()
         kept.publish(self.pipeline.lasting_state)
 
     # --------------------------------------------------------------- work
 
     def _receive(self, entry: Input, queue: str, stamp_ns: int, data: bytes | ViewFrame) -> None:
-        """Enqueue a message, with those that belong to it."""
+        """Enqueue a message together with its companions, e.g. the depth map of an image."""
         if self._around.pausing is not None and self._around.pausing.leaves_out():
             return
         item = Item(entry.topic, entry.owner, stamp_ns, (entry, data), time.monotonic_ns())
@@ -363,7 +377,10 @@ class StageWork:
             self._around.worker.put(key, self._time_of(last), bundle)
 
     def _time_of(self, item: Item) -> int:
-        """Return the time by which an item is put with others, ns; live, that of arrival for wrong stamps."""
+        """Return the time by which an item is grouped with others, ns.
+
+        In live flow, images with a wrong timestamp get their time of arrival.
+        """
         if not self._live or item.topic != "image":
             return item.stamp_ns
         time_ns, notices = self._times.time_of(item.owner, item.stamp_ns, item.came_ns, self._now_ns())
@@ -372,7 +389,7 @@ class StageWork:
         return time_ns
 
     def do(self, batch: Sequence[Any]) -> None:
-        """What is enqueued are messages with those that belong to them, or calls."""
+        """Process a batch from the queue: either bundles of messages, or a single call."""
         if callable(batch[0]):
             batch[0]()
         else:
@@ -392,22 +409,22 @@ class StageWork:
         self._delivery.take(arrivals)
 
     def _take_own(self, entry: OwnInput, frame: ViewFrame) -> None:
-        """A live camera of this node has given an image; on the camera's thread."""
+        """Count and enqueue an image of a live camera of this node; runs on the camera's thread."""
         overtaken = entry.came(frame, self._age_ns(frame))
         if overtaken:
             self._entrance.lost(entry, "overtaken", overtaken)
         self._receive(entry, f"{entry.topic} {entry.owner}", frame.stamp_ns, frame)
 
     def put_own(self, entry: OwnInput, record: Any) -> None:
-        """The next record of a recording of this node."""
+        """Process the next record of a recording of this node."""
         self._work_on([(Item(entry.topic, entry.owner, record.stamp_ns, (entry, record)),)])
 
     def end(self, key: Key) -> None:
-        """No more comes of a recording of this node."""
+        """End a topic of a recording of this node."""
         self._replay.end(key)
 
     def fetch(self) -> bool:
-        """Take what the stages want next of a recording of this node; whether there is more to do."""
+        """Read the next record that the stages need from a recording; return whether there is more to do."""
         delivery = self._delivery
         return isinstance(delivery, ReplayDelivery) and self._around.reading.fetch(delivery.host)
 
@@ -421,14 +438,18 @@ class StageWork:
         return now_of(self._around.node)
 
     def _age_ns(self, record: Any) -> int | None:
-        """Since the stamp of a record (live)."""
+        """Return the time since the timestamp of a record, ns; None in replay or without timestamp."""
         stamp_ns = getattr(record, "stamp_ns", None)
         if stamp_ns is None or not self._live:
             return None
         return int(now_of(self._around.node) - stamp_ns)
 
     def _refused(self, stage: str, error: DataError) -> None:
-        """A stage has refused a record. One that refuses all is spoilt, e.g. by a record that looked good."""
+        """Count a refused record.
+
+        A live stage that refuses all records is reset: its state is corrupt, e.g. from a bad record that
+        looked valid.
+        """
         self._around.tally.refuse(stage, error)
         if self._live and self._around.tally.refuses_all(stage):
             self._delivery.wait()
@@ -438,10 +459,14 @@ class StageWork:
     def _stepped(self, stage: str, duration_ns: int) -> None:
         self._around.tally.stepped(stage, self._around.reading.duration_ns(stage, duration_ns))
 
-    # ---------------------------------------------------------------- what changes, and the end
+    # ---------------------------------------------------------------- changes and end
 
     def change_rig(self, rig: Rig, used: Rig) -> Sequence[str]:
-        """Work with another rig (`used`: its cameras of this node); gives the stages that begin anew."""
+        """Adopt another rig; return the stages that restart with an empty state.
+
+        Args:
+            used: The rig with the cameras of this node only.
+        """
         self._delivery.wait()
         self._around.facts.take_over(rig)
         return self.pipeline.change_rig(used)
@@ -452,16 +477,16 @@ class StageWork:
         return self._delivery
 
     def topic_over(self, name: str) -> None:
-        """All messages of a topic have been taken (replay)."""
+        """End a topic after all its messages have been processed (replay)."""
         entry = self._inputs[name]
         self._replay.end((entry.topic, entry.owner))
 
     def _owner_over(self, topic: str, owner: str) -> None:
-        """The stages give no more of a camera or device."""
+        """Announce the end of an output topic of a camera or device (replay)."""
         if not self._live:
             self._outputs.end(topic, owner)
 
 
 def _is_taken(topic: str) -> bool:
-    """Whether a stage of the table takes a topic."""
+    """Return whether a stage of the table takes a topic."""
     return any(port.topic == topic for spec in NODES.values() for port in spec.inputs)

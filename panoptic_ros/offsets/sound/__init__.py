@@ -1,11 +1,12 @@
-"""Sound: the clocks of cameras from what their microphones hear, without timecode (Elhayek et al. 2012, 3).
+"""Estimate the clocks of cameras from the sound of their microphones, without timecode.
 
-In: the sound of every device on its own clock. Out: per camera an offset and a drift with standard
-deviations, as `CameraClocks`, the same as from motion. It needs no first guess: offsets of minutes are found
-as well as those of milliseconds. Who knows the microphones' positions gets smaller deviations.
+The method follows Elhayek et al. 2012, 3. Input: the sound of every device on its own clock. Output: an
+offset and a drift per camera with standard deviations, as `CameraClocks`, as from motion. No initial guess is
+needed: offsets of minutes are found as well as offsets of milliseconds. Known microphone positions reduce the
+standard deviations.
 
-Limits: sound takes 3 ms for every metre, and where its sources stand is not known; that is stated. Whatever a
-device has between its sound and its images is invisible to sound.
+Limits: sound travels 3 ms per metre, and the positions of its sources are unknown. The standard deviations
+include that. A delay between the sound and the images of a device is not observable from sound.
 """
 
 from panoptic_ros.offsets.sound.heard import HeardClocks, PairHeard

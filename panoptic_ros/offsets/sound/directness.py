@@ -1,9 +1,10 @@
-"""How directly two microphones hear what is said, from the phases of their waveforms.
+"""Measure how directly two microphones receive a sound, from the phases of their waveforms.
 
-In a room a waveform comes straight and then over the walls. Where two microphones hear it, their generalised
-cross correlation with phase transform (Knapp and Carter 1976) has a peak, which is the higher the more of the
-energy came straight to both. Beside a talker what is heard is dry, far from him it is followed by its tail:
-then most of the correlation lies on the far one's side of the peak. The peak itself may be an echo's.
+In a room, the direct sound is followed by reflections from the walls. The generalised cross correlation with
+phase transform (GCC-PHAT, Knapp and Carter 1976) of two microphones has a peak. The peak is higher, the more
+energy reaches both microphones directly. Close to a talker the sound is dry. Far away, a reverberation tail
+follows it. Most of the correlation then lies on the side of the peak that belongs to the far microphone. The
+peak itself may be that of an echo.
 """
 
 from __future__ import annotations
@@ -13,29 +14,37 @@ from dataclasses import dataclass
 import numpy as np
 
 Array = np.ndarray
-LOW, HIGH = 200, 4000  # Hz: above it clocks that drift apart by 1e-4 do not agree within a part
-SIZE = 8192  # lags of a second
-PARTS = 2  # of a second each, in a window
-NEAR_S = 0.025  # around the lag of onsets in which the peak lies: later than straight, by the room
-BESIDE_S, TAIL_S = 0.0005, 0.06  # from the peak, where the correlation is tail
-LEVELS = 256  # of a phase
+LOW, HIGH = 200, 4000  # Hz, band limits; above, clocks that drift apart by 1e-4 do not agree within a part
+SIZE = 8192  # lags per second
+PARTS = 2  # number of parts of 1 s in a window
+NEAR_S = 0.025  # s around the onset lag, search range of the peak: a room delays onsets against direct sound
+BESIDE_S, TAIL_S = 0.0005, 0.06  # s from the peak, limits of the correlation tail
+LEVELS = 256  # quantisation levels of a phase
 TURN = np.exp(2j * np.pi * np.arange(LEVELS) / LEVELS).astype(np.complex64)
 
 
 @dataclass(frozen=True, eq=False)
 class Phases:
-    """Of K windows of a device: phases (K, PARTS, HIGH - LOW) uint8 in 1/256 of a turn; there (K, PARTS)."""
+    """Spectral phases in K windows of a device.
+
+    Args:
+        phases: (K, PARTS, HIGH - LOW) uint8, in 1/256 of a turn.
+        there: (K, PARTS) bool, True if the part has sound.
+    """
 
     phases: Array
     there: Array
 
     @classmethod
     def nothing(cls, count: int) -> Phases:
-        """Before anything is heard."""
+        """Return `count` windows without sound."""
         return cls(np.zeros((count, PARTS, HIGH - LOW), np.uint8), np.zeros((count, PARTS), bool))
 
     def hear(self, window: int, samples: Array, rate: int) -> None:
-        """Take the samples (N, C) of a window; where all are alike, or the rate has no such band, nothing."""
+        """Store the phases of the samples (N, C) of a window.
+
+        Parts with constant samples are skipped. So are all parts if the sample rate does not cover the band.
+        """
         if rate <= 2 * HIGH:
             return
         taper = np.hanning(rate)
@@ -51,12 +60,12 @@ class Phases:
 
 @dataclass(frozen=True, eq=False)
 class Directness:
-    """Of P pairs of devices in K windows, NaN where not heard.
+    """Directness of P pairs of devices in K windows, NaN without common sound.
 
     Args:
         first, second: (P,) devices.
-        heights: (P, K) of the peak, 1 where both hear the same.
-        tails: (P, K) log of the correlation's energy after the peak over that before it.
+        heights: (P, K) height of the correlation peak, 1 for identical sound.
+        tails: (P, K) log ratio of the correlation energy after the peak to that before it.
     """
 
     first: Array
@@ -66,10 +75,10 @@ class Directness:
 
 
 def directness(first: Phases, second: Phases, lags: Array) -> tuple[Array, Array]:
-    """Heights (K,) and tails (K,) of two devices, see `Directness`.
+    """Return the heights (K,) and tails (K,) of two devices, see `Directness`.
 
     Args:
-        lags: (K,) s by which onsets in a window of the second are later; NaN = not heard.
+        lags: (K,) s by which the onsets in a window of the second device are later; NaN = no common sound.
     """
     heights, tails = np.full(len(lags), np.nan), np.full(len(lags), np.nan)
     both = first.there & second.there
@@ -83,7 +92,7 @@ def directness(first: Phases, second: Phases, lags: Array) -> tuple[Array, Array
         near = round(float(lags[k]) * SIZE) + np.arange(-int(NEAR_S * SIZE), int(NEAR_S * SIZE) + 1)
         peak = int(near[np.argmax(agreement[near % SIZE])])
         beside = np.arange(int(BESIDE_S * SIZE), int(TAIL_S * SIZE))
-        chance = len(beside) / (2.0 * values)  # energy of phases that have nothing to do with each other
+        chance = len(beside) / (2.0 * values)  # energy of unrelated phases
         after, before = (
             max(float((agreement[(peak + side * beside) % SIZE] ** 2).sum()) - chance, 0.3 * chance)
             for side in (1, -1)

@@ -1,4 +1,4 @@
-"""What sound tells of clocks, and why it tells nothing where it does not."""
+"""Derive camera clocks from the sound of their devices, with reasons for clocks that stay unknown."""
 
 from __future__ import annotations
 
@@ -18,11 +18,14 @@ SECOND = 1_000_000_000
 
 @dataclass(frozen=True)
 class PairHeard:
-    """What two devices heard together.
+    """Common sound of two devices.
 
     Args:
-        windows, clear: that both recorded, and in which they agree beyond doubt.
-        linked: whether their lag is known from their sounds. why: a few words if not.
+        first, second: names of the devices.
+        linked: True if their lag is known from their sound.
+        windows: (count) windows that both recorded.
+        clear: (count) windows in which they agree beyond doubt.
+        why: short reason if they are not linked.
     """
 
     first: str
@@ -35,15 +38,16 @@ class PairHeard:
 
 @dataclass(frozen=True, eq=False)
 class HeardClocks:
-    """The clocks of cameras by the sound of their devices.
+    """Clocks of cameras from the sound of their devices.
 
     Args:
-        clocks: as from motion; known where the sound tells, whatever the deviation.
-        pairs: of devices. unknown: {camera: why its clock is not known}.
-        apart_s: farthest way of sound between two linked devices, over its speed.
-        placed: whether that is from known positions.
-        middles_ns: (C,) what the cameras' own clocks show in the middle of what was heard together, for which
-            offsets are stated; the clocks' reference where one is not known.
+        clocks: camera clocks, as from motion. A clock is known if sound gives it, for any standard deviation.
+        pairs: pairs of devices.
+        unknown: {camera: reason why its clock is unknown}.
+        apart_s: (s) travel time of sound over the largest distance of two linked devices.
+        placed: True if that distance comes from known positions.
+        middles_ns: (C,) ns, time of each camera clock in the middle of the common sound. Offsets are stated
+            for that time. For unknown clocks, it is the reference of the clocks.
     """
 
     clocks: CameraClocks
@@ -57,13 +61,14 @@ class HeardClocks:
 def clocks_of(
     settled: Settled, times: Sequence[DeviceTime], cameras: Mapping[str, int], trusted: str
 ) -> CameraClocks:
-    """The clocks of cameras, those that no device knows with an offset of 0.
+    """Return the clocks of cameras; cameras without a linked device get an offset of 0.
 
-    Where most clocks agree they are right. Otherwise the one that is farthest ahead counts, so that no stamp
-    falls below 0; or the trusted one.
+    The reference clock is that of the trusted camera. Without one, it is a clock of the majority if most
+    clocks agree. Otherwise it is the clock that is farthest ahead, so that no timestamp becomes negative.
 
     Args:
-        times: of D devices. cameras: the device of each camera, or -1.
+        times: sample time of D devices.
+        cameras: device index of each camera, or -1.
     """
     lines, count = settled.lines, len(times)
     linked = np.isfinite(lines.offsets)
@@ -77,13 +82,14 @@ def clocks_of(
     base = cameras[trusted] if trusted else _base(shown, devices[known], settled.covariance)
     reference = shown[base]
     offsets, drifts = np.zeros(len(names)), np.zeros(len(names))
-    state = np.zeros((2 * len(names), 2 * count))  # of cameras from devices
+    # (2 cameras, 2 devices) maps device states to camera states
+    state = np.zeros((2 * len(names), 2 * count))
     for c in np.flatnonzero(known):
         i = int(devices[c])
         ratio = speed[base] / speed[i]
         apart = 1e-9 * (reference - shown[i])
         offsets[c], drifts[c] = ratio * apart, ratio - 1.0
-        for device, sign in ((i, 1.0), (base, -1.0)):  # common = heard + offset + drift since
+        for device, sign in ((i, 1.0), (base, -1.0)):  # common = heard + offset + drift * since
             state[c, device] += sign
             state[c, count + device] += sign * apart
             state[len(names) + c, count + device] += sign
@@ -113,7 +119,7 @@ def clocks_of(
 def middles_of(
     settled: Settled, times: Sequence[DeviceTime], cameras: Mapping[str, int], clocks: CameraClocks
 ) -> Array:
-    """(C,) ns, see `HeardClocks.middles_ns`."""
+    """Return the times (C,) ns of `HeardClocks.middles_ns`."""
     lines = settled.lines
     shown = _shown(lines.heard(np.array([lines.middle]))[:, 0], times, np.isfinite(lines.offsets))
     own = [
@@ -124,7 +130,7 @@ def middles_of(
 
 
 def _shown(heard: Array, times: Sequence[DeviceTime], linked: Array) -> list[int]:
-    """What the clock of each device shows (ns) at a time heard; 0 where that is not known."""
+    """Return the clock time (ns) of each device at its sample time `heard` (s); 0 if it is unknown."""
     return [
         time.start_ns + round(SECOND * float(at) * (1.0 + time.excess)) if there else 0
         for at, time, there in zip(heard, times, linked)
@@ -132,7 +138,7 @@ def _shown(heard: Array, times: Sequence[DeviceTime], linked: Array) -> list[int
 
 
 def _base(shown: Sequence[int], devices: Array, covariance: Array) -> int:
-    """The device whose clock counts."""
+    """Return the index of the device whose clock is the reference."""
     ahead = int(devices[np.argmax([shown[i] for i in devices])])
     since = np.array([1e-9 * (shown[i] - shown[ahead]) for i in devices])
     variance = np.diag(covariance)[devices]

@@ -1,4 +1,4 @@
-"""One offset and drift for each device, from lags between pairs of them."""
+"""Estimate one offset and drift per device, from lags between pairs of devices."""
 
 from __future__ import annotations
 
@@ -7,24 +7,26 @@ from dataclasses import dataclass
 import numpy as np
 
 Array = np.ndarray
-PRIOR_DRIFT = 7e-5  # of crystals, standard deviation
-CAUCHY = 3.0  # standard deviations from which on an observation counts less
+PRIOR_DRIFT = 7e-5  # standard deviation of the drift of crystals
+CAUCHY = 3.0  # standard deviations beyond which an observation is down-weighted
 ROUNDS = 12
-PLACES = 4.0  # that sound may come from, at most: people stay where they are
-KEPT_S = 10.0  # for which who makes a sound stays where he is
-NOISE_S = 2e-3  # of what one window tells of a device, at least
-STRAY = 4.0  # standard deviations beyond which a window is left out
-LOOP_S = 0.01  # by which the lags of three devices may miss closing, those of one sound by echoes
-FEWEST = 3  # windows that show how much travel varies
+PLACES = 4.0  # maximum number of independent source positions: people stay where they are
+KEPT_S = 10.0  # s for which the source of sound stays at one position
+NOISE_S = 2e-3  # s, minimum noise of the arrival at a device in one window
+STRAY = 4.0  # standard deviations beyond which a window is dropped
+LOOP_S = 0.01  # s, tolerance of the sum of the lags of three devices for one sound, which echoes move off 0
+FEWEST = 3  # minimum number of windows to estimate the variation of travel times
 
 
 @dataclass(frozen=True, eq=False)
 class Lags:
-    """N lags: what the first device hears at some time, the second hears `lag` s later by their counts.
+    """N lags: the second device receives a sound `lag` s later than the first, by their sample counts.
 
     Args:
-        first, second: (N,) indices of devices. times: (N,) s, heard by the first. lags: (N,) s.
-        deviations: (N,) s.
+        first, second: (N,) indices of devices.
+        times: (N,) s, sample time of the first device.
+        lags: (N,) s.
+        deviations: (N,) s, standard deviations.
     """
 
     first: Array
@@ -36,10 +38,12 @@ class Lags:
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """Times heard by D devices: heard = common - offsets - drifts (common - middle), in s; NaN = not linked.
+    """Sample times of D devices: heard = common - offsets - drifts (common - middle), in s; NaN = not linked.
 
     Args:
-        middle: of the common time line, that of the first linked device.
+        offsets: (D,) s.
+        drifts: (D,) dimensionless.
+        middle: (s) middle of the common time line, which is that of the first linked device.
     """
 
     offsets: Array
@@ -47,16 +51,17 @@ class Lines:
     middle: float
 
     def heard(self, common: Array) -> Array:
-        """(D, K) times heard of (K,) common times."""
+        """Return the sample times (D, K) s of the common times (K,)."""
         since = common - self.middle
         return np.asarray(common - self.offsets[:, None] - self.drifts[:, None] * since)
 
 
 def fit_lines(count: int, members: Array, lags: Lags) -> Lines:
-    """Offsets and drifts of the linked devices, relative to the first of them, by robust least squares.
+    """Fit offsets and drifts of the linked devices relative to the first one, by robust least squares.
 
     Args:
-        members: indices of the linked devices; lags link them all.
+        count: number of devices D.
+        members: indices of the linked devices; the lags must link all of them.
     """
     offsets, drifts = np.full(count, np.nan), np.full(count, np.nan)
     offsets[members] = drifts[members] = 0.0
@@ -85,7 +90,7 @@ def fit_lines(count: int, members: Array, lags: Lags) -> Lines:
 
 
 def arrivals(first: Array, second: Array, lags: Array, weights: Array, count: int) -> Array:
-    """Arrivals (count,) s at devices in one window, of mean 0 over those that lags link; NaN elsewhere."""
+    """Return arrival times (count,) s in one window, with mean 0 over linked devices; NaN for others."""
     found = np.full(count, np.nan)
     linked = largest_group(count, first, second)
     if len(linked) < 2:
@@ -108,12 +113,13 @@ def arrivals(first: Array, second: Array, lags: Array, weights: Array, count: in
 
 
 def loops_close(first: Array, second: Array, lags: Array, count: int) -> Array:
-    """Which pairs (P,) of devices are confirmed by a third, with which their lags in one window add up to 0.
+    """Return which pairs (P,) of devices a third device confirms: the three lags of a window add up to 0.
 
-    Peaks of chance lie anywhere. Talk and claps of 40 s: of lags in no loop 10 to 60 % are false.
+    Chance peaks lie at any lag. In 40 s of talk and claps, 10 to 60 % of the lags in no loop are false.
 
     Args:
-        first, second: (P,) devices, first < second. lags: (P,) s.
+        first, second: (P,) devices, first < second.
+        lags: (P,) s.
     """
     table = np.full((count, count), np.nan)
     table[first, second], table[second, first] = lags, -lags
@@ -123,7 +129,7 @@ def loops_close(first: Array, second: Array, lags: Array, count: int) -> Array:
 
 
 def largest_group(count: int, first: Array, second: Array) -> Array:
-    """Indices of the largest group of devices that pairs link; one of them if several are as large."""
+    """Return the indices of the largest linked group of devices; any one of several equal groups."""
     group = np.arange(count)
     for a, b in zip(first, second):
         group[group == group[b]] = group[a]
@@ -133,7 +139,7 @@ def largest_group(count: int, first: Array, second: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """Lines with their covariance (2D, 2D) of (offsets, drifts), before the choice of whose clock counts."""
+    """Lines with the covariance (2D, 2D) of (offsets, drifts), before the choice of the reference clock."""
 
     lines: Lines
     covariance: Array
@@ -141,17 +147,19 @@ class Settled:
 
 
 def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Array) -> Settled:
-    """Lines corrected by what K windows tell, and how far to trust them.
+    """Return the lines corrected by K windows, with their covariance.
 
-    The delay of the air is an effect of its own for every place from which sound comes: what all windows
-    share of it cannot be told from the clocks. If the delays of windows scatter with variance s^2, and
-    those of any place with variance S, then the mean over the places is off with variance S - s^2,
-    be they one (s = 0) or many. What varies stays the same for some seconds.
+    Every source position adds its own travel delays. The part that all windows share cannot be distinguished
+    from clock offsets. Let s^2 be the variance of the delays over the windows, and S that over all possible
+    source positions. The mean over the actual positions then has an error of variance S - s^2, for one
+    position (s = 0) as for many. Delays that vary stay the same for some seconds.
 
     Args:
-        lines: to begin with. times: (K,) s on the common time line.
-        arrived: (D, K) s, arrivals beside those lines, NaN = not heard.
-        travel, spread: (D, K) or (D, 1) s, and (D, D) s^2, see `travel.Places`.
+        lines: initial lines.
+        times: (K,) s, windows on the common time line.
+        arrived: (D, K) s, arrival times relative to these lines; NaN without sound.
+        travel: (D, K) or (D, 1) s, expected travel delays, see `travel.Places`.
+        spread: (D, D) s^2, covariance of the travel delays, see `travel.Places`.
     """
     members = np.flatnonzero(np.isfinite(lines.offsets))
     count = len(lines.offsets)
@@ -161,7 +169,8 @@ def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Ar
     measured = arrived[members] - expected
     since = times - lines.middle
     variance = np.diag(spread)
-    noise = NOISE_S**2 * (1.0 - 1.0 / len(members)) / float(variance.mean())  # beside the mean of all
+    # relative to the mean of all devices
+    noise = NOISE_S**2 * (1.0 - 1.0 / len(members)) / float(variance.mean())
     effects = _Effects(1.0, 0.0, noise)
     state = np.zeros((len(members), 2))
     cover = np.zeros((len(members), 2, 2))
@@ -192,8 +201,13 @@ def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Ar
 
 @dataclass(frozen=True)
 class _Effects:
-    """Variances in units of that of the delay from any place: what all windows share, what stays for some
-    seconds, and what each window has of its own."""
+    """Variance components of a delay, in units of its variance over all source positions.
+
+    Args:
+        shared: variance of the part common to all windows.
+        kept: variance of the part that stays the same for some seconds.
+        own: variance of the independent part of each window.
+    """
 
     shared: float
     kept: float
@@ -201,7 +215,11 @@ class _Effects:
 
     @classmethod
     def of(cls, miss: Array, noise: float) -> _Effects:
-        """From residuals (M, K) in units of the deviation of the delay; noise: least that is own."""
+        """Estimate the components from residuals (M, K) in units of the delay's standard deviation.
+
+        Args:
+            noise: minimum of the component `own`.
+        """
         values, steps = miss[np.isfinite(miss)], np.diff(miss, axis=1)
         steps = steps[np.isfinite(steps)]
         windows = len(values) / len(miss)
@@ -214,7 +232,7 @@ class _Effects:
 
 
 def _line(values: Array, since: Array, variance: float, effects: _Effects) -> tuple[Array, Array]:
-    """Offset and slope of values (K,), with their covariance (2, 2)."""
+    """Return offset and slope of values (K,), with their covariance (2, 2)."""
     there = np.isfinite(values)
     values, since = values[there], since[there]
     kept = np.exp(-np.abs(since[:, None] - since) / KEPT_S)
@@ -227,7 +245,7 @@ def _line(values: Array, since: Array, variance: float, effects: _Effects) -> tu
 
 
 def _without_strays(miss: Array, roots: Array) -> Array:
-    """Residuals (M, K) with NaN where a device's lies far off all others."""
+    """Return the residuals (M, K), with outliers of each device replaced by NaN."""
     for i, root in enumerate(roots):
         own = miss[i][np.isfinite(miss[i])]
         if len(own):

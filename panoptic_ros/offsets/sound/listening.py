@@ -1,9 +1,9 @@
-"""The sound of a device as a stream: how its samples and its stamps belong together, and its onsets.
+"""Read the sound of a device as a stream: relation of samples to timestamps, and band energies.
 
-What is compared between microphones is not the waveform. A few metres away, behind the walls' echoes, hardly
-a tenth of the energy comes straight, and the peaks of a generalised cross correlation (GCC-PHAT) are as often
-an echo's. What all microphones share is when a sound begins: the rise of the energy in some bands over the
-noise floor (the onsets of Bello et al. 2005).
+Microphones are not compared by their waveforms. A few metres from a source, hardly a tenth of the energy
+arrives directly. The peaks of a generalised cross correlation (GCC-PHAT) then often belong to an echo. All
+microphones share the time at which a sound begins. It is the rise of the energy in some bands over the noise
+floor (the onsets of Bello et al. 2005).
 """
 
 from __future__ import annotations
@@ -18,23 +18,27 @@ from panoptic_ros.errors import DataError
 
 Array = np.ndarray
 SECOND = 1_000_000_000
-EDGES = np.geomspace(200.0, 6800.0, 9)  # Hz, of the bands
+EDGES = np.geomspace(200.0, 6800.0, 9)  # Hz, edges of the bands
 BANDS = len(EDGES) - 1
-USABLE = 0.47  # of the sample rate: what is above is not in the sound
+USABLE = 0.47  # share of the sample rate above which the sound has no content
 PIECE_S = 2.0
-STRAY_S = 0.05  # that stamps may lie beside a line through all
-MOST_STAMPS = 20_000  # that the line goes through
-FINEST = 4_000  # frames that are transformed together
+STRAY_S = 0.05  # s, maximum distance of timestamps from a line through all of them
+MOST_STAMPS = 20_000  # maximum number of timestamps for the line fit
+FINEST = 4_000  # number of frames transformed at once
 
 
 @dataclass(frozen=True)
 class DeviceTime:
-    """The samples of a device on its own clock: stamp = start_ns + count / sample_rate (1 + excess).
+    """Sample time of a device on its own clock: timestamp = start_ns + count / sample_rate (1 + excess).
 
     A time *heard* is count / sample_rate, in s since the device's first sample.
 
     Args:
-        count: of samples, in all. excess: by which a nominal second of samples is longer on the clock.
+        device: name of the device.
+        sample_rate: (Hz) nominal sample rate.
+        start_ns: (ns) timestamp of the first sample.
+        count: total number of samples.
+        excess: relative excess of the clock time over the nominal duration of the samples.
     """
 
     device: str
@@ -45,17 +49,17 @@ class DeviceTime:
 
     @property
     def seconds(self) -> float:
-        """How long it is."""
+        """Return the nominal duration, s."""
         return self.count / self.sample_rate
 
 
 class SampleStream:
-    """The samples of a device one after the other, as blocks bring them; gaps are silence.
+    """Consecutive samples of a device from its audio blocks; gaps are filled with silence.
 
-    Channels that carry timecode are left out.
+    Channels that carry timecode are skipped.
 
     Raises:
-        DataError: while iterating, if blocks go back, or the rate or the number of channels changes.
+        DataError: during iteration, if blocks go back, or the rate or the number of channels changes.
     """
 
     def __init__(self, blocks: Iterable[AudioBlock]):
@@ -65,7 +69,7 @@ class SampleStream:
         self.sample_rate = self.count = 0
 
     def __iter__(self) -> Iterator[Array]:
-        """Pieces (N, C) of up to `PIECE_S`."""
+        """Yield pieces (N, C) of about `PIECE_S`."""
         held: list[Array] = []
         first, end, base = 0, 0, 0
         use: list[int] = []
@@ -94,7 +98,7 @@ class SampleStream:
             yield np.concatenate(held)
 
     def _silence(self, count: int, held: list[Array], channels: int) -> Iterator[Array]:
-        """What is held, and the gap after it, in pieces."""
+        """Yield the buffered samples, and the gap after them as pieces of silence."""
         if count and held:
             yield np.concatenate(held)
             held.clear()
@@ -110,10 +114,10 @@ class SampleStream:
         self._seen += 1
 
     def time(self) -> DeviceTime:
-        """How samples and stamps belong together, once all is read.
+        """Return the relation of samples to timestamps, once the stream has been read.
 
         Raises:
-            DataError: if no line through the stamps comes near all of them.
+            DataError: there is no sound, or no line lies close to all timestamps.
         """
         if not self.count:
             raise DataError("a device has no sound")
@@ -121,7 +125,7 @@ class SampleStream:
         since = 1e-9 * (stamps - stamps[0]) - counts / self.sample_rate
         heard = counts / self.sample_rate
         slope = 0.0
-        if heard[-1] > 0.0 and np.ptp(since) > 1e-6:  # whole ns alone make no drift
+        if heard[-1] > 0.0 and np.ptp(since) > 1e-6:  # rounding to whole ns alone gives no drift
             slope = float(np.polyfit(heard, since, 1)[0])
         start = float(np.median(since - slope * heard))
         stray = float(np.abs(since - start - slope * heard).max())
@@ -135,10 +139,14 @@ class SampleStream:
 
 
 def band_energies(samples: Array, starts: Array, length: int, sample_rate: int) -> Array:
-    """Energy (T, BANDS) float32 of windows, summed over the channels; 0 in bands beyond the sample rate.
+    """Return the energy (T, BANDS) float32 of windows, summed over channels; 0 in unusable bands.
+
+    Bands above `USABLE` times the sample rate are unusable.
 
     Args:
-        samples: (N, C). starts: (T,) of the windows, all inside. length: of the windows.
+        samples: (N, C).
+        starts: (T,) first sample of each window; all windows are inside.
+        length: (samples) length of a window.
     """
     window = np.hanning(length + 2)[1:-1].astype(np.float32)
     frequencies = np.fft.rfftfreq(length, 1.0 / sample_rate)
@@ -157,7 +165,7 @@ def band_energies(samples: Array, starts: Array, length: int, sample_rate: int) 
 
 
 def coarse_energies(stream: SampleStream, rate: float, length_s: float) -> Array:
-    """Energies (T, BANDS) of all of a stream; frame k begins k / rate s after the first sample."""
+    """Return the energies (T, BANDS) of a whole stream; frame k begins k / rate s after the first sample."""
     parts: list[Array] = []
     rest, base, done = np.empty((0, 1), np.float32), 0, 0
     for piece in stream:
@@ -175,7 +183,7 @@ def coarse_energies(stream: SampleStream, rate: float, length_s: float) -> Array
 
 
 def cut(stream: SampleStream, spans: Sequence[tuple[int, int]]) -> Iterator[Array]:
-    """Samples (N, C) of spans of samples, which are in order and do not overlap; what is not there is 0."""
+    """Yield the samples (N, C) of ordered, disjoint sample spans; missing samples are 0."""
     waiting = list(spans)
     rest, base = np.empty((0, 1), np.float32), 0
     for piece in stream:

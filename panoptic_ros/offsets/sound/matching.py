@@ -1,4 +1,4 @@
-"""Where in one recording a part of another is heard, and whether that is the only place where it can be."""
+"""Find the lag at which one recording contains a part of another, and test if that lag is unique."""
 
 from __future__ import annotations
 
@@ -7,29 +7,30 @@ from dataclasses import dataclass
 import numpy as np
 
 Array = np.ndarray
-RATE = 100.0  # Hz, of coarse onsets
-LENGTH_S, RISE_S, LEVEL = 0.025, 0.02, 0.5  # of their windows; over which they rise; see `onsets`
-LEAST_S = 5.0  # that two recordings must share
-ECHO_S = 0.25  # around a peak, in which others belong to it
-STRONG = 8.0  # robust standard deviations of the agreement at other lags that a peak must have
-EXPECTED = 5.5  # where it is expected within a second
-UNIQUE = 1.6  # times the agreement at any other lag
-EVENTS = 3.5  # that must add to it: one bang in each of two rooms agrees at one lag, too
-BLOCK_S = 0.25  # of an event
-NORMAL_MEDIAN = 0.6745
+RATE = 100.0  # Hz, rate of coarse onsets
+# length of the energy windows (s), time of a rise (s), floor quantile; see `onsets`
+LENGTH_S, RISE_S, LEVEL = 0.025, 0.02, 0.5
+LEAST_S = 5.0  # s that two recordings must share
+ECHO_S = 0.25  # s around a peak in which other peaks belong to it
+STRONG = 8.0  # robust standard deviations of the agreement at other lags that a peak must reach
+EXPECTED = 5.5  # the same for a peak whose lag is known to within a second
+UNIQUE = 1.6  # minimum ratio to the agreement at any other lag
+EVENTS = 3.5  # minimum number of matching events: single bangs in two rooms also agree at one lag
+BLOCK_S = 0.25  # s, duration of an event
+NORMAL_MEDIAN = 0.6745  # median of |x| for a standard normal x
 
 
 @dataclass(frozen=True)
 class Match:
-    """The lag at which two recordings agree best.
+    """Lag of the best agreement of two recordings.
 
     Args:
-        lag: s, time in the whole minus time in the part, see `find`.
-        at: s in the part, the middle of what agrees.
-        strength: its agreement in robust standard deviations of that at all lags.
-        ratio: over the agreement at the next best lag.
-        events: effective number of them behind it.
-        other: s, the next best lag.
+        lag: (s) time in the whole minus time in the part, see `find`.
+        at: (s) middle of the agreeing sound, in the part.
+        strength: (robust standard deviations over all lags) agreement at the lag.
+        ratio: agreement over that at the next best lag.
+        events: effective number of agreeing events.
+        other: (s) next best lag.
     """
 
     lag: float
@@ -41,20 +42,22 @@ class Match:
 
     @property
     def unique(self) -> bool:
-        """Whether no other lag can be meant."""
+        """Return whether the lag is beyond doubt."""
         return self.strength >= STRONG and self.ratio >= UNIQUE and self.events >= EVENTS
 
     @property
     def expected(self) -> bool:
-        """Whether it is enough where the lag is known within a second."""
+        """Return whether the match is sufficient if the lag is already known to within a second."""
         return self.strength >= EXPECTED and self.events >= EVENTS
 
 
 def find(part: Array, whole: Array, near: float | None = None, within: float = 0.0) -> Match | None:
-    """Where the onsets of a part (T, B) are in a whole (U, B): at whole = part + lag; None if they cannot be.
+    """Find the onsets of a part (T, B) in a whole (U, B), at whole = part + lag.
 
     Args:
-        near, within: s, where the lag is looked for, if that is known.
+        near, within: (s) centre and half width of the range of lags to search, if known.
+
+    Returns: the match; None if the shared time is too short, or there is only silence.
     """
     first, last = 0, len(whole)
     if near is not None:
@@ -63,7 +66,8 @@ def find(part: Array, whole: Array, near: float | None = None, within: float = 0
         whole = whole[first:last]
     if min(len(part), len(whole)) < LEAST_S * RATE:
         return None
-    from scipy.signal import oaconvolve  # takes a second to load, which most runs do not need
+    # imported here: loading takes about a second, and most runs do not need it
+    from scipy.signal import oaconvolve
 
     lags = np.arange(1 - len(part), len(whole))
     shared = np.minimum(len(whole), lags + len(part)) - np.maximum(0, lags)
@@ -97,7 +101,7 @@ def find(part: Array, whole: Array, near: float | None = None, within: float = 0
 
 
 def vertex(values: Array, best: int) -> float:
-    """Of the parabola through a peak and its neighbours, beside the peak."""
+    """Return the offset from a peak to the vertex of the parabola through it and its neighbours, samples."""
     if not 0 < best < len(values) - 1:
         return 0.0
     before, peak, after = values[best - 1 : best + 2]
@@ -106,7 +110,7 @@ def vertex(values: Array, best: int) -> float:
 
 
 def _events(part: Array, whole: Array, lag: int) -> tuple[float, float]:
-    """Effective number of blocks of time that agree at a lag, and their middle in the part, s."""
+    """Return the effective number of time blocks that agree at a lag, and their centre in the part (s)."""
     begin, end = max(0, -lag), min(len(part), len(whole) - lag)
     products = (part[begin:end] * whole[begin + lag : end + lag]).sum(axis=1)
     step = round(BLOCK_S * RATE)

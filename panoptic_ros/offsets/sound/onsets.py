@@ -1,4 +1,4 @@
-"""Onsets in bands of energy, and how those of two microphones agree at every lag."""
+"""Detect onsets in bands of energy."""
 
 from __future__ import annotations
 
@@ -6,20 +6,22 @@ import numpy as np
 
 Array = np.ndarray
 QUIET = 0.1  # share of the time that is quieter than the noise floor
-LEAST = 1e-12  # energy, far below one level of 16 bits
+LEAST = 1e-12  # energy, far below one level of 16-bit samples
 
 
 def onsets(energies: Array, rate: float, rise_s: float, squared: bool, level: float = QUIET) -> Array:
-    """How energy rises (T, B), in units of the standard deviation of each band, of mean 0; 0 in dead bands.
+    """Return energy rises (T, B) of mean 0, in standard deviations of each band; 0 in bands without signal.
 
     Args:
-        energies: (T, B). rate: frames a second. rise_s: over which rises are taken.
-        squared: whether sudden ones count more.
-        level: quantile of the energy that is the floor, below which nothing counts.
+        energies: (T, B) energy per frame and band.
+        rate: frames per second.
+        rise_s: (s) time over which a rise is measured.
+        squared: True to emphasise sudden rises.
+        level: quantile of the energy that is the floor; energy below it hardly counts.
     """
     if not len(energies):
         return np.empty_like(energies)
-    from scipy.ndimage import uniform_filter1d  # takes long to load, which most runs do not need
+    from scipy.ndimage import uniform_filter1d  # imported here: it loads slowly, and most runs do not need it
 
     floor = np.maximum(np.quantile(energies, level, axis=0), LEAST)
     loudness = np.log1p(energies / floor)

@@ -1,6 +1,7 @@
-"""Clocks of a recorded capture from the sound that its devices heard.
+"""Estimate the clocks of a recorded capture from the sound of its devices.
 
-Where recordings hear the same: lags of pairs of them, by their onsets, at any lag.
+`Coarse` finds the lags between pairs of recordings by their onsets, at any lag. `SoundClocks` is the complete
+pass.
 """
 
 from __future__ import annotations
@@ -23,21 +24,22 @@ from panoptic_ros.offsets.sound.travel import SPEED_OF_SOUND, Places, unknown_tr
 from panoptic_ros.offsets.sound.windows import choose_windows, hear_windows
 from panoptic_ros.stage import Progress, Recording, part_of
 
-SEGMENT_S = 60.0  # of the parts that are looked for in the other recordings
+SEGMENT_S = 60.0  # s, length of the parts that are searched for in the other recordings
 MOST_SEGMENTS = 12
-NEAR_S, CHAIN_S = 0.1, 1.0  # reach of lags that another part of two recordings, or other pairs, tell
-COARSE_S = 0.01  # standard deviation of a coarse lag
-DRIFTS = 3e-4  # that two clocks may differ by
+# s, uncertainty of a lag predicted from another part of the pair, and from a chain of other pairs
+NEAR_S, CHAIN_S = 0.1, 1.0
+COARSE_S = 0.01  # s, standard deviation of a coarse lag
+DRIFTS = 3e-4  # maximum relative drift of two clocks
 Array = np.ndarray
-APART = 6.0  # m
-LEAST_CLEAR = 2  # windows in which a pair must agree
+APART = 6.0  # m, assumed maximum distance of two microphones
+LEAST_CLEAR = 2  # minimum number of windows in which a device must be confirmed
 
 
 class Coarse:
-    """Lags of pairs of recordings, by their onsets, at any lag.
+    """Lags between pairs of recordings, found by their onsets at any lag.
 
     Args:
-        rises: coarse onsets (T, B) of each device.
+        rises: (T, B) coarse onsets of each device.
     """
 
     def __init__(self, rises: Sequence[Array]):
@@ -49,10 +51,10 @@ class Coarse:
         self.contradicted: dict[tuple[int, int], str] = {}
 
     def compare(self, a: int, b: int) -> None:
-        """Remember the lags at which parts of the shorter recording are in the longer one.
+        """Find and store the lags at which parts of the shorter recording occur in the longer one.
 
-        Where others link the two already, or a part of them has been found, a part is looked for near that
-        lag. If it is beyond doubt elsewhere the two contradict each other.
+        If other pairs already link the two, or a part has been found, further parts are searched near that
+        lag. If a part matches beyond doubt at another lag, the two recordings contradict each other.
         """
         first, second = (b, a) if len(self._rises[a]) > len(self._rises[b]) else (a, b)
         part, whole = self._rises[first], self._rises[second]
@@ -89,7 +91,7 @@ class Coarse:
         self._found.append(replace(match, lag=match.lag - at, at=match.at + at, other=match.other - at))
 
     def _predicted(self, first: int, second: int) -> _Near | None:
-        """The lag, if a chain of other pairs links the two."""
+        """Return the lag of two devices if a chain of other pairs links them, else None."""
         group = self._group(np.arange(len(self._rises)))
         if first not in group or second not in group:
             return None
@@ -98,7 +100,7 @@ class Coarse:
         return _Near(float(lines.offsets[first] - lines.offsets[second]), CHAIN_S, middle)
 
     def _group(self, among: Array) -> Array:
-        """The largest group of linked devices among some."""
+        """Return the largest group of linked devices among the given ones."""
         first, second = np.array(self._first, int), np.array(self._second, int)
         inside = np.isin(first, among) & np.isin(second, among)
         return largest_group(len(self._rises), first[inside], second[inside])
@@ -120,9 +122,9 @@ class Coarse:
         )
 
     def lines(self) -> tuple[Lines, Array]:
-        """Lines of the largest group of devices that lags link, and its indices.
+        """Return the lines of the largest group of devices that lags link, and its indices.
 
-        Devices are left out, those that contradict most others first, until nobody contradicts another.
+        Devices with the most contradictions are removed first, until no contradiction remains.
         """
         count = len(self._rises)
         kept = np.arange(count)
@@ -141,7 +143,7 @@ class Coarse:
 
 @dataclass(frozen=True)
 class _Near:
-    """A lag, s, that is known within a reach, at some time of the first device."""
+    """Lag (s) known to within `reach` (s), at time `at` (s) of the first device."""
 
     lag: float
     reach: float
@@ -149,7 +151,7 @@ class _Near:
 
 
 def _segments(rises: Array) -> list[int]:
-    """Where segments begin, the most telling first: one in each part of a long recording."""
+    """Return the first frames of segments, one per part of a long recording, those with most onsets first."""
     length = round(SEGMENT_S * RATE)
     if len(rises) <= 1.5 * length:
         return [0] if len(rises) <= length else [0, len(rises) - length]
@@ -162,7 +164,7 @@ def _segments(rises: Array) -> list[int]:
 
 
 def _reason(best: Match | None) -> str:
-    """Why two recordings are not linked, in a few words."""
+    """Return a short reason why two recordings are not linked."""
     if best is None:
         return "silence, or less than 5 s"
     if best.strength < STRONG:
@@ -174,13 +176,13 @@ def _reason(best: Match | None) -> str:
 
 @dataclass(frozen=True)
 class SoundClocksConfig:
-    """What `SoundClocks` needs to know.
+    """Configuration of `SoundClocks`.
 
     Args:
-        cameras: the device that heard for each camera; "" where there is none.
-        positions: (3,) m of the microphones, where they are known.
-        apart: m, how far apart microphones without a position are, at most.
-        trusted_camera: its stamps are right; "": see `heard.clocks_of`.
+        cameras: device with the sound of each camera; "" = none.
+        positions: (3,) m, known positions of microphones, by device.
+        apart: (m) maximum distance of microphones without known positions.
+        trusted_camera: camera whose timestamps are right; "": see `heard.clocks_of`.
     """
 
     cameras: Mapping[str, str]
@@ -190,15 +192,15 @@ class SoundClocksConfig:
 
 
 class SoundClocks:
-    """The cameras' clocks from the topic "audio" of a recording, one scope per device: a `stage.Pass`.
+    """Pass (`stage.Pass`) that estimates camera clocks from the topic "audio", one scope per device.
 
-    Sound is read twice, piece by piece, so that memory grows with onsets alone (3 kB a second and device).
-    First, parts of each recording are looked for in all of the others, at any lag (`matching`). Lines
-    through these lags say where to compare windows finely (`windows`), from which clocks are settled
-    (`lines`).
+    Sound is read twice in pieces, so that memory grows with the onsets alone (3 kB per second and device).
+    First, parts of each recording are searched for in all others at any lag (`matching`). The lines through
+    these lags determine where to compare windows at high resolution (`windows`). The final clocks follow from
+    the windows (`lines`).
 
     Raises:
-        UsageError: if the trusted camera has no sound.
+        UsageError: the trusted camera has no sound.
     """
 
     def __init__(self, config: SoundClocksConfig):
@@ -212,7 +214,7 @@ class SoundClocks:
             )
 
     def run(self, recording: Recording, progress: Progress) -> HeardClocks:
-        """The clocks; not known where sound does not tell."""
+        """Return the clocks; they are unknown if sound does not determine them."""
         refused: dict[str, str] = {}
         times, rises = self._listen(recording, part_of(progress, 0.0, 0.4), refused)
         devices = list(times)
@@ -266,7 +268,7 @@ class SoundClocks:
     def _listen(
         self, recording: Recording, progress: Progress, refused: dict[str, str]
     ) -> tuple[dict[str, DeviceTime], dict[str, Array]]:
-        """How samples and stamps of each device belong together, and its coarse onsets (T, B)."""
+        """Return the sample time of each device, and its coarse onsets (T, B)."""
         times, rises = {}, {}
         for done, name in enumerate(self._devices):
             progress(done / len(self._devices), f"listening to {name}")
@@ -284,7 +286,7 @@ class SoundClocks:
         return all(name in self._config.positions for name in devices)
 
     def _apart(self, devices: list[str]) -> float:
-        """s, of sound between the two that are farthest apart."""
+        """Return the travel time of sound (s) between the two devices farthest apart."""
         if not self._placed(devices):
             return self._config.apart / SPEED_OF_SOUND
         places = np.array([self._config.positions[name] for name in devices]).reshape(-1, 3)
@@ -311,7 +313,7 @@ class SoundClocks:
 
 
 def _confirmed(lines: Lines, arrived: Array) -> tuple[Lines, Array]:
-    """Without devices that windows do not confirm."""
+    """Return lines and arrivals without the devices that too few windows confirm."""
     heard = np.isfinite(arrived).sum(axis=1) >= LEAST_CLEAR
     offsets = np.where(heard, lines.offsets, np.nan)
     drifts = np.where(heard, lines.drifts, np.nan)

@@ -1,9 +1,9 @@
-"""How long sound travels to each microphone, where nobody knows from where it comes.
+"""Model the travel time of sound from unknown sources to each microphone.
 
-Sources stand somewhere between the microphones. So the time of travel to each is uncertain, together with
-those to the others: that is a covariance. In a room it is larger than that of the straight ways: behind the
-walls' echoes a sound rises later where it is heard from farther away. How directly each microphone hears a
-window tells where its source stands, roughly.
+Sources stand somewhere between the microphones. The travel times to the microphones are therefore uncertain
+and correlated, which a covariance describes. In a room the covariance is larger than that of the direct
+paths. The reflections from the walls delay the onset more at distant microphones. The directness of a window
+at each microphone gives a rough position of its source.
 """
 
 from __future__ import annotations
@@ -14,23 +14,26 @@ from panoptic_ros.offsets.sound.directness import HIGH, LOW, PARTS, Directness
 
 Array = np.ndarray
 SPEED_OF_SOUND = 343.0  # m/s
-ROOM = 1.7  # delay of onsets per delay of the straight way, in rooms of .3 to .8 s of reverberation
-ONSET_S = 1.5e-3  # that a room adds to each microphone, standard deviation
-LEAST_RADIUS = 1.5  # m, around the middle of the microphones, in which sources stand
-DEPTH = 0.5  # m below and above, the same
+ROOM = 1.7  # onset delay over delay of the direct path, in rooms with 0.3 to 0.8 s of reverberation
+ONSET_S = 1.5e-3  # s, standard deviation of the onset delay that a room adds at each microphone
+LEAST_RADIUS = 1.5  # m, minimum radius of the disc of sources around the centre of the microphones
+DEPTH = 0.5  # m, extent of the sources below and above that centre
 RINGS, SPOKES, LEVELS = 6, 24, 3
-UNKNOWN = 0.3  # standard deviation of the way to a microphone, in units of the farthest distance of two
-CRITICAL = np.geomspace(0.5, 1.6, 5)  # m, where the direct sound of rooms is as loud as their tail
-CLOSEST = 0.3  # m
-NOISE = 0.15  # energy of a microphone's noise over that of what it hears
-HEIGHT_LOG, TAIL_LOG = 0.5, 0.5  # standard deviations of what directness is beside its model
+UNKNOWN = 0.3  # standard deviation of the path to a microphone over the largest distance of two microphones
+# m, critical distances of rooms, where the direct sound is as loud as the reverberation
+CRITICAL = np.geomspace(0.5, 1.6, 5)
+CLOSEST = 0.3  # m, minimum distance of a source
+NOISE = 0.15  # ratio of a microphone's noise energy to its signal energy
+HEIGHT_LOG, TAIL_LOG = 0.5, 0.5  # standard deviations of the directness about its model: log height, tail
 
 
 class Places:
-    """Where sources may be: evenly in a disc around the middle of the microphones, up to the farthest.
+    """Candidate source positions: uniform in a disc around the centre of the microphones.
+
+    Its radius is the distance of the farthest microphone, at least `LEAST_RADIUS`.
 
     Args:
-        positions: (M, 3) m of the microphones.
+        positions: (M, 3) m, positions of the microphones.
     """
 
     def __init__(self, positions: Array):
@@ -45,10 +48,13 @@ class Places:
         self._delays = ROOM / SPEED_OF_SOUND * self._ways
 
     def travel(self, heard: Directness) -> tuple[Array, Array]:
-        """Mean (M, K) s and covariance (M, M) s^2 of the delays of onsets in K windows, beside their mean.
+        """Return mean (M, K) s and covariance (M, M) s^2 of the onset delays in K windows.
 
-        The posterior of the place by Bayes, evenly over rooms of every `CRITICAL` distance. Pairs of M
-        devices tell what M - 1 would, so they count that much less.
+        Delays are relative to their mean over the microphones.
+
+        The posterior of the source position follows from Bayes' rule, averaged over rooms of every `CRITICAL`
+        distance. The pairs of M devices carry no more information than M - 1 pairs, so their weight is
+        reduced accordingly.
         """
         delays = self._delays - self._delays.mean(axis=1, keepdims=True)
         chance = self._chances(heard)
@@ -58,11 +64,12 @@ class Places:
         return means.T, apart / max(1, len(chance)) + ONSET_S**2 * np.eye(count)
 
     def _chances(self, heard: Directness) -> Array:
-        """(K, X) of every place in each window."""
+        """Return the probability (K, X) of every source position in each window."""
         windows, count = heard.heights.shape[1], self._ways.shape[1]
         surprise = np.zeros((len(CRITICAL), windows, len(self._ways)))
         for row, critical in zip(surprise, CRITICAL):
-            direct = (critical / np.maximum(self._ways, CLOSEST)) ** 2  # energy over that of the tail
+            # energy ratio of the direct sound to the reverberation
+            direct = (critical / np.maximum(self._ways, CLOSEST)) ** 2
             alike = _resultant(1.0 / (1.0 / direct + NOISE))
             follows = np.log1p(2.0 * direct)
             height = np.hypot(alike[:, heard.first] * alike[:, heard.second], _highest_of_noise())
@@ -74,20 +81,24 @@ class Places:
 
 
 def _resultant(ratio: Array) -> Array:
-    """Mean cosine between the phase of a steady wave and that of it with noise, by their energies' ratio."""
-    from scipy.special import ive  # takes long to load, which most runs do not need
+    """Return the mean cosine of the phase error that noise causes in a steady wave.
+
+    Args:
+        ratio: ratio of the energy of the wave to that of the noise.
+    """
+    from scipy.special import ive  # imported here: it loads slowly, and most runs do not need it
 
     half = 0.5 * ratio
     return np.asarray(0.5 * np.sqrt(np.pi * ratio) * (ive(0, half) + ive(1, half)))
 
 
 def _highest_of_noise() -> float:
-    """Of the correlation of phases that have nothing to do with each other, about the highest value."""
+    """Return the approximate maximum of the correlation of unrelated phases."""
     return 3.5 / float(np.sqrt(2.0 * PARTS * (HIGH - LOW)))
 
 
 def _misses(found: Array, model: Array, deviation: float) -> Array:
-    """Squared misses (K, X) of what pairs (P, K) found beside models (X, P), summed over what was found."""
+    """Return the squared residuals (K, X) of pairs (P, K) from models (X, P), summed over valid pairs."""
     there = np.isfinite(found).T.astype(float)
     values = np.nan_to_num(found).T
     total = (values**2).sum(axis=1, keepdims=True) - 2.0 * values @ model.T + there @ (model**2).T
@@ -95,6 +106,11 @@ def _misses(found: Array, model: Array, deviation: float) -> Array:
 
 
 def unknown_travel(count: int, apart: float) -> tuple[Array, Array]:
-    """The same for microphones somewhere up to `apart` m from each other, in any window: (M, 1), (M, M)."""
+    """Return mean (M, 1) s and covariance (M, M) s^2 of onset delays for unknown microphone positions.
+
+    Args:
+        count: number of microphones M.
+        apart: (m) maximum distance of two microphones.
+    """
     deviation = ROOM * UNKNOWN * apart / SPEED_OF_SOUND
     return np.zeros((count, 1)), (deviation**2 + ONSET_S**2) * np.eye(count)

@@ -1,4 +1,4 @@
-"""Short windows of the recordings in which something is heard, compared finely around lags that are known."""
+"""Compare short windows with sound across recordings at high resolution, around known lags."""
 
 from __future__ import annotations
 
@@ -15,21 +15,23 @@ from panoptic_ros.offsets.sound.onsets import onsets
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
-RATE = 500.0  # Hz, of fine onsets
-LENGTH_S, RISE_S = 0.012, 0.008  # of their windows; over which they rise
-WINDOW_S = 2.0
-MOST = 240  # windows in all
-SEARCH_S = 0.08  # lags around those that are known
-BEYOND_S = 0.6  # lags that show how much chance agrees
-SMOOTH = 5  # frames that an agreement is averaged over
-CLEAR = 6.0  # robust standard deviations of a peak that counts
+RATE = 500.0  # Hz, rate of fine onsets
+LENGTH_S, RISE_S = 0.012, 0.008  # s, length of the energy windows, and time over which their energy rises
+WINDOW_S = 2.0  # s, length of a window
+MOST = 240  # maximum number of windows
+SEARCH_S = 0.08  # s, search range around the known lags
+BEYOND_S = 0.6  # s, range of lags used to measure the chance agreement
+SMOOTH = 5  # frames over which an agreement is averaged
+CLEAR = 6.0  # robust standard deviations of a valid peak
 
 
 def choose_windows(lines: Lines, loudness: list[Array], rate: float, times: list[DeviceTime]) -> Array:
-    """Beginnings (K,) s on the common time line of windows that two linked devices have, the most telling.
+    """Return the start times (K,) s, in common time, of windows that at least two linked devices share.
+
+    If there are too many windows, those with the most onsets are selected.
 
     Args:
-        loudness: of each device (T,) at `rate`, how much begins.
+        loudness: (T,) onset strength of each device, at `rate`.
     """
     members = np.flatnonzero(np.isfinite(lines.offsets))
     begins = np.array([lines.offsets[i] for i in members])
@@ -50,11 +52,13 @@ def choose_windows(lines: Lines, loudness: list[Array], rate: float, times: list
 
 @dataclass(frozen=True, eq=False)
 class HeardWindows:
-    """What K windows tell of D devices.
+    """Results of K windows for D devices.
 
     Args:
-        arrived: (D, K) s beside the lines; NaN where not heard. directness: of pairs of devices.
-        shared, clear: (D, D) windows that two had in common, and in which they agreed clearly.
+        arrived: (D, K) s, arrival time relative to the lines; NaN without sound.
+        directness: directness of the pairs of devices.
+        shared: (D, D) number of windows that two devices have in common.
+        clear: (D, D) number of windows in which two devices agree clearly.
     """
 
     arrived: Array
@@ -66,7 +70,7 @@ class HeardWindows:
 def hear_windows(
     lines: Lines, starts: Array, times: list[DeviceTime], streams: list[SampleStream], progress: Progress
 ) -> HeardWindows:
-    """Compare windows that begin at (K,) common times."""
+    """Compare windows that begin at the common times (K,)."""
     count = len(times)
     members = [int(i) for i in np.flatnonzero(np.isfinite(lines.offsets))]
     heard = lines.heard(starts)
@@ -92,7 +96,7 @@ def hear_windows(
         lag, strength = _peaks(agreement)
         good = there & (strength >= CLEAR)
         clear[a, b] = clear[b, a] = int(good.sum())
-        # the windows do not begin quite where the lines say, but at a sample
+        # Windows begin at a whole sample, slightly off the time that the lines give.
         beside = (begins[b] - heard[b]) - (begins[a] - heard[a])
         found[p, good], weight[p, good] = (lag + beside)[good], np.sqrt(strength[good])
     first, second = np.array(pairs).T if pairs else (np.empty(0, int), np.empty(0, int))
@@ -114,11 +118,14 @@ def hear_windows(
 def _spectra(
     stream: SampleStream, time: DeviceTime, heard: Array, sizes: tuple[int, int], phases: Phases
 ) -> tuple[Array, Array]:
-    """Spectra (K, F, B) of the onsets of windows of a device, 0 outside of its recording; and where (K,) s
-    heard they begin. `phases` hears the same windows.
+    """Return the onset spectra (K, F, B) of a device's windows, and their start times (K,).
+
+    Spectra are 0 outside the recording. Start times are in s by the device's sample count. The phases of the
+    same windows are stored in `phases`.
 
     Args:
-        sizes: frames of onsets in a window, and of their transform.
+        heard: (K,) s, start times by the lines.
+        sizes: number of onset frames in a window, and length of their transform.
     """
     frames, size = sizes
     rate, length = time.sample_rate, int(LENGTH_S * time.sample_rate)
@@ -136,7 +143,7 @@ def _spectra(
 
 
 def _peaks(agreement: Array) -> tuple[Array, Array]:
-    """Lag (K,) s of the best agreement of windows within the search, and its strength (K,)."""
+    """Return the lag (K,) s of the best agreement within the search range, and its strength (K,)."""
     beyond, search = int(BEYOND_S * RATE), int(SEARCH_S * RATE)
     lags = np.arange(-beyond, beyond + 1)
     values = agreement[:, lags]

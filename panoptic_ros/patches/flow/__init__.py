@@ -1,1 +1,1 @@
-"""2D tracks on people, in the process that has their images."""
+"""2D tracks on people, computed in the process that has the images."""

@@ -9,7 +9,7 @@ from panoptic_ros.params import Config, param
 
 @dataclass(frozen=True, kw_only=True)
 class FlowConfig(Config):
-    """How points on people are followed from image to image."""
+    """Configuration of the optical-flow tracking of points on people."""
 
     width: int = param(
         960,

@@ -1,16 +1,14 @@
-"""The stage: images and their 2D people in, 2D tracks on these people out.
+"""Flow stage: from images and their 2D poses to 2D tracks on these people.
 
-Which points on the people of an image are followed: a fixed pattern on every rigid part.
+The tracked points form a fixed pattern on every rigid part. Corners are not used, because the rotation of a
+part needs points all over it. The texture round each point gives the directions in which it can be tracked
+(`tracking`).
 
-Patterns, not corners: a part needs points all over it to tell its rotation, and every point says itself, by
-the texture round it, in which direction it can be followed (`tracking`).
-
-How the views that see somebody share the points on him.
-
-Some views tell the motion of a part from all sides; more of them say the same again. So where many see a
-person, each follows a share of the points on him, not the same ones as its neighbour: a person costs the
-same in rigs of any size. No camera hears from another: the size of a 2D person tells about how far it is,
-and the rig which cameras see that place, and how large.
+The views that see a person share the points. Some views suffice to measure the motion of a part from all
+sides, and more views add little. So if many views see a person, each tracks a share of the points, different
+from its neighbour's. A person then costs the same in rigs of any size. No camera needs data of another. The
+size of a 2D pose gives the approximate distance, and the rig gives the cameras that see this place and the
+scale in each.
 """
 
 from __future__ import annotations
@@ -29,24 +27,25 @@ from panoptic_ros.patches.flow.tracking import followed, ready
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
-ALONG_BORDER = 9  # points of each border of an image, of which the field of view is made
-LARGE = 0.5  # of the size at which a camera sees a person, for others to count
-APART = 0.5 * (np.sqrt(5.0) - 1.0)  # of one, by which cameras begin to leave points out one after the other
-ALONG, ACROSS = (0.08, 0.36, 0.64, 0.92), (-0.5, 0.5)  # of the length and of the radius of a limb
+ALONG_BORDER = 9  # points on each image border that define the field of view
+LARGE = 0.5  # least size of a person in another camera that counts as seeing, relative to the own camera
+APART = 0.5 * (np.sqrt(5.0) - 1.0)  # phase shift of the point selection from camera to camera (golden ratio)
+ALONG, ACROSS = (0.08, 0.36, 0.64, 0.92), (-0.5, 0.5)  # points on a limb: shares of length and radius
 TORSO_ALONG, TORSO_ACROSS = (0.0, 0.25, 0.5, 0.75, 1.0), (-0.75, -0.25, 0.25, 0.75)
 TORSO_LENGTH = 0.5  # m, from the middle of the shoulders to that of the hips
-TORSO_WIDTH = 0.1  # m, least half width that is looked at
-HEAD_RING = 0.055  # m
-QUANTILE = 0.8  # of the scales that parts say: parts that point at the camera look small
-FEWEST = 3  # joints of a person who is followed
+TORSO_WIDTH = 0.1  # m, least half width of the pattern on a torso
+HEAD_RING = 0.055  # m, radius of the pattern on a head
+QUANTILE = 0.8  # quantile of the scales of the parts: parts that point at the camera look short
+FEWEST = 3  # least number of joints of a person who is tracked
 Array = np.ndarray
 
 
 class Sharing:
-    """Which points each camera of a rig follows.
+    """Selection of the points that each camera of a rig tracks.
 
     Args:
-        views: that follow all points of a person; 0 = as many as there are.
+        rig: The cameras.
+        views: Number of views that track all points of a person; 0 = all views do.
     """
 
     def __init__(self, rig: Rig, views: int):
@@ -57,10 +56,11 @@ class Sharing:
         self._lowest, self._highest = (np.array([field[end] for field in fields]) for end in (0, 1))
 
     def shares(self, camera: str, middles: Array, scales: Array) -> Array:
-        """Which share (P,) of the points on each 2D person a camera follows.
+        """Return the share (P,) of the points on each person that a camera tracks.
 
         Args:
-            middles: (P, 2) px. scales: (P,) px per metre; NaN = not known, nobody is followed there.
+            middles: (P, 2) px, centres of the people.
+            scales: (P,) px per metre; NaN = unknown, the person is not tracked.
         """
         if not 0 < self._views < len(self._rig) or not len(middles):
             return np.ones(len(middles))
@@ -73,14 +73,18 @@ class Sharing:
         return np.where(count > self._views, self._views / np.maximum(count, 1), 1.0)
 
     def followed(self, camera: str, persons: Array, shares: Array) -> Array:
-        """Which (N,) of the points on people (N,), ordered by person, are in these shares (P,)."""
-        number = np.arange(len(persons)) - np.searchsorted(persons, persons)  # of each person's points
+        """Return which (N,) of the points on people (N,), ordered by person, are in these shares (P,)."""
+        number = np.arange(len(persons)) - np.searchsorted(persons, persons)  # index on the person
         own, phase = shares[persons], self._rig.index(camera) * APART
         chosen: Array = (number * own + phase) % 1.0 < own
         return chosen
 
     def _seeing(self, places: Array, scales: Array) -> Array:
-        """How many cameras (P,) see places (P, 3) m, at these scales (P,) px per metre or larger."""
+        """Return the number of cameras (P,) that see places (P, 3) m at a large enough scale.
+
+        Args:
+            scales: (P,) px per metre, least scales.
+        """
         local = np.einsum("cij,pj->cpi", self._rotations, places) + self._translations[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
             plane = local[..., :2] / local[..., 2:]
@@ -91,21 +95,26 @@ class Sharing:
 
 
 def _field_of_view(camera: Camera) -> tuple[Array, Array]:
-    """The least and the largest x and y (2,) on the plane at distance 1 that an image shows."""
+    """Return the least and greatest x and y (2,) on the plane at distance 1 that an image shows."""
     width, height = camera.image_size
     x, y = np.linspace(0.0, width - 1.0, ALONG_BORDER), np.linspace(0.0, height - 1.0, ALONG_BORDER)
     borders = [np.column_stack([x, np.full_like(x, end)]) for end in (0.0, height - 1.0)]
     borders += [np.column_stack([np.full_like(y, end), y]) for end in (0.0, width - 1.0)]
     plane = camera.intrinsics.undistort(np.concatenate(borders)).reshape(-1, 2)
-    if not np.isfinite(plane).all():  # a lens that shows all that is in front
+    if not np.isfinite(plane).all():  # a lens whose image shows everything in front of it
         return np.full(2, -np.inf), np.full(2, np.inf)
     return plane.min(axis=0), plane.max(axis=0)
 
 
 class Laid(NamedTuple):
-    """N points on P people: points (N, 2) px, person (N,) and part (N,) of each, ordered by person.
+    """N pattern points on P people.
 
-    middles (P, 2) px and scales (P,) px per metre of the people; NaN = nothing is laid on that one.
+    Args:
+        points: (N, 2) px, ordered by person.
+        persons: (N,) person of each point.
+        parts: (N,) part of each point.
+        middles: (P, 2) px, centres of the people.
+        scales: (P,) px per metre. NaN = the person has no points.
     """
 
     points: Array
@@ -116,7 +125,7 @@ class Laid(NamedTuple):
 
 
 class Pattern:
-    """Lays points on 2D people of a skeleton."""
+    """Pattern of points on the 2D poses of a skeleton."""
 
     def __init__(self, skeleton: SkeletonModel):
         self.parts = rigid_parts(skeleton)
@@ -130,7 +139,7 @@ class Pattern:
         self._ring = HEAD_RING * np.concatenate([np.zeros((1, 2)), ring])
 
     def lay(self, points: Array, there: Array) -> Laid:
-        """Points on people with joints (P, J, 2) px that are there (P, J)."""
+        """Return the points on people with joints (P, J, 2) px, of which `there` (P, J) are seen."""
         laid, persons, parts = [np.zeros((0, 2))], [], []
         middles, scales = np.full((len(points), 2), np.nan), np.full(len(points), np.nan)
         for person in np.flatnonzero(there.sum(axis=1) >= FEWEST).tolist():
@@ -149,7 +158,7 @@ class Pattern:
         )
 
     def _scale(self, points: Array) -> float:
-        """Px per metre of a person with joints (J, 2), NaN = not there; NaN if no part tells."""
+        """Return the px per metre of a person with joints (J, 2), NaN = missing; NaN if no part is seen."""
         lengths = [
             np.linalg.norm(points[part.joints[1]] - points[part.joints[0]]) / part.length
             for part in self.parts
@@ -162,7 +171,7 @@ class Pattern:
         return float(np.quantile(known, QUANTILE)) if known else np.nan
 
     def _on(self, part: Part, points: Array, scale: float) -> Array:
-        """Points (N, 2) on a part of a person."""
+        """Return the points (N, 2) px on a part of a person."""
         if part.name == "head":
             middle = points[list(part.joints)]
             middle = middle[np.isfinite(middle[:, 0])]
@@ -181,7 +190,10 @@ class Pattern:
 def _grid(
     first: Array, last: Array, half: float, along: tuple[float, ...], across: tuple[float, ...]
 ) -> Array:
-    """Points (N, 2) px between two ends (2,) px, aside by shares of `half` px; none if an end is NaN."""
+    """Return points (N, 2) px between two ends (2,) px, offset sideways by shares of `half` px.
+
+    There are none if an end is NaN.
+    """
     axis = last - first
     length = float(np.linalg.norm(axis))
     if not length > 0.0:
@@ -194,10 +206,14 @@ def _grid(
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The newest image of a camera, and the points on its people once these are known.
+    """Newest image of a camera, and the points on its people after their detection.
 
     Args:
-        grey: (h, w) uint8. scale: px of the image per px of it. begins: (N, 2) px of it.
+        stamp_ns, frame_number: Those of the image.
+        grey: (h, w) uint8, grey image of reduced size.
+        scale: px of the image per px of the grey image.
+        begins: (N, 2) px of the grey image; None before the detection.
+        persons, parts: (N,) person and part of each point.
     """
 
     stamp_ns: int
@@ -210,7 +226,7 @@ class Seen:
 
 
 class FlowStage(Stateful):
-    """Follows points on people from each image of a camera to the next, each camera on its own."""
+    """Stage that tracks points on people from each image of a camera to the next, per camera."""
 
     LAYOUT = StateLayout("flow", ("_seen",), (Seen,), same={"configuration": "_config", "skeleton": "_hash"})
 
@@ -226,15 +242,17 @@ class FlowStage(Stateful):
         self._seen.clear()
 
     def flush(self) -> StepResult[PatchTracks]:
-        """Nothing is buffered."""
+        """Reset the stage; it buffers no records."""
         self.reset()
         return StepResult()
 
     def step(self, item: ViewFrame | ViewDetections) -> StepResult[PatchTracks]:
-        """The tracks from the image before to this one; 2D people say what to follow to the next one.
+        """Return the tracks from the previous image to this one, or accept the 2D poses of the newest image.
+
+        The 2D poses define the points that are tracked to the next image.
 
         Raises:
-            DataError: if 2D people are of another skeleton.
+            DataError: if the 2D poses have another skeleton.
         """
         if isinstance(item, ViewDetections):
             self._take_people(item)

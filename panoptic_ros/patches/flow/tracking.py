@@ -1,8 +1,9 @@
-"""Points from one image to the next, forward and back, see `geometry.optical_flow`.
+"""Tracking of points from one image to the next, with the forward-backward check of `geometry.optical_flow`.
 
-Every point comes with the inverse covariance of where it went: the structure tensor of its window over the
-noise of grey values (Foerstner and Guelch 1987), with a floor, less where it does not come back to where it
-began (Kalal et al. 2010). An edge tells the motion across it, and no more.
+Every point has the inverse covariance of its end. It is the structure tensor of the point's window over the
+noise of grey values (Foerstner and Guelch 1987), with a lower limit of the variance. It is reduced for points
+with a large forward-backward error (Kalal et al. 2010). A point on an edge has information across the edge
+only.
 """
 
 from __future__ import annotations
@@ -14,18 +15,18 @@ from panoptic_ros.geometry.optical_flow import HALF, there_and_back
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
-ITERATIONS = 10  # of flow per level
-RETURN = 0.5  # px, by which a point that is followed well misses its beginning
-FARTHEST_RETURN = 2.0  # px, beyond which it is lost
-GREY_VARIANCE = 64.0  # of grey values between the images, with what correlates them in a window
-FLOOR = 0.15**2  # px^2, variance of the best
-MARGIN = 48  # px round the points, of the part of the images that is looked at
-STEP, DARK = 8, 16  # px between those that tell exposure; grey values from which on they do
-SAME = 0.02  # share by which exposure may change between two images and be left as it is
+ITERATIONS = 10  # optical-flow iterations per pyramid level
+RETURN = 0.5  # px, forward-backward error that halves the information of a point
+FARTHEST_RETURN = 2.0  # px, forward-backward error from which a point is lost
+GREY_VARIANCE = 64.0  # grey-value noise between images, enlarged for correlation within a window
+FLOOR = 0.15**2  # px^2, least variance of an end
+MARGIN = 48  # px round the points, size of the image part that is used
+STEP, DARK = 8, 16  # px between the pixels that measure exposure; grey value above which they count
+SAME = 0.02  # relative change of exposure between two images up to which they stay unchanged
 
 
 def ready() -> None:
-    """Compile, or take from the cache."""
+    """Compile the kernels, or load them from the cache."""
     _information(
         np.zeros((16, 16), np.uint8),
         np.full((1, 2), 8, np.float32),
@@ -35,13 +36,14 @@ def ready() -> None:
 
 
 def followed(before: Array, now: Array, begins: Array, starts: Array) -> tuple[Array, Array, Array]:
-    """Where points (N, 2) px of a grey image (h, w) uint8 are in the next one.
+    """Track points (N, 2) px of a grey image (h, w) uint8 into the next one.
 
     Args:
-        starts: (N, 2) px, where they are looked for first.
+        begins: (N, 2) px in the first image.
+        starts: (N, 2) px, initial guess in the next image.
 
     Returns:
-        ends (M, 2) px, information (M, 3) px^-2 (xx, xy, yy), and which of the points (M,) were found.
+        ends (M, 2) px, information (M, 3) px^-2 (xx, xy, yy), and indices (M,) of the points that were found.
     """
     height, width = before.shape
     inside = ((begins >= HALF) & (begins < (width - HALF, height - HALF))).all(axis=1)
@@ -63,9 +65,10 @@ def followed(before: Array, now: Array, begins: Array, starts: Array) -> tuple[A
 
 
 def alike(one: Array, other: Array) -> tuple[Array, Array]:
-    """Two grey images (h, w) uint8 at the same exposure, that of the darker: flow takes grey values to stay.
+    """Return two grey images (h, w) uint8 at the exposure of the darker one.
 
-    The median of ratios is that of what does not move.
+    Optical flow assumes constant grey values. The exposure ratio is the median over the pixels, which is that
+    of the static background.
     """
     a, b = (image[::STEP, ::STEP].astype(np.float32) for image in (one, other))
     bright = (a > DARK) & (b > DARK) & (a < 255.0) & (b < 255.0)
@@ -79,7 +82,12 @@ def alike(one: Array, other: Array) -> tuple[Array, Array]:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _information(image, points, missed, information):
-    """information (N, 3) of points (N, 2) px that miss their beginning by `missed` (N,) px."""
+    """Compute the information (N, 3) px^-2 of points (N, 2) px.
+
+    Args:
+        missed: (N,) px, forward-backward errors.
+        information: (N, 3) output: xx, xy, yy.
+    """
     height, width = image.shape
     for n in range(len(points)):
         x0, y0 = int(points[n, 0] + 0.5), int(points[n, 1] + 0.5)

@@ -1,1 +1,1 @@
-"""Compiling everything ahead."""
+"""Ahead-of-time compilation of all kernels and modules."""

@@ -1,8 +1,8 @@
-"""What is compiled ahead: parts of the whole, so that several processes can share the work.
+"""Compiles all kernels ahead of time, in tasks that several processes share.
 
-`python -m panoptic_ros.running.compiling.kernel_tasks PROCESSES [TASK ...]` compiles these tasks, or all. It
-loads everything once, then forks; each task that is finished is told by a line: the number of all tasks, of
-kernels that it compiled, the seconds of processor time that it took, its name.
+`python -m panoptic_ros.running.compiling.kernel_tasks PROCESSES [TASK ...]` compiles the named tasks, or all.
+It loads all modules once, then forks. Each finished task prints one line: the total number of tasks, the
+number of kernels that the task compiled, its processor time in seconds, its name.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ from panoptic_ros.stage import StageContext
 
 
 def _stage(name: str, **parameters: object) -> None:
-    """The constructors of stages compile all that they can need."""
+    """Construct a stage. The constructor compiles every kernel that the stage can need."""
     take = _take()
     make_stage(name, configure({name: parameters})[name], StageContext(take.rig, SKELETON))
 
 
 def _kinematics() -> None:
-    """The moving body, of nobody in particular."""
+    """Compile the kernels of the kinematics stage, without designated subjects."""
     take = _take()
     config = configure({"kinematics": {"everybody": True}})["kinematics"]
     extras = body_extras((), "", "")
@@ -45,13 +45,13 @@ def _kinematics() -> None:
 
 
 def _occluders() -> None:
-    """Of a rig that knows what stands between."""
+    """Compile the kernels for rigs with known occluders."""
     triangle = Occluders(np.eye(3), np.array([[0, 1, 2]]))
     occluded_depths(_take().rig.cameras[0], triangle)
 
 
 def _rendering() -> None:
-    """Images of simulated people."""
+    """Compile the kernels that render images of simulated people."""
     take = _take()
     next(iter(Studio(take).camera(take.rig.names[0]).render(np.zeros(1))))
 
@@ -61,8 +61,8 @@ def _take() -> Simulation:
     return simulate(Scene("to compile", ("walk",), Ring(2), frames=1), 0, 1)
 
 
-# The longest first. Two processes that take them in turn compile little of the same: one comes to have sound,
-# images and offsets, the other voting and what solves for joints.
+# Longest tasks first, so that two processes that take turns compile few kernels twice.
+# One compiles sound, images and offsets, the other compiles voting and the solvers for joints.
 TASKS: dict[str, Callable[[], None]] = {
     "votes": partial(_stage, "voting"),
     "timecode": partial(_stage, "timecode"),
@@ -83,19 +83,22 @@ TASKS: dict[str, Callable[[], None]] = {
 
 
 def main() -> int:
-    """Compile what is asked for; 1 if a process broke down."""
-    gc.disable()  # a tenth of the time; what a compiler leaves behind fits into memory
+    """Compile the requested tasks; return 1 if a process failed, else 0."""
+    gc.disable()  # garbage collection takes a tenth of the time, and the compiler's garbage fits into memory
     names = sys.argv[2:] or list(TASKS)
     for node in NODES.values():
         resolve(node.stage)
-    largest_eigenvalue(np.eye(3))  # numba sets up what its first kernel needs before the processes part
+    largest_eigenvalue(np.eye(3))  # the first kernel initialises numba once, before the fork
     waiting = _queue(len(names))
     processes = [_fork(names, waiting) for _ in range(int(sys.argv[1]))]
     return int(any(os.waitpid(pid, 0)[1] for pid in processes))
 
 
 def _queue(count: int) -> int:
-    """The end to read of a pipe that holds one byte for each task: processes take theirs in turn."""
+    """Return the read end of a pipe that holds one byte per task.
+
+    Processes take their tasks from it in turn.
+    """
     reader, writer = os.pipe()
     os.write(writer, bytes(range(count)))
     os.close(writer)
@@ -103,7 +106,7 @@ def _queue(count: int) -> int:
 
 
 def _fork(names: list[str], waiting: int) -> int:
-    """Begin a process that takes tasks until none waits; returns its id."""
+    """Fork a process that takes tasks until none is left; return its process id."""
     pid = os.fork()
     if pid:
         return pid
@@ -113,7 +116,8 @@ def _fork(names: list[str], waiting: int) -> int:
             name = names[taken[0]]
             kernels, cpu_s = _compile(name)
             line = f"{len(names)} {kernels} {cpu_s} {name}\n"
-            os.write(sys.stdout.fileno(), line.encode())  # in one piece: others write there too
+            # one write call, as other processes share this stream
+            os.write(sys.stdout.fileno(), line.encode())
         status = 0
     except BaseException:
         traceback.print_exc()
@@ -121,7 +125,7 @@ def _fork(names: list[str], waiting: int) -> int:
 
 
 def _compile(name: str) -> tuple[int, float]:
-    """Do one task: kernels compiled, and seconds of processor time."""
+    """Run one task; return the number of compiled kernels and the processor time, s."""
     compiled: list[str] = []
     began = time.process_time()
     with on_compilation(compiled.append):

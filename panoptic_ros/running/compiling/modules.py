@@ -1,9 +1,9 @@
-"""Python's own compiled files, of all modules that this package can load.
+"""Writes Python's bytecode files (.pyc) of all modules that this package can load.
 
-Where PYTHONDONTWRITEBYTECODE is set, as many containers do, nobody writes them: every process that starts
-compiles the sources of all modules that it loads then, which takes longer than all the rest of loading.
+Many containers set PYTHONDONTWRITEBYTECODE, so these files are never written. Every process then compiles the
+sources of all modules that it loads. This compilation takes longer than the rest of loading.
 
-`python -m panoptic_ros.running.compiling.modules [PACKAGE]` loads them all.
+`python -m panoptic_ros.running.compiling.modules [PACKAGE]` loads all modules of a package.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from contextlib import suppress
 
 
 def compile_modules(package: str = "panoptic_ros") -> None:
-    """Let Python keep what it makes of the sources of a package and of all that it loads, if it can write."""
+    """Write the bytecode files of a package and of its imports, where their folders are writable."""
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
     subprocess.run([sys.executable, "-m", __spec__.name, package], env=environment, check=False)
 
 
 def main() -> None:
-    """Load all modules of a package."""
+    """Import all modules of a package."""
     package = importlib.import_module((*sys.argv[1:], "panoptic_ros")[0])
     for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-        with suppress(ImportError):  # what needs ROS, where there is none
+        with suppress(ImportError):  # modules that need ROS, on a machine without ROS
             importlib.import_module(module.name)
 
 

@@ -1,4 +1,4 @@
-"""Compiling everything ahead, in several processes, so that nothing compiles when it is needed."""
+"""Compiles all kernels ahead of time in several processes, so that no run has to compile."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from panoptic_ros.errors import ContractError
 from panoptic_ros.kernels import all_sources_hash, cache_folder, remove_damaged
 from panoptic_ros.kernels.cache import VERSIONS, hash_of
 
-MOST_PROCESSES = 4  # more would mostly compile the same twice
+MOST_PROCESSES = 4  # more processes would mostly compile the same kernels twice
 
 
 class Warmed(NamedTuple):
-    """What was done.
+    """Result of a warm-up.
 
     Args:
-        kernels: compiled now. cpu_s: processor time of it, of all processes together.
+        kernels: number of kernels that were compiled now.
+        cpu_s: total processor time of all processes, s.
     """
 
     kernels: int
@@ -28,22 +29,25 @@ class Warmed(NamedTuple):
 
 
 def is_warm() -> bool:
-    """Whether everything was compiled from these sources on this machine. Damaged files are removed."""
+    """Return whether all kernels are compiled for these sources on this machine.
+
+    Damaged cache files are removed.
+    """
     return not remove_damaged(cache_folder()) and _mark().exists()
 
 
 def warm_up(
     told: Callable[[float, str], None], processes: int | None = None, tasks: tuple[str, ...] = ()
 ) -> Warmed:
-    """Compile all that any stage can need; what the cache has is only loaded.
+    """Compile all kernels that any stage can need. Cached kernels are only loaded.
 
     Args:
-        told: called with the share that is done and the name of the part that was finished last.
-        processes: default: as many as there are processors, at most 4.
+        told: callback with the completed share, 0..1, and the name of the finished task.
+        processes: number of processes. The default is the number of processors, at most `MOST_PROCESSES`.
         tasks: names of `kernel_tasks.TASKS`; default: all.
 
     Raises:
-        ContractError: if a process that compiles broke down; its own words are on stderr.
+        ContractError: if a compiling process failed. Its own error message is on stderr.
     """
     count = processes or min(MOST_PROCESSES, len(os.sched_getaffinity(0)))
     done: list[Warmed] = []
@@ -56,9 +60,10 @@ def warm_up(
 
 
 def _results(count: int, tasks: tuple[str, ...]) -> Iterator[list[str]]:
-    """What `kernel_tasks` tells of each task when it is finished."""
+    """Yield the output line of every finished task of `kernel_tasks`, split into its four words."""
     command = [sys.executable, "-m", "panoptic_ros.running.compiling.kernel_tasks", str(count), *tasks]
-    alone = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # no threads when it forks
+    # no BLAS or OpenMP threads may exist at the fork
+    alone = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=alone) as process:
         assert process.stdout is not None
         for line in process.stdout:
@@ -68,5 +73,5 @@ def _results(count: int, tasks: tuple[str, ...]) -> Iterator[list[str]]:
 
 
 def _mark() -> Path:
-    """The file that says that all is compiled."""
+    """Return the path of the marker file that exists when all kernels are compiled."""
     return cache_folder() / f"complete-{hash_of(VERSIONS, all_sources_hash())}"

@@ -1,1 +1,1 @@
-"""What works on this machine, and what to do about what does not."""
+"""Checks of this machine for `panoptic doctor`, each with a remedy for what fails."""

@@ -1,12 +1,9 @@
-"""All checks of `panoptic doctor`, in the order in which they are told.
+"""Defines all checks of `panoptic doctor`, in the order of the report.
 
-Which execution provider runs the default network quickest on this machine, in measured milliseconds.
-
-Checks of `panoptic doctor` that need no ROS: Python, packages, models, video, disk, cameras.
-
-What a check is about is imported inside of it, so that its absence is a finding.
-
-Checks of `panoptic doctor` about what nodes talk over: shared memory, multicast, a small graph.
+The checks cover Python, packages, models, video, disk, cameras, inference speed, and the network between
+nodes (shared memory, multicast, a small graph). The ROS checks come from `doctor.ros`. The inference check
+measures the default network with every execution provider, in milliseconds. A check imports its subject
+inside its function, so that a missing package becomes a finding.
 """
 
 from __future__ import annotations
@@ -32,23 +29,24 @@ from panoptic_ros.running.doctor.finding import Check, Finding, fail, finish, ok
 from panoptic_ros.running.doctor.ros import ROS_CHECKS
 from panoptic_ros.running.processes.shared_memory import SHARED_MEMORY, leftovers
 
-PROVIDERS = {  # of onnxruntime, by what people call them
+PROVIDERS = {  # execution providers of onnxruntime by their common names
     "CPU": "CPUExecutionProvider",
     "CUDA": "CUDAExecutionProvider",
     "TensorRT": "TensorrtExecutionProvider",
     "OpenVINO": "OpenVINOExecutionProvider",
 }
-SIZE = (256, 320)  # net px, height and width: a region of one or two people
-RUNS = 5  # the quickest of them counts: others may be busy with something else
-GAIN = 1.2  # by which another provider must be quicker to be recommended
+SIZE = (256, 320)  # network input size, px (height, width): a region with one or two people
+RUNS = 5  # timed runs; the minimum counts, as other processes may load the machine
+GAIN = 1.2  # minimum speed-up over the CPU before another provider is recommended
 
-Timer = Callable[[DetectorModel, str], float]  # ms of one run with a provider
-SUPPORTED = ((3, 10), (3, 13))  # first and last minor version of Python
+Timer = Callable[[DetectorModel, str], float]  # returns the time of one run with a provider, ms
+SUPPORTED = ((3, 10), (3, 13))  # first and last supported minor version of Python
 PACKAGES = ("numpy", "scipy", "onnxruntime", "onnx", "rosbags", "PyYAML", "numba", "matplotlib")
-LITTLE_SPACE, NO_SPACE = 2.0, 0.3  # GB, for recordings and the download of a model
-LITTLE_SHARED_MEMORY = 256  # MiB; Docker's default is 64
-MUCH_LEFT_OVER = 64  # MiB
-MULTICAST_GROUP = "239.255.0.1"  # of DDS discovery
+# GB; less free space is a warning or a failure, as recordings and the download of a model need it
+LITTLE_SPACE, NO_SPACE = 2.0, 0.3
+LITTLE_SHARED_MEMORY = 256  # MiB; less free space causes a warning; Docker's default is 64
+MUCH_LEFT_OVER = 64  # MiB; more left-over memory causes a warning
+MULTICAST_GROUP = "239.255.0.1"  # multicast group of DDS discovery
 
 _TALK = """
 import sys, time, rclpy
@@ -73,7 +71,7 @@ sys.exit(0 if heard else 3)
 
 
 def check_shared_memory() -> Finding:
-    """Size of /dev/shm, over which images travel between processes."""
+    """Check the free space in /dev/shm, which carries images between processes."""
     if not SHARED_MEMORY.is_dir():
         return warn("no /dev/shm: images go over UDP", "mount a tmpfs at /dev/shm")
     usage = shutil.disk_usage(SHARED_MEMORY)
@@ -84,7 +82,7 @@ def check_shared_memory() -> Finding:
 
 
 def check_leftovers() -> Finding:
-    """Segments that killed processes left behind."""
+    """Check for shared-memory segments of killed processes."""
     stale = leftovers(SHARED_MEMORY)
     size = sum(path.stat().st_size for path in stale) >> 20
     if size >= MUCH_LEFT_OVER:
@@ -94,7 +92,10 @@ def check_leftovers() -> Finding:
 
 
 def check_multicast() -> Finding:
-    """Whether this host hears its own multicast: without it nodes on other hosts are not found."""
+    """Check that this host receives its own multicast.
+
+    Without multicast, nodes do not find nodes on other hosts.
+    """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         receiver.settimeout(1.0)
         receiver.bind(("", 0))
@@ -113,7 +114,7 @@ def check_multicast() -> Finding:
 
 
 def check_graph() -> Finding:
-    """Whether a message gets from one process to another."""
+    """Check that a message reaches another process over ROS."""
     domain = os.environ.get("ROS_DOMAIN_ID", "0") or "0"
     if not domain.isdigit() or int(domain) > 232:
         return fail(f"ROS_DOMAIN_ID={domain}", "choose a number from 0 to 101")
@@ -147,7 +148,7 @@ NETWORK_CHECKS: dict[str, Check] = {
 
 
 def check_python() -> Finding:
-    """Version and platform."""
+    """Check the Python version and the platform."""
     first, last = (".".join(map(str, version)) for version in SUPPORTED)
     place = "a virtual environment" if sys.prefix != sys.base_prefix else "no virtual environment"
     found = f"{platform.python_version()} on {platform.system()} {platform.machine()}, {place}"
@@ -159,7 +160,7 @@ def check_python() -> Finding:
 
 
 def check_packages() -> Finding:
-    """The Python packages that the program needs."""
+    """Check that the required Python packages are installed."""
     versions, missing = [], []
     for name in PACKAGES:
         try:
@@ -172,7 +173,7 @@ def check_packages() -> Finding:
 
 
 def check_onnxruntime() -> Finding:
-    """Execution providers for the networks."""
+    """List the execution providers of onnxruntime."""
     from panoptic_ros.detection.backends.onnx import runtime_providers
 
     names = (name.removesuffix("ExecutionProvider") for name in runtime_providers())
@@ -180,7 +181,7 @@ def check_onnxruntime() -> Finding:
 
 
 def check_model() -> Finding:
-    """The default pose model."""
+    """Check that the default pose model is downloaded."""
     from panoptic_ros.io.models import DEFAULT_MODEL, is_cached, read_card
 
     try:
@@ -193,7 +194,7 @@ def check_model() -> Finding:
 
 
 def check_video() -> Finding:
-    """Whether a video can be written and read back."""
+    """Check that a video can be written and read back."""
     import av
     import numpy as np
 
@@ -217,7 +218,7 @@ def check_video() -> Finding:
 
 
 def check_disk() -> Finding:
-    """Free space here, where results go, and in the cache."""
+    """Check the free disk space in the current folder, where results go, and in the cache."""
     places = {"here": Path.cwd(), "cache": _existing(cache_folder())}
     free = {name: shutil.disk_usage(path).free / 1e9 for name, path in places.items()}
     found = ", ".join(f"{name} {space:.1f} GB free" for name, space in free.items())
@@ -229,7 +230,7 @@ def check_disk() -> Finding:
 
 
 def check_cache() -> Finding:
-    """Whether models can be kept."""
+    """Check that models can be stored in the cache."""
     folder = cache_folder()
     if _writable(_existing(folder)):
         return ok(f"{folder} is writable")
@@ -237,7 +238,7 @@ def check_cache() -> Finding:
 
 
 def check_kernels() -> Finding:
-    """Whether the files of compiled kernels are whole."""
+    """Check that the files of compiled kernels are intact."""
     from panoptic_ros import kernels  # numba takes half a second to load
 
     folder = kernels.cache_folder()
@@ -258,13 +259,16 @@ def check_takes() -> Finding:
 
 
 def _unclosed_here() -> list[UnclosedTake]:
-    """Return the same up to two levels below this folder, for takes of other users and other machines."""
+    """Return the unclosed takes up to two levels below this folder.
+
+    These include takes of other users and other machines.
+    """
     marks = (mark for depth in ("*", "*/*") for mark in Path.cwd().glob(f"{depth}/{OPEN}"))
     return [take for mark in marks if (take := unclosed_take(mark.parent)) is not None]
 
 
 def check_cameras() -> Finding:
-    """Video devices and whether this user may open them."""
+    """Check that this user may open the video devices."""
     devices = sorted(Path("/dev").glob("video*"))
     closed = [str(device) for device in devices if not os.access(device, os.R_OK | os.W_OK)]
     if closed:
@@ -273,7 +277,7 @@ def check_cameras() -> Finding:
 
 
 def _existing(path: Path) -> Path:
-    """The folder itself or the nearest one above it that exists."""
+    """Return the path itself, or its nearest parent that exists."""
     return next(place for place in (path, *path.resolve().parents) if place.exists())
 
 
@@ -300,10 +304,12 @@ MACHINE_CHECKS: dict[str, Check] = {
 
 
 def run_ms(model: DetectorModel, provider: str) -> float:
-    """Milliseconds of one run of a network; the first, in which some compile, is left out.
+    """Return the time of one run of a network, ms: the minimum of `RUNS` runs.
+
+    An extra first run is not timed, as some providers compile in it.
 
     Raises:
-        BackendError: if the provider cannot run it.
+        BackendError: if the provider cannot run the network.
     """
     from panoptic_ros.detection.backends.choice import open_network
 
@@ -320,7 +326,7 @@ def run_ms(model: DetectorModel, provider: str) -> float:
 
 
 def check_inference() -> Finding:
-    """The default network with every provider that is there."""
+    """Measure the default network with every available execution provider."""
     from panoptic_ros.detection.backends.choice import available_providers
     from panoptic_ros.io.models import DEFAULT_MODEL, is_cached, load_detector, read_card
 
@@ -333,7 +339,15 @@ def check_inference() -> Finding:
 def measured(
     model: DetectorModel, available: Sequence[str], timer: Timer
 ) -> tuple[dict[str, float], dict[str, str]]:
-    """Milliseconds by the name of a provider, and why others could not be measured."""
+    """Measure a network with all providers.
+
+    Args:
+        available: onnxruntime names of the installed providers.
+        timer: measures one provider, ms.
+
+    Returns:
+        times, ms, by provider name, and for each of the others the reason why it was not measured.
+    """
     times: dict[str, float] = {}
     unmeasured: dict[str, str] = {}
     for name, provider in PROVIDERS.items():
@@ -348,7 +362,11 @@ def measured(
 
 
 def judged(model: str, times: Mapping[str, float], unmeasured: Mapping[str, str]) -> Finding:
-    """One line: what was measured, what was not, and which provider to choose if it is not the default."""
+    """Return the finding about inference.
+
+    It lists the measured and unmeasured providers, and recommends a provider that beats the CPU by the factor
+    `GAIN`.
+    """
     told = ", ".join(f"{name} {ms:.1f} ms" for name, ms in sorted(times.items(), key=lambda row: row[1]))
     found = f"{model} on {SIZE[1]} x {SIZE[0]} px: {told or 'nothing runs it'}"
     if unmeasured:

@@ -1,4 +1,4 @@
-"""What one check of `panoptic doctor` found."""
+"""Defines the finding of a check of `panoptic doctor`, and runs checks."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Finding:
 
     Args:
         level: OK, WARN (something works less well or is not there yet) or FAIL.
-        found: what was found, with the value.
-        remedy: what to do about it; empty if all is well.
+        found: The result of the check, with its value.
+        remedy: Advice for the user; empty if all is well.
     """
 
     level: str
@@ -31,23 +31,29 @@ Check = Callable[[], Finding]
 
 
 def ok(found: str) -> Finding:
-    """All is well."""
+    """Return a finding without a problem."""
     return Finding("OK", found)
 
 
 def warn(found: str, remedy: str) -> Finding:
-    """It works less well, or not yet."""
+    """Return a finding about something that works less well, or not yet."""
     return Finding("WARN", found, remedy)
 
 
 def fail(found: str, remedy: str) -> Finding:
-    """It does not work."""
+    """Return a finding about something that does not work."""
     return Finding("FAIL", found, remedy)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a piece of Python ended in a process of its own; the last line that it wrote about errors."""
+    """Result of a piece of Python in a child process.
+
+    Args:
+        succeeded: whether the exit code was 0.
+        output: its standard output.
+        last_error: last line of its standard error; "" = none.
+    """
 
     succeeded: bool
     output: str
@@ -55,7 +61,7 @@ class Outcome:
 
 
 def start_python(code: str, *arguments: str) -> subprocess.Popen[str]:
-    """Start a piece of Python in a process of its own: what it loads or breaks stays there."""
+    """Start a piece of Python in a child process, which isolates its imports and crashes."""
     return subprocess.Popen(
         [sys.executable, "-c", code, *arguments],
         stdin=subprocess.DEVNULL,
@@ -66,7 +72,7 @@ def start_python(code: str, *arguments: str) -> subprocess.Popen[str]:
 
 
 def finish(process: subprocess.Popen[str], timeout_s: float) -> Outcome:
-    """Wait for the process; one that takes too long is ended."""
+    """Wait for the process. Kill it after the timeout."""
     try:
         output, errors = process.communicate(timeout=timeout_s)
     except subprocess.TimeoutExpired:
@@ -74,12 +80,12 @@ def finish(process: subprocess.Popen[str], timeout_s: float) -> Outcome:
         process.communicate()
         return Outcome(False, "", f"no answer within {timeout_s:g} s")
     lines = [line.strip() for line in errors.splitlines() if line.strip()]
-    last = lines[-1].split(". Please")[0] if lines else ""  # rclpy adds a long link
+    last = lines[-1].split(". Please")[0] if lines else ""  # rclpy appends a long link
     return Outcome(process.returncode == 0, output.strip(), last)
 
 
 def run_checks(checks: Mapping[str, Check]) -> dict[str, Finding]:
-    """Run all checks; what a check cannot import or reach is a finding too."""
+    """Run all checks. A failed import or an unreachable resource becomes a finding, too."""
     findings = {}
     for name, check in checks.items():
         try:

@@ -1,7 +1,7 @@
-"""Checks of `panoptic doctor` about the installation of ROS: environment, rclpy, messages, logs.
+"""Checks the ROS installation for `panoptic doctor`: environment, rclpy, messages, logs.
 
-All that touches rclpy runs in a process of its own: a library that cannot be loaded is a finding and
-not the end of the doctor.
+Everything that touches rclpy runs in a child process. So a library that cannot be loaded becomes a finding
+and does not end the doctor.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.running.doctor.finding import Check, Finding, fail, finish, ok, start_python, warn
 
-GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"  # set by the ROS wheels when they have set LD_LIBRARY_PATH
+GUARD = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"  # set by the ROS wheels after they have set LD_LIBRARY_PATH
 
 _IMPORT = """
 import rclpy
@@ -31,7 +31,7 @@ print(len(names))
 
 
 def check_environment() -> Finding:
-    """Variables that break the ROS wheels, or mix two installations of ROS."""
+    """Check for variables that break the ROS wheels or mix two ROS installations."""
     libraries = [part for part in os.environ.get("LD_LIBRARY_PATH", "").split(os.pathsep) if part]
     if not _from_wheels():
         return ok("ROS is that of the system")
@@ -55,7 +55,7 @@ def check_environment() -> Finding:
 
 
 def check_rclpy() -> Finding:
-    """Whether rclpy and its middleware load."""
+    """Check that rclpy and its middleware load."""
     if importlib.util.find_spec("rclpy") is None:
         return fail("rclpy is not installed", "./run setup, or source /opt/ros/jazzy/setup.bash")
     outcome = finish(start_python(_IMPORT), timeout_s=30)
@@ -70,7 +70,7 @@ def check_rclpy() -> Finding:
 
 
 def check_messages() -> Finding:
-    """Whether panoptic_msgs is installed, loads, and was built from the .msg files that lie here."""
+    """Check that panoptic_msgs is installed, loads, and was built from the .msg files of this repository."""
     found = importlib.util.find_spec("panoptic_msgs")
     remedy = "./run setup, or python -m pip install ./msg_defs, or colcon build --base-paths . msg_defs"
     if found is None or found.origin is None:
@@ -91,7 +91,7 @@ def check_messages() -> Finding:
 
 
 def check_log_folder() -> Finding:
-    """Where each ROS process writes its log: without it no node starts."""
+    """Check that the ROS log folder is writable. No node starts without a log file."""
     environment = os.environ
     if environment.get("ROS_LOG_DIR"):
         folder = Path(environment["ROS_LOG_DIR"])
@@ -112,7 +112,7 @@ def _from_wheels() -> bool:
 
 
 def _differences(one: Path, other: Path) -> list[str]:
-    """Names of the definitions that are in one folder alone, or not the same in both."""
+    """Return the names of definitions that exist in only one folder or differ between both."""
     texts = [{path.name: path.read_bytes() for path in folder.glob("*.msg")} for folder in (one, other)]
     return sorted(
         name for name in texts[0].keys() | texts[1].keys() if texts[0].get(name) != texts[1].get(name)

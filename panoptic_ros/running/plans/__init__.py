@@ -1,1 +1,1 @@
-"""What a run consists of, from whatever the user gives: a folder, bags, devices, running drivers."""
+"""Plans of runs, from any source that the user gives: a folder, bags, devices, running drivers."""

@@ -1,7 +1,4 @@
-"""The plan of a run on bags.
-
-Whether what is in bags can belong together.
-"""
+"""Makes the plan of a run on bags, and checks that the content of the bags belongs together."""
 
 from __future__ import annotations
 
@@ -47,10 +44,10 @@ from panoptic_ros.running.sound.use import ClockPlan, plan_clocks
 
 
 def check_contents(bag_of: Mapping[BagStream, BagReader], rig: Rig, skeleton: SkeletonModel) -> None:
-    """Whether what comes first on every topic can be used with this rig and this skeleton.
+    """Check that the first record of every topic fits this rig and this skeleton.
 
     Raises:
-        DataError: if it has another camera or skeleton.
+        DataError: if a record has another camera or skeleton.
     """
     for stream, bag in bag_of.items():
         record, camera = stream.first_record(bag), rig.camera(stream.camera)
@@ -62,13 +59,14 @@ def check_contents(bag_of: Mapping[BagStream, BagReader], rig: Rig, skeleton: Sk
 
 
 def check_stamps(bag_of: Mapping[BagStream, BagReader], shifts: Mapping[str, int]) -> float:
-    """Frames per second, if the stamps tell of instants that several cameras share.
+    """Return the frame rate, Hz, after checking that the cameras' timestamps overlap in time.
 
     Args:
-        shifts: by camera: what is added to its stamps, as its clock is known.
+        shifts: by camera: correction of its timestamps, ns, as far as its clock is known.
 
     Raises:
-        DataError: if they do not.
+        DataError: if all timestamps of a topic are equal, or two cameras begin further apart than the
+            recording is long.
     """
     stamps = {stream: stream.first_stamps(bag) for stream, bag in bag_of.items()}
     remedy = "add --arrival-stamps to take the times of recording"
@@ -101,14 +99,15 @@ def plan_bags(
     choice: BagChoice = ANY,
     size_policy: SizePolicy = "strict",
 ) -> Plan:
-    """The plan of a run on bags: their detections if they have them, else their images.
+    """Return the plan of a run on bags. It uses their detections if there are any, else their images.
 
     Args:
-        rig: calibration file, in place of the one in the bags.
-        size_policy: for images of another size than calibrated, see `fit_camera`; CameraInfo goes before.
+        rig: calibration file that replaces the rig in the bags.
+        size_policy: policy for images whose size differs from the calibration, see `fit_camera`. A CameraInfo
+            takes precedence over it.
 
     Raises:
-        UserError: if the bags lack something, or what is in them cannot be used.
+        UserError: if the bags lack something, or their content cannot be used.
     """
     with ExitStack() as stack:
         bags = [stack.enter_context(BagReader(path)) for path in paths]
@@ -183,19 +182,28 @@ def plan_bags(
 
 
 def _shifted(stream: BagStream) -> str:
-    """Under which name a plan has the shift of a stream."""
+    """Return the key under which `Plan.shifts` holds the shift of a stream."""
     return TOPICS[SOUND_KEY].of(stream.camera) if stream.key == SOUND_KEY else stream.camera
 
 
 def _begun(stream: BagStream, begins: Mapping[str, int]) -> BagStream:
-    """The sound of a device, from where it is needed."""
+    """Return the sound stream of a device, starting at the first sample that is needed."""
     return replace(stream, from_sample=begins[stream.camera])
 
 
 def _recorded_skeleton(
     options: RunOptions, bags: Sequence[BagReader], bag_of: Mapping[BagStream, BagReader]
 ) -> SkeletonModel:
-    """The skeleton of detections; the one that is named if /skeleton_model was not recorded."""
+    """Return the skeleton of recorded detections.
+
+    2D poses from another software stack come with their own skeleton. For other detections, the result is the
+    recorded /skeleton_model. Without one, it is the chosen skeleton, whose hash must match that of the
+    detections.
+
+    Raises:
+        DataError: if no skeleton fits the detections.
+        UsageError: if options of the detector are given, as recorded detections are used unchanged.
+    """
     first, its_bag = next(iter(bag_of.items()))
     if first.people is not None:
         return first.people.model(its_bag, first.topic)
@@ -207,7 +215,8 @@ def _recorded_skeleton(
     model = config_of(configure(options.all_parameters()), DetectionConfig).model
     name = options.chosen_skeleton
     named = load_skeleton(name)
-    filled, _ = map_joints(name, read_card(model).card.joints)  # as a detector's joints allow
+    # the named skeleton with the joints that the detector provides
+    filled, _ = map_joints(name, read_card(model).card.joints)
     for skeleton in (named, filled):
         if skeleton.hash == stream.first_record(bag).skeleton_hash:
             return skeleton
@@ -227,7 +236,7 @@ def _refuse_detector_options(options: RunOptions, bag: BagReader) -> None:
 
 
 def _latched(bags: Sequence[BagReader], key: str) -> Any:
-    """The first record on a latched topic, None if there is none."""
+    """Return the first record of a latched topic; None if there is none."""
     topic = TOPICS[key]
     for bag in bags:
         for _, _, message in bag.messages("/" + topic.name) if "/" + topic.name in bag.topics else ():

@@ -1,4 +1,4 @@
-"""Which topics of bags are whose."""
+"""Assigns the topics of bags to cameras, depth sensors and IMUs."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from panoptic_ros.io.messages.encodings import BAYER, encoding_of, is_mosaic
 from panoptic_ros.io.messages.images import is_video, video_told
 from panoptic_ros.io.messages.rpt import KIND as POSES
 
-KEYS = ("detections", "image", "compressed_image")  # what a run can begin with, the best first
+KEYS = ("detections", "image", "compressed_image")  # topics that a run can begin with, best first
 
 
 @dataclass(frozen=True)
 class BagChoice:
-    """What is taken from bags where they leave a choice.
+    """Options that select the content of bags.
 
     Args:
-        cameras: use only these; None: all of the rig.
-        topics: of images or detections by camera, where it does not tell by its name.
-        depth_topics: the same for depth maps.
-        arrival_stamps: times of recording in place of the stamps in headers.
-        redetect: use images, not detections.
-        encodings: of images by camera, overrides what they state; "" stands for all other cameras.
+        cameras: Names of the cameras to use; None = all of the rig.
+        topics: Topic of images or detections by camera, for topics whose name does not identify the camera.
+        depth_topics: The same for depth maps.
+        arrival_stamps: Use the recording times instead of the header timestamps.
+        redetect: Use images, not recorded detections.
+        encodings: Image encoding by camera, which overrides the stated one; "" stands for all other cameras.
     """
 
     cameras: Sequence[str] | None = None
@@ -46,17 +46,17 @@ class BagChoice:
 def image_streams(
     choice: BagChoice, bags: Sequence[BagReader], rig: Rig, skeleton: str
 ) -> tuple[BagStream, ...]:
-    """The streams of the best kind there is, in the order of the rig's cameras.
+    """Return the streams of the best available kind, in the order of the rig's cameras.
 
     Args:
-        skeleton: the working skeleton, for 2D people of another stack.
+        skeleton: the working skeleton, for 2D poses from another software stack.
 
     Raises:
-        DataError: if there are none, or a camera may be several topics.
+        DataError: if there are none, or several topics match one camera.
     """
     given = choice.topics
     for camera in (*given, *filter(None, choice.encodings)):
-        rig.camera(camera)  # a wrong name is told
+        rig.camera(camera)  # raises an error for an unknown camera
     for camera, encoding in choice.encodings.items():
         encoding_of(encoding, f"--encoding {camera}".strip())
     for key in KEYS[1:] if choice.redetect else KEYS:
@@ -81,10 +81,10 @@ def image_streams(
 def usable_streams(
     streams: Sequence[BagStream], bags: Sequence[BagReader], choice: BagChoice
 ) -> tuple[tuple[BagStream, ...], dict[str, str]]:
-    """The streams whose first messages can be used, and by camera a line for each of the others.
+    """Return the streams whose first message is usable, and by camera a line about each other stream.
 
     Raises:
-        DataError: if none can be used, or one cannot whose topic was asked for.
+        DataError: if no stream is usable, or a stream that the user selected is not.
     """
     usable, errors = [], dict[str, DataError]()
     for stream in streams:
@@ -101,10 +101,10 @@ def usable_streams(
 
 
 def _check_encodings(choice: BagChoice, streams: Sequence[BagStream]) -> None:
-    """Check that encodings are asked for of images that state one.
+    """Check that the requested encodings belong to images that state one.
 
     Raises:
-        UsageError: if not.
+        UsageError: if they do not.
     """
     if choice.encodings and streams[0].key == "detections":
         raise UsageError("--encoding has no meaning for recorded detections; --redetect uses the images")
@@ -117,14 +117,14 @@ def _check_encodings(choice: BagChoice, streams: Sequence[BagStream]) -> None:
 def with_encodings(
     streams: Sequence[BagStream], bags: Sequence[BagReader]
 ) -> tuple[tuple[BagStream, ...], list[str]]:
-    """Return the streams with the encodings that their first images show, and lines about those."""
+    """Return the streams with the encodings that their first images show, and lines about these encodings."""
     shown = [(s, s.shown_encoding(next(bag for bag in bags if bag.path == s.bag))) for s in streams]
     lines = [found.told for _, found in shown if found.told]
     return tuple(replace(s, encoding=s.encoding or found.encoding) for s, found in shown), lines
 
 
 def absent_told(camera: str, bags: Sequence[BagReader]) -> str:
-    """Return the line about a camera of the rig that has nothing in the bags that is read."""
+    """Return a line about a camera of the rig without a readable topic in the bags."""
     for topic, kind in _videos(bags).items():
         if ros_name(camera) in topic.split("/"):
             return f"camera {camera} is left out: {video_told(topic, kind)}"
@@ -132,22 +132,23 @@ def absent_told(camera: str, bags: Sequence[BagReader]) -> str:
 
 
 def _videos(bags: Sequence[BagReader]) -> dict[str, str]:
-    """Return the topics that hold packets of videos, with their types."""
+    """Return the topics that hold video packets, with their message types."""
     return {t: kind for bag in bags for t, kind in bag.topics.items() if is_video(kind) and bag.counts[t]}
 
 
 def depth_streams(
     choice: BagChoice, bags: Sequence[BagReader], rig: Rig, streams: Sequence[BagStream]
 ) -> tuple[tuple[BagStream, ...], list[str]]:
-    """The streams of depth maps of cameras with images, and a line for each that cannot be read.
+    """Return the depth-map streams of cameras with images, and a line about each unreadable one.
 
     Raises:
-        DataError: if one that is asked for is not there, or a camera may be several topics.
+        DataError: if a requested topic does not exist, or several topics match one camera.
     """
     given = choice.depth_topics
     for camera in given:
-        rig.camera(camera)  # a wrong name is told
-    cameras = [stream.camera for stream in streams if stream.key != "detections"]  # which know their depth
+        rig.camera(camera)  # raises an error for an unknown camera
+    # recorded detections include their depth limits
+    cameras = [stream.camera for stream in streams if stream.key != "detections"]
     found = {s.camera: s for key in DEPTH_KEYS for s in _of_kind(choice, bags, key, cameras, given)}
     for camera, topic in given.items():
         if camera not in found:
@@ -165,10 +166,12 @@ def depth_streams(
 def patch_streams(
     choice: BagChoice, bags: Sequence[BagReader], rig: Rig, streams: Sequence[BagStream]
 ) -> tuple[BagStream, ...]:
-    """What patches take besides: maps of depth sensors, and 2D tracks where detections are used.
+    """Return the additional inputs of patches: depth-sensor maps and 2D tracks.
+
+    2D tracks are used for cameras with recorded detections.
 
     Raises:
-        DataError: if a camera or sensor may be several topics.
+        DataError: if several topics match one camera or sensor.
     """
     sensors = [sensor.name for sensor in rig.depth_sensors]
     found = {s.camera: s for key in SENSOR_KEYS for s in _of_kind(choice, bags, key, sensors, {})}
@@ -177,7 +180,7 @@ def patch_streams(
 
 
 def imu_streams(bags: Sequence[BagReader], arrival_stamps: bool = False) -> tuple[BagStream, ...]:
-    """The topics of IMUs, /<device>/imu in any namespace; of several of one device the first."""
+    """Return the IMU topics, /<device>/imu in any namespace. The first topic of each device counts."""
     kind, found = TOPICS[IMU_KEY].message, dict[str, BagStream]()
     for bag in bags:
         for topic in sorted(topic for topic, own in bag.topics.items() if own == kind and bag.counts[topic]):
@@ -193,7 +196,11 @@ def _of_kind(
     cameras: Sequence[str],
     given: Mapping[str, str],
 ) -> tuple[BagStream, ...]:
-    """The streams of one kind that there are."""
+    """Return all streams of one kind.
+
+    Args:
+        given: topic by camera, as selected by the user.
+    """
     places = {camera: _find(bags, key, camera, given.get(camera)) for camera in cameras}
     return tuple(
         BagStream(
@@ -210,10 +217,10 @@ def _of_kind(
 
 
 def _find(bags: Sequence[BagReader], key: str, camera: str, given: str | None) -> tuple[BagReader, str]:
-    """The bag and the topic of that kind of a camera; the topic is empty if there is none.
+    """Return bag and topic of one kind for a camera; the topic is "" if there is none.
 
-    A topic of the right type that ends as the camera's own does is taken for it, so that recordings of a
-    graph in a namespace need nothing more.
+    A topic of the right type also matches if its name ends like the camera's default topic. So recordings of
+    a graph in a namespace need no options.
     """
     usual = "/" + TOPICS[key].of(camera)
     rows = _topics_of(bags, TOPICS[key].message)
@@ -227,7 +234,10 @@ def _find(bags: Sequence[BagReader], key: str, camera: str, given: str | None) -
 def _foreign_people(
     choice: BagChoice, bags: Sequence[BagReader], rig: Rig, skeleton: str
 ) -> tuple[BagStream, ...]:
-    """2D people of another stack, on topics that have the camera's name among their words."""
+    """Return the streams of 2D poses from another software stack.
+
+    Their topic names contain the camera's name as one of their words.
+    """
     rows, found = _topics_of(bags, POSES), []
     for camera in rig.cameras:
         name, given = ros_name(camera.name), choice.topics.get(camera.name)
@@ -241,7 +251,7 @@ def _foreign_people(
 
 
 def _topics_of(bags: Sequence[BagReader], kind: str) -> list[tuple[BagReader, str]]:
-    """Topics with messages of a type."""
+    """Return all topics of one message type that contain messages."""
     return [
         (bag, topic) for bag in bags for topic, own in bag.topics.items() if own == kind and bag.counts[topic]
     ]
@@ -250,7 +260,11 @@ def _topics_of(bags: Sequence[BagReader], kind: str) -> list[tuple[BagReader, st
 def _the_only(
     found: Sequence[tuple[BagReader, str]], bags: Sequence[BagReader], key: str, camera: str
 ) -> tuple[BagReader, str]:
-    """The one that was found; an empty topic if none was."""
+    """Return the only topic of a list; "" if the list is empty.
+
+    Raises:
+        DataError: if there are several.
+    """
     if len(found) > 1:
         option = "--depth-topic" if key in DEPTH_KEYS else "--topic"
         places = " and ".join(f"{topic} in {bag.path}" for bag, topic in found[:2])
@@ -259,5 +273,5 @@ def _the_only(
 
 
 def names_of(bags: Sequence[BagReader]) -> str:
-    """The paths of bags, for messages."""
+    """Return the paths of bags as text for messages."""
     return " and ".join(str(bag.path) for bag in bags)

@@ -1,4 +1,4 @@
-"""Subject files of a run, and what they tell tracking."""
+"""Applies subject files to the plan of a run, and designates their people in tracking."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ PATTERN = "subject*.json"
 
 
 def subject_files(folder: Path, given: Sequence[Path]) -> tuple[Path, ...]:
-    """Those that are given, and those of a capture folder."""
+    """Return the given subject files and those of a capture folder, each once."""
     found = {path.resolve(): path for path in (*given, *sorted(folder.glob(PATTERN)))}
     return tuple(found.values())
 
 
 def with_subjects(plan: Plan, paths: Sequence[Path]) -> Plan:
-    """The plan of a run whose designated people are those of these files.
+    """Return the plan with the people of these subject files as designated people.
 
     Raises:
-        UserError: naming a file and what is wrong, or if the parameters designate people too.
+        UserError: if a file is invalid, or the parameters designate people as well.
     """
     if not paths:
         return plan
@@ -50,7 +50,7 @@ def with_subjects(plan: Plan, paths: Sequence[Path]) -> Plan:
 
 
 def with_bodies(plan: Plan) -> Plan:
-    """The plan with what the kinematics stage needs, if it runs.
+    """Return the plan with the input of the kinematics stage, if that stage runs.
 
     Raises:
         UserError: if a file of a subject, of segments or of a prior cannot be used.
@@ -64,7 +64,10 @@ def with_bodies(plan: Plan) -> Plan:
 
 
 def _with_imus(plan: Plan) -> Plan:
-    """The plan with the IMUs that somebody wears, of those that were recorded; a line about the others."""
+    """Return the plan with only those recorded IMUs that a subject wears.
+
+    Notices name the unused and the missing IMUs.
+    """
     imus = {name: path for name, path in plan.imus.items() if name in plan.worn}
     streams = tuple(s for s in plan.streams if s.key != IMU_KEY or s.camera in plan.worn)
     idle = [

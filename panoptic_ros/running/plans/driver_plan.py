@@ -1,6 +1,6 @@
-"""Plans of live runs on topics of running drivers.
+"""Makes plans of live runs on topics of running drivers.
 
-The rig of running drivers: from a calibration, or from CameraInfo and TF alone.
+The rig comes from a calibration file, or from CameraInfo and TF alone.
 """
 
 from __future__ import annotations
@@ -34,21 +34,23 @@ from panoptic_ros.running.plans.parameters import live_parameters, with_defaults
 from panoptic_ros.running.plans.plan import Plan, require_cameras
 from panoptic_ros.running.processes.children import prepare_environment
 
-RECTIFIED = "_rect"  # in the last words of a topic's name, as image_proc and drivers call them
-SAME_FOCAL = 0.01  # relative: what CameraInfo and the rig may differ by
+RECTIFIED = "_rect"  # marks rectified images in the last word of a topic name, as image_proc and drivers do
+SAME_FOCAL = 0.01  # relative tolerance between the focal lengths of CameraInfo and the rig
 
 
 def is_rectified(topics: DriverTopics) -> bool:
-    """Whether the name of a topic says so."""
+    """Return whether the topic name marks rectified images."""
     word = plain_topic(topics.image).rsplit("/", 1)[-1]
     return RECTIFIED in word or word.startswith("rect")
 
 
 def with_info(topics: DriverTopics, needed: bool) -> DriverTopics:
-    """The topics with that of CameraInfo, which rectified images need: beside the image unless named.
+    """Return the topics, completed by the CameraInfo topic beside the image where it is needed.
+
+    Rectified images always need CameraInfo. A CameraInfo topic that the user names is kept.
 
     Args:
-        needed: of raw ones too, as nothing else tells their lens.
+        needed: whether raw images need it, too, as no other source gives their lens parameters.
     """
     if topics.camera_info or not (needed or is_rectified(topics)):
         return topics
@@ -56,14 +58,15 @@ def with_info(topics: DriverTopics, needed: bool) -> DriverTopics:
 
 
 def rig_by_calibration(rig: Rig, file: DriverFile, drivers: Drivers, notices: list[str]) -> Rig:
-    """The rig's cameras and depth sensors that have topics, as their images are: raw, or rectified by
-    CameraInfo.
+    """Return the rig's cameras and depth sensors that have topics, adapted to their published images.
+
+    The images are raw, or rectified by CameraInfo.
 
     Args:
-        notices: lines about what differs are added here.
+        notices: receives lines about differences.
 
     Raises:
-        CalibrationError: naming what the rig has not, or calibrates for another size.
+        CalibrationError: if the rig lacks a camera or sensor, or is calibrated for another image size.
     """
     chosen = rig.subset(file.cameras)
     cameras = tuple(_seen(camera, file.cameras[camera.name], drivers, notices) for camera in chosen.cameras)
@@ -77,13 +80,13 @@ def rig_by_calibration(rig: Rig, file: DriverFile, drivers: Drivers, notices: li
 
 
 def rig_by_transforms(file: DriverFile, drivers: Drivers, fixed: str, notices: list[str]) -> Rig:
-    """The rig that CameraInfo (lenses, frames) and TF (poses of optical frames) tell of.
+    """Return the rig from CameraInfo (lenses, frames) and TF (poses of the optical frames).
 
     Args:
-        fixed: the frame that is the world; "" = the top of the tree.
+        fixed: TF frame that becomes the world frame; "" = the root of the TF tree.
 
     Raises:
-        CalibrationError, EnvironmentProblem: naming what is missing, with the remedy.
+        CalibrationError, EnvironmentProblem: if something is missing; the message states the remedy.
     """
     infos = {name: drivers.infos[topics.camera_info] for name, topics in file.everything.items()}
     frames = {name: str(info.header.frame_id).lstrip("/") for name, info in infos.items()}
@@ -120,7 +123,11 @@ def _from_info(info: Any, name: str, cam_from_world: Rigid, notices: list[str]) 
 
 
 def _rectified_in_place(camera: Camera, info: Any) -> Camera:
-    """The rectified camera; the second of a stereo pair stands beside the frame that both name (REP 104)."""
+    """Return the rectified camera at its true position.
+
+    Both CameraInfos of a stereo pair name the frame of the first camera. The second camera is beside that
+    frame (REP 104).
+    """
     seen = rectified(camera, info)
     projection = np.array(info.p, float).reshape(3, 4)
     aside = np.linalg.solve(projection[:, :3], projection[:, 3])
@@ -128,7 +135,7 @@ def _rectified_in_place(camera: Camera, info: Any) -> Camera:
 
 
 def _seen(camera: Camera, topics: DriverTopics, drivers: Drivers, notices: list[str]) -> Camera:
-    """The camera as its images are: raw as in the rig, or rectified by CameraInfo."""
+    """Return the camera of the published images: raw as in the rig, or rectified by CameraInfo."""
     info = drivers.infos.get(topics.camera_info)
     if info is None:
         return camera
@@ -149,7 +156,7 @@ def _fitted(camera: Camera, info: Any, what: str, notices: list[str]) -> Camera:
 
 
 def _compare(camera: Camera, info: Any, notices: list[str]) -> None:
-    """Tell where the driver's own calibration is another than the rig's, which counts."""
+    """Add a line where the driver's calibration differs from the rig's. The rig's calibration is used."""
     try:
         whole, assumed = whole_camera(info, camera.name, camera.cam_from_world)
     except DataError as error:
@@ -178,22 +185,22 @@ SENSOR_CARRIERS = {
     ("depth", "sensor_msgs/msg/CompressedImage"): "compressed_sensor_depth",
     ("camera_info", "sensor_msgs/msg/CameraInfo"): "sensor_info",
 }
-NOT_TAKEN = ("camera_info", "sensor_info")  # read once, at the start
+NOT_TAKEN = ("camera_info", "sensor_info")  # messages that are read once, at the start
 
 
 def plan_drivers(
     path: Path, options: RunOptions = NO_OPTIONS, *, rig: Path | None = None, fixed_frame: str = ""
 ) -> Plan:
-    """The plan of a live run on what drivers publish.
+    """Return the plan of a live run on the topics of running drivers.
 
     Args:
-        path: of the topics, see `io.driver_topics`.
-        rig: calibration file, of the raw images. Of rectified ones the poses are taken from it, and the rest
-            from their CameraInfo. None: lenses from CameraInfo, poses from TF.
-        fixed_frame: of TF, in place of what the file of topics says.
+        path: file of the topics, see `io.driver_topics`.
+        rig: calibration file for the raw images. For rectified images, it provides the poses, and CameraInfo
+            the rest. None = lenses from CameraInfo, poses from TF.
+        fixed_frame: TF frame that replaces the one in the file of the topics.
 
     Raises:
-        UserError: on whatever the user can mend, before anything has started.
+        UserError: on any fault that the user can fix, before anything has started.
     """
     file = read_driver_topics(path)
     calibrated = None if rig is None else read_rig(rig, cameras=tuple(file.cameras))
@@ -257,7 +264,7 @@ def _check_encodings(path: Path, file: DriverFile) -> None:
 
 
 def _carriers(file: DriverFile, drivers: Drivers) -> dict[str, dict[str, str]]:
-    """Topics by key of `graph.topics.TOPICS` and owner."""
+    """Return the topic names by key of `graph.topics.TOPICS` and owner."""
     found: dict[str, dict[str, str]] = {}
     for owners, known in ((file.cameras, CARRIERS), (file.sensors, SENSOR_CARRIERS)):
         for name, key, topic in _named(owners):
@@ -272,5 +279,5 @@ def _carriers(file: DriverFile, drivers: Drivers) -> dict[str, dict[str, str]]:
 
 
 def _named(owners: Mapping[str, DriverTopics]) -> list[tuple[str, str, str]]:
-    """(owner, key, topic)."""
+    """Return (owner, key, topic) of all topics."""
     return [(name, key, topic) for name, topics in owners.items() for key, topic in topics.named.items()]

@@ -1,4 +1,4 @@
-"""The first seconds of a recording: its plan, ended so long after the first stamp of its cameras."""
+"""Shortens the plan of a recording to its first seconds after the first timestamp of its cameras."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from panoptic_ros.io.bags import BagReader
 from panoptic_ros.running.plans.plan import Plan
 
 SECOND = 1_000_000_000
-CAMERAS = ("image", "compressed_image", "detections")  # streams of bags that say when a recording begins
+CAMERAS = ("image", "compressed_image", "detections")  # bag streams that define the start of a recording
 
 
 def ended_after(plan: Plan, duration_s: float) -> Plan:
-    """Return the plan of the first seconds of a recording, counted from its first stamp.
+    """Return the plan of the first seconds of a recording, counted from its first timestamp.
 
-    Stamps are compared as far as the plan knows the clocks. IMUs alone begin with their first sample.
+    Timestamps are compared with the clock corrections that the plan knows. A recording of IMUs alone begins
+    with its first sample.
 
     Raises:
         UserError: if a source cannot be opened.
@@ -54,7 +55,7 @@ def _at_most(count: int | None, most: int) -> int | None:
 
 
 def _begins(plan: Plan) -> Iterator[int]:
-    """Yield the stamp, ns, of the first record of each camera; without cameras of each IMU."""
+    """Yield the timestamp, ns, of the first record of each camera; without cameras, of each IMU."""
     for camera, description in plan.sources.items():
         source, _ = open_source(camera, plan.rig, description)
         with source:

@@ -1,4 +1,4 @@
-"""A rig fitted to images that are binned or cut as their CameraInfo says, or of another size."""
+"""Adapts a rig to images that are binned or cropped according to CameraInfo, or that have another size."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from panoptic_ros.io.messages.camera_infos import INFO, as_published, info_topic
 
 
 def fit_to_info(camera: Camera, info: Any, what: str) -> tuple[Camera, str]:
-    """Return the camera of raw images as their driver publishes them: binned, or of a region (REP 104).
+    """Return the camera of raw images as published by the driver: binned, or of a region (REP 104).
 
     Args:
-        camera: as the rig has it, for the whole sensor or for these images.
-        info: CameraInfo; one that says 0 x 0 changes nothing.
-        what: comes, for messages.
+        camera: the camera in the rig, calibrated for the whole sensor or for these images.
+        info: CameraInfo. A size of 0 x 0 changes nothing.
+        what: kind of the images, for messages.
 
     Returns:
-        the camera; how it was changed, in words, or "".
+        the camera, and a text about the change, or "".
 
     Raises:
         CalibrationError: if the rig is calibrated for another size.
@@ -58,14 +58,15 @@ def check_size(camera: Camera, info: Any, what: str) -> None:
 def fit_to_bags(
     rig: Rig, bag_of: Mapping[BagStream, BagReader], bags: Sequence[BagReader], policy: SizePolicy
 ) -> tuple[Rig, tuple[str, ...]]:
-    """Return the rig for the images of bags, by the CameraInfo beside them or else by the policy.
+    """Return the rig for the images of bags, adapted by the CameraInfo beside them, else by the policy.
 
     Args:
-        bag_of: streams of images or detections, by which the rig's cameras are found.
+        bag_of: bag by stream of images or detections. The streams identify the cameras of the rig.
+        bags: bags that may contain CameraInfo.
         policy: see `fit_camera`.
 
     Returns:
-        the rig; lines about what was changed.
+        the rig, and lines about the changes.
 
     Raises:
         DataError: if a camera is calibrated for another size.
@@ -89,7 +90,7 @@ def fit_to_bags(
 
 
 def _first_info(bags: Sequence[BagReader], topic: str) -> Any:
-    """The first message on a topic of CameraInfo, None if there is none."""
+    """Return the first message of a CameraInfo topic; None if there is none."""
     for bag in bags:
         if bag.topics.get(topic) == INFO:
             return next((message for _, _, message in bag.messages(topic)), None)

@@ -1,4 +1,4 @@
-"""Plans of runs without cameras: bodies of designated people from IMUs alone."""
+"""Makes plans of runs without cameras, which solve for bodies of designated people from IMUs alone."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ ALONE = "no camera: bodies come from IMUs alone; poses hold, places drift but fo
 
 
 def plan_imu_file(title: str, options: RunOptions) -> Plan:
-    """The plan of a run on the file of samples that the options name.
+    """Return the plan of a run on the file of IMU samples that the options name.
 
     Raises:
-        UserError: if there is no subject, or nobody wears one of its devices.
+        UserError: if there is no subject, or no subject wears one of the devices.
     """
     assert options.imus is not None
     return _checked(options.complete(_plan(title, options)), imu_devices(options.imus))
 
 
 def imus_in_bags(bags: Sequence[BagReader], choice: BagChoice) -> tuple[BagStream, ...]:
-    """The IMUs of bags that hold nothing of cameras; none if they do."""
+    """Return the IMU streams of bags without camera topics; nothing if there are camera topics."""
     messages = {TOPICS[key].message for key in KEYS}
     if any(bag.counts[topic] and kind in messages for bag in bags for topic, kind in bag.topics.items()):
         return ()
@@ -40,14 +40,15 @@ def imus_in_bags(bags: Sequence[BagReader], choice: BagChoice) -> tuple[BagStrea
 
 
 def plan_imu_bags(title: str, streams: tuple[BagStream, ...], options: RunOptions) -> Plan:
-    """The plan of a run on IMUs in bags; errors as `plan_imu_file`."""
+    """Return the plan of a run on IMUs in bags. Errors are those of `plan_imu_file`."""
     plan = options.complete(replace(_plan(title, options), streams=streams))
     return _checked(plan, [stream.camera for stream in streams])
 
 
 def plan_live_imus(options: RunOptions) -> Plan:
-    """The plan of a live run on /<device>/imu of all devices that the subjects wear; errors as
-    `plan_imu_file`.
+    """Return the plan of a live run on /<device>/imu of all devices that the subjects wear.
+
+    Errors are those of `plan_imu_file`.
     """
     plan = options.complete(replace(_plan("IMUs", options), live=True))
     return _checked(plan, ["/<device>/imu"])
@@ -72,7 +73,7 @@ def _checked(plan: Plan, there: Sequence[str]) -> Plan:
 
 
 def hint_without_images(folder: Path) -> str:
-    """What else a folder without images and videos can be used for; "" if nothing is known."""
+    """Return a hint about other uses of a folder without images and videos; "" if there is none."""
     if (folder / "bag").is_dir():
         return f"; it has a bag: panoptic run --bag {folder / 'bag'}"
     if any((folder / f"detections.json{end}").is_file() for end in ("", ".gz")):

@@ -1,4 +1,4 @@
-"""What may be said about any run, whatever its source, and what it does to the plan."""
+"""Defines the options of any run, whatever its source, and applies them to the plan."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from panoptic_ros.sync.config import SyncConfig
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What a user may say about any run; what is not given changes nothing.
+    """Options of any run. Options that are not given change nothing.
 
     Args:
         parameters: {stage: {parameter: value}}.
-        model: pose model: name, card or ONNX file; goes before `detection.model` of the parameters.
-        skeleton: working skeleton: name or YAML file; "" = nobody says.
-        usual_skeleton: what counts then, unless a recording has a skeleton of its own.
-        occluders: file with fixed things that hide people.
-        offsets: file with clock offsets of cameras that were found before, added to their stamps.
-        from_sound: find the clocks of cameras from what they hear.
-        subjects: files of the designated people, besides those of a capture folder.
-        imus: file with samples of IMUs.
-        apart: m, between microphones at most, where the rig does not tell.
+        model: Pose model: name, card or ONNX file. It takes precedence over the parameter `detection.model`.
+        skeleton: Working skeleton: name or YAML file; "" = not given.
+        usual_skeleton: Default for `skeleton`, unless a recording has its own skeleton.
+        occluders: File of static objects that occlude people.
+        offsets: File with known clock offsets of cameras, added to their timestamps.
+        from_sound: Estimate the clocks of the cameras from their recorded sound.
+        apart: Maximum distance between microphones, m, where the rig does not give it.
+        subjects: Files of designated people, in addition to those of a capture folder.
+        imus: File of IMU samples.
     """
 
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -57,7 +57,7 @@ class RunOptions:
     imus: Path | None = None
 
     def all_parameters(self) -> Parameters:
-        """The parameters, with the model among them."""
+        """Return the parameters, including the model."""
         values = {stage: dict(given) for stage, given in self.parameters.items()}
         if self.model:
             values.setdefault("detection", {})["model"] = self.model
@@ -65,20 +65,22 @@ class RunOptions:
 
     @property
     def chosen_skeleton(self) -> str:
-        """The working skeleton of a recording that has none of its own."""
+        """Return the working skeleton for a recording that has none of its own."""
         return self.skeleton or self.usual_skeleton
 
     def detector(self) -> tuple[SkeletonModel, Mapping[str, Any]]:
-        """The working skeleton and the extras of the stages, for the pose model."""
+        """Return the working skeleton and the extras of the stages, for the pose model."""
         config = config_of(configure(self.all_parameters()), DetectionConfig)
         return detector_extras(config.model, self.chosen_skeleton)
 
     def complete(self, plan: Plan) -> Plan:
-        """Complete the plan with occluders, offsets, designated people, biases of the detector's joints, and
-        the direction by which images are turned upright.
+        """Complete the plan with the options that do not depend on its source.
+
+        These are occluders, clock offsets, designated people, biases of the detector's joints, and the up
+        direction that turns images upright.
 
         Raises:
-            UserError: if a file cannot be used, or the plan has delays of cameras already.
+            UserError: if a file cannot be used, or the plan already has delays of cameras.
         """
         check_names(plan.rig.names)
         rig = with_occluders(plan.rig, self.occluders)
@@ -98,16 +100,16 @@ class RunOptions:
 
 
 class Source(Protocol):
-    """What a run takes its records from: a capture folder, videos, devices, bags, topics of drivers, or IMUs.
+    """Source of the records of a run: a capture folder, videos, devices, bags, topics of drivers, or IMUs.
 
-    All of them make the plan of a run from what a user may say about any run.
+    Each source makes the plan of a run from the same options.
     """
 
     def __call__(self, options: RunOptions, /) -> Plan:
-        """Make the plan.
+        """Return the plan.
 
         Raises:
-            UserError: on whatever the user can mend, before anything has started.
+            UserError: on any fault that the user can fix, before anything has started.
         """
         ...
 
@@ -117,7 +119,7 @@ SECOND = 1_000_000_000
 
 
 def _with_offsets(plan: Plan, path: Path) -> Plan:
-    """The plan with offsets that were found before as delays of the cameras."""
+    """Return the plan with known clock offsets as delays of the cameras."""
     sync, offsets = config_of(plan.configs, SyncConfig), config_of(plan.configs, OffsetsConfig)
     if sync.delays_ms:
         raise UsageError("--offsets and sync.delays_ms both tell how late stamps are; give one of them")
@@ -129,7 +131,7 @@ def _with_offsets(plan: Plan, path: Path) -> Plan:
         "offsets": replace(offsets, delays_ms=delays),
     }
     told = tuple(line.strip() for line in saved_lines(saved, plan.rig.names))
-    # offsets may be seconds: streams are kept side by side by what stamps come to
+    # offsets may be seconds, so the streams are aligned by their corrected timestamps
     more = {name: round(SECOND * offset.offset_s) for name, offset in saved.items()}
     streams = tuple(replace(s, shift_ns=s.shift_ns + more.get(s.camera, 0)) for s in plan.streams)
     shifts = {name: plan.shifts.get(name, 0) + more.get(name, 0) for name in (*plan.shifts, *more)}
@@ -137,7 +139,7 @@ def _with_offsets(plan: Plan, path: Path) -> Plan:
 
 
 def _with_upright_images(plan: Plan) -> Plan:
-    """Return the plan with the rig's up direction among the parameters, as /rig does not carry it."""
+    """Return the plan with the rig's up direction as a parameter, as /rig does not contain it."""
     config = config_of(plan.configs, DetectionConfig)
     if not config.up and plan.rig.up != Z_UP:
         config = replace(config, up=plan.rig.up or NOT_KNOWN)

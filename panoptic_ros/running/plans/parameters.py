@@ -1,4 +1,4 @@
-"""Parameters and fixed things that a user gives, for all that solves."""
+"""Reads the parameters and occluders that a user gives."""
 
 from __future__ import annotations
 
@@ -17,39 +17,42 @@ from panoptic_ros.io.occluders import read_occluders
 from panoptic_ros.params import Config
 from panoptic_ros.running.plans.free_threads import free_threads
 
-ROS = "ros__parameters"  # the key of ROS above the parameters of a node
+ROS = "ros__parameters"  # key of ROS files above the parameters of a node
 Parameters = dict[str, dict[str, Any]]  # {stage: {parameter: value}}
 
 
 def read_parameters(
     file: Path | None, settings: Sequence[str], preset: Parameters | None = None
 ) -> Parameters:
-    """The parameters that the user gave: the preset's, before them the file's, and the settings first of all.
+    """Return the parameters that the user gave.
+
+    Settings take precedence over the file, and the file over the preset.
 
     Args:
-        file: YAML with {stage: {parameter: value}}, or a ROS parameter file.
+        file: YAML file with {stage: {parameter: value}}, or a ROS parameter file.
         settings: texts of the form stage.name=value.
-        preset: see `running.presets`.
+        preset: parameters of a preset, see `running.plans.presets`.
 
     Raises:
-        ConfigError: on unknown ones and bad values.
+        ConfigError: on unknown parameters and invalid values.
     """
     values = merged(preset or {}, {} if file is None else parameters_of(read_yaml(file), file))
     for text in settings:
         stage, name, value = parse_setting(text)
         values.setdefault(stage, {})[name] = value
-    configure(values)  # so that mistakes are told before anything starts
+    configure(values)  # reports mistakes before anything starts
     return values
 
 
 def parameters_of(document: Any, file: Path, others: Sequence[str] = ()) -> Parameters:
-    """The parameters in the document of a file.
+    """Return the parameters in the document of a file.
 
     Args:
-        others: keys besides stages that such a file may have, for messages.
+        file: path, for messages.
+        others: valid keys other than stages, for messages.
 
     Raises:
-        ConfigError: if it is of another form.
+        ConfigError: if the document has another form.
     """
     if document is None:
         return {}
@@ -68,7 +71,10 @@ def parameters_of(document: Any, file: Path, others: Sequence[str] = ()) -> Para
 
 
 def _plain(entries: dict[str, Any], where: str) -> dict[str, Any]:
-    """Entries of a ROS parameter file, as config/*.yaml are, stand one level deeper."""
+    """Return the parameters of a stage.
+
+    In a ROS parameter file, such as config/*.yaml, they are one level deeper.
+    """
     if ROS not in entries:
         return entries
     beside = [key for key in entries if key != ROS]
@@ -80,14 +86,19 @@ def _plain(entries: dict[str, Any], where: str) -> dict[str, Any]:
 
 
 def with_defaults(given: Parameters, defaults: Parameters) -> dict[str, Config]:
-    """Configurations where `defaults` count only where the user gave nothing."""
+    """Return configurations that use `defaults` only for parameters that the user did not give."""
     return configure(merged(defaults, given))
 
 
 def live_parameters(rate: float = 30.0, cameras: int = 1) -> Parameters:
-    """What holds for so many live cameras of this rate, Hz, unless the user says something else."""
+    """Return default parameters for a live run.
+
+    Args:
+        rate: frame rate of the cameras, Hz.
+        cameras: number of cameras.
+    """
     return {
-        # detection works through the cameras in turn, some side by side
+        # three frame periods: detection processes the cameras in turn, some of them in parallel
         "sync": {"deadline_s": max(LIVE_DEFAULTS["sync"]["deadline_s"], 3.0 / rate)},
         "detection": {"threads": max(1, free_threads(1) // max(cameras, 1))},
         "refinement": {"lag": min(LIVE_DEFAULTS["refinement"]["lag"], 0.9 / rate)},
@@ -95,5 +106,5 @@ def live_parameters(rate: float = 30.0, cameras: int = 1) -> Parameters:
 
 
 def with_occluders(rig: Rig, path: Path | None) -> Rig:
-    """The rig among the things of a file, if one is given."""
+    """Return the rig with the occluders of a file, if a file is given."""
     return rig if path is None else replace(rig, occluders=read_occluders(path))

@@ -1,4 +1,4 @@
-"""What a run consists of: cameras, where their data come from, skeleton, parameters."""
+"""Defines the plan of a run: cameras, sources of their data, skeleton, parameters."""
 
 from __future__ import annotations
 
@@ -19,30 +19,34 @@ BODIES = "kinematics"  # the stage that needs no camera
 
 @dataclass(frozen=True)
 class Plan:
-    """A run, before anything has started.
+    """Complete description of a run, before anything has started.
 
     Args:
-        sources: of each camera, as `nodes.sources` takes them; empty for bags and running drivers.
-        streams: of bags, one per camera, and those of depth maps and sound.
-        sounds: of devices that hear the clocks of cameras, as `capture.sound.open_sound` takes them.
-        heard: live, devices whose sound others publish.
-        shifts: by camera, and of sound by topic, ns: what is added to stamps so that all are roughly in
-            master time, and sound goes ahead.
-        topics: of running drivers, by key of `graph.topics.TOPICS` and camera.
-        encodings: by camera, of raw images whose driver says something else.
-        depth_cameras: whose images come with depth maps.
-        maps: of depth sensors that stand for themselves, of a capture folder.
-        stage: the first stage that is needed, detection or sync.
-        extras: what detection and assembly need besides; empty if nothing.
-        frame_count: of all cameras together, None if not known; instants: of the longest camera.
-        live: devices, in place of recordings.
-        namespace: of the graph's nodes and topics.
-        publish: what `nodes.listeners.people_node` makes of skeletons for other packages.
-        subjects: files of the designated people.
-        imus: file with samples by device; empty for bags and running drivers.
-        worn: devices on the designated people, in the order of their files.
-        until_ns: of a recording: what is stamped then or later is left out; None = nothing is.
-        notices: one line each about what was adapted.
+        title: Name of the source in the report.
+        sources: Description of the source of each camera for `nodes.sources`; empty for bags and running
+            drivers.
+        streams: Topics of bags: one per camera, plus those of depth maps, 2D tracks, sound and IMUs.
+        sounds: Descriptions of devices that record the cameras' clocks, for `capture.sound.open_sound`.
+        heard: Live: devices whose sound other nodes publish.
+        shifts: By camera, and for sound by topic: ns added to timestamps. They bring all timestamps roughly
+            to master time, and place sound ahead of the frames.
+        topics: Topics of running drivers, by key of `graph.topics.TOPICS` and camera.
+        encodings: By camera: encoding of raw images whose driver states another one.
+        depth_cameras: Cameras whose images come with depth maps.
+        maps: Depth maps of separate depth sensors in a capture folder.
+        stage: First stage of the run, detection or sync.
+        extras: Additional input of detection and assembly; empty if there is none.
+        frame_count: Total number of frames of all cameras; None if unknown.
+        instants: Number of frames of the longest camera; None if unknown.
+        frame_rate: Hz.
+        live: Whether the sources are devices rather than recordings.
+        namespace: Namespace of the graph's nodes and topics.
+        publish: Output formats of `nodes.listeners.people_node` for other packages.
+        subjects: Files of the designated people.
+        imus: File of samples by device; empty for bags and running drivers.
+        worn: Devices on the designated people, in the order of their files.
+        until_ns: End of a recording: records with this or a later timestamp are left out; None = no limit.
+        notices: Lines about adaptations of the input.
     """
 
     title: str
@@ -74,13 +78,14 @@ class Plan:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the result's joints, in their order."""
+        """Return the names of the result's joints, in their order."""
         return self.skeleton.joint_names
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """All stages from the first on; parameters may switch some of them off. Without cameras there are
-        bodies alone.
+        """Return all stages from the first one on. Parameters may switch some of them off.
+
+        Without cameras, the kinematics stage runs alone.
         """
         if not self.rig.cameras:
             return (BODIES,)
@@ -88,30 +93,34 @@ class Plan:
 
     @property
     def devices(self) -> tuple[str, ...]:
-        """Those whose sound is used."""
+        """Return the devices whose sound is used."""
         recorded = (stream.camera for stream in self.streams if stream.key == SOUND_KEY)
         return (*(str(sound["device"]) for sound in self.sounds), *recorded, *self.heard)
 
     @property
     def imu_devices(self) -> tuple[str, ...]:
-        """IMUs whose samples come: of a file, of bags; of running drivers all that are worn."""
+        """Return the IMUs whose samples arrive, from a file or from bags; in a live run, all worn IMUs."""
         recorded = tuple(stream.camera for stream in self.streams if stream.key == IMU_KEY)
         return self.worn if self.live else (*self.imus, *recorded)
 
     def at(self, owner: str, stamp_ns: int) -> int:
-        """Roughly the master time of a stamp of a camera, or of the sound on a topic."""
+        """Return the approximate master time, ns, of a timestamp.
+
+        Args:
+            owner: camera, or topic of the sound.
+        """
         return stamp_ns + self.shifts.get(owner, 0)
 
     def clock_of(self, owner: str) -> str:
-        """Whose clock stamps the records of a camera or device; "" = the common one."""
+        """Return the clock that timestamps the records of a camera or device; "" = the common clock."""
         return self.rig.clock_of(owner)
 
 
 def require_cameras(rig: Rig, designated: bool = False) -> None:
-    """Whether there are cameras enough: two, or one where subjects are given, whose bodies it tells of.
+    """Check for enough cameras: two, or one if subjects are given, as one camera is enough for their bodies.
 
     Raises:
-        CalibrationError: if not.
+        CalibrationError: if there are too few.
     """
     if len(rig) < (1 if designated else 2):
         raise CalibrationError(

@@ -1,6 +1,6 @@
-"""Plans of runs on images: a capture folder, single recordings, or devices. For bags see `bag_plan`.
+"""Makes plans of runs on images: a capture folder, single recordings, or devices. For bags see `bag_plan`.
 
-Whether the cameras of a recording saw anything at the same time, by what their clocks say.
+Also checks by the clocks of the cameras that their recordings overlap in time.
 """
 
 from __future__ import annotations
@@ -45,15 +45,17 @@ DAY_S = 86_400
 def check_overlap(
     shifts: Mapping[str, int], stamps: Mapping[str, Sequence[int]], heard: Mapping[str, object]
 ) -> None:
-    """Recordings that never overlap hear timecodes that have nothing to do with each other.
+    """Check that the recordings overlap in master time.
+
+    Recordings that never overlap carry unrelated timecodes.
 
     Args:
-        shifts: of cameras, from their stamps to master time, ns.
-        stamps: of each camera's frames, the first and the last among them, ns.
-        heard: the sound that is used; without any nothing is known of the clocks.
+        shifts: by camera: correction from its timestamps to master time, ns.
+        stamps: timestamps of each camera's frames, ns, with the first and the last one.
+        heard: recorders in use. Without any, the clocks are unknown, and nothing is checked.
 
     Raises:
-        DataError: naming the cameras that belong together, and when.
+        DataError: naming the cameras that belong together, and their times.
     """
     if not heard:
         return
@@ -80,7 +82,7 @@ def check_overlap(
 
 
 def _clock(stamp_ns: int) -> str:
-    """A time of the day."""
+    """Return a time of day as text."""
     seconds = stamp_ns / SECOND % DAY_S
     return f"{int(seconds // 3600):02d}:{int(seconds // 60 % 60):02d}:{seconds % 60:04.1f}"
 
@@ -101,20 +103,20 @@ def plan_capture(
     depth: bool = True,
     skip_damaged: bool = False,
 ) -> Plan:
-    """The plan of a run on a capture folder.
+    """Return the plan of a run on a capture folder.
 
     Args:
-        rig: calibration file, in place of the folder's own.
-        cameras: use only these.
-        frame_rate: Hz, in place of the files' own.
-        size_policy: for images of another size than calibrated: strict, scale, letterbox or crop.
-        hardware: that decodes videos, as FFmpeg calls it; "" = the processor.
-        title: how the report calls the capture; its folder unless given.
-        depth: use depth maps that are registered to cameras.
-        skip_damaged: leave out frames that are damaged, and count them.
+        rig: Calibration file that replaces the folder's own.
+        cameras: Names of the cameras to use; None = all.
+        frame_rate: Hz, replaces that of the files.
+        size_policy: For images whose size differs from the calibration: strict, scale, letterbox or crop.
+        hardware: FFmpeg's name of the hardware that decodes videos; "" = the processor.
+        title: Name of the capture in the report; "" = its folder.
+        depth: Use depth maps that are registered to cameras.
+        skip_damaged: Leave out damaged frames, and count them.
 
     Raises:
-        UserError: on whatever the user can mend, before anything has started.
+        UserError: on any fault that the user can fix, before anything has started.
     """
     own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
     own |= ({} if depth else {"depth": False}) | ({"skip_damaged": True} if skip_damaged else {})
@@ -132,7 +134,7 @@ def plan_capture(
 
 
 def plan_demo(name: str = "multi", options: RunOptions = NO_OPTIONS, **capture_options: Any) -> Plan:
-    """The plan of a run on the demo capture of that name; the rest as for `plan_capture`."""
+    """Return the plan of a run on the demo capture of that name. Further options: see `plan_capture`."""
     return plan_capture(demo_capture(name), options, title=f"demo capture {name}", **capture_options)
 
 
@@ -146,16 +148,16 @@ def plan_videos(
     hardware: str = "",
     skip_damaged: bool = False,
 ) -> Plan:
-    """The plan of a run on videos or folders of images.
+    """Return the plan of a run on videos or folders of images.
 
     Args:
         rig: calibration file.
-        files: of each camera.
-        frame_rate: Hz, in place of the files' own.
+        files: video or folder of each camera.
+        frame_rate: Hz, replaces that of the files.
         size_policy, hardware, skip_damaged: as for `plan_capture`.
 
     Raises:
-        UserError: on whatever the user can mend, before anything has started.
+        UserError: on any fault that the user can fix, before anything has started.
     """
     own: dict[str, Any] = {"size_policy": size_policy, "frame_rate": frame_rate, "hardware": hardware}
     own |= {"skip_damaged": True} if skip_damaged else {}
@@ -174,18 +176,18 @@ def plan_devices(
     latency_ms: float = 0.0,
     microphones: Mapping[str, str] = NOTHING,
 ) -> Plan:
-    """The plan of a live run.
+    """Return the plan of a live run on camera devices.
 
     Args:
         rig: calibration file.
         devices: V4L2 device or RTSP/HTTP address of each camera.
-        microphones: input as PortAudio calls it, or a WAV file that is played, by name. They and the cameras
-            are stamped by this machine's clock, so the first stands for that of cameras without a clock.
-        frame_rate: Hz to ask for, 30 unless given.
-        latency_ms: of the devices, from exposure to arrival.
+        microphones: PortAudio input, or a WAV file to play, by name. This machine's clock timestamps both
+            microphones and cameras. So the first microphone stands for the clock of cameras without one.
+        frame_rate: Hz to request; default 30.
+        latency_ms: latency of the devices from exposure to arrival, ms.
 
     Raises:
-        UserError: on whatever the user can mend, before anything has started.
+        UserError: on any fault that the user can fix, before anything has started.
     """
     skeleton, extras = options.detector()
     chosen = read_rig(rig, cameras=tuple(devices))
@@ -220,7 +222,7 @@ def _split(clocks: str | None) -> list[str]:
 
 
 def _on_first(microphones: Mapping[str, str], rig: Rig) -> Rig:
-    """The rig whose cameras without a clock have that of the first microphone."""
+    """Return the rig, with the first microphone as the clock of all cameras without a clock."""
     first = next(iter(microphones), "")
     return replace(rig, cameras=tuple(replace(c, clock=c.clock or first) for c in rig.cameras))
 
@@ -254,10 +256,10 @@ def _recorded(
 
 
 def _by_sound(plan: Plan, capture: CaptureFolder, options: RunOptions) -> Plan:
-    """The plan with stamps corrected by what cameras hear of each other's rooms.
+    """Return the plan with timestamps that are corrected from the sound that several cameras recorded.
 
     Raises:
-        UsageError: if the sound carries timecode, which tells more, or offsets are given besides.
+        UsageError: if the sound carries timecode, which is more accurate, or offsets are given as well.
         DataError: if no two cameras have sound.
     """
     lines, told = corrections_from_sound(recorders_of(capture.sounds), plan.rig, options)
@@ -269,7 +271,7 @@ def _by_sound(plan: Plan, capture: CaptureFolder, options: RunOptions) -> Plan:
 
 
 def _with_sound(plan: Plan, capture: CaptureFolder) -> Plan:
-    """The plan with what devices heard of the clocks of cameras."""
+    """Return the plan with the sound that carries the timecode of the cameras' clocks."""
     named = named_words("TimecodeConfig.channels", config_of(plan.configs, TimecodeConfig).channels)
     given = [
         {**sound, "clocks": _split(named.get(sound["device"])) or sound["clocks"]} for sound in capture.sounds
@@ -299,16 +301,16 @@ def _with_sound(plan: Plan, capture: CaptureFolder) -> Plan:
 
 
 def _sum(plan: Plan, shifts: Mapping[str, int]) -> dict[str, int]:
-    """Shifts by the clocks on top of those by offsets that are known."""
+    """Return the given shifts, from the clocks, plus the shifts of the plan, from known offsets."""
     return {name: plan.shifts.get(name, 0) + shifts.get(name, 0) for name in (*plan.shifts, *shifts)}
 
 
 def _starts(capture: CaptureFolder) -> dict[str, Any]:
-    """Return the starts of all cameras for their descriptions, where they did not begin together."""
+    """Return the start times of all cameras for their descriptions; empty if the cameras started together."""
     return {"starts": dict(capture.starts)} if capture.starts else {}
 
 
 def _counted(source: FrameSource, start_ns: int) -> list[int]:
-    """Stamps of the first frames and of the last one, by the frame rate."""
+    """Return timestamps, ns, of the first three frames and the last frame, computed from the frame rate."""
     frames = range(source.frame_count or 3)
     return [start_ns + round(k * 1e9 / source.frame_rate) for k in dict.fromkeys([*frames[:3], *frames[-1:]])]

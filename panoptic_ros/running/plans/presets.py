@@ -1,4 +1,4 @@
-"""Presets: files of parameters that belong together, in config/presets or anywhere."""
+"""Reads presets: files of parameters that belong together, in config/presets or elsewhere."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ SUFFIXES = (".yaml", ".yml")
 
 @dataclass(frozen=True)
 class Preset:
-    """What a preset says.
+    """Content of a preset.
 
     Args:
-        skeleton: working skeleton, "" = it does not say.
+        name: stem of its file.
+        skeleton: working skeleton; "" = not given.
         parameters: {stage: {parameter: value}}.
     """
 
@@ -33,15 +34,15 @@ NO_PRESET = Preset()
 
 
 def preset_names() -> tuple[str, ...]:
-    """Names of the presets that are installed."""
+    """Return the names of the installed presets."""
     return tuple(sorted(path.stem for path in _folder().glob("*.yaml")))
 
 
 def read_preset(name_or_path: str | None) -> Preset:
-    """A preset by its name, or from a YAML file of the user's; None or "" gives `NO_PRESET`.
+    """Return a preset by its name, or from a YAML file of the user; None or "" gives `NO_PRESET`.
 
     Raises:
-        ConfigError: if there is none of that name, or it holds anything but parameters and a skeleton.
+        ConfigError: if there is no such preset, or it contains anything except parameters and a skeleton.
     """
     if not name_or_path:
         return NO_PRESET
@@ -57,7 +58,7 @@ def read_preset(name_or_path: str | None) -> Preset:
     document = read_yaml(path)
     skeleton = document.pop("skeleton", "") if isinstance(document, dict) else ""
     preset = Preset(path.stem, str(skeleton), parameters_of(document, path, ("skeleton",)))
-    configure(preset.parameters)  # so that mistakes are told before anything starts
+    configure(preset.parameters)  # reports mistakes before anything starts
     if preset.skeleton:
         load_skeleton(preset.skeleton)
     return preset

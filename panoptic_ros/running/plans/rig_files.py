@@ -1,4 +1,4 @@
-"""Rigs in files: read with their choices, checked against 2D people."""
+"""Reads rigs from files with all options, and checks them against 2D poses."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ def read_rig_at(
     panels: Sequence[int] = (),
     cameras: Sequence[str] | None = None,
 ) -> Rig:
-    """The rig of a file, or of a folder that holds one: a capture folder, or what a run left.
+    """Return the rig of a file, or of a folder that contains one (a capture folder, or the results of a run).
 
     Args:
-        unit: m, cm or mm, of a TOML file that does not state it.
-        types, panels: of CMU Panoptic. cameras: only these. See `io.rigs.read_rig`.
+        unit: m, cm or mm, for a TOML file that does not state its unit.
+        types, panels: Selection of cameras in a CMU Panoptic file, see `io.rigs.read_rig`.
+        cameras: Names of the cameras to use; None = all.
 
     Raises:
-        UserError: if there is none, or it cannot be used.
+        UserError: if there is no rig, or it cannot be used.
     """
     if path.is_dir() and not (path / POSES).is_file():
         path = find_rig(path)
@@ -38,7 +39,7 @@ def read_rig_at(
 
 
 def check_views(rig: Rig, detections: Path | None = None) -> RigReport:
-    """Whether the views of a rig agree, also by 2D people of a file, if one is given."""
+    """Check that the views of a rig agree, also by the 2D poses of a file if one is given."""
     if detections is None:
         return check_rig(rig, (), load_skeleton("panoptic19"))
     people = read_detections(detections)
@@ -47,10 +48,10 @@ def check_views(rig: Rig, detections: Path | None = None) -> RigReport:
 
 
 def turned(rig: Rig, up: str) -> Rig:
-    """Return the rig in a world with z up.
+    """Return the rig in a world frame with z up.
 
     Args:
-        up: what is up in its own world: x, -y, ..., or three numbers separated by commas.
+        up: up direction in the rig's own world frame: x, -y, ..., or three numbers separated by commas.
 
     Raises:
         UsageError: if it is no direction.

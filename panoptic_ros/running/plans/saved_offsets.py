@@ -1,4 +1,4 @@
-"""Offsets of cameras' clocks that were found before, for a rig at hand."""
+"""Reads saved clock offsets of cameras for a given rig."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from panoptic_ros.io.clock_offsets import SavedOffset, read_offsets
 
 
 def saved_offsets(path: Path, cameras: Sequence[str]) -> dict[str, SavedOffset]:
-    """The offsets of a file for these cameras.
+    """Return the saved offsets of these cameras.
 
     Raises:
-        UsageError: if it corrects none of them.
+        UsageError: if the file corrects none of them.
         DataError: if it cannot be read.
     """
     saved = {name: offset for name, offset in read_offsets(path).items() if name in cameras}
@@ -23,7 +23,7 @@ def saved_offsets(path: Path, cameras: Sequence[str]) -> dict[str, SavedOffset]:
 
 
 def saved_lines(saved: Mapping[str, SavedOffset], cameras: Sequence[str]) -> list[str]:
-    """What is applied, in words."""
+    """Return lines that state the applied offsets."""
     width = max(len(name) for name in cameras)
     lines = ["offsets as saved (added to the stamps, without drifts):"]
     for name in cameras:

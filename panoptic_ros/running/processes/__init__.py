@@ -1,1 +1,1 @@
-"""Child processes: started, watched, replaced, measured, ended."""
+"""Child processes: start, supervision, replacement, resource use and end."""

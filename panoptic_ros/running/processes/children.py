@@ -1,6 +1,6 @@
-"""Child processes of a launcher: started, watched, and ended in any case.
+"""Starts, supervises and ends the child processes of a launcher.
 
-Successors of processes that died: forked by a process that has everything loaded, where that is ready.
+A process that dies is replaced. If a fork server with all modules loaded is ready, it forks the successor.
 """
 
 from __future__ import annotations
@@ -20,51 +20,51 @@ from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.resources import share_folder
 from panoptic_ros.running.processes.shared_memory import full
 
-PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"  # the variable that names it
+PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"  # environment variable with the path of the Fast DDS profile
 SENDER, LOCAL, LISTENER = "fastdds.xml", "fastdds_local.xml", "fastdds_listener.xml"
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-MOST_REVIVALS = 5  # of one process in a minute
+MOST_REVIVALS = 5  # restarts of one process per minute
 
 
 HOST = (sys.executable, "-m", "panoptic_ros.nodes.main", "host")
 MODULE = "panoptic_ros.running.processes.fork_server"
-PATIENCE_S = 1.0  # for a fork; then the successor is started in the slow way
+PATIENCE_S = 1.0  # s, timeout of a fork; after it the successor is started without the fork server
 ASK_S = 0.01
 
 
 class Child(Protocol):
-    """What `subprocess.Popen` and `Forked` have in common."""
+    """Common interface of `subprocess.Popen` and `Forked`."""
 
     pid: int
 
     def poll(self) -> int | None:
-        """The exit code, None while it runs."""
+        """Return the exit code; None while the process runs."""
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for the exit code."""
+        """Wait for the end of the process and return its exit code."""
 
     def kill(self) -> None:
-        """Kill it."""
+        """Kill the process."""
 
     def send_signal(self, sig: int) -> None:
         """Send a signal."""
 
 
 class Forked:
-    """A process that is a child of the fork server."""
+    """Process that the fork server has forked."""
 
     def __init__(self, server: ForkServer, pid: int):
         self._server, self.pid = server, pid
 
     def poll(self) -> int | None:
-        """See `Child`."""
+        """Return the exit code, see `Child`."""
         return self._server.code_of(self.pid)
 
     def wait(self, timeout: float | None = None) -> int:
-        """See `Child`.
+        """Wait for the exit code, see `Child`.
 
         Raises:
-            subprocess.TimeoutExpired: if it still runs.
+            subprocess.TimeoutExpired: if the process still runs after the timeout.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         while (code := self.poll()) is None:
@@ -74,23 +74,23 @@ class Forked:
         return code
 
     def kill(self) -> None:
-        """See `Child`."""
+        """Kill the process, see `Child`."""
         self.send_signal(signal.SIGKILL)
 
     def send_signal(self, sig: int) -> None:
-        """See `Child`."""
+        """Send a signal, see `Child`."""
         if self.poll() is None:
             try:
                 os.kill(self.pid, sig)
-            except ProcessLookupError:  # it has just ended
+            except ProcessLookupError:  # the process has just ended
                 pass
 
 
 class ForkServer:
-    """The process that forks; started at once, ready some seconds later.
+    """Client of the fork server process. The server starts at once and is ready some seconds later.
 
     Args:
-        log: what it prints on stderr goes there.
+        log: file for the standard error of the server.
     """
 
     def __init__(self, launch_file: Path, log: Path, environment: Mapping[str, str]):
@@ -111,7 +111,7 @@ class ForkServer:
         self.ready = False
 
     def fork(self, name: str, log: Path) -> Forked | None:
-        """Start a process of the launch file; None if that cannot be done now."""
+        """Start a process of the launch file; return None if the server cannot fork now."""
         self._read()
         if not self.ready or self._process.poll() is not None:
             return None
@@ -125,21 +125,21 @@ class ForkServer:
         deadline = time.monotonic() + PATIENCE_S
         while name not in self._forked:
             if time.monotonic() > deadline or self._process.poll() is not None:
-                self.close()  # it must not fork later
+                self.close()  # a late fork would start the process twice
                 return None
             time.sleep(ASK_S)
             self._read()
         return Forked(self, self._forked.pop(name))
 
     def code_of(self, pid: int) -> int | None:
-        """The exit code of a forked process; None while it runs."""
+        """Return the exit code of a forked process; None while it runs."""
         self._read()
         if pid not in self._codes and self._process.poll() is not None:
-            return -signal.SIGKILL  # nobody is left to tell; it ends with the server
+            return -signal.SIGKILL  # a dead server reports no exit codes; its children end with it
         return self._codes.get(pid)
 
     def close(self) -> None:
-        """End the server; what it forked ends, too."""
+        """End the server. The processes that it forked end, too."""
         if self._process.poll() is None:
             self._process.kill()
             self._process.wait()
@@ -170,21 +170,23 @@ class ForkServer:
 
 
 class Listener(Protocol):
-    """Hears of other graphs."""
+    """Listener for other graphs in the ROS domain."""
 
     def require_no_other_graph(self) -> None:
-        """See `nodes.domain_claim.require_no_other_graph`."""
+        """Check for other graphs, see `nodes.domain_claim.require_no_other_graph`."""
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
 
 
 class Ahead:
-    """What goes on while the launcher still plans: a process loads nodes, and somebody listens for other
-    graphs. A context manager that ends both.
+    """Work that runs while the launcher still plans.
+
+    A process loads the nodes, and a listener looks for other graphs. The object is a context manager that
+    ends both.
 
     Attributes:
-        listener: None while nobody listens.
+        listener: None while nothing listens.
     """
 
     def __init__(self, wanted: bool = True):
@@ -202,7 +204,7 @@ class Ahead:
             )
 
     def become(self, launch_file: Path, name: str, log: Path) -> Child | None:
-        """Let it run a process of a launch file; None if there is none any more."""
+        """Let the preloaded process run a process of the launch file; return None if it is in use or dead."""
         process, self._process = self._process, None
         if process is None or process.stdin is None:
             return None
@@ -210,7 +212,7 @@ class Ahead:
         try:
             process.stdin.write(json.dumps(words).encode() + b"\n")
             process.stdin.close()
-        except BrokenPipeError:  # it broke down; started anew it will tell why
+        except BrokenPipeError:  # it crashed; the caller starts it again, and its log will show the error
             process.wait()
             return None
         return process
@@ -230,14 +232,14 @@ NOBODY_AHEAD = Ahead(wanted=False)
 
 
 class Processes:
-    """The processes of one launch file; a context manager that leaves none behind.
+    """Processes of one launch file. A context manager that leaves no process running.
 
-    Each child leads a session of its own, so that Ctrl-C reaches the launcher alone, which then ends
-    them in order. What they print goes to one log file each.
+    Each child leads its own session, so that Ctrl-C reaches only the launcher. The launcher then ends the
+    children in order. The output of each child goes to its own log file.
 
     Args:
-        revived: whether `revive` will be called: a process stands by then that has everything loaded.
-        ahead: becomes the first of them.
+        revived: whether `revive` will be called. If so, a fork server with all modules loaded is kept ready.
+        ahead: preloaded process that becomes the first child.
     """
 
     def __init__(
@@ -252,8 +254,8 @@ class Processes:
         self._launch_file = launch_file
         self._children: dict[str, Child] = {}
         self._server: ForkServer | None = None
-        self._asked = False  # to end
-        self._revived: dict[str, list[float]] = {}  # when, by process
+        self._asked = False  # whether the children were asked to end
+        self._revived: dict[str, list[float]] = {}  # times of the restarts by process name, s
         with file_errors(logs, "write"):
             logs.mkdir(parents=True, exist_ok=True)
         try:
@@ -265,7 +267,7 @@ class Processes:
                     self._children[name] = loaded
             if revived:
                 self._server = ForkServer(launch_file, logs / "successors.log", child_environment())
-        except BaseException:  # nobody else knows of those that run already
+        except BaseException:  # no other code could end the children that run already
             self.stop(3.0)
             raise
 
@@ -283,26 +285,26 @@ class Processes:
 
     @property
     def ids(self) -> tuple[int, ...]:
-        """The process ids of the children."""
+        """Return the process ids of the children."""
         return tuple(child.pid for child in self._children.values())
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the processes."""
+        """Return the names of the processes."""
         return tuple(self._children)
 
     def kill(self, name: str) -> None:
-        """Kill a process as the system does, without a warning."""
+        """Kill a process by SIGKILL, as the system does."""
         self._children[name].kill()
         self._children[name].wait()
 
     def check(self) -> None:
-        """Look whether all children run.
+        """Check that all children run.
 
         Raises:
-            UserError: with the line that a child printed, if it ended for what the user can mend.
-            EnvironmentProblem: if it was killed.
-            ContractError: if it broke down.
+            UserError: with the line that a child printed, if it ended for a reason that the user can fix.
+            EnvironmentProblem: if a child was killed.
+            ContractError: if a child crashed.
         """
         for name, child in self._children.items():
             code = child.poll()
@@ -323,10 +325,11 @@ class Processes:
             raise ContractError(f"process {name} ended with exit code {code}: {tail or 'it said nothing'}")
 
     def revive(self) -> list[str]:
-        """Start anew what was killed or broke down; a line for each.
+        """Restart the children that were killed or crashed; return a line about each.
 
         Raises:
-            PanopticError: as `check`, if a process ended for what the user can mend, or time and again.
+            PanopticError: as `check`, if a child ended for a reason that the user can fix, or ended too
+                often.
         """
         now, told = time.monotonic(), []
         for name, child in self._children.items():
@@ -348,7 +351,7 @@ class Processes:
         return told
 
     def ask_to_end(self) -> None:
-        """Ask all children to end, once; `stop` waits until they have."""
+        """Ask all children to end, once. `stop` waits for their end."""
         if not self._asked:
             self._asked = True
             for child in self._children.values():
@@ -356,7 +359,11 @@ class Processes:
                     child.send_signal(signal.SIGINT)
 
     def stop(self, patience_s: float = 8.0) -> None:
-        """End all children: SIGINT first, SIGKILL for those who do not listen."""
+        """End all children: by SIGINT first, by SIGKILL after the timeout.
+
+        Args:
+            patience_s: timeout, s.
+        """
         self.ask_to_end()
         deadline = time.monotonic() + patience_s
         for child in self._children.values():
@@ -376,13 +383,13 @@ class Processes:
 
 
 def prepare_environment(profile: str = "") -> None:
-    """Settings for this process's own part in the graph; what the user has set stays.
+    """Set the environment of this process for its part in the graph. Variables that the user has set stay.
 
-    A replay is nobody else's business: discovery stays on this machine.
+    Discovery stays on this machine by default, so that a replay does not reach other hosts.
 
     Args:
-        profile: of the middleware, `LISTENER` where nothing large is sent; "" = `LOCAL` where all nodes are
-            on this machine, else `SENDER`.
+        profile: Fast DDS profile. Use `LISTENER` for a process that sends nothing large. "" selects `LOCAL`
+            if all nodes are on this machine, else `SENDER`.
     """
     reach = os.environ.setdefault(RANGE, "LOCALHOST")
     profile = profile or (SENDER if reach.upper() in ("SUBNET", "SYSTEM_DEFAULT") else LOCAL)
@@ -391,11 +398,15 @@ def prepare_environment(profile: str = "") -> None:
 
 
 def profile_path(profile: str = SENDER) -> Path:
-    """The Fast DDS profile of every process of the graph, or of those that only listen."""
+    """Return the path of a Fast DDS profile.
+
+    Args:
+        profile: `SENDER`, `LOCAL` or `LISTENER`.
+    """
     return share_folder() / "config" / profile
 
 
 def child_environment() -> dict[str, str]:
-    """The environment of the children: one thread each for BLAS, as there are many processes."""
+    """Return the environment of the children. BLAS gets one thread per child, as there are many processes."""
     threads = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
     return {**threads, **os.environ, "PYTHONUNBUFFERED": "1"}

@@ -1,8 +1,8 @@
-"""A process that has loaded everything, and forks nodes on demand: a successor is there at once.
+"""Runs the fork server: a process that loads all modules once, then forks nodes on demand without delay.
 
 `python -m panoptic_ros.running.processes.fork_server LAUNCH_FILE` reads "NAME<TAB>LOG" from its standard
-input and writes "ready", "forked NAME PID" and "ended PID CODE" to its standard output. It ends when its
-input does, and its children with it.
+input. It writes "ready", "forked NAME PID" and "ended PID CODE" to its standard output. The server ends when
+its input ends, and its children end with it.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from typing import TextIO
 from panoptic_ros.io.output import print_to
 from panoptic_ros.running.compiling.kernel_tasks import TASKS
 
-TASK_OF = {"voting": "votes"}  # what loads the kernels of a stage, where it is not called like it
+# compile task that loads a stage's kernels, where its name differs from the stage's name
+TASK_OF = {"voting": "votes"}
 LOOK_S = 0.05
-NICE = 10  # while it loads, beside processes that start
+NICE = 10  # niceness while loading, as other processes start at the same time
 
 
 def main() -> int:
-    """Load, then serve until the input ends."""
+    """Load all modules, then serve requests until the input ends."""
     launch_file = sys.argv[1]
     told = os.fdopen(os.dup(1), "w", buffering=1)
     faults: list[BaseException] = []
@@ -39,7 +40,7 @@ def main() -> int:
     if faults:
         raise faults[0]
     gc.collect()
-    gc.freeze()  # what is there is shared with children as long as nobody writes to it
+    gc.freeze()  # the current objects stay shared with the children as long as no process writes to them
     told.write("ready\n")
     waiting = selectors.DefaultSelector()
     waiting.register(sys.stdin, selectors.EVENT_READ)
@@ -54,8 +55,13 @@ def main() -> int:
 
 
 def _load(launch_file: str, faults: list[BaseException]) -> None:
-    """Import nodes and stages, and load the kernels that stages of this launch file need; in a thread of its
-    own, as only a thread can be less urgent than the processes that start beside it, and forget it later.
+    """Import nodes and stages, and load the kernels that the stages of this launch file need.
+
+    This runs in its own thread, at a lower priority than the processes that start beside it. The main thread
+    keeps its normal priority.
+
+    Args:
+        faults: receives an exception, if one occurs.
     """
     os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
     try:

@@ -1,4 +1,4 @@
-"""Shared memory of Fast DDS: remove segments of killed processes, and report a full /dev/shm.
+"""Removes shared-memory segments of killed Fast DDS processes, and reports a full /dev/shm.
 
 A process holds a lock on `<segment>_el` in /dev/shm as long as it lives. A segment without that lock belongs
 to a process that was killed. `fastdds shm clean` uses the same criterion.
@@ -16,23 +16,24 @@ from pathlib import Path
 from panoptic_ros.errors import EnvironmentProblem
 
 SHARED_MEMORY = Path("/dev/shm")
-LEAST_FREE = 1_000_000  # bytes; with none free the first write of a process ends it by a bus error (SIGBUS)
-YOUNG_S = 5.0  # age below which a segment may be one whose process has not taken its lock yet
+# bytes; without free memory, the first write of a process ends it by a bus error (SIGBUS)
+LEAST_FREE = 1_000_000
+YOUNG_S = 5.0  # s; a younger segment may belong to a process that has not taken its lock yet
 LOCK = "_el"
-SEGMENTS = ("fastrtps_*", "fastdds_*")  # names of Fast DDS 2 and 3
+SEGMENTS = ("fastrtps_*", "fastdds_*")  # segment names of Fast DDS 2 and 3
 
 
 def prepare_shared_memory(folder: Path = SHARED_MEMORY) -> int:
-    """Remove segments of this user's killed processes, then check that there is room.
+    """Remove segments of this user's killed processes, then check that enough memory is free.
 
     Returns:
-        the bytes that were freed.
+        the number of freed bytes.
 
     Raises:
         EnvironmentProblem: if less than `LEAST_FREE` is free.
     """
     freed = remove_leftovers(folder)
-    with suppress(FileNotFoundError):  # no shared memory: messages go over UDP
+    with suppress(FileNotFoundError):  # without /dev/shm, messages go over UDP
         usage = shutil.disk_usage(folder)
         if usage.free < LEAST_FREE:
             raise EnvironmentProblem(full(folder))
@@ -40,7 +41,7 @@ def prepare_shared_memory(folder: Path = SHARED_MEMORY) -> int:
 
 
 def full(folder: Path = SHARED_MEMORY) -> str:
-    """Return the line about a full shared memory, with its largest file."""
+    """Return the error message about a full shared memory. It names the largest file."""
     usage = shutil.disk_usage(folder)
     largest = ""
     with suppress(OSError, ValueError):
@@ -53,7 +54,7 @@ def full(folder: Path = SHARED_MEMORY) -> str:
 
 
 def leftovers(folder: Path = SHARED_MEMORY) -> list[Path]:
-    """Return the files of segments whose process was killed, of this user alone."""
+    """Return the files of this user's segments whose process was killed."""
     found: list[Path] = []
     for lock in (path for pattern in SEGMENTS for path in folder.glob(pattern + LOCK)):
         if _is_left(lock):
@@ -65,7 +66,7 @@ def leftovers(folder: Path = SHARED_MEMORY) -> list[Path]:
 
 
 def remove_leftovers(folder: Path = SHARED_MEMORY) -> int:
-    """Remove the files of `leftovers`; return their bytes."""
+    """Remove the files of `leftovers`; return the number of freed bytes."""
     freed = 0
     for path in leftovers(folder):
         with suppress(OSError):
@@ -85,7 +86,7 @@ def _is_left(lock: Path) -> bool:
         return False
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:  # its process lives
+    except OSError:  # its process is alive
         return False
     finally:
         os.close(descriptor)

@@ -1,4 +1,4 @@
-"""What processes use, as Linux tells it."""
+"""Measures the processor time and memory of processes from Linux's /proc."""
 
 from __future__ import annotations
 
@@ -13,7 +13,13 @@ from panoptic_ros.errors import EnvironmentProblem
 
 @dataclass(frozen=True)
 class Usage:
-    """What processes have used so far: a moment, their processor time, and their memory now."""
+    """Resources that processes have used so far.
+
+    Args:
+        at_ns: time of the measurement on the monotonic clock, ns.
+        cpu_s: processor time since their start, s.
+        resident_mb: resident memory now, MB.
+    """
 
     at_ns: int
     cpu_s: float
@@ -21,14 +27,15 @@ class Usage:
 
 
 def usage_of(processes: Iterable[int]) -> Usage:
-    """The processor time of all threads of these processes, in their own code and in the system's, and
-    their resident memory together.
+    """Return the total processor time and resident memory of processes.
+
+    The processor time counts all threads, in user and in kernel mode.
 
     Args:
-        processes: ids.
+        processes: process ids.
 
     Raises:
-        EnvironmentProblem: if one does not run, or there is no /proc.
+        EnvironmentProblem: if a process does not run, or there is no /proc.
     """
     rows = [_fields(process) for process in processes]
     cpu_s = sum(user + system for user, system, _ in rows) / os.sysconf("SC_CLK_TCK")
@@ -37,7 +44,7 @@ def usage_of(processes: Iterable[int]) -> Usage:
 
 
 def _fields(process: int) -> tuple[int, int, int]:
-    """utime, stime (ticks) and resident pages; see proc_pid_stat(5)."""
+    """Return utime and stime (ticks) and resident memory (pages) of a process; see proc_pid_stat(5)."""
     path = Path(f"/proc/{process}/stat")
     try:
         text = path.read_text()
@@ -45,5 +52,6 @@ def _fields(process: int) -> tuple[int, int, int]:
         raise EnvironmentProblem(
             f"{path} cannot be read ({error.strerror}), which tells processor time; run it on Linux"
         ) from None
-    fields = text.rpartition(")")[2].split()  # from the third on: the name before may hold anything
+    # fields from the third on; the process name before them may contain any character
+    fields = text.rpartition(")")[2].split()
     return int(fields[11]), int(fields[12]), int(fields[21])

@@ -1,1 +1,1 @@
-"""Recordings of live graphs, and bags that are played back to them."""
+"""Recordings of live graphs, and replay of bags onto live graphs."""

@@ -1,4 +1,4 @@
-"""Recorders of all hosts that stand by: how they are found, started and stopped."""
+"""Finds, starts and stops the standby recorders of all hosts."""
 
 from __future__ import annotations
 
@@ -15,23 +15,28 @@ from panoptic_ros.nodes.middleware.family import service_class
 from panoptic_ros.nodes.middleware.runtime import start_ros
 from panoptic_ros.running.processes.children import prepare_environment
 
-SERVICE = "record"  # of a recorder's node, as std_srvs/SetBool
-PREFIX = "recorder_"  # of the node's name; the host follows
-ANSWER_S = 10.0  # for hosts that have been asked
-SETTLE_S = 0.5  # a host that does not know its asker yet answers nobody
-AGAIN_S = 3.0  # without an answer
+SERVICE = "record"  # service of a recorder's node, of type std_srvs/SetBool
+PREFIX = "recorder_"  # prefix of a recorder's node name; the host name follows
+ANSWER_S = 10.0  # s, timeout for the answers of hosts
+SETTLE_S = 0.5  # s before the first request; a host that has not discovered the client yet does not answer
+AGAIN_S = 3.0  # s without an answer before a request is repeated
 
 
 def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]:
-    """Ask the recorders of all hosts to start or to stop: (node, whether it is as wished, what it says).
+    """Ask the recorders of all hosts to start or to stop.
 
-    A host that does not answer is asked again: recorders answer the same to a wish that is fulfilled.
+    A host that does not answer is asked again. A recorder answers the same to a request that is fulfilled
+    already.
 
     Args:
-        patience_s: how long to look for more hosts. The first one and all answers may take `ANSWER_S` more.
+        start: True = start, False = stop.
+        patience_s: time to look for more hosts, s. The first host and all answers may take `ANSWER_S` more.
+
+    Returns:
+        (node, success, message) of every recorder.
 
     Raises:
-        EnvironmentProblem: if there are none.
+        EnvironmentProblem: if there is no recorder.
     """
     prepare_recording()
     start_ros([])
@@ -42,12 +47,12 @@ def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]
     try:
         clients: dict[str, Any] = {}
         futures: dict[str, Any] = {}
-        due: dict[str, float] = {}  # when a host is asked, for the first time or again
+        due: dict[str, float] = {}  # time of the next request to each host, s
         deadline = time.monotonic() + patience_s
         while (now := time.monotonic()) < deadline or (
             now < deadline + ANSWER_S and not (futures and all(f.done() for f in futures.values()))
         ):
-            for name, kinds in node.get_service_names_and_types():  # hosts found late are asked as well
+            for name, kinds in node.get_service_names_and_types():  # includes hosts that are discovered late
                 ours = name.endswith(f"/{SERVICE}") and name.split("/")[-2].startswith(PREFIX)
                 if ours and kinds == ["std_srvs/srv/SetBool"] and name not in clients:
                     clients[name] = node.create_client(kind, name)
@@ -77,6 +82,6 @@ def _answer(name: str, future: Any) -> tuple[str, bool, str]:
 
 
 def prepare_recording() -> None:
-    """Recordings and their control reach other hosts unless the user says otherwise."""
+    """Let recordings and their control reach other hosts, unless the user has set another discovery range."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET")
     prepare_environment()

@@ -1,4 +1,4 @@
-"""What a recording says about the graph that it is of: versions, parameters, model cards."""
+"""Collects facts about a recorded graph: versions, parameters, model cards."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ from panoptic_ros.io.models import read_card
 
 FORMAT = "panoptic-recording-1"
 PACKAGES = ("ros-jazzy-rclpy", "rosbags", "numpy", "numba", "onnxruntime")
-PATIENCE_S = 2.0  # for answers of all nodes
+PATIENCE_S = 2.0  # s, timeout for the answers of all nodes
 
 
 def recording_facts(node: Node, executor: Executor) -> dict[str, Any]:
-    """A JSON document: format, host, begun, versions, nodes {name: {parameter: value}}, model_cards
-    {name: text}, silent (nodes that did not answer).
+    """Return facts about the graph as a JSON document.
+
+    Its keys are format, host, begun, versions, nodes {name: {parameter: value}}, model_cards {name: text},
+    and silent (nodes that did not answer).
     """
     asked = _Asked(node)
     deadline = time.monotonic() + PATIENCE_S
@@ -43,7 +45,7 @@ def recording_facts(node: Node, executor: Executor) -> dict[str, Any]:
 
 
 class _Asked:
-    """Parameters of all other nodes, which answer one after another."""
+    """Parameters of all other nodes. The nodes answer one after another."""
 
     def __init__(self, node: Node):
         self.values: dict[str, dict[str, Any]] = {}
@@ -62,11 +64,11 @@ class _Asked:
 
     @property
     def done(self) -> bool:
-        """Whether all have answered."""
+        """Return whether all nodes have answered."""
         return not self.waiting
 
     def close(self) -> None:
-        """Forget the clients."""
+        """Discard the clients, so that late answers have no effect."""
         self._clients.clear()
 
     def _named(self, whole: str, future: Any) -> None:
@@ -85,7 +87,7 @@ class _Asked:
 
 
 def _plain(value: Any) -> Any:
-    """As JSON has it."""
+    """Return a parameter value as a JSON type."""
     return list(value) if hasattr(value, "__iter__") and not isinstance(value, str) else value
 
 
@@ -100,7 +102,7 @@ def _versions() -> dict[str, str]:
 
 
 def _cards(nodes: dict[str, dict[str, Any]]) -> dict[str, str]:
-    """The text of the card of every pose model that a node names."""
+    """Return the text of the model card of every pose model that a node names."""
     named = {
         str(value)
         for values in nodes.values()
@@ -111,11 +113,11 @@ def _cards(nodes: dict[str, dict[str, Any]]) -> dict[str, str]:
     for name in sorted(named):
         try:
             found[name] = read_bytes(read_card(name).path).decode()
-        except PanopticError as error:  # of another host
+        except PanopticError as error:  # the model may exist only on another host
             found[name] = f"not here: {error}"
     return found
 
 
 def as_text(document: dict[str, Any]) -> str:
-    """The document as it stands in the bag."""
+    """Return the document as the text that the bag contains."""
     return json.dumps(document, indent=1, sort_keys=True, default=str)

@@ -1,9 +1,4 @@
-"""How a live graph is recorded.
-
-Which topics of a live graph are recorded.
-
-How much of a recording the disk has room for.
-"""
+"""Options of a recording of a live graph: topics, duration, disk budget. Also checks the room on the disk."""
 
 from __future__ import annotations
 
@@ -32,18 +27,19 @@ IMAGES = FROM_OUTSIDE[:2]
 
 @dataclass(frozen=True)
 class Selection:
-    """Which topics are recorded.
+    """Selection of the topics to record.
 
     Args:
-        patterns: of whole names, as a shell has them; empty: what a run needs and gives, without what lies
-            between. images: whether images are among these.
+        patterns: shell patterns of full topic names. Empty = input and output topics of a run, without
+            intermediate topics.
+        images: whether an empty selection includes images.
     """
 
     patterns: Sequence[str] = ()
     images: bool = True
 
     def wants(self, topic: str, kind: str) -> bool:
-        """Whether a topic with messages of that kind is recorded."""
+        """Return whether a topic with messages of that type is recorded."""
         if self.patterns:
             return any(fnmatch.fnmatchcase(topic, pattern) for pattern in self.patterns)
         if kind in IMAGES and not self.images:
@@ -55,12 +51,14 @@ class Selection:
 
 @dataclass
 class RecordOptions:
-    """How to record.
+    """Options of a recording.
 
     Args:
-        duration_s: None = until it is asked to end. budget_gb: 0 = as much as there is room for.
-        keep_free_gb: on the disk. rig: calibration that goes into the bag, where the graph has none.
-        split: into several bags; None = one.
+        duration_s: Duration, s; None = until a request to end.
+        budget_gb: Maximum size, GB; 0 = limited by the disk only.
+        keep_free_gb: Free space to leave on the disk, GB.
+        rig: Calibration file to store in the bag, if the graph publishes no rig.
+        split: How to split the recording into several bags; None = one bag.
     """
 
     selection: Selection = field(default_factory=Selection)
@@ -72,13 +70,14 @@ class RecordOptions:
 
 
 def told_room(path: Path, rates: Mapping[str, float], options: RecordOptions) -> str:
-    """What the disk has room for, in one line.
+    """Return a line that states how much recording time fits on the disk.
 
     Args:
-        path: of the recording. rates: bytes per second by topic.
+        path: path of the recording.
+        rates: bytes per second by topic.
 
     Raises:
-        EnvironmentProblem: if the time that is asked for does not fit.
+        EnvironmentProblem: if the requested duration does not fit.
     """
     total = sum(rates.values())
     place = next(p for p in (path, *path.resolve().parents) if p.exists())

@@ -1,4 +1,7 @@
-"""Recordings of a live graph: self-contained bags, with a budget that is told before and counters after."""
+"""Records a live graph into self-contained bags.
+
+It reports the disk budget at the start and counters at the end.
+"""
 
 from __future__ import annotations
 
@@ -33,18 +36,21 @@ from panoptic_ros.running.takes import named_unclosed_takes
 
 FACTS, COUNTERS = "/recording/facts", "/recording/counters"
 STRING = "std_msgs/msg/String"
-PATIENCE_S = 10.0  # for the first topic
-MEASURED_S = 2.0  # of a recording, whose rates tell how long there is room
-SETTLE_S = 1.0  # until the nodes of a graph have found the recorder, as measured for `claim_domain`
+PATIENCE_S = 10.0  # s, timeout for the first topic
+# s at the start of a recording; their data rates give the recording time that fits on the disk
+MEASURED_S = 2.0
+SETTLE_S = 1.0  # s until the nodes of a graph have discovered the recorder, as measured for `claim_domain`
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What a recording came to.
+    """Result of a recording.
 
     Args:
-        counters: by topic. dropped: messages by topic for which the disk was too slow.
-        ended_by: one line if something ended it before it was asked to end.
+        path: Path of the bag.
+        counters: Counters by topic.
+        dropped: Messages by topic that were dropped because the disk was too slow.
+        ended_by: One line about the cause of an early end; "" = none.
     """
 
     path: Path
@@ -54,14 +60,14 @@ class Recorded:
 
 
 def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> Recorded:
-    """Record until it is asked to end, the time is over, or there is no more room.
+    """Record until a request to end, or until the duration or the disk space is used up.
 
     Args:
-        tell: called with lines for the user: the budget, what is left out.
+        tell: callback with lines for the user, such as the budget and topics that are left out.
 
     Raises:
-        EnvironmentProblem: if nothing is published, or the time that is asked for does not fit on the disk:
-            the bag then ends after `MEASURED_S`.
+        EnvironmentProblem: if nothing is published, or the requested duration does not fit on the disk. In
+            the latter case, the bag ends after `MEASURED_S`.
     """
     with first_request_told() as asked, _Recording(options, tell) as recording:
         recording.wait(asked)
@@ -74,7 +80,7 @@ def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> R
 
 
 def stand_by(folder: Path, options: RecordOptions, tell: Callable[[str], None]) -> None:
-    """Record whenever the service asks for it, until the program is asked to end; a bag each time."""
+    """Record on request of the service, a new bag each time, until the program is asked to end."""
     with first_request_told() as asked, _Recording(options, tell) as recording:
         recording.serve(folder)
         tell(f"waiting: `panoptic record --start`, or service {recording.service_name}")
@@ -83,20 +89,20 @@ def stand_by(folder: Path, options: RecordOptions, tell: Callable[[str], None]) 
 
 
 class _Recording:
-    """The recorder's node, and the bag of now."""
+    """Recorder node with its current bag."""
 
     def __init__(self, options: RecordOptions, tell: Callable[[str], None]):
         self._options, self._tell = options, tell
         self._bag: BagRecorder | None = None
         self._path, self._begun_s = Path(), 0.0
-        self._room_told: BagRecorder | None = None  # the bag whose room was told
-        self._take: OpenTake | None = None  # the mark of that bag
+        self._room_told: BagRecorder | None = None  # bag whose possible recording time was reported already
+        self._take: OpenTake | None = None  # open-take mark of the current bag
         self._facts = ""
         self._rig: Rig | None = None if options.rig is None else read_rig(options.rig)
-        self._wish: Path | None = None  # a bag that is to begin
-        self._unwished = False  # it is to end at once
-        self._last = ""  # what the last bag came to
-        self._folder: Path | None = None  # for bags that the service asks for
+        self._wish: Path | None = None  # path of a requested bag that has not begun yet
+        self._unwished = False  # whether the requested bag must end as soon as it has begun
+        self._last = ""  # line about the result of the last bag
+        self._folder: Path | None = None  # folder of bags that the service requests
         self._service: Any = None
         prepare_recording()
         start_ros([])
@@ -108,7 +114,7 @@ class _Recording:
 
     @property
     def service_name(self) -> str:
-        """Full name of the service."""
+        """Return the full name of the service."""
         return f"{self._node.get_fully_qualified_name()}/{SERVICE}"
 
     def wait(self, stop: Callable[[], bool]) -> None:
@@ -127,7 +133,7 @@ class _Recording:
             )
 
     def begin(self, path: Path) -> None:
-        """Begin a bag: with what is latched, then with what the graph is, as its nodes answer."""
+        """Begin a bag: write the latched messages, then the facts about the graph as its nodes answer."""
         options = self._options
         self._facts = ""
         bag = BagRecorder(
@@ -146,24 +152,24 @@ class _Recording:
         for line in named_unclosed_takes():
             self._tell(f"warning: {line}")
         settled = time.monotonic() + SETTLE_S
-        while time.monotonic() < settled:  # messages are taken meanwhile, and all nodes are found
+        while time.monotonic() < settled:  # receives messages meanwhile, until all nodes are discovered
             self._executor.spin_once(timeout_sec=0.05)
         self._facts = as_text(recording_facts(self._node, self._executor))
         bag.put(_text_topic(FACTS), self._node.get_clock().now().nanoseconds, _text(self._facts))
 
     def _opening(self) -> list[tuple[Connection, bytes]]:
-        """What every bag begins with: what the graph is, and what is latched."""
+        """Return the first messages of every bag: the facts about the graph, and the latched messages."""
         found = [(_text_topic(FACTS), _text(self._facts))] if self._facts else []
         rig = "/" + TOPICS["rig"].name
         if self._rig is not None and rig not in self._node.topics:
             message = to_message(self._rig, bag_messages())
             connection = described(rig, message.__msgtype__)
-            assert connection is not None  # our own
+            assert connection is not None  # a message type of this package
             found.append((connection, bytes(bag_typestore().serialize_cdr(message, message.__msgtype__))))
         return found + self._node.latched
 
     def spin(self, stop: Callable[[], bool], duration_s: float | None) -> None:
-        """Take messages until it is asked to end, or the bag ends by itself."""
+        """Receive messages until a request to end, or until the bag ends early."""
         begin = self._begun_s if self._bag is not None else time.monotonic()
         while not stop() and (duration_s is None or time.monotonic() < begin + duration_s):
             self._executor.spin_once(timeout_sec=0.1)
@@ -174,13 +180,13 @@ class _Recording:
                 if self._folder is None:
                     return
                 self._tell(str(self._bag.fault))
-                self._end_told()  # the same once more
+                self._end_told()  # closes the bag; the returned line would repeat the fault
 
     def _tell_room(self) -> None:
-        """Tell once for each bag how long the disk has room for it.
+        """Report once per bag how much recording time the disk has room for.
 
         Raises:
-            EnvironmentProblem: if the time that is asked for does not fit.
+            EnvironmentProblem: if the requested duration does not fit.
         """
         bag = self._bag
         seconds = time.monotonic() - self._begun_s
@@ -193,18 +199,21 @@ class _Recording:
             self._tell(line)
 
     def _begin_wish(self, path: Path) -> None:
-        """What the service asked for. It is a wish until the bag stands, so that nobody begins another."""
+        """Begin the bag that the service requested.
+
+        The request stays pending until the bag exists, so that no second bag begins meanwhile.
+        """
         try:
             self.begin(path)
             if self._unwished:
                 self._tell(self._end_told())
-        except PanopticError as error:  # the next wish may go better
+        except PanopticError as error:  # the next request may succeed
             self._tell(str(error))
         finally:
             self._wish = None
 
     def _end_told(self) -> str:
-        """End the bag; what it came to, or what went wrong, as one line. Standing by goes on."""
+        """End the bag; return one line with its result or its error. Standby continues."""
         try:
             self._last = _stopped(self.end())
         except PanopticError as error:
@@ -212,10 +221,10 @@ class _Recording:
         return self._last
 
     def end(self) -> Recorded:
-        """Finish the bag, if there is one.
+        """Complete the bag, if there is one.
 
         Raises:
-            PanopticError: if it cannot be finished.
+            PanopticError: if it cannot be completed.
         """
         bag, self._bag = self._bag, None
         take, self._take = self._take, None
@@ -241,14 +250,17 @@ class _Recording:
     # ------------------------------------------------------------- service
 
     def serve(self, folder: Path) -> None:
-        """Start and stop when the service asks."""
+        """Offer the service that starts and stops recordings in `folder`."""
         self._folder = folder
         self._service = self._node.create_service(
             service_class("std_srvs/srv/SetBool"), f"~/{SERVICE}", self._asked
         )
 
     def _asked(self, request: Any, response: Any) -> Any:
-        """Success = it is as wished. Whoever lost an answer may ask again, and is told the same."""
+        """Answer a service request. Success means that the requested state holds.
+
+        A client that lost an answer may ask again and gets the same answer.
+        """
         response.success = True
         if request.data and self._bag is None and self._wish is None and self._folder is not None:
             self._unwished = False
@@ -276,7 +288,7 @@ class _Recording:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        if self._bag is not None:  # an error: what there is stays, for `panoptic bag repair`
+        if self._bag is not None:  # after an error the recorded data stay, for `panoptic bag repair`
             try:
                 _close(self._bag, self._take)
             except PanopticError as error:
@@ -287,7 +299,7 @@ class _Recording:
 
 
 def _close(bag: BagRecorder, take: OpenTake | None) -> None:
-    """Close a bag and its mark; the mark of a bag that cannot be closed stays."""
+    """Close a bag and its open-take mark. The mark stays if the bag cannot be closed."""
     try:
         bag.close()
     except PanopticError as error:
@@ -301,7 +313,7 @@ def _close(bag: BagRecorder, take: OpenTake | None) -> None:
 
 
 def _free(path: Path) -> Path:
-    """That path, or one beside it that nobody has: two bags may begin within a second."""
+    """Return the path, or an unused path beside it. Two bags may begin within one second."""
     found, number = path, 1
     while found.exists():
         number += 1
@@ -318,7 +330,7 @@ def _stopped(recorded: Recorded) -> str:
 
 def _text_topic(topic: str) -> Connection:
     connection = described(topic, STRING)
-    assert connection is not None  # of ROS itself
+    assert connection is not None  # a message type of ROS itself
     return connection
 
 

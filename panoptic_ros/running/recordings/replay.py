@@ -1,6 +1,6 @@
-"""Bags onto the live graph: at any rate, from any stage's topic, with the time of the bag on /clock.
+"""Replays bags onto the live graph, at any rate and from any topic on, with the bag's time on /clock.
 
-Which topics of a bag are replayed, so that the stages from one on do their work anew.
+The module also selects the topics, so that all stages from a given one on compute their output again.
 """
 
 from __future__ import annotations
@@ -29,14 +29,16 @@ from panoptic_ros.running.processes.children import prepare_environment
 
 
 def topics_from(begin: str) -> frozenset[str]:
-    """Keys of the topics that the graph needs when it begins with a topic: it, what stages behind it take
-    from elsewhere, and what is latched. Stages and ports that are off unless asked for do not count.
+    """Return the keys of the topics that a graph needs when it starts at a given topic.
+
+    These are the topic itself, topics that later stages take from elsewhere, and latched topics. Stages and
+    ports that are off by default do not count.
 
     Args:
-        begin: key of a topic, e.g. detections, or the name of the stage that gives it.
+        begin: key of a topic, e.g. detections, or the name of the stage that publishes it.
 
     Raises:
-        UsageError: if there is neither.
+        UsageError: if there is no such topic or stage.
     """
     keys = set(NODES[begin].outputs) if begin in NODES else {begin}
     if begin not in NODES and begin not in TOPICS:
@@ -45,7 +47,7 @@ def topics_from(begin: str) -> frozenset[str]:
             f"{', '.join(NODES)}"
         )
     given, taken = set(keys), set[str]()
-    for spec in NODES.values():  # in the order in which records go down
+    for spec in NODES.values():  # in the order in which records pass through the stages
         ports = {port.topic for port in spec.inputs if not port.switch}
         if ports & given and not spec.switch:
             given |= set(spec.outputs)
@@ -55,16 +57,22 @@ def topics_from(begin: str) -> frozenset[str]:
 
 
 def chosen_topics(topics: Mapping[str, str], keys: Collection[str]) -> list[str]:
-    """The topics of a bag that carry these topics of the graph, in any namespace.
+    """Return the topics of a bag that carry the given topics of the graph, in any namespace.
 
     Args:
-        topics: of the bag, kind of message by name.
+        topics: message type by name, for all topics of the bag.
+        keys: keys of the topics of the graph.
     """
     return [name for name, kind in topics.items() if key_of(name, kind) in keys]
 
 
 def key_of(name: str, kind: str) -> str:
-    """The key of the topic of the graph that a topic of a bag carries, in any namespace; "" = none."""
+    """Return the key of the graph topic that a topic of a bag carries, in any namespace; "" = none.
+
+    Args:
+        name: name of the bag's topic.
+        kind: its message type.
+    """
     rows = {key: row for key, row in TOPICS.items() if row.message == kind}
     endings = {key: "/" + row.name.split("{owner}/")[-1] for key, row in rows.items()}
     found = [key for key, ending in endings.items() if name.endswith(ending)]
@@ -72,20 +80,25 @@ def key_of(name: str, kind: str) -> str:
 
 
 SECOND = 1_000_000_000
-CLOCK_PERIOD_S = 0.005  # of /clock, in real time: a node on it is at most so late
-DISCOVERY_S = 1.0  # for subscribers that are there already
-BEHIND_S = 0.1  # a replay that is so late is told
+CLOCK_PERIOD_S = 0.005  # s of real time between /clock messages; the maximum delay of a node on that clock
+DISCOVERY_S = 1.0  # s, time to discover existing subscribers
+BEHIND_S = 0.1  # s, delay of a replay that is reported to the user
 
 
 @dataclass(frozen=True)
 class ReplayOptions:
-    """How to replay.
+    """Options of a replay.
 
     Args:
-        rate: seconds of the bag per second. begin: key of a topic or stage, "" = all topics.
-        patterns: of whole names; with `begin`, of those that it leaves. start_s, duration_s: of the bag.
-        clock: publish /clock. space: namespace. loops: how often; 0 = until it is asked to end.
-        wait_s: for a subscriber, before it begins.
+        rate: Bag time over real time, s/s.
+        begin: Key of a topic or name of a stage; "" = all topics.
+        patterns: Shell patterns of full topic names. They further restrict the topics that `begin` selects.
+        start_s: Start of the replay, s from the start of the bag.
+        duration_s: Duration, s of bag time; None = to the end.
+        clock: Whether to publish /clock.
+        space: Namespace of the published topics.
+        loops: Number of repetitions; 0 = until a request to end.
+        wait_s: Maximum wait for the first subscriber before the replay begins, s.
     """
 
     rate: float = 1.0
@@ -101,7 +114,13 @@ class ReplayOptions:
 
 @dataclass(frozen=True)
 class Replayed:
-    """What was replayed; behind_s: how late messages were at most."""
+    """Result of a replay.
+
+    Args:
+        count: number of published messages.
+        topics: published topics.
+        behind_s: maximum delay of a message, s.
+    """
 
     count: int
     topics: tuple[str, ...]
@@ -109,14 +128,14 @@ class Replayed:
 
 
 def replay(paths: Sequence[Path], options: ReplayOptions, tell: Callable[[str], None]) -> Replayed:
-    """Publish the messages of bags at their times, until the end or until it is asked to end.
+    """Publish the messages of bags at their times, until the end or a request to end.
 
     Args:
-        tell: called with lines for the user: what is left out, a machine that is too slow.
+        tell: callback with lines for the user: topics that are left out, a machine that is too slow.
 
     Raises:
         DataError: if a bag cannot be read, or has none of the topics.
-        EnvironmentProblem: if nobody subscribes within `wait_s`.
+        EnvironmentProblem: if there is no subscriber within `wait_s`.
     """
     with ExitStack() as stack:
         asked = stack.enter_context(first_request_told())
@@ -146,7 +165,7 @@ def replay(paths: Sequence[Path], options: ReplayOptions, tell: Callable[[str], 
 
 
 def _connections(bags: Sequence[BagReader], options: ReplayOptions) -> list[Connection]:
-    """The topics that are replayed.
+    """Return the topics to replay.
 
     Raises:
         DataError: if there are none, or a topic is in two bags.
@@ -196,16 +215,18 @@ class _Player:
         self._stamped = {connection.topic for connection in connections if connection.has_header}
         length = options.duration_s or max(bag.length_s for bag in bags) - options.start_s
         most = max(bag.counts[topic] for bag in bags for topic in bag.topics)
-        self._span_ns = round(max(length, 0.0) * (1 + 1 / max(1, most - 1)) * SECOND)  # a period more
+        # one message period longer than the recording
+        self._span_ns = round(max(length, 0.0) * (1 + 1 / max(1, most - 1)) * SECOND)
         self._shift_ns = 0
         self.count, self.behind_s = 0, 0.0
 
     def wait(self) -> None:
-        """Publish what is latched, which nodes begin with; then wait for subscribers of the rest, and until
-        those that are there already have been found.
+        """Publish the latched messages, which nodes need first, then wait for subscribers.
+
+        The wait takes at least `DISCOVERY_S`, so that existing subscribers are discovered.
 
         Raises:
-            EnvironmentProblem: if nobody subscribes in time.
+            EnvironmentProblem: if no node subscribes to the other topics in time.
         """
         for stamp, topic, data in self._messages(self._latched):
             if stamp <= self._first_ns:
@@ -225,8 +246,10 @@ class _Player:
             )
 
     def play(self, loop: int) -> None:
-        """Once from the start to the end. From the second time on, stamps in headers and the clock run on, as
-        those of running devices do.
+        """Publish all messages once, from the start to the end.
+
+        From the second loop on, header timestamps and the clock continue to increase, as those of running
+        devices do.
         """
         options = self._options
         self._shift_ns = loop * self._span_ns
@@ -237,7 +260,7 @@ class _Player:
             if last is not None and stamp >= last:
                 break
             if stamp < first or (stamp == first and topic in self._latched):
-                continue  # it has been published, or is left out
+                continue  # it is published already, or lies before the start
             self._sleep_until(stamp, first, begin)
             if self._stop():
                 return
@@ -249,7 +272,7 @@ class _Player:
         self._node.tell_time(self._now(first, begin))
 
     def _messages(self, topics: Collection[str]) -> Iterator[tuple[int, str, bytes]]:
-        """Of all bags by the times of recording."""
+        """Yield the messages of all bags in order of their recording times."""
         rows = [
             ((stamp, topic, data) for topic, stamp, data, _ in bag.raw(*(set(topics) & set(bag.topics))))
             for bag in self._bags
@@ -258,7 +281,7 @@ class _Player:
         return heapq.merge(*rows, key=lambda row: row[0])
 
     def _now(self, first_ns: int, begin: float) -> int:
-        """The time of the bag."""
+        """Return the current bag time, ns."""
         return self._shift_ns + first_ns + round((time.monotonic() - begin) * self._options.rate * SECOND)
 
     def _sleep_until(self, stamp_ns: int, first_ns: int, begin: float) -> None:

@@ -1,1 +1,1 @@
-"""The course of a run, in one process or through nodes, and what it leaves."""
+"""The course of a run, in one process or through ROS nodes, and its results."""

@@ -1,6 +1,6 @@
-"""After a run: the report, and the pictures, video and plot that go with it.
+"""Makes the report of a run, and its pictures, video and plot.
 
-What a run waits for that gives nothing yet.
+It also explains to a waiting user why no skeletons have arrived yet.
 """
 
 from __future__ import annotations
@@ -29,32 +29,43 @@ from panoptic_ros.view.report import Latency, RunReport
 
 
 class Waiting:
-    """Tells a person who sees nothing happen why, once.
+    """Timer that explains once why a run has no output yet.
 
     Args:
-        tell: called with the text, on a thread of its own.
+        tell: callback with the explanation, called in a separate thread.
     """
 
     def __init__(self, tell: Callable[[str], None]):
         self._tell = tell
         self._timer: threading.Timer | None = None
-        self.counted: Mapping[str, Mapping[str, str]] = {}  # what nodes tell on /diagnostics
+        # counters that nodes publish on /diagnostics, by node
+        self.counted: Mapping[str, Mapping[str, str]] = {}
 
     def begin(self, seconds: float) -> None:
-        """Wait so long from now, if nobody waits already."""
+        """Start the timer, unless it runs already.
+
+        Args:
+            seconds: delay before the explanation.
+        """
         if self._timer is None:
             self._timer = threading.Timer(seconds, lambda: self._tell(why_waiting(dict(self.counted))))
             self._timer.daemon = True
             self._timer.start()
 
     def end(self) -> None:
-        """There is something to see."""
+        """Cancel the timer, as output has arrived."""
         if self._timer is not None:
             self._timer.cancel()
 
 
 def why_waiting(counted: Mapping[str, Mapping[str, str]]) -> str:
-    """What the first skeletons wait for, as nodes tell on /diagnostics: the first stage that waits."""
+    """Return the reason why the first skeletons are not there yet.
+
+    It names the first stage that reports `waiting_for`, or states that kernels are being compiled.
+
+    Args:
+        counted: counters by node, as on /diagnostics.
+    """
     waits = [name for name, values in counted.items() if values.get("waiting_for")]
     if waits and not any(values.get("compiling") for values in counted.values()):
         first = min(waits, key=stage_order)
@@ -69,14 +80,14 @@ def why_waiting(counted: Mapping[str, Mapping[str, str]]) -> str:
 
 
 def stage_order(name: str) -> int:
-    """Return the place of a node in the graph by its name, e.g. detection_0; other nodes come last."""
+    """Return the position of a node in the graph by its name, e.g. detection_0. Other nodes come last."""
     stage = name if name in NODES else name.rsplit("_", 1)[0]
     return list(NODES).index(stage) if stage in NODES else len(NODES)
 
 
 LATEST = "latest."
-TOO_SLOW = "take: disk_too_slow"  # messages that were not recorded
-# notices of which report and console tell
+TOO_SLOW = "take: disk_too_slow"  # counts messages that were not recorded
+# prefixes of the notice codes that appear in report and console
 TOLD = (
     "timecode.",
     "clocks.",
@@ -105,10 +116,10 @@ def finish(
     """Return the report of a run.
 
     Args:
-        counted: what every node or stage counted, as on /diagnostics.
-        notices: of the self-check.
-        sets: the views of the run, see `grouped_views`.
-        elapsed_s: how long the run took, without this.
+        counted: Counters of every node or stage, as on /diagnostics.
+        notices: Notices of the self-check.
+        sets: Detection sets of the run, see `grouped_views`.
+        elapsed_s: Duration of the run, s, without this function.
     """
     summary = summarise_capture(plan.rig, plan.skeleton, list(results.poses), list(sets))
     found = sum(len(item.ids) for item in results.poses)
@@ -132,7 +143,7 @@ def finish(
 
 
 def grouped_views(plan: Plan, results: Results) -> list[DetectionSet]:
-    """Return the views of a run, grouped by the last clock models."""
+    """Return the views of a run as detection sets, grouped by the final clock models."""
     views = [view for own in results.views.values() for view in own]
     return regrouped(plan, results.clocks.values(), views)
 
@@ -140,11 +151,11 @@ def grouped_views(plan: Plan, results: Results) -> list[DetectionSet]:
 def draw(
     plan: Plan, results: Results, sets: Sequence[DetectionSet], on_picture: Callable[[int, int], None]
 ) -> None:
-    """Draw the plot, and of recordings overlays and their video.
+    """Draw the plot. For recordings that are not bags, also draw the overlays and their video.
 
     Args:
-        sets: as of `finish`.
-        on_picture: called with the number of pictures of the video that are done, and of all.
+        sets: as for `finish`.
+        on_picture: callback with the number of finished video pictures and their total number.
     """
     if not plan.rig.cameras:
         return
@@ -172,12 +183,12 @@ def draw(
 
 
 def _has_shape(model: SegmentModel) -> bool:
-    """Whether the shape that is installed is one of these segments."""
+    """Return whether the installed body shape belongs to this segment model."""
     return model.names == read_body_model().names
 
 
 def _dropped(counted: Mapping[str, Mapping[str, str]]) -> dict[str, int]:
-    """{"stage: cause": messages}, of the causes that occurred."""
+    """Return the counts {"stage: cause": messages} of dropped messages and sync notices that occurred."""
     found: dict[str, int] = {}
     for name, values in counted.items():
         for key, value in values.items():
@@ -187,7 +198,10 @@ def _dropped(counted: Mapping[str, Mapping[str, str]]) -> dict[str, int]:
 
 
 def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
-    """By node, in the order of the stages; several nodes of one stage are detection_0, detection_1, ..."""
+    """Return the latencies by node, in the order of the stages.
+
+    Several nodes of one stage are named detection_0, detection_1, ...
+    """
     rows = {}
     for stage in NODES:
         for name in sorted(name for name in counted if name.rsplit("_", 1)[0] == stage):
@@ -199,12 +213,12 @@ def _latencies(counted: Mapping[str, Mapping[str, str]]) -> dict[str, Latency]:
 
 
 def warnings_of(counted: Mapping[str, Mapping[str, str]]) -> list[Notice]:
-    """Return the newest warning of each kind, and of each device where it is about devices.
+    """Return the newest warning of each kind, separately for each device where a warning names a device.
 
-    Of several nodes that warn of one device, the one that is first in the graph counts.
+    If several nodes warn about one device, the first node in the graph counts.
 
     Args:
-        counted: by node, as on /diagnostics.
+        counted: counters by node, as on /diagnostics.
     """
     found: dict[tuple[str, str], str] = {}
     for name in sorted(counted, key=stage_order):
@@ -221,7 +235,7 @@ def warnings_of(counted: Mapping[str, Mapping[str, str]]) -> list[Notice]:
 
 
 def dropped_in_all(counted: Mapping[str, Mapping[str, str]]) -> int:
-    """Frames and messages that all nodes together have dropped."""
+    """Return the number of frames and messages that all nodes together have dropped."""
     return sum(
         int(number)
         for values in counted.values()
@@ -235,7 +249,7 @@ def _plan_notices(plan: Plan) -> list[Notice]:
 
 
 def _newest_only(results: Results) -> list[Notice]:
-    """Said where the report is not about everything."""
+    """Return a notice if the report covers only the newest part of the run."""
     if results.instants <= len(results.poses):
         return []
     text = (
@@ -246,7 +260,7 @@ def _newest_only(results: Results) -> list[Notice]:
 
 
 def _clock_notices(plan: Plan, results: Results) -> list[Notice]:
-    """What was found of the clocks, where that was asked for."""
+    """Return a notice about the clock offsets that were found, if estimation from motion is switched on."""
     if not config_of(plan.configs, OffsetsConfig).active:
         return []
     found = [

@@ -1,6 +1,6 @@
-"""A run in one process, without ROS: the same stages, the same results.
+"""Runs a plan in one process without ROS. The stages and the results equal those of the node graph.
 
-The newest frames of several live cameras, instant by instant, and all sound, in one process.
+For live cameras, it takes the newest frames of all cameras instant by instant, and all sound.
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ def newest_frames(
     on_drop: Callable[[int], None],
     sounds: Sequence[Callable[[], Iterator[Any]]] = (),
 ) -> Iterator[Any]:
-    """What the cameras give, as the detection node would take it when it falls behind.
+    """Yield the frames of live cameras, dropping the same frames as a detection node that falls behind.
 
     Args:
-        frames: the frames of a camera; called in a thread for each.
-        stop: asked often, also while nothing comes.
-        on_drop: told how many frames were overtaken.
-        sounds: what devices hear, each in a thread of its own; nothing of it is dropped. The end of one
-            ends nothing.
+        frames: Returns the frames of a camera; called in one thread per camera.
+        stop: Stop condition, polled often, also while no frame arrives.
+        on_drop: Callback with the number of dropped frames.
+        sounds: Each returns the audio blocks of a device, and runs in its own thread. No block is dropped.
+            The end of one does not end the others.
 
     Raises:
-        PanopticError: what ended a camera.
+        PanopticError: the error that ended a camera or a sound.
     """
     names = list(cameras)
     waiting, changed, over = NewestInstant(names), threading.Condition(), threading.Event()
@@ -94,7 +94,7 @@ def newest_frames(
     try:
         while not stop():
             with changed:
-                all_ended = len(ended) == len(names)  # asked before what they left is taken
+                all_ended = len(ended) == len(names)  # read before the last frames are taken from the queue
                 batch = waiting.take()
                 if not batch and not heard:
                     changed.wait(0.2)
@@ -114,31 +114,31 @@ def newest_frames(
         over.set()
 
 
-# what results keep of what comes from outside
+# input topics that the results keep
 TAKEN = ("image", "detections", SOUND_KEY, IMU_KEY, "sensor_depth", TRACKS_KEY)
 
-REFINED = ("patch_tracks", "sensor_depth", "skeletons_raw")  # what offline refinement takes
+REFINED = ("patch_tracks", "sensor_depth", "skeletons_raw")  # input topics of offline refinement
 
 
 class Taker(Protocol):
-    """What takes the records of a run."""
+    """Receiver of the records of a run."""
 
     def take(self, key: str, record: Any) -> None:
-        """A record of the topic of that key."""
+        """Receive a record of the topic with that key."""
 
 
-Records = dict[Key, Iterator[Any]]  # of each topic of each camera
+Records = dict[Key, Iterator[Any]]  # records by (topic, camera)
 
 
 class OfflineResults:
-    """Takes the records of a run in one process; its own refinement stands in for the smoother with a lag."""
+    """Receiver of the records of a run in one process. Offline refinement replaces the fixed-lag smoother."""
 
     def __init__(self, plan: Plan, results: Results):
         self._results = results
         self._refinement = refinement_of(plan.configs, StageContext(plan.rig, plan.skeleton, plan.extras))
 
     def take(self, key: str, record: Any) -> None:
-        """See `Results`."""
+        """Pass a record to the results, and to offline refinement if it needs the topic."""
         if key != "skeletons":
             self._results.take(key, record)
         if key in REFINED:
@@ -146,13 +146,13 @@ class OfflineResults:
                 self._results.take("skeletons", output)
 
     def flush(self) -> None:
-        """The rest of the skeletons."""
+        """Pass the remaining skeletons of offline refinement to the results."""
         for output in self._refinement.flush():
             self._results.take("skeletons", output)
 
 
 class _Counted:
-    """What the stages of a run count, and a pipeline that tells it."""
+    """Pipeline of a run, with statistics of its stages."""
 
     def __init__(self, plan: Plan, results: Taker, looks: SideBySide | None = None):
         names = switched_on(plan.stages, plan.configs)
@@ -171,7 +171,8 @@ class _Counted:
             table=NODES if looks is None else TABLE,
         )
         self._looks = looks
-        self._places: dict[str, int] = {}  # of what was refused, and their numbers
+        # sequence number of each place (bag and topic) with refused records
+        self._places: dict[str, int] = {}
         self.first = plan.stage
 
     def _note(self, stage: str, notice: Notice) -> None:
@@ -193,18 +194,18 @@ class _Counted:
         self.statistics[stage].add_duration(duration_ns)
 
     def refuse(self, error: DataError) -> None:
-        """Something that comes from outside cannot be used: it is counted and named."""
+        """Count an unusable input record, and warn with its bag and topic."""
         self._refuse(self.first, error)
         place = str(error).partition(": ")[0]  # the bag and the topic
         number = self._places.setdefault(place, len(self._places))
         self._note(self.first, Notice(f"source.bad_message.{number}", "warning", str(error)))
 
     def note(self, notice: Notice) -> None:
-        """Something is known of what comes from outside."""
+        """Record a notice about the input."""
         self._note(self.first, notice)
 
     def drop(self, count: int) -> None:
-        """Live frames were overtaken."""
+        """Count live frames that newer ones replaced."""
         self.statistics[self.first].dropped["overtaken"] += count
         self._tell()
 
@@ -213,7 +214,7 @@ class _Counted:
 
 
 def run_in_process(plan: Plan, results: Taker, stop: Callable[[], bool]) -> dict[str, StageStatistics]:
-    """Run the plan to its end, or until `stop()` is true; returns what each stage counted."""
+    """Run the plan until its end or until `stop()` is true; return the statistics of each stage."""
     if plan.live:
         counted = _Counted(plan, results)
         frames, sounds = partial(_live_frames, plan), [partial(_live_sound, s) for s in plan.sounds]
@@ -226,7 +227,7 @@ def run_in_process(plan: Plan, results: Taker, stop: Callable[[], bool]) -> dict
         return counted.statistics
     with ExitStack() as stack:
         refused: list[DataError] = []
-        known: list[Notice] = []  # after the last frames
+        known: list[Notice] = []  # notices that arrive after the last frames
         records: Records = (
             _recorded(plan, stack, refused.append)
             if plan.streams
@@ -255,9 +256,11 @@ def _is_before(plan: Plan, record: Any) -> bool:
 
 
 def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide | None:
-    """Let detection run ahead in as many threads as pay: its inputs in the records become images that were
-    looked at. None: it runs in the pipeline, as tracking tells it where to look, or stamps of depth maps in
-    bags may jump.
+    """Let detection run ahead in several threads where that is faster and safe.
+
+    The images in `records` are replaced by images with finished detections. The result is None if detection
+    must run in the pipeline. This is so if tracking guides detection, or if bags hold depth maps, whose
+    timestamps may jump.
     """
     config = plan.configs["detection"]
     threads = free_threads(config_of(plan.configs, DetectionConfig).threads)
@@ -272,7 +275,10 @@ def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide 
 def _replay(
     plan: Plan, pipeline: Pipeline, records: Records, results: Taker, stop: Callable[[], bool]
 ) -> None:
-    """Hand over the records of all cameras, always the one that the stages wait for."""
+    """Push the records of all sources into the pipeline.
+
+    Each step takes the next record of the source that the stages wait for.
+    """
     owners = {topic: [camera for key, camera in records if key == topic] for topic, _ in records}
     lanes = lanes_of(list(owners), lambda topic: owners[topic], pipeline, plan.clock_of, plan.shifts)
     host = Host(pipeline, lanes)
@@ -303,7 +309,10 @@ def _live_sound(sound: Mapping[str, Any]) -> Iterator[Any]:
 
 
 def _recorded(plan: Plan, stack: ExitStack, on_bad: Callable[[DataError], None]) -> Records:
-    """Frames, depth maps or detections of bags; what cannot be used is left out."""
+    """Return the frames, depth maps or detections of bags by (topic, camera).
+
+    Unusable records are left out.
+    """
     return {
         (TOPICS[stream.key].variant_of or stream.key, stream.camera): iter(items)
         for stream, items in opened_streams(plan.streams, stack, on_bad)

@@ -1,4 +1,4 @@
-"""Which nodes a run consists of and which process each of them lives in."""
+"""Decides which nodes a run consists of, and in which process each of them runs."""
 
 from __future__ import annotations
 
@@ -25,19 +25,23 @@ from panoptic_ros.running.plans.free_threads import free_threads
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.stage import Notice
 
-LOOKS_OF_A_PROCESS = 8  # at a time: the network, a tenth of whose time is Python's, leaves it no core to win
-HEAT_MAPS = "heat_maps"  # what is published of views, not of people
-SOUND_PROCESSES = 2  # at most, the same
+# images in detection at a time per process; the network holds Python's lock for a tenth of its time
+LOOKS_OF_A_PROCESS = 8
+HEAT_MAPS = "heat_maps"  # entry of `publish` that is about views; all others are about people
+SOUND_PROCESSES = 2  # maximum number of processes for sound
 
 
 def flow_of(plan: Plan) -> tuple[str, int]:
-    """How the nodes of a plan queue: name and window of their flow, see `graph.flow.make_flow`."""
+    """Return name and window of the flow of a plan's nodes, see `graph.flow.make_flow`."""
     lag_s = config_of(plan.configs, RefinementConfig).lag
     return "live" if plan.live else "replay", WINDOW + math.ceil(plan.frame_rate * lag_s)
 
 
 def without_patch_inputs(plan: Plan) -> tuple[Plan, tuple[Notice, ...]]:
-    """The plan of a run over several processes, without recorded depth maps and 2D tracks; says so."""
+    """Return the plan of a run over several processes, and a notice about what it leaves out.
+
+    Recorded depth maps and recorded 2D tracks are left out.
+    """
     left = tuple(stream for stream in plan.streams if stream.key not in (*SENSOR_KEYS, TRACKS_KEY))
     if not plan.maps and left == plan.streams:
         return plan, ()
@@ -48,13 +52,17 @@ def without_patch_inputs(plan: Plan) -> tuple[Plan, tuple[Notice, ...]]:
 def write_launch_file(
     plan: Plan, folder: Path, flow: str, window: int, jpeg_quality: int, one_per_stage: bool = False
 ) -> Path:
-    """Which nodes run in which process, for `nodes.main host`: of `panoptic run` and of `ros2 launch`.
+    """Write launch.json, which assigns nodes to processes for `nodes.main host`; return its path.
+
+    Both `panoptic run` and `ros2 launch` use this file.
 
     Args:
-        one_per_stage: live, a node and a process for each stage, in place of one for all after detection.
+        flow, window: See `flow_of`.
+        jpeg_quality: 1-100: images are published as JPEG; 0: uncompressed.
+        one_per_stage: Live: a node and a process per stage, instead of one for all stages after detection.
 
     Raises:
-        UsageError: if a recording is to have a node per stage.
+        UsageError: if `one_per_stage` is set for a recording.
     """
     if one_per_stage and not plan.live:
         raise UsageError(f"--node-per-stage is for live use only: leave it out for {plan.title}, a recording")
@@ -119,17 +127,19 @@ def write_launch_file(
 
 
 def _is_joined(plan: Plan, guided: bool) -> bool:
-    """Whether one process runs all stages, with detection.
+    """Return whether one process runs all stages, including detection.
 
-    In replay: where tracking tells detection where to look, as what comes back must come at its place; and
-    where it reads images itself, so that only what is kept is sent, if one process fills the cores.
+    This holds in replay only, in two cases:
+    - Tracking guides detection. Its feedback must arrive at a fixed place in the sequence.
+    - Detection reads the images itself, and one process can use all cores. Then only the kept records are
+      sent.
     """
     fills = bool(plan.sources) and free_threads(1) <= LOOKS_OF_A_PROCESS
     return not plan.live and plan.stage == "detection" and (guided or fills)
 
 
 class _Nodes:
-    """Nodes of stages with their parameters."""
+    """Builds the launch file entries of stage nodes, with their parameters."""
 
     def __init__(self, plan: Plan, flow: str, window: int):
         self._plan, self._flow = plan, flow
@@ -140,16 +150,23 @@ class _Nodes:
 
     @property
     def bodies(self) -> dict[str, Any]:
-        """Parameters of what has samples of IMUs: without cameras, kinematics and the launcher read all."""
+        """Return the parameters of nodes that publish IMU samples.
+
+        Without cameras, both kinematics and the launcher read all samples, which makes two readers.
+        """
         return self.common if self._plan.rig.cameras else {**self.common, "readers": 2}
 
     def source(self, owner: str) -> dict[str, Any]:
-        """Parameters of a camera, or of a device by the topic of its sound."""
+        """Return the parameters of the source of a camera, or of a device's sound.
+
+        Args:
+            owner: camera name, or topic of the sound.
+        """
         shifts = self._plan.shifts
         return {**self.common, **({"shift_ns": shifts[owner]} if owner in shifts else {})}
 
     def node(self, stages: tuple[str, ...], name: str, **more: Any) -> dict[str, Any]:
-        """The node of connected stages."""
+        """Return the entry of one node that runs connected stages."""
         parameters = {
             **self.common,
             "graph": [*self.stages, *self._used],
@@ -169,14 +186,14 @@ class _Nodes:
         return {"kind": "stages", "stages": list(stages), "name": name, "parameters": parameters}
 
     def _own(self, stage: str) -> dict[str, Any]:
-        """What differs from the defaults, and what live flow has other defaults of."""
+        """Return a stage's parameters that differ from their defaults or have other defaults in live flow."""
         config = self._plan.configs[stage]
         own = {key: value for key, value in diff(config).items() if value != []}
         return own | {key: getattr(config, key) for key in live_defaults(self._flow, stage)}
 
 
 def _inputs_of_detection(plan: Plan, cameras: list[str]) -> dict[str, list[str]]:
-    """Which messages come, by parameter of the node."""
+    """Return the input topics of a detection node as node parameters."""
     packed = {stream.camera for stream in plan.streams if stream.key == "compressed_depth"}
     packed |= set(plan.topics.get("compressed_depth", ()))
     compressed = {stream.camera for stream in plan.streams if stream.key == "compressed_image"}
@@ -199,7 +216,7 @@ def _inputs_of_detection(plan: Plan, cameras: list[str]) -> dict[str, list[str]]
 
 
 def _inputs_of_patches(plan: Plan) -> dict[str, list[str]]:
-    """Which depth sensors of running drivers there are, by parameter of the node."""
+    """Return the topics of depth sensors of running drivers as node parameters."""
     raw, packed = (plan.topics.get(key, {}) for key in ("sensor_depth", "compressed_sensor_depth"))
     renamed = [
         f"{key} {sensor}={name}"
@@ -211,11 +228,12 @@ def _inputs_of_patches(plan: Plan) -> dict[str, list[str]]:
 
 
 def _shares(plan: Plan) -> list[list[str]]:
-    """Cameras per detection process.
+    """Return the cameras of each detection process.
 
-    Live: one, so that all cameras drop the same instants when it cannot keep up. Recordings that it reads
-    itself: one for so many looks at a time as Python's lock lets pass. Images that come as messages, as of
-    bags: one for every core that may be used.
+    Live: one process, so that all cameras drop the same instants when detection is too slow. Recordings that
+    the process reads itself: one process per `LOOKS_OF_A_PROCESS` cores, as Python's lock limits each process
+    to that many images at a time. Images that arrive as messages, e.g. from bags: one process per usable
+    core.
     """
     cameras = list(plan.rig.names)
     each = LOOKS_OF_A_PROCESS if plan.sources else 1
@@ -224,7 +242,7 @@ def _shares(plan: Plan) -> list[list[str]]:
 
 
 def _own(plan: Plan, cameras: list[str], jpeg_quality: int) -> dict[str, Any]:
-    """The cameras that a detection process reads itself, and how many of them it looks at at a time."""
+    """Return the cameras that a detection process reads itself, and its number of threads."""
     if not plan.sources and not plan.live:
         return {}
     threads = free_threads(config_of(plan.configs, DetectionConfig).threads)

@@ -1,4 +1,4 @@
-"""Looking for other graphs in the domain of a run, while it is planned and its processes load."""
+"""Looks for other graphs in the ROS domain of a run, while the run is planned and its processes load."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from panoptic_ros.running.processes.children import Ahead
 
 
 def begin_to_listen(ahead: Ahead, namespace: str) -> None:
-    """Listen from now on.
+    """Start listening for other graphs.
 
     Raises:
         UsageError, EnvironmentProblem: as `Listener`.
@@ -16,10 +16,10 @@ def begin_to_listen(ahead: Ahead, namespace: str) -> None:
 
 
 def require_no_other_graph(ahead: Ahead, namespace: str) -> None:
-    """Look for other graphs when there was time enough to hear of them, then listen no more.
+    """Check that no other graph runs, after the time that discovery needs; then stop listening.
 
     Raises:
-        EnvironmentProblem: if there is one.
+        EnvironmentProblem: if there is another graph.
     """
     listener, ahead.listener = ahead.listener or Listener(namespace), None
     try:

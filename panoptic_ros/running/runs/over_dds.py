@@ -1,4 +1,4 @@
-"""A run through real nodes: processes for cameras, detection and fusion, over DDS."""
+"""Runs a plan through ROS nodes over DDS, in processes for cameras, detection and fusion."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from panoptic_ros.running.runs.launch import flow_of, write_launch_file
 from panoptic_ros.running.runs.listening import require_no_other_graph
 from panoptic_ros.running.runs.results import Results, check_record, kept_besides
 
-LOOK_S = 0.2  # whether all processes run
-LAST_WORDS_S = 3.0  # how long to wait for the nodes' last diagnostics
+LOOK_S = 0.2  # s between two checks that all processes run
+LAST_WORDS_S = 3.0  # s, timeout for the last diagnostics of the nodes
 
 
 def run_over_dds(
@@ -36,10 +36,10 @@ def run_over_dds(
     node_per_stage: bool = False,
     ahead: Ahead = NOBODY_AHEAD,
 ) -> dict[str, dict[str, str]]:
-    """Run the plan to its end, or until `stop()` is true; returns each node's last diagnostics.
+    """Run the plan until its end or until `stop()` is true; return the last diagnostics of each node.
 
     Raises:
-        UserError: as a node printed it, if one ended.
+        UserError: the error that a node printed, if a node ended.
         EnvironmentProblem: if another graph runs in this ROS domain.
     """
     prepare_environment()
@@ -57,7 +57,7 @@ def _run(
     arguments: list[str],
     ahead: Ahead,
 ) -> dict[str, dict[str, str]]:
-    require_no_other_graph(ahead, plan.namespace)  # before anything is published
+    require_no_other_graph(ahead, plan.namespace)  # before this process publishes anything
     flow_name, window = flow_of(plan)
     launch = write_launch_file(plan, results.folder, flow_name, window, jpeg_quality, node_per_stage)
     document = json.loads(launch.read_text())
@@ -69,7 +69,7 @@ def _run(
     nodes: list[Any] = []
     try:
         with Processes(launch, document["processes"], results.folder / "logs", plan.live, ahead) as processes:
-            try:  # processes make their nodes meanwhile, which wait for the rig: it is published last
+            try:  # the processes create their nodes meanwhile; they wait for the rig, so it is published last
                 collector = CollectorNode(
                     flow,
                     plan.rig.names,
@@ -87,7 +87,7 @@ def _run(
                     _spin(executor, collector, processes, stop, live=True)
                 else:
                     _replay(executor, collector, processes, stop, names)
-                processes.ask_to_end()  # they take half a second, as all below
+                processes.ask_to_end()  # the processes need half a second to end, as does the code below
             finally:
                 executor.shutdown()
                 for node in nodes:
@@ -101,9 +101,10 @@ def _run(
 def _replay(
     executor: Any, collector: CollectorNode, processes: Processes, stop: Callable[[], bool], names: list[str]
 ) -> None:
-    """Until all has come, and what the nodes of these names tell at last.
+    """Spin until all records have arrived, then until the last diagnostics of the named nodes.
 
-    A request interrupts between callbacks: of one within them the executor tells as of an error.
+    A request to end takes effect between callbacks. Within a callback, the executor would report it as an
+    error.
     """
     with first_request_told() as asked:
         _spin(executor, collector, processes, lambda: asked() or stop(), live=False)
@@ -115,7 +116,10 @@ def _replay(
 
 
 def _told_of(node: Mapping[str, Any]) -> list[str]:
-    """Names on /diagnostics of a node of the launch file: its stages if there are several."""
+    """Return the names that a node of the launch file has on /diagnostics.
+
+    A node with several stages appears under the names of its stages.
+    """
     stages = node.get("stages", [])
     return list(stages) if len(stages) > 1 else [node["name"]] if "name" in node else []
 
@@ -123,7 +127,7 @@ def _told_of(node: Mapping[str, Any]) -> list[str]:
 def _spin(
     executor: Any, collector: CollectorNode, processes: Processes, stop: Callable[[], bool], live: bool
 ) -> None:
-    """Until the end; live, what is killed is started anew."""
+    """Spin until the end. In a live run, restart processes that were killed."""
     looked = time.monotonic()
     while not collector.over and not stop():
         executor.spin_once(timeout_sec=0.1)

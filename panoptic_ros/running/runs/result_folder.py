@@ -1,9 +1,9 @@
-"""Where a run leaves its results, and which files there it may replace.
+"""Manages the folder with the results of a run, and protects the user's files in it.
 
-Results of recordings are made in a hidden folder inside of the folder of the user, and move up when all are
-there: a mount point, a link and files of the user stay as they are. A live take is written in place, in a
-folder that was empty, and is marked open until it is closed (`io.takes`). The file `report.json` lists the
-files that a run made; only these are ever replaced or deleted.
+Results of recordings are made in a hidden folder inside the user's folder, and move up when all are complete.
+So a mount point, a link and files of the user stay unchanged. A live take is written in place, in a folder
+that was empty, and is marked open until it is closed (`io.takes`). The file `report.json` lists the files
+that a run made. Only these files are ever replaced or deleted.
 """
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.folders import MARK
 from panoptic_ros.io.takes import OPEN, OpenTake, is_recorded_now, sync_folder, unclosed_take
 
-STAGED = ".results-{}.part"  # the hidden folder of the process of that number
-FILES = "files"  # key of report.json
+STAGED = ".results-{}.part"  # hidden folder of a run; the number is its process id
+FILES = "files"  # key of the list of files in report.json
 
 
 class LiveFolder:
-    """The folder of a live take.
+    """Folder of a live take.
 
     Args:
-        path: of the folder. created: whether this run made it.
+        path: path of the folder.
+        created: whether this run created it.
     """
 
     def __init__(self, path: Path, created: bool):
@@ -36,19 +37,19 @@ class LiveFolder:
         self._take = OpenTake(path)
 
     def close(self) -> None:
-        """Mark the take closed: all that was recorded is whole."""
+        """Mark the take as closed: everything that was recorded is on the disk."""
         sync_folder(self.path)
         self._take.close()
 
     def leave(self) -> None:
-        """Leave the take marked open: it could not be closed."""
+        """Leave the take marked as open, as it could not be closed."""
         self._take.leave()
 
     def give_up(self, names: Iterable[str]) -> None:
         """Delete the folder of a take in which nothing was recorded.
 
         Args:
-            names: of files and folders that the run made; others stay.
+            names: files and folders that the run made. All others stay.
         """
         self._take.close()
         for name in names:
@@ -58,12 +59,12 @@ class LiveFolder:
             else:
                 path.unlink(missing_ok=True)
         if self._created:
-            with suppress(OSError):  # somebody put a file there meanwhile
+            with suppress(OSError):  # the folder meanwhile contains another file
                 self.path.rmdir()
 
 
 def open_live_folder(out: Path) -> LiveFolder:
-    """Make the folder of a live take, marked open.
+    """Create the folder of a live take and mark it as open.
 
     Raises:
         UsageError: if `out` is not a new or empty folder.
@@ -85,12 +86,12 @@ def open_live_folder(out: Path) -> LiveFolder:
 
 @contextmanager
 def result_folder(out: Path) -> Iterator[Path]:
-    """Give a hidden folder inside `out` whose files move to `out` at the end, or vanish on an error.
+    """Yield a hidden folder inside `out`. Its files move to `out` at the end, or are deleted on an error.
 
     Files that the last run made are replaced. All other files stay.
 
     Raises:
-        UsageError: if `out` is a file, or a folder with other things than the results of a run.
+        UsageError: if `out` is a file, or a folder with other content than the results of a run.
         EnvironmentProblem: if it cannot be written.
     """
     out = Path(out)
@@ -120,16 +121,19 @@ def result_folder(out: Path) -> Iterator[Path]:
 
 
 def files_below(folder: Path) -> list[str]:
-    """Return the paths of all files in a folder and its subfolders, relative to it, sorted."""
+    """Return the sorted paths of all files in a folder and its subfolders, relative to the folder.
+
+    The mark of an open take is left out.
+    """
     found = (Path(place) / name for place, _, names in os.walk(folder) for name in names)
     return sorted(str(path.relative_to(folder)) for path in found if path.name != OPEN)
 
 
 def _check_place(out: Path) -> None:
-    """Check that results can be put there.
+    """Check that `out` can receive results.
 
     Raises:
-        UsageError: if it is a file, a link to nothing, or the folder of an open take.
+        UsageError: if it is a file, a broken link, or the folder of an open take.
     """
     if out.is_symlink() and not out.exists():
         raise UsageError(
@@ -145,7 +149,7 @@ def _check_place(out: Path) -> None:
 
 
 def _own_files(out: Path) -> list[str] | None:
-    """Return the files that the last run made there, relative to `out`; None if there is no report of one."""
+    """Return the files that the last run made in `out`, relative to it; None if there is no valid report."""
     try:
         document = json.loads((out / MARK).read_bytes())
         names = [str(name) for name in document[FILES]]
@@ -160,7 +164,7 @@ def _is_staged(path: Path) -> bool:
 
 
 def _remove_stale(out: Path) -> None:
-    """Remove hidden folders of runs that were killed."""
+    """Remove the hidden folders of runs that were killed."""
     before, after = STAGED.split("{}")
     for path in out.iterdir():
         number = path.name.removeprefix(before).removesuffix(after)
@@ -169,10 +173,11 @@ def _remove_stale(out: Path) -> None:
 
 
 def _move_up(part: Path, out: Path, own: list[str]) -> None:
-    """Move all results up, the report last; remove those of the last run that have no successor.
+    """Move all results to `out`, the report last; delete files of the last run that are not replaced.
 
     Raises:
-        DataError: if the user put a file where a result belongs; the results are in a folder beside it.
+        DataError: if a file of the user blocks the path of a result. The results then stay in a folder inside
+            `out`.
     """
     new = files_below(part)
     taken = [name for name in new if name not in own and (out / name).exists()]
@@ -191,13 +196,14 @@ def _move_up(part: Path, out: Path, own: list[str]) -> None:
         raise DataError(
             f"{out / in_the_way[0]} was not made by a run and is not replaced; the results are in {beside}"
         )
-    (out / MARK).unlink(missing_ok=True)  # from here on the folder holds no whole results
+    # from here until the report is moved, the results in the folder are incomplete
+    (out / MARK).unlink(missing_ok=True)
     for name in own:
         if name not in new:
             (out / name).unlink(missing_ok=True)
     for folder in sorted({out / parent for name in own for parent in Path(name).parents}, reverse=True):
         if folder != out:
-            with suppress(OSError):  # it holds files of the user, or is gone
+            with suppress(OSError):  # the folder contains files of the user, or no longer exists
                 folder.rmdir()
     for name in sorted(new, key=lambda name: name == MARK):
         (out / name).parent.mkdir(parents=True, exist_ok=True)
@@ -205,7 +211,7 @@ def _move_up(part: Path, out: Path, own: list[str]) -> None:
 
 
 def _free(out: Path) -> Path:
-    """Return a path inside `out` that nothing has."""
+    """Return an unused path inside `out`."""
     number = 2
     while (out / f"results-{number}").exists():
         number += 1

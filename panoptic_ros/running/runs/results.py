@@ -1,4 +1,4 @@
-"""What a run records: the bag, the skeletons and the bodies, as they come."""
+"""Records the output of a run as it arrives: the bag, the skeletons and the bodies."""
 
 from __future__ import annotations
 
@@ -27,43 +27,52 @@ from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.view.body_drawing import DrawnBody, drawn_bodies
 
-KEPT_LIVE = 3600  # instants that the report of a live run, which has no end, is about: two minutes
-KEPT_FREE = 2_000_000  # bytes that a live take leaves on the disk: its index of an hour has 2 MB
+KEPT_LIVE = 3600  # instants that the report of a live run covers, as the run has no end; 2 min
+KEPT_FREE = 2_000_000  # bytes that a live take leaves free on the disk; the index of one hour takes 2 MB
 BAG, SKELETONS, BODIES, CLOCKS = "bag", "skeletons.json.gz", "kinematics.json.gz", "offsets.json"
-MADE = (BAG, SKELETONS, BODIES, CLOCKS, "rig.json", "launch.json", "occluders.json", "logs")  # while it runs
+# files and folders that a run writes before its end
+MADE = (BAG, SKELETONS, BODIES, CLOCKS, "rig.json", "launch.json", "occluders.json", "logs")
 
 
 class Bag(Protocol):
-    """Takes the messages of a run."""
+    """Receiver of the messages of a run."""
 
     def write(self, topic: str, stamp_ns: int, message: Any) -> None:
         """Append a message of the family `bag_messages()`."""
 
     def close(self) -> None:
-        """Finish the bag."""
+        """Complete and close the bag."""
 
     def discard(self) -> None:
-        """End it after an error."""
+        """Close the bag after an error."""
 
 
 class TakeBag:
-    """The bag of a live take: a `BagRecorder`, in place, synced to the disk in a thread of its own."""
+    """Bag of a live take. A `BagRecorder` writes it in place and syncs it to the disk in a separate thread.
+
+    Args:
+        beside: callback that writes the files beside the bag to the disk, see `BagRecorder`.
+    """
 
     def __init__(self, path: Path, beside: Callable[[], None]):
         self._recorder = BagRecorder(path, keep_free=KEPT_FREE, beside=beside)
 
     @property
     def fault(self) -> PanopticError | None:
-        """The error that ended it early: a full disk, or an error of the disk."""
+        """Return the error that ended the bag early, e.g. a full disk; None = no error."""
         return self._recorder.fault
 
     @property
     def dropped(self) -> int:
-        """Number of messages for which the disk was too slow."""
+        """Return the number of messages that were dropped because the disk was too slow."""
         return sum(self._recorder.dropped.values())
 
     def write(self, topic: str, stamp_ns: int, message: Any) -> None:
-        """See `Bag`."""
+        """Append a message, see `Bag`.
+
+        Raises:
+            ContractError: if the message type has no definition.
+        """
         kind = message.__msgtype__
         connection = described(topic, kind)
         if connection is None:
@@ -71,23 +80,26 @@ class TakeBag:
         self._recorder.put(connection, stamp_ns, bytes(bag_typestore().serialize_cdr(message, kind)))
 
     def close(self) -> None:
-        """See `Bag`."""
+        """Complete and close the bag, see `Bag`."""
         self._recorder.close()
 
     def discard(self) -> None:
-        """Close it as far as it goes: what was recorded stays."""
+        """Close the bag as far as possible. Messages that were recorded stay."""
         self._recorder.close()
 
 
 def is_kept(configs: Mapping[str, Any], key: str) -> bool:
-    """Whether the bag of a run has the topic of that key; see `graph.topics.Topic`."""
+    """Return whether the bag of a run contains the topic with this key; see `graph.topics.Topic`."""
     topic = TOPICS.get(key)
     stage, _, parameter = ("" if topic is None else topic.kept).partition(".")
     return stage == "always" or (parameter != "" and bool(getattr(configs[stage], parameter)))
 
 
 def kept_besides(plan: Plan) -> list[tuple[str, str]]:
-    """Keys and owners of what a run keeps beside detections, sound, IMUs, skeletons and bodies."""
+    """Return (key, owner) of the additional topics that a run keeps.
+
+    Detections, sound, IMU samples, skeletons and bodies are always kept and not listed.
+    """
     found: list[tuple[str, str]] = []
     for key, topic in TOPICS.items():
         if topic.kept != "always" and is_kept(plan.configs, key):
@@ -97,13 +109,13 @@ def kept_besides(plan: Plan) -> list[tuple[str, str]]:
 
 
 def check_record(plan: Plan, key: str, owner: str, record: Any) -> None:
-    """Check that a record that came from outside is of this run.
+    """Check that a record from outside belongs to this run.
 
     Args:
-        owner: the camera or device of the topic, "" for topics of the graph.
+        owner: the camera or device of the topic; "" for topics of the graph.
 
     Raises:
-        DataError: naming what is another camera, device, skeleton or set of segments.
+        DataError: if the record is of another camera, device, skeleton or set of segments.
     """
     if owner and owner_of(key, record) != owner:
         raise DataError(f"it is of {owner_of(key, record)!r}, and the topic is of {owner!r}")
@@ -119,16 +131,18 @@ def check_record(plan: Plan, key: str, owner: str, record: Any) -> None:
 
 
 class Results:
-    """Takes the records of a run as they come: into the bag and skeletons.json.gz at once. What the report
-    needs is kept for the end; of a live run, the newest.
+    """Receiver of the records of a run.
 
-    A context manager: leaving it normally closes all files. Leaving it with an error gives the results of a
-    recording up, and closes those of a live take.
+    Records go to the bag and to skeletons.json.gz at once. Input of the report is kept until the end; in a
+    live run, only the newest `KEPT_LIVE` instants are kept.
+
+    The object is a context manager. A normal exit closes all files. An exit by an error discards the results
+    of a recording, but closes those of a live take.
 
     Args:
-        folder: that is there, see `running.runs.result_folder`.
-        on_record: called with every record that is kept, e.g. for progress.
-        pictures: whether pictures follow; without them no body is kept for drawing.
+        folder: existing folder, see `running.runs.result_folder`.
+        on_record: callback with the key and the record, called for every record, e.g. for progress.
+        pictures: whether pictures follow. Without them, no body is kept for drawing.
     """
 
     def __init__(
@@ -148,7 +162,7 @@ class Results:
         self._bodies = None if model is None else BodyStream(folder / BODIES, model)
         self.bodies = BodyTally()
         self.drawn: deque[DrawnBody] = deque(maxlen=kept if pictures else 0)
-        self.clocks: dict[str, ClockModel] = {}  # the newest of every clock that was found
+        self.clocks: dict[str, ClockModel] = {}  # newest model of every clock that was found
         self._plan = plan
         self._on_record = on_record
         self._take_bag = TakeBag(folder / BAG, self._sync) if plan.live else None
@@ -158,8 +172,10 @@ class Results:
         self._started = False
 
     def take(self, key: str, record: Any) -> None:
-        """A record of the topic of that key; detections, sound, skeletons, clocks and previews of
-        images are kept."""
+        """Receive a record of the topic with that key.
+
+        Detections, sound, skeletons, clock models and previews of images are kept.
+        """
         if key == "image":
             preview = self._previews.take(record)
             if preview is not None:
@@ -183,7 +199,7 @@ class Results:
         self._on_record(key, record)
 
     def _keep(self, key: str, record: Any) -> None:
-        """Write a record to the bag, at its stamp on the master clock."""
+        """Write a record to the bag, at its timestamp on the master clock."""
         owner, topic = owner_of(key, record), TOPICS[key]
         clock = topic.of(owner) if topic.scope == "device" else owner
         when = record.stamp_ns if topic.scope == "imu" else self._plan.at(clock, record.stamp_ns)
@@ -192,32 +208,32 @@ class Results:
 
     @property
     def instants(self) -> int:
-        """How many sets of skeletons there were."""
+        """Return the number of skeleton sets."""
         return self._skeletons.count
 
     @property
     def recorded(self) -> bool:
-        """Whether any record was written."""
+        """Return whether any record was written."""
         return self._started
 
     @property
     def fault(self) -> PanopticError | None:
-        """The error that ended a live take early: a full disk, or an error of the disk."""
+        """Return the error that ended a live take early, e.g. a full disk; None = no error."""
         return None if self._take_bag is None else self._take_bag.fault
 
     @property
     def dropped(self) -> int:
-        """Number of messages of a live take for which the disk was too slow."""
+        """Return the number of messages of a live take that were dropped because the disk was too slow."""
         return 0 if self._take_bag is None else self._take_bag.dropped
 
     def close(self) -> None:
-        """Finish the bag, the skeletons and the bodies, and write the clocks that were found.
+        """Complete the bag, the skeletons and the bodies, and write the clock models that were found.
 
         Raises:
-            PanopticError: if one cannot be finished; the others are.
+            PanopticError: if a file cannot be completed. All other files are completed nevertheless.
         """
         self._start(0)
-        with ExitStack() as stack:  # closes each of them, whatever the others do
+        with ExitStack() as stack:  # closes each file, even if another one fails
             stack.callback(self._write_clocks)
             if self._bodies is not None:
                 stack.callback(self._bodies.close)
@@ -250,7 +266,7 @@ class Results:
                 self._bodies.discard()
 
     def _start(self, stamp_ns: int) -> None:
-        """The latched facts stand first in the bag."""
+        """Write the latched records (rig and skeleton model) to the bag, before any other record."""
         if not self._started:
             self._started = True
             self._write("rig", self._plan.rig, stamp_ns)
@@ -271,7 +287,10 @@ class Results:
 
 
 def _without_maps(view: ViewDetections) -> ViewDetections:
-    """The report needs the people alone; maps would fill the memory."""
+    """Return a view without its score maps.
+
+    The report needs only the 2D poses, and maps would fill the memory.
+    """
     if view.maps is None and view.limit is None:
         return view
     return ViewDetections(

@@ -1,10 +1,8 @@
-"""The course of a run: its stages or nodes, the self-check, the report.
+"""Runs a plan: its stages or nodes, the self-check of the calibration, the report and the pictures.
 
-A run over recordings leaves all of its results or none. A live run has no end of its own: a request to end,
-as Ctrl-C, a fault of a camera or a bug ends the recording. The take is closed first, then the report and the
-pictures are made, and nothing that happens there changes the take.
-
-How a run tells what goes on in it.
+A run over recordings leaves all of its results or none. A live run has no end of its own: a request to end
+(e.g. Ctrl-C), a camera fault or a bug ends the recording. The take is closed first. Report and pictures
+follow, and no error in them changes the take. A `RunObserver` follows the course of a run.
 """
 
 from __future__ import annotations
@@ -32,22 +30,25 @@ from panoptic_ros.view.report import RunReport
 
 
 class RunObserver:
-    """Is told of the course of a run, in its own thread. This one takes no notice; derive what shows it."""
+    """Observer of a run. The methods of this base class do nothing; subclasses display the course of the run.
+
+    The run calls all methods in its own thread.
+    """
 
     def started(self, plan: Plan) -> None:
-        """The plan is about to run."""
+        """Handle the start of the run."""
 
     def saw(self, key: str, record: Any) -> None:
-        """A record of the topic of that key; of "diagnostics", what all nodes have counted."""
+        """Receive a record of the topic with that key; "diagnostics" carries the counters of all nodes."""
 
     def judged(self, notices: Sequence[Notice]) -> None:
-        """The self-check of the calibration is done; while records come, or after the last."""
+        """Receive the result of the calibration self-check, during the run or after the last record."""
 
     def ended(self) -> None:
-        """No more records come; what follows is the self-check, if it was not done, and the pictures."""
+        """Handle the end of the records. The self-check, if still due, and the pictures follow."""
 
     def drew(self, done: int, total: int) -> None:
-        """So many of the pictures are drawn."""
+        """Receive the number of finished pictures and their total number."""
 
 
 NOBODY = RunObserver()
@@ -55,13 +56,13 @@ NOBODY = RunObserver()
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """What a run came to.
+    """Outcome of a run.
 
     Args:
-        report: as it stands in report.json; None if it could not be made (live).
-        files: names of what was written to the folder.
-        fault: what ended a live run, whose results up to then were written; None if nothing did.
-        troubles: one line each about what could not be made after a live take was closed.
+        report: Content of report.json; None if it could not be made (live only).
+        files: Names of the files and folders in the result folder.
+        fault: The error that ended a live run, whose results up to then were written; None = no error.
+        troubles: One line about each item that could not be made after a live take was closed.
     """
 
     report: RunReport | None
@@ -86,20 +87,21 @@ def run(
     """Run a plan to its end and leave the results in a folder.
 
     Args:
-        out: is made. Live it must be new or empty; else the files of an earlier run there are replaced.
-        in_process: all stages in this process, without ROS; else nodes in processes of their own.
-        offline: the same, and skeletons are refined over the whole recording.
-        jpeg_quality: 1-100: images are sent to other processes as JPEG; 0: as they are.
-        node_per_stage: live, a node and a process for every stage after detection, in place of one for all.
-        duration_s: of a recording, from its first stamp; live, from the first record on, or from the start
-            where none comes. None = all of it.
-        pictures: also draw overlays, a video and a plot.
-        observer: is told what goes on.
-        ahead: becomes a process of the graph.
+        out: Result folder. A live run needs a new or empty folder. Otherwise, files of an earlier run there
+            are replaced.
+        in_process: Run all stages in this process, without ROS; else run nodes in child processes.
+        offline: As `in_process`, and refine the skeletons over the whole recording.
+        jpeg_quality: 1-100: images are sent to other processes as JPEG; 0: uncompressed.
+        node_per_stage: Live: a node and a process per stage after detection, instead of one for all of them.
+        duration_s: Duration, s. It counts from the first timestamp of a recording. In a live run, it counts
+            from the first record, or from the start if no record arrives. None = no limit.
+        pictures: Also draw overlays, a video and a plot.
+        observer: Follows the course of the run.
+        ahead: Preloaded process that becomes a process of the graph.
 
     Raises:
-        UserError: on whatever the user can mend; nothing is left in `out` then.
-        KeyboardInterrupt: if a live run was asked to end before there was anything.
+        UserError: on any fault that the user can fix. Nothing is left in `out` then.
+        KeyboardInterrupt: if a live run was asked to end before it recorded anything.
     """
     how = _Options(in_process, offline, jpeg_quality, node_per_stage, duration_s, pictures, observer, ahead)
     told: tuple[Notice, ...] = ()
@@ -133,7 +135,7 @@ def run(
 
 @dataclass(frozen=True)
 class _Options:
-    """The options of `run`."""
+    """Options of `run`."""
 
     in_process: bool
     offline: bool
@@ -146,7 +148,12 @@ class _Options:
 
 
 class _Watch:
-    """Passes records to observer and self-check, and decides when a run stops."""
+    """Passes records to the observer and the self-check, and decides when a run stops.
+
+    Args:
+        asked: returns whether a request to end has arrived.
+        duration_s: duration limit, s; None = no limit.
+    """
 
     def __init__(
         self, plan: Plan, observer: RunObserver, asked: Callable[[], bool], duration_s: float | None = None
@@ -157,22 +164,26 @@ class _Watch:
         self.check = StartupCheck(plan, observer.judged)
 
     def saw(self, key: str, record: Any) -> None:
-        """A record of the topic of that key."""
+        """Receive a record of the topic with that key.
+
+        The first record with a timestamp starts the duration limit.
+        """
         if not self._has_begun and hasattr(record, "stamp_ns"):
             self._has_begun, self._end_s = True, time.monotonic() + self._duration_s
         self._observer.saw(key, record)
         self.check.saw(key, record)
 
     def stop(self) -> bool:
-        """Whether the run is to end now."""
+        """Return whether the run must end now."""
         return self._asked() or time.monotonic() > self._end_s
 
 
 class _IsolatedObserver:
-    """Keeps errors of an observer away from a live take: the first one ends the observation.
+    """Wrapper that isolates a live take from errors of an observer. The first error ends the observation.
 
     Args:
-        look: the observer, called with key and record. troubles: gets one line about the error.
+        look: the observer, called with key and record.
+        troubles: receives one line about the error.
     """
 
     def __init__(self, look: Callable[[str, Any], None], troubles: list[str]):
@@ -180,7 +191,7 @@ class _IsolatedObserver:
         self._troubles = troubles
 
     def saw(self, key: str, record: Any) -> None:
-        """A record of the topic of that key."""
+        """Pass on a record of the topic with that key."""
         if self._look is not None:
             try:
                 self._look(key, record)
@@ -190,11 +201,12 @@ class _IsolatedObserver:
 
 
 def _run_live(plan: Plan, folder: LiveFolder, how: _Options, told: tuple[Notice, ...]) -> RunOutcome:
-    """Record until it is asked to end or something ends it; close the take, then report.
+    """Record until a request to end or an error; close the take, then make the report.
 
     Raises:
-        KeyboardInterrupt, PanopticError: if it ended before anything was recorded; the folder is gone then.
-        PanopticError: if the take could not be closed; it stays, and is marked open.
+        KeyboardInterrupt, PanopticError: if the run ended before anything was recorded. The folder is deleted
+            then.
+        PanopticError: if the take could not be closed. It stays and is marked open.
     """
     started = time.monotonic()
     troubles: list[str] = []
@@ -210,7 +222,7 @@ def _run_live(plan: Plan, folder: LiveFolder, how: _Options, told: tuple[Notice,
         try:
             how.observer.started(plan)
             counted = _counted(plan, results, lambda: watch.stop() or results.fault is not None, how)
-        except BaseException as error:  # whatever it is, what was recorded is closed below
+        except BaseException as error:  # on any error, the recording is closed below
             ended_by = error
         with requests_held():
             recorded = results.recorded
@@ -226,7 +238,10 @@ def _run_live(plan: Plan, folder: LiveFolder, how: _Options, told: tuple[Notice,
 
 
 def _close(results: Results, folder: LiveFolder) -> PanopticError | None:
-    """Close a take; return what ended it before, or kept it from being closed: then it stays marked open."""
+    """Close a take; return the error that ended it early or prevented closing.
+
+    A take that could not be closed stays marked open.
+    """
     try:
         results.close()
     except PanopticError as error:
@@ -247,10 +262,10 @@ def _report_live(
     how: _Options,
     started: float,
 ) -> tuple[RunReport | None, list[str]]:
-    """Make report and pictures of a closed take; errors and requests to end cost these alone.
+    """Make the report and the pictures of a closed take. Errors and requests to end affect only these.
 
     Returns:
-        the report, and a line for what could not be made.
+        the report, and a line about each item that could not be made.
     """
     report: RunReport | None = None
     troubles: list[str] = []
@@ -276,7 +291,7 @@ def _report_live(
 
 
 def _told(error: BaseException) -> PanopticError | None:
-    """The error of the family that stands for what ended a live run; None for a request to end."""
+    """Return the PanopticError for the cause that ended a live run; None for a request to end."""
     if isinstance(error, PanopticError):
         return error
     if isinstance(error, KeyboardInterrupt):
@@ -285,11 +300,11 @@ def _told(error: BaseException) -> PanopticError | None:
 
 
 def _in_short(error: BaseException) -> str:
-    """The kind and the text of an error in one line."""
+    """Return type and text of an error in one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}".rstrip(": ")
 
 
-Counted = Mapping[str, Mapping[str, str]]  # what every stage or node counted
+Counted = Mapping[str, Mapping[str, str]]  # counters of every stage or node
 
 
 def _counted(plan: Plan, results: Results, stop: Callable[[], bool], how: _Options) -> Counted:
@@ -303,6 +318,6 @@ def _counted(plan: Plan, results: Results, stop: Callable[[], bool], how: _Optio
 
 
 def _over_dds(plan: Plan, results: Results, stop: Callable[[], bool], how: _Options) -> Counted:
-    from panoptic_ros.running.runs.over_dds import run_over_dds  # needs ROS, the other way does not
+    from panoptic_ros.running.runs.over_dds import run_over_dds  # needs ROS, which in-process runs do not
 
     return run_over_dds(plan, results, stop, how.jpeg_quality, how.node_per_stage, how.ahead)

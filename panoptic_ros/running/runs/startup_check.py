@@ -1,6 +1,6 @@
-"""The self-check of the calibration, as soon as there are people enough to judge by.
+"""Checks the calibration at the start of a run, as soon as enough people were detected.
 
-Detection sets of a run, made once more from its views: by the last clocks that it found.
+The check regroups the views of the run into detection sets, by the newest clock models.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from panoptic_ros.stage import Notice, StageContext
 def regrouped(
     plan: Plan, clocks: Iterable[ClockModel], views: Iterable[ViewDetections]
 ) -> list[DetectionSet]:
-    """The views put together as the graph does.
+    """Group views into detection sets as the graph does.
 
     Args:
-        clocks: at most one model of each clock.
+        clocks: at most one model per clock.
     """
     stage = make_stage("sync", plan.configs["sync"], StageContext(plan.rig, plan.skeleton))
     side_by_side = sorted(views, key=lambda view: plan.at(view.camera, view.stamp_ns))
@@ -29,14 +29,14 @@ def regrouped(
     return [item for result in (*steps, stage.flush()) for item in result.outputs]
 
 
-INSTANTS = 30  # looked at; a second or so of a capture
+INSTANTS = 30  # instants used for the check; about 1 s of a capture
 
 
 class StartupCheck:
-    """Watches the first views of a run, then says in plain words whether they agree.
+    """Checks the first views of a run for agreement with the calibration.
 
     Args:
-        on_judged: called once with the notices.
+        on_judged: callback with the notices, called once.
     """
 
     def __init__(self, plan: Plan, on_judged: Callable[[tuple[Notice, ...]], None]):
@@ -44,10 +44,10 @@ class StartupCheck:
         self._on_judged = on_judged
         self._views: list[ViewDetections] = []
         self._clocks: dict[str, ClockModel] = {}
-        self.notices: tuple[Notice, ...] | None = None  # None: not judged yet
+        self.notices: tuple[Notice, ...] | None = None  # None: the check has not run yet
 
     def saw(self, key: str, record: Any) -> None:
-        """A record of the topic of that key; enough instants are judged at once."""
+        """Receive a record of the topic with that key. Run the check once enough instants have arrived."""
         if self.notices is not None:
             return
         if key == "detections":
@@ -58,7 +58,7 @@ class StartupCheck:
             self.judge()
 
     def judge(self) -> tuple[Notice, ...]:
-        """Judge by what has come, unless that was done."""
+        """Run the check on the views received so far, unless it has run already; return its notices."""
         if self.notices is None and not self._plan.rig.cameras:
             self.notices = ()
         if self.notices is None:

@@ -1,1 +1,1 @@
-"""Simulated captures in files."""
+"""Simulated captures, written to files."""

@@ -1,4 +1,4 @@
-"""Simulated captures of bodies with cameras and IMUs, in files: whole or not at all."""
+"""Writes simulated captures of bodies with cameras and IMUs to files: completely, or not at all."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ Array = np.ndarray
 
 
 def write_body_take(name: str, out: Path, seed: int, bag: bool = False, frames: int | None = None) -> str:
-    """Simulate and write rig, 2D people, IMU samples, subject and truth; a line about it.
+    """Simulate a body scene, write rig, 2D poses, IMU samples, subjects and truth; return a line about it.
 
     Args:
-        bag: 2D people of the usual skeleton and samples of IMUs also as a bag.
-        frames: at most, of those that the clips give.
+        bag: also write the 2D poses of the default skeleton and the IMU samples to a bag.
+        frames: maximum number of frames; None = the full length of the scene.
 
     Raises:
         UsageError: if there are fewer than two frames.
@@ -77,7 +77,7 @@ def _rows(points: Array, scores: Array) -> list[list[float] | None]:
 
 
 def _write_bag(path: Path, take: BodyGroup) -> None:
-    """Rig, skeleton, 2D people and samples, by their stamps."""
+    """Write rig, skeleton, 2D poses and IMU samples to a bag, in order of their timestamps."""
     from panoptic_ros.domain import ImuSample
     from panoptic_ros.graph.topics import TOPICS
     from panoptic_ros.io.bags import BagWriter

@@ -1,4 +1,4 @@
-"""Scenes of the moving body by name."""
+"""Defines the simulated body scenes by name."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from panoptic_ros.simulation.bodies.capture import BodyScene
 
-BODY_SCENES = {  # {name: what it is}
+BODY_SCENES = {  # {name: description}
     "body-punch": "a body with 8 cameras and 13 IMUs: punches and kicks",
     "body-wash": "the same: standing gestures",
     "body-walk": "the same: walking on uneven ground",
@@ -16,7 +16,8 @@ BODY_SCENES = {  # {name: what it is}
     "body-jog": "the same: walking, jogging, jumping",
     "body-t-pose": "the same as body-punch; a T-pose, 4 degrees off per joint and axis, tells the mounting",
 }
-OTHER_BODY_SCENES = {  # the like, in which less is known
+# further scenes with less information: unknown headings, clocks or mountings, other people, or few views
+OTHER_BODY_SCENES = {
     "body-heading": "the same as body-shake; the heading of the IMUs is unknown",
     "body-clocks": "the same as body-jog; the clock of the IMUs is up to 60 ms off",
     "body-strapped": "the same as body-wash; heading unknown, clock off, and a T-pose tells the mounting",
@@ -52,7 +53,7 @@ _MORE: dict[str, dict[str, Any]] = {
 
 
 def body_scene(name: str) -> BodyScene:
-    """The scene of one of the names of `BODY_SCENES` and `OTHER_BODY_SCENES`."""
+    """Return the scene of a name in `BODY_SCENES` or `OTHER_BODY_SCENES`."""
     from panoptic_ros.simulation.bodies.capture import BodyScene  # numba is slow to load
 
     found = BodyScene(_CLIPS[name], seconds=SECONDS, **_MORE.get(name, {}))

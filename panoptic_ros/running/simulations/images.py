@@ -1,4 +1,7 @@
-"""The images of a simulated take as a capture folder. Apart from `simulate`, as numba loads slowly."""
+"""Renders the images of a simulated take into a capture folder.
+
+The module is separate from `takes`, as numba loads slowly.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,11 @@ from panoptic_ros.view.video_file import FINE, Sound, VideoFile
 
 Array = np.ndarray
 MILLIMETRES = 1000.0
-LATE_S, LATES = 0.06, 3  # after the first picture sound begins, by steps
+LATE_S, LATES = 0.06, 3  # sound of camera k begins LATE_S * (k mod LATES) s after its first image
 
 
 class _ImageFolder:
-    """Numbered PNG files."""
+    """Sink that writes numbered PNG files."""
 
     def __init__(self, folder: Path):
         self._folder = folder
@@ -32,18 +35,18 @@ class _ImageFolder:
         write_image(self._folder / f"{number:06d}.png", image)
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing, as no file is open."""
 
 
 def write_capture(
     folder: Path, take: Simulation, *, images: bool = False, depth: bool = False, tracks: bool = False
 ) -> Iterator[str]:
-    """Render every camera into `<camera>.mp4` or, with `images`, `<camera>/000000.png`, ...
+    """Render every camera into `<camera>.mp4` or, with `images`, into `<camera>/000000.png`, ...
 
-    Beside them timestamps.csv, or with `tracks` sound.yaml: then the sound of the videos is timecode, of the
-    generator that the camera is locked to, and in the first camera of all generators. With `depth` also
-    `<camera>_depth/` (uint16 mm, 0 = beyond 65 m) and `<camera>_people/` (uint8, 0 = room, k + 1 = person k).
-    Yields a camera's name when it is done.
+    The folder also gets timestamps.csv or, with `tracks`, sound.yaml. With `tracks`, the sound of each video
+    is the timecode of the generator that the camera is locked to; the first camera records all generators.
+    With `depth`, the folder also gets `<camera>_depth/` (uint16 mm, 0 = beyond 65 m) and `<camera>_people/`
+    (uint8, 0 = room, k + 1 = person k). Yields the name of each finished camera.
 
     Raises:
         EnvironmentProblem: if a file cannot be written.
@@ -77,7 +80,7 @@ def write_capture(
 
 
 def _video(folder: Path, take: Simulation, index: int, tracks: bool) -> VideoFile:
-    """The video of a camera, with its sound or without."""
+    """Open the video file of a camera, with a sound track if `tracks` is set."""
     timing, camera = take.scene.timing, take.rig.cameras[index]
     nominal = [float(generator.frame_rate.exact) for generator in timing.generators]
     rates = nominal or timing.camera_rates or (timing.rate,)
@@ -97,7 +100,7 @@ def _locked(take: Simulation, index: int) -> Generator:
 
 
 def _heard(take: Simulation, index: int) -> Sequence[Generator]:
-    """What the sound track of a camera carries."""
+    """Return the generators whose timecode the sound track of a camera carries."""
     return [_locked(take, index)] if index else take.scene.timing.generators
 
 

@@ -1,4 +1,4 @@
-"""Takes of simulated scenes in files: whole or not at all."""
+"""Writes takes of simulated scenes to files: completely, or not at all."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from panoptic_ros.simulation.heard import heard_blocks, heard_by
 
 
 def scene_lines() -> dict[str, str]:
-    """One line about every scene, by its name."""
+    """Return one line about every scene, by its name."""
     return {
         name: f"{len(item.activities)} people, {item.frames} frames: {item.about}"
         for name, item in SCENES.items()
@@ -41,20 +41,20 @@ def write_take(
     tracks: bool = False,
     on_camera: Callable[[str, int, int], None] = lambda camera, done, total: None,
 ) -> Simulation:
-    """Simulate a scene and write rig, truth, and 2D people or, of rendered scenes, videos.
+    """Simulate a scene and write its rig, truth, and 2D poses or, for rendered scenes, videos.
 
     Args:
-        out: folder; is made.
-        seed: another take.
-        frames: in place of the scene's own number.
-        images: PNG folders in place of videos.
-        depth: also depth and person ids as PNG.
-        bag: 2D people, and sound where there is any, also as a bag.
-        tracks: timecode as sound tracks of videos, in place of a WAV file and of stamps.
-        on_camera: called with the name of a camera that is rendered, how many are, and of how many.
+        out: Folder, created if needed.
+        seed: Random seed. Another seed gives another take.
+        frames: Number of frames; None = that of the scene.
+        images: Write folders of PNG files instead of videos.
+        depth: Also write depth and person ids as PNG.
+        bag: Also write the 2D poses, and sound if there is any, to a bag.
+        tracks: Write timecode as sound tracks of the videos, instead of a WAV file and timestamps.
+        on_camera: Callback with the name of a rendered camera, the number of rendered cameras, and the total.
 
     Raises:
-        UsageError: if there is no such scene, or it has no images where they are asked for.
+        UsageError: if there is no such scene, or it has no images although they are requested.
         EnvironmentProblem: if files cannot be written.
     """
     take = simulate(scene(name), seed, frames)
@@ -89,7 +89,7 @@ def write_take(
 
 
 def _write_sound(folder: Path, take: Simulation) -> None:
-    """What one recorder hears of the generators, and whose the channels are."""
+    """Write one recorder's sound of all generators, and the assignment of its channels to clocks."""
     generators = take.scene.timing.generators
     write_wav(folder / f"{RECORDER}.wav", SAMPLE_RATE, recorded(generators, take.seconds))
     clocks = ", ".join(generator.clock for generator in generators)
@@ -97,7 +97,7 @@ def _write_sound(folder: Path, take: Simulation) -> None:
 
 
 def _write_heard(folder: Path, take: Simulation) -> None:
-    """What each camera hears, and what its clock shows when that begins."""
+    """Write the sound that each camera records, and the time of its clock at the first sample."""
     lines = []
     for name, recorder, samples in heard_by(take):
         write_wav(folder / f"{name}.wav", recorder.sample_rate, samples)
@@ -106,8 +106,8 @@ def _write_heard(folder: Path, take: Simulation) -> None:
 
 
 def _write_bag(path: Path, take: Simulation) -> None:
-    """Rig, skeleton, 2D people and sound, recorded at master times."""
-    family, begin = bag_messages(), max(take.master_ns(-EARLY_S), 0)  # bags have no time before 0
+    """Write rig, skeleton, 2D poses and sound to a bag. Recording times are in master time."""
+    family, begin = bag_messages(), max(take.master_ns(-EARLY_S), 0)  # a bag cannot hold times before 0
     with BagWriter(path) as bag:
         for key, record in (("rig", take.rig), ("skeleton_model", SKELETON)):
             bag.write("/" + TOPICS[key].name, begin, to_message(record, family))

@@ -1,1 +1,1 @@
-"""What sound tells of the clocks of a run."""
+"""Camera clocks of a run from recorded sound."""

@@ -1,4 +1,4 @@
-"""The sound in bags."""
+"""Reads the sound in bags."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from panoptic_ros.running.sound.use import Recorder
 
 
 def sound_streams(bags: Sequence[BagReader], arrival_stamps: bool = False) -> tuple[BagStream, ...]:
-    """The topics with sound, one for each device; of several of one device the first."""
+    """Return the sound topics, one per device. If a device has several, the first one counts."""
     kind, found = TOPICS[SOUND_KEY].message, dict[str, BagStream]()
     for bag in bags:
         for topic in sorted(topic for topic, own in bag.topics.items() if own == kind and bag.counts[topic]):
@@ -24,7 +24,7 @@ def sound_streams(bags: Sequence[BagReader], arrival_stamps: bool = False) -> tu
 
 
 def recorder_of(stream: BagStream) -> Recorder:
-    """The device of a stream, with the clocks that its first block names."""
+    """Return the recorder of a stream, with the clocks that its first block names."""
 
     def blocks() -> Iterator[AudioBlock]:
         with ExitStack() as stack:
@@ -37,4 +37,4 @@ def recorder_of(stream: BagStream) -> Recorder:
 
 
 def _leave_out(error: DataError) -> None:
-    """What cannot be used is counted when the run comes to it."""
+    """Ignore an unusable record here. The run counts it when it reads it."""

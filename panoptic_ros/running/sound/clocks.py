@@ -1,4 +1,4 @@
-"""The clocks of cameras from the sound of a recording, whatever holds it."""
+"""Estimates the clocks of cameras from recorded sound, in a capture folder or a bag."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SECOND = 1_000_000_000
 
 
 class SoundRecording:
-    """The sound of recorders as a `stage.Recording`, read anew each time."""
+    """Sound of recorders as a `stage.Recording`. Each call reads it again from its source."""
 
     def __init__(self, recorders: Sequence[Recorder]):
         self._blocks = {r.device: r.blocks for r in recorders if r.blocks is not None}
@@ -36,7 +36,7 @@ class SoundRecording:
     def records(
         self, topic: str, scope: str = "", begin_ns: int | None = None, end_ns: int | None = None
     ) -> Iterator[AudioBlock]:
-        """See `stage.Recording`; there is nothing but the topic "audio"."""
+        """Yield audio blocks, see `stage.Recording`. The only topic is "audio"."""
         blocks: Callable[[], Iterator[AudioBlock]] | None = self._blocks.get(scope)
         for block in blocks() if topic == "audio" and blocks is not None else ():
             if (begin_ns is None or block.stamp_ns >= begin_ns) and (
@@ -54,12 +54,14 @@ def clocks_from_sound(
     apart: float = APART,
     progress: Progress = untold,
 ) -> HeardClocks:
-    """The clocks of cameras.
+    """Return the clocks of cameras, estimated from sound.
 
-    A camera's sound is that of the device of its name, or of the device that the rig names as its clock.
+    The sound of a camera comes from the device with its name, or from the device that the rig names as its
+    clock.
 
     Args:
-        rig: which tells where cameras are. trusted, apart: see `SoundClocksConfig`.
+        rig: provides the positions of the cameras; None = unknown.
+        trusted, apart: see `SoundClocksConfig`.
 
     Raises:
         UserError: if there is no sound of two devices, or it cannot be read.
@@ -85,7 +87,7 @@ def clocks_from_sound(
 
 
 def recorders_of(sounds: Sequence[Mapping[str, Any]]) -> list[Recorder]:
-    """The devices of descriptions for `open_sound`."""
+    """Return the recorders that the descriptions for `open_sound` describe."""
 
     def reader(sound: Mapping[str, Any]) -> Callable[[], Iterator[AudioBlock]]:
         def blocks() -> Iterator[AudioBlock]:
@@ -98,12 +100,13 @@ def recorders_of(sounds: Sequence[Mapping[str, Any]]) -> list[Recorder]:
 
 
 def recorded_sound(path: Path) -> tuple[list[Recorder], Rig | None]:
-    """The sound of a capture folder or a bag, and its rig if there is one.
+    """Return the recorders of a capture folder or a bag, and the rig of a folder if there is one.
 
-    Of a folder that is WAV files, and the sound tracks of videos that have one; images are not needed.
+    In a folder, sound comes from WAV files and from the sound tracks of videos. Images are not needed.
 
     Raises:
-        DataError: if there is no sound. UsageError: several rigs.
+        DataError: if there is no sound.
+        UsageError: if `path` is no capture folder and no bag, or contains several rigs.
     """
     if not path.exists():
         raise DataError(f"{path} does not exist")
@@ -135,7 +138,7 @@ def recorded_sound(path: Path) -> tuple[list[Recorder], Rig | None]:
 
 
 def _track(path: Path, device: str, start_ns: int, stamps: Sequence[int]) -> dict[str, Any] | None:
-    """The sound track of a video, if it has one."""
+    """Return the description of a video's first sound track; None if there is none."""
     try:
         sound = track_sound(path, device, start_ns, stamps, track=known_tracks(path)[0])
         with open_sound(sound):
@@ -154,11 +157,13 @@ def _rig_of(path: Path) -> Rig | None:
 def corrections_from_sound(
     recorders: Sequence[Recorder], rig: Rig, options: RunOptions
 ) -> tuple[dict[str, StampLine], tuple[str, ...]]:
-    """For a run: what corrects the stamps of those cameras whose clocks differ, and lines that tell it.
+    """Return the timestamp corrections of a run, by camera, and lines about them.
+
+    Only cameras whose clocks differ are corrected.
 
     Raises:
-        UsageError: if the sound carries timecode, which tells more, or offsets are given besides.
-        DataError: if no two cameras have sound, or it tells of no clock.
+        UsageError: if the sound carries timecode, which is more accurate, or offsets are given as well.
+        DataError: if no two cameras have sound, or it determines no clock.
     """
     named = [recorder.device for recorder in recorders if any(recorder.clocks)]
     if named:
@@ -191,10 +196,13 @@ def folder_clocks(
     apart: float = APART,
     progress: Progress = untold,
 ) -> HeardClocks:
-    """The clocks of the cameras of a capture folder or a bag: of the rig, or all devices if there is none.
+    """Return the clocks of the cameras of a capture folder or a bag, estimated from sound.
+
+    The cameras are those of the rig, or all devices if there is no rig.
 
     Args:
-        rig: calibration file, in place of the folder's own.
+        rig: calibration file that replaces the folder's own.
+        trusted, apart: see `SoundClocksConfig`.
 
     Raises:
         UserError: if there is no sound of two devices, or it cannot be read.

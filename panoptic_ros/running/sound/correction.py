@@ -1,4 +1,4 @@
-"""The stamps of a recording's cameras, corrected before it is solved."""
+"""Corrects the timestamps of a recording's cameras before `solve`."""
 
 from __future__ import annotations
 
@@ -22,18 +22,20 @@ from panoptic_ros.view.clock_lines import clock_lines, contradictions, sound_lin
 
 @dataclass(frozen=True)
 class Correction:
-    """What is done about the clocks of cameras; by itself nothing.
+    """Options of the correction of camera clocks. By default, nothing is corrected.
 
     Args:
-        saved: file with offsets that were found before, to be added to the stamps.
-        from_sound: a capture folder or bag with what cameras heard, from which offsets and drifts are found.
-        apart: m, see `offsets.sound.SoundClocksConfig`.
-        from_motion: find offsets and drifts from the motion of people; after sound, what that leaves.
-        out: file to write to what was found.
-        trusted: camera whose stamps are right; "": those of most cameras if they agree, else the mean.
+        saved: File with known clock offsets, which are added to the timestamps.
+        from_sound: Capture folder or bag with the cameras' sound, from which offsets and drifts are
+            estimated.
+        apart: Maximum distance between microphones, m, see `offsets.sound.SoundClocksConfig`.
+        from_motion: Estimate offsets and drifts from the motion of people. After a correction by sound,
+            estimate the residual offsets and drifts.
+        out: Output file for the estimates.
+        trusted: Camera with correct timestamps. "" = most cameras if they agree, else the mean of all.
 
     Raises:
-        UsageError: on choices that do not go together.
+        UsageError: if options contradict each other.
     """
 
     saved: Path | None = None
@@ -57,10 +59,10 @@ class Correction:
 def corrected(
     task: SolveTask, correction: Correction, progress: Progress = untold
 ) -> tuple[SolveTask, list[str]]:
-    """The task with corrected stamps and sets grouped anew, and lines that tell what was done.
+    """Return the task with corrected timestamps and regrouped detection sets, and lines about the correction.
 
     Raises:
-        UserError: if a file cannot be used or written, or a camera is not there.
+        UserError: if a file cannot be used or written, or a camera does not exist.
     """
     told: list[str] = []
     heard = None
@@ -95,7 +97,7 @@ def corrected(
 
 
 def _moved(task: SolveTask, path: Path) -> tuple[SolveTask, list[str]]:
-    """By offsets that were saved."""
+    """Return the task with saved offsets added to its timestamps, and lines about them."""
     names = task.context.rig.names
     saved = saved_offsets(path, names)
     frames = Counter(view.camera for item in task.sets for view in item.views)

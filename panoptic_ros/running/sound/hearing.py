@@ -1,4 +1,4 @@
-"""Listening to recordings before a run, until the clocks in them are known."""
+"""Decodes the sound of recordings before a run, until the models of their clocks are known."""
 
 from __future__ import annotations
 
@@ -16,33 +16,34 @@ from panoptic_ros.stage import Notice
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
 
 SECOND = 1_000_000_000
-LONGEST_S = 120.0  # that is listened to
-BEFORE_S = 0.5  # that a decoder needs before the first word it is to read
-EARLY_S = 2.0  # of a recording that are not worth leaving out
+LONGEST_S = 120.0  # s, maximum duration of decoded sound
+BEFORE_S = 0.5  # s of sound that a decoder needs before the first timecode word
+EARLY_S = 2.0  # s; a shorter beginning of a recording is not skipped
 
 
 class Heard(Protocol):
-    """A device, and its sound from the beginning."""
+    """Device with its recorded sound."""
 
     @property
     def device(self) -> str:
-        """Its name."""
+        """Return the name of the device."""
 
     @property
     def blocks(self) -> Callable[[], Iterator[AudioBlock]] | None:
-        """What gives its sound."""
+        """Return a function that reads the sound from its beginning; None if the device is live."""
 
 
 @dataclass
 class Hearing:
-    """What was heard.
+    """Result of decoding the sound.
 
     Args:
-        models: of clocks, in master time.
-        words: first reading by device and clock.
-        begins: by device: the first sample that is needed; firsts: its stamp, ns.
-        notices: what the stages told.
-        seconds: that were listened to.
+        models: Models of the clocks, to master time, by clock.
+        words: First timecode reading by device and clock.
+        begins: Index of the first sample that is needed, by device.
+        firsts: Timestamp of that sample, ns, by device.
+        notices: Warnings from the stages, as text.
+        seconds: Duration of the decoded sound, s.
     """
 
     models: dict[str, ClockModel] = field(default_factory=dict)
@@ -53,12 +54,14 @@ class Hearing:
     seconds: float = 0.0
 
     def told(self, notices: Sequence[Notice]) -> None:
-        """Remember what a person should know."""
+        """Store the texts of all warnings and errors."""
         self.notices += [notice.text for notice in notices if notice.severity != "info"]
 
 
 def hear(recorders: Sequence[Heard], configs: Mapping[str, Config], wanted: Collection[str]) -> Hearing:
-    """Listen until there are models of all wanted clocks, or all is heard.
+    """Decode sound until all wanted clocks have models, or until the sound ends.
+
+    It stops after `LONGEST_S` in any case.
 
     Raises:
         DataError: if sound cannot be read.
@@ -92,14 +95,17 @@ def _take(found: Hearing, clocks: ClocksStage, readings: Sequence[TimecodeReadin
 
 
 def _begin(found: Hearing, first: AudioBlock) -> int:
-    """Where to begin with a device: shortly before all of its timecodes are there."""
+    """Return the first sample that is needed from a device.
+
+    It lies shortly before the latest of the device's first timecode words. A short beginning is not skipped.
+    """
     words = [word.start_sample for (device, _), word in found.words.items() if device == first.device]
     begin = int(max(words, default=0.0) - BEFORE_S * first.sample_rate)
     return begin if begin - first.first_sample > EARLY_S * first.sample_rate else first.first_sample
 
 
 def _side_by_side(recorders: Sequence[Heard]) -> Iterator[tuple[float, AudioBlock]]:
-    """Blocks of all devices by the time since their beginnings, s."""
+    """Yield (time since the device's first sample, s, block) of all devices in order of that time."""
     for _, since, block in heapq.merge(
         *(_timed(k, recorder) for k, recorder in enumerate(recorders)), key=lambda row: (row[1], row[0])
     ):

@@ -1,7 +1,7 @@
-"""Sound tracks of videos in a run: whose timecode they carry, and which cameras they put on their own clocks.
+"""Finds the sound tracks of videos that carry timecode, and the cameras that they put on their own clocks.
 
-The frames of a video and its sound are on one time line, the clock of that camera. So where frames have no
-stamps but their places in the video, and its sound carries timecode, the timecode says when they were taken.
+The frames of a video and its sound share one time line, the clock of that camera. Some frames have no
+timestamps except their positions in the video. A timecode in the sound then gives their capture times.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.params import Config, config_of
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
 
-LISTEN_S = 5.0  # to a track of which nobody says what it carries; timecode is understood within 0.3 s
-WORDS = 3  # that make sure that it is timecode
-SAME_S = 0.002  # between two channels that carry one timecode
+LISTEN_S = 5.0  # s of a track to decode if its content is not stated; timecode is recognised within 0.3 s
+WORDS = 3  # timecode words that confirm a timecode
+SAME_S = 0.002  # s, maximum difference between two channels with the same timecode
 SECOND = 1_000_000_000
 Sound = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """What is known of the sound tracks of a capture.
+    """Sound tracks of a capture.
 
     Args:
-        rig: with the clocks of cameras that are stamped by their videos.
-        sounds: what is left of those given, with the clocks of the channels.
-        notices: one line each.
+        rig: Rig in which cameras that are timestamped by their videos have their own clocks.
+        sounds: The used sounds, with the clocks of their channels.
+        notices: Lines for the user.
     """
 
     rig: Rig
@@ -43,17 +43,18 @@ class Tracks:
 def find_tracks(
     rig: Rig, sounds: Sequence[Sound], stamped: Collection[str], configs: Mapping[str, Config]
 ) -> Tracks:
-    """Which sound tracks carry timecode, and the cameras that are on their own clocks then.
+    """Find the sound tracks with timecode, and put their cameras on their own clocks.
 
-    A track that sound.yaml names is what it says. Of others the first seconds are heard, if their camera has
-    no stamps besides, or is on its own clock by the rig.
+    A track that sound.yaml names is used as stated there. Other tracks are decoded for `LISTEN_S` from their
+    beginning. This is done only if their camera has no timestamps except those of the video, or if the rig
+    puts it on its own clock.
 
     Args:
         sounds: descriptions for `open_sound`.
-        stamped: cameras whose frames have stamps besides the times of their videos.
+        stamped: cameras whose frames have timestamps in addition to the times of their videos.
 
     Raises:
-        DataError: if cameras without stamps cannot be held against the others.
+        DataError: if cameras without timestamps cannot be aligned with the others.
     """
     tracks = {str(sound["device"]): sound for sound in sounds if sound["kind"] == "video"}
     found, notices = dict(tracks), list[str]()
@@ -81,7 +82,9 @@ def find_tracks(
 
 
 def _timecode_of(sound: Sound, configs: Mapping[str, Config], clock: str) -> list[str]:
-    """The clock of each channel of a sound track, one of which carries timecode; empty: none does.
+    """Return the clock of each channel of a sound track: `clock` for the channel with timecode, else "".
+
+    The result is empty if no channel carries timecode.
 
     Raises:
         DataError: if two channels carry different timecodes.
@@ -94,7 +97,7 @@ def _timecode_of(sound: Sound, configs: Mapping[str, Config], clock: str) -> lis
     channels = blocks[0].samples.shape[1]
     for channel in range(channels):
         if channel and all((b.samples[:, channel] == b.samples[:, 0]).all() for b in blocks):
-            continue  # one microphone on all channels
+            continue  # the same microphone on all channels
         stage = TimecodeStage(config_of(configs, TimecodeConfig))
         heard = [
             reading
@@ -118,7 +121,7 @@ def _timecode_of(sound: Sound, configs: Mapping[str, Config], clock: str) -> lis
 
 
 def _within() -> Any:
-    """Whether a block lies within the seconds that are listened to."""
+    """Return a predicate that accepts blocks within the first `LISTEN_S` of a track."""
     firsts: list[int] = []
 
     def inside(block: AudioBlock) -> bool:
@@ -129,14 +132,14 @@ def _within() -> Any:
 
 
 def _is_same(one: Sequence[TimecodeReading], other: Sequence[TimecodeReading]) -> bool:
-    """Whether two channels say the same at the same time."""
+    """Return whether two channels carry the same timecode at the same times."""
     starts = {str(reading.timecode): reading.stamp_ns for reading in one}
     apart = [abs(r.stamp_ns - starts[str(r.timecode)]) for r in other if str(r.timecode) in starts]
     return bool(apart) and max(apart) < SAME_S * SECOND
 
 
 def _line(tracks: Mapping[str, Sound], silent: Sequence[str], asked: Collection[str]) -> str:
-    """A line about tracks that tell nothing."""
+    """Return a line about sound tracks without timecode."""
     files = ", ".join(Path(tracks[name]["path"]).name for name in silent)
     if not set(silent) & set(asked):
         return (
@@ -152,7 +155,13 @@ def _line(tracks: Mapping[str, Sound], silent: Sequence[str], asked: Collection[
 def _require_stamps(
     rig: Rig, sounds: Sequence[Sound], timed: Collection[str], own: Mapping[str, str]
 ) -> None:
-    """Frames that only their videos time cannot be held against timecode that these do not hear."""
+    """Check that cameras without timestamps have timecode, if other cameras use timecode.
+
+    The times of a video alone cannot be aligned with a timecode that its sound does not carry.
+
+    Raises:
+        DataError: if a camera has neither.
+    """
     devices = [str(sound["device"]) for sound in sounds]
     named = {clock for sound in sounds for clock in sound["clocks"] if clock and clock not in devices}
     lost = [

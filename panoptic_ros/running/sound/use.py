@@ -1,13 +1,12 @@
-"""What a run does about sound: which of it tells of the cameras' clocks, and whether it does.
+"""Decides which sound a run uses for the clocks of its cameras, and checks that this sound determines them.
 
-Sound that stamps no camera is left alone. The rest is heard before the run begins, until there is a model of
-every clock: so a clock that nobody hears is told at once, and it is known roughly by how much the clocks
-differ, which the run needs to keep its streams side by side.
+Sound that provides no camera's clock is ignored. The other sound is decoded before the run begins, until
+every clock has a model. So a missing clock is reported at once. The run also learns the rough differences
+between the clocks, which it needs to align its streams in time.
 
-Two things tell whether the channels of a recording carry each other's timecode. Cameras take whole numbers
-of frames per frame of their timecode, or the other way round, so 25 Hz cameras are not on the clock of a
-29.97 Hz timecode. And cameras are stamped with times that their timecode shows, not with those of the other
-one.
+Two checks detect channels of a recording with swapped timecodes. The frame rates of a camera and its timecode
+have an integer ratio, so cameras at 25 Hz are not on the clock of a 29.97 Hz timecode. And the timestamps of
+a camera are close to the times of its own timecode, not to those of the other one.
 """
 
 from __future__ import annotations
@@ -28,22 +27,25 @@ from panoptic_ros.running.sound.hearing import Hearing, hear
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.timecode.config import TimecodeConfig
 
-SAME_RATE = 1e-4  # 29.97 and 30 fps differ by 1e-3
-LEAD_NS = 5_000_000_000  # by which sound goes ahead of frames, so that these need not wait for its clocks
-WHOLE = 0.02  # of a number that a ratio may differ from it
-NEARER_NS = 1_000_000_000  # by which stamps are nearer to the other timecode than to their own
+SAME_RATE = 1e-4  # maximum relative difference between equal frame rates; 29.97 and 30 fps differ by 1e-3
+# ns by which sound precedes the frames, so that they do not wait for its clock models
+LEAD_NS = 5_000_000_000
+WHOLE = 0.02  # relative tolerance of an integer ratio
+# ns; swapped timestamps are closer to the other timecode than to their own by more than this
+NEARER_NS = 1_000_000_000
 
 Readings = Mapping[tuple[str, str], TimecodeReading]
 
 
 @dataclass(frozen=True)
 class Recorder:
-    """A device that heard something.
+    """Device that records sound.
 
     Args:
-        clocks: of its channels, see `AudioBlock`.
-        blocks: its sound from the beginning, as often as one likes; None: it is live.
-        where: how messages call it.
+        device: Name of the device.
+        clocks: Clocks of its channels, see `AudioBlock`.
+        where: Name of the device in messages.
+        blocks: Returns its sound from the beginning, any number of times; None: the device is live.
     """
 
     device: str
@@ -53,20 +55,20 @@ class Recorder:
 
     @property
     def named(self) -> tuple[str, ...]:
-        """The clocks whose timecode it hears."""
+        """Return the clocks whose timecode the device records."""
         return tuple(clock for clock in self.clocks if clock not in ("", self.device))
 
 
 @dataclass(frozen=True)
 class ClockPlan:
-    """What is known about clocks before a run.
+    """Information about clocks before a run.
 
     Args:
-        configs: of all stages, which name them.
-        recorders: devices whose sound is used, with the sample to begin with.
-        shifts: by camera, and of sound by topic, ns: what is added to stamps so that all are roughly in
-            master time, and sound goes ahead.
-        notices: one line each.
+        configs: Configurations of all stages. Those of sync and clocks name the clocks.
+        recorders: Index of the first sample to use, by device whose sound is used.
+        shifts: By camera, and for sound by topic: ns added to timestamps. They bring all timestamps roughly
+            to master time, and place sound ahead of the frames.
+        notices: Lines for the user.
     """
 
     configs: Mapping[str, Config]
@@ -81,14 +83,14 @@ def plan_clocks(
     recorders: Sequence[Recorder],
     stamps: Mapping[str, Sequence[int]],
 ) -> ClockPlan:
-    """Which sound a run needs, and what it tells of the clocks of its cameras.
+    """Select the sound that a run needs, and estimate from it the clocks of the cameras.
 
     Args:
-        recorders: that there are, the first ones first.
-        stamps: some of each camera's frames, ns; at least the first.
+        recorders: available recorders in order of priority.
+        stamps: timestamps of some frames of each camera, ns, at least of the first frame.
 
     Raises:
-        DataError: if a camera is stamped by a clock that nobody hears.
+        DataError: if no recorder carries the clock of a camera.
         UsageError: if a parameter names such a clock.
     """
     recorders = [_named_by_parameter(recorder, configs) for recorder in recorders]
@@ -118,7 +120,7 @@ def _named_by_parameter(recorder: Recorder, configs: Mapping[str, Config]) -> Re
 
 
 def _clocks_of_cameras(rig: Rig, configs: Mapping[str, Config]) -> dict[str, str]:
-    """The clock of every camera that has one: as sync is told, or as the rig says."""
+    """Return the clock of every camera that has one, from the parameters of sync or else from the rig."""
     told = named_words("SyncConfig.clocks", config_of(configs, SyncConfig).clocks)
     every = {c.name: told.get(c.name, told.get(ALL, c.clock)) for c in rig.cameras}
     return {name: clock for name, clock in every.items() if clock}
@@ -130,7 +132,11 @@ def _with_names(
     used: Sequence[Recorder],
     carried: Mapping[str, Recorder],
 ) -> dict[str, Config]:
-    """Configurations of sync and clocks that name the clocks of cameras, and the master among them."""
+    """Return the configurations, with the cameras' clocks and the master clock set in sync and clocks.
+
+    Raises:
+        UsageError: if no channel carries the timecode of the master clock.
+    """
     sync, own = config_of(configs, SyncConfig), config_of(configs, ClocksConfig)
     named = [clock for recorder in used for clock in recorder.named]
     master = sync.master_clock or own.master_clock or next(iter(named), "")
@@ -168,7 +174,11 @@ def _require_carried(clocks: Mapping[str, str], carried: Mapping[str, Recorder])
 
 
 def _require_one_rate(heard: Hearing) -> None:
-    """A timecode that two recorders hear at different rates is not the same one."""
+    """Check that all recorders decode a timecode at the same rate; else they carry different timecodes.
+
+    Raises:
+        DataError: if the rates differ.
+    """
     rates: dict[str, tuple[str, float]] = {}
     for (device, clock), word in heard.words.items():
         rate = float(word.timecode.rate.exact)
@@ -192,7 +202,7 @@ def _require_heard(clocks: Mapping[str, str], heard: Hearing, used: Sequence[Rec
 
 
 def _apart(clock: str, heard: Hearing, used: Sequence[Recorder], master: str) -> str:
-    """The timecode that tells of a clock and is heard, but has no connection to the master."""
+    """Return the decoded timecodes that determine a clock but have no connection to the master clock."""
     connected, before = {master}, set[str]()
     while connected != before:
         before = set(connected)
@@ -204,7 +214,7 @@ def _apart(clock: str, heard: Hearing, used: Sequence[Recorder], master: str) ->
 
 
 def _what_was_heard(heard: Hearing, used: Sequence[Recorder]) -> str:
-    """A few words about every recorder."""
+    """Return a few words about the decoded sound of every recorder."""
     found = []
     for recorder in used:
         words = [clock or recorder.device for device, clock in heard.words if device == recorder.device]
@@ -216,7 +226,10 @@ def _what_was_heard(heard: Hearing, used: Sequence[Recorder]) -> str:
 def _shifts(
     clocks: Mapping[str, str], heard: Hearing, stamps: Mapping[str, Sequence[int]], rig: Rig
 ) -> dict[str, int]:
-    """By camera, and of sound by topic; sound begins before the first frames, also where it began later."""
+    """Return the shifts by camera, and for sound by topic, ns.
+
+    Sound that began later than the frames is shifted to precede them as well.
+    """
     cameras = {name: heard.models[clocks[name]].offset_ns if name in clocks else 0 for name in rig.names}
     firsts = [stamps[name][0] + shift for name, shift in cameras.items() if stamps.get(name)]
     devices = {}
@@ -228,7 +241,10 @@ def _shifts(
 
 
 def _unused(recorders: Sequence[Recorder], rig: Rig) -> Iterator[str]:
-    """A line about sound that stamps no camera, and what cameras' own sound is good for."""
+    """Yield a line about sound that provides no camera's clock.
+
+    The line mentions --offsets-from-sound if several cameras have sound of their own.
+    """
     if not recorders:
         return
     named = ", ".join(dict.fromkeys(camera.clock for camera in rig.cameras if camera.clock)) or "no clocks"
@@ -250,11 +266,12 @@ def _on_no_clock(rig: Rig, clocks: Mapping[str, str]) -> Iterator[str]:
 
 
 def check_swapped(clocks: Mapping[str, str], words: Readings, stamps: Mapping[str, Sequence[int]]) -> None:
-    """Whether two channels of one device fit the other's cameras only.
+    """Check that no two channels of one device are swapped. Swapped channels fit each other's cameras only.
 
     Args:
-        clocks: of cameras. words: first reading by device and clock.
-        stamps: of each camera's frames, ns.
+        clocks: clock by camera.
+        words: first timecode reading by device and clock.
+        stamps: timestamps of each camera's frames, ns.
 
     Raises:
         DataError: naming the channels.
@@ -283,7 +300,7 @@ def _are_swapped(frames: Sequence[Sequence[int]], words: Sequence[TimecodeReadin
 
 
 def _fits(stamps: Sequence[int], word: TimecodeReading) -> bool:
-    """Whether frames and timecode have rates of which one is a multiple of the other."""
+    """Return whether the rates of frames and timecode are integer multiples, in either direction."""
     steps = sorted(after - before for before, after in pairwise(stamps))
     ratio = steps[len(steps) // 2] * 1e-9 * float(word.timecode.rate.exact)
     ratio = max(ratio, 1.0 / max(ratio, 1e-9))
@@ -291,5 +308,5 @@ def _fits(stamps: Sequence[int], word: TimecodeReading) -> bool:
 
 
 def _away_ns(stamps: Sequence[int], word: TimecodeReading) -> int:
-    """How far the first frame is from what the timecode showed first."""
+    """Return the time between the first frame and the first decoded timecode, ns."""
     return abs(stamps[0] - day_ns(word.timecode))

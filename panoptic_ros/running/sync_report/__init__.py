@@ -1,1 +1,1 @@
-"""The clocks of a capture: what they do, what is wrong with them, and what to do."""
+"""Report about the clocks of a capture: their behaviour, faults and remedies."""

@@ -1,6 +1,6 @@
-"""The report about the clocks of a capture.
+"""Makes the report about the clocks of a capture.
 
-Stamps and timecode of whatever a report is asked for: a bag, a capture folder, or a file.
+The timestamps and timecodes come from a bag, a capture folder, or a single file.
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ from panoptic_ros.view.sync_plot import write_sync_plot
 
 FORMAT = "panoptic-sync-report-1"
 SECOND = 1_000_000_000
-FRAMES = {  # types of messages that stand for frames, the best first
+FRAMES = {  # message types that represent frames, best first, with the ends of their topic names
     "panoptic_msgs/msg/ViewDetections": "/detections",
     "sensor_msgs/msg/Image": "/image_raw",
     "sensor_msgs/msg/CompressedImage": "/image_raw/compressed",
     "sensor_msgs/msg/CameraInfo": "/camera_info",
 }
-CHANNELS = 2  # of a recording, that are searched for timecode
+CHANNELS = 2  # channels of a recording that are searched for timecode
 
 
 @dataclass
 class Sources:
-    """What was found.
+    """Timestamps and timecodes of a capture.
 
     Args:
-        cameras: stamps by camera.
-        readings: of all devices, in the order of recording.
-        recordings: readings by file and channel, which share their sample index.
-        gaps: where sound is missing.
+        cameras: timestamps by camera.
+        readings: timecode readings of all devices, in order of recording.
+        recordings: timecode readings by file and channel. The channels share their sample index.
+        gaps: notices about missing sound.
     """
 
     cameras: dict[str, StampTable] = field(default_factory=dict)
@@ -62,7 +62,7 @@ class Sources:
     gaps: list[Notice] = field(default_factory=list)
 
     def hear(self, result: StepResult[TimecodeReading]) -> None:
-        """Take what the timecode stage found in a block."""
+        """Add the readings and gaps that the timecode stage found in a block."""
         self.readings += result.outputs
         self.gaps += [notice for notice in result.notices if notice.code == "timecode.gap"]
 
@@ -71,7 +71,7 @@ def collect(path: Path) -> Sources:
     """Read a bag (its folder, or one of its files), a capture folder, or a file.
 
     Raises:
-        DataError: if nothing in it tells of time.
+        DataError: if it contains no timestamps and no timecode.
     """
     if not path.exists():
         raise DataError(f"{path} does not exist")
@@ -108,12 +108,12 @@ def _read_file(path: Path, sources: Sources, strict: bool) -> None:
 
 
 def _read_sound(path: Path, sources: Sources) -> None:
-    """Timecode of each channel; the recorder's clock is its count of samples."""
+    """Decode the timecode of each channel. The count of samples is the recorder's clock."""
     channels: list[list[TimecodeReading]] = []
     for channel in range(CHANNELS):
         try:
             rate, samples = read_sound(path, channel)
-        except UsageError:  # there is no such channel
+        except UsageError:  # the file has no such channel
             if not channel:
                 raise
             break
@@ -147,7 +147,7 @@ def _read_bag(path: Path, sources: Sources) -> None:
 
 
 def _frame_topics(bag: BagReader) -> dict[str, str]:
-    """Topic -> camera, one topic of each camera."""
+    """Return the camera by topic, with one topic per camera."""
     chosen: dict[str, str] = {}
     for kind, suffix in FRAMES.items():
         for topic, own in sorted(bag.topics.items()):
@@ -159,12 +159,12 @@ def _frame_topics(bag: BagReader) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class SyncReport:
-    """What the clocks of a capture do.
+    """Report about the clocks of a capture.
 
     Args:
-        document: the content of sync_report.json.
-        cameras: what was measured, in the order of the document.
-        models: of devices with timecode.
+        document: content of sync_report.json.
+        cameras: measurements of the cameras, in the order of the document.
+        models: clock models of the devices with timecode.
     """
 
     document: dict[str, Any]
@@ -173,15 +173,15 @@ class SyncReport:
 
     @property
     def warned(self) -> bool:
-        """Whether something is wrong that the user can mend."""
+        """Return whether the report contains a warning, i.e. a fault that the user can fix."""
         return any(note["severity"] == "warning" for note in self.document["notices"])
 
 
 def report_clocks(path: Path) -> SyncReport:
-    """The report about a bag, a capture folder, or a file; see `collect`.
+    """Return the report about a bag, a capture folder, or a file; see `collect`.
 
     Raises:
-        DataError: if nothing in it tells of time.
+        DataError: if it contains no timestamps and no timecode.
     """
     sources = collect(path)
     cameras, short = _measure(sources)
@@ -265,7 +265,7 @@ def _device_row(model: ClockModel) -> dict[str, Any]:
 
 
 def _aligned(sources: Sources) -> list[dict[str, Any]]:
-    """Two timecodes on the channels of one recording."""
+    """Return offset and drift between the two timecodes of every recording with two such channels."""
     rows = []
     for name, channels in sources.recordings.items():
         if len(channels) == 2 and all(len(found) >= LEAST_READINGS for found in channels):
@@ -283,7 +283,7 @@ def _aligned(sources: Sources) -> list[dict[str, Any]]:
 
 
 def _grouping(sources: Sources, cameras: Sequence[str]) -> dict[str, Any] | None:
-    """What sync makes of these stamps with its defaults."""
+    """Return statistics of how sync groups these timestamps by default; None for fewer than two cameras."""
     if len(cameras) < 2:
         return None
     names = {name: re.sub(r"\W", "_", name) for name in cameras}

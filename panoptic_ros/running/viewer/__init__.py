@@ -1,1 +1,1 @@
-"""What `panoptic view` joins: a page, and a recording or the live graph."""
+"""Viewer of `panoptic view`: connects a web page with a recording or the live graph."""

@@ -1,4 +1,4 @@
-"""`panoptic view --live`: the graph that runs now, in a page of any browser."""
+"""Shows the running graph in a web page, for `panoptic view --live`."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ Ready = Callable[[str], None]  # called with the address of the page
 
 
 def view_live(host: str, port: int, ready: Ready, namespace: str = "") -> None:
-    """Serve the live graph until somebody ends it.
+    """Serve the live graph until a request to end.
 
     Args:
-        namespace: of the graph.
+        namespace: namespace of the graph.
 
     Raises:
-        EnvironmentProblem: if nothing can listen there, or ROS does not start.
+        EnvironmentProblem: if the address cannot be opened for listening, or ROS does not start.
     """
     prepare_environment(LISTENER)
     scene = LiveScene(f"live graph{f' /{namespace}' if namespace else ''}")

@@ -1,4 +1,4 @@
-"""`panoptic view` in a process of its own."""
+"""Runs `panoptic view` in a child process."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from contextlib import contextmanager
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.running.processes.children import PROFILE, child_environment
 
-PATIENCE_S = 20.0  # for its end
+PATIENCE_S = 20.0  # s, timeout for its end
 
 
 @contextmanager
 def viewer(arguments: Sequence[str]) -> Iterator[tuple[int, str]]:
-    """Start it; gives its process id and the address of the page.
+    """Start the viewer; yield its process id and the address of its page.
 
     Raises:
         EnvironmentProblem: if it does not start.
     """
     command = [sys.executable, "-m", "panoptic_ros.cli.main", "view", "--no-browser", "--port", "0"]
-    # it has a profile of its own
+    # the viewer sets its own Fast DDS profile
     environment = {name: value for name, value in child_environment().items() if name != PROFILE}
     child = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, text=True, env=environment)
     assert child.stdout is not None

@@ -1,8 +1,7 @@
-"""`panoptic view`: recordings in a page of any browser.
+"""Shows recordings in a web page, for `panoptic view`.
 
-Skeletons in a plain file, as `panoptic solve` writes it, as a scene.
-
-They are written into a bag in a temporary folder, which lasts as long as the scene.
+A plain file of skeletons, as `panoptic solve` writes it, is converted into a bag in a temporary folder. That
+folder exists as long as the scene.
 """
 
 from __future__ import annotations
@@ -47,31 +46,32 @@ from panoptic_ros.io.skeletons import (
     skeleton_of,
 )
 
-TRUTH = "truth.json.gz"  # of a simulated capture folder
+TRUTH = "truth.json.gz"  # truth file of a simulated capture folder
 LOOK_S = 0.2
-DRAWING_S = 1.0  # that a browser has the processors to itself for its first picture
+DRAWING_S = 1.0  # s; the scan waits, so that the browser has the processors for its first picture
 Ready = Callable[[str], None]  # called with the address of the page
 Array = np.ndarray
-NAMES = ("skeletons.json.gz", "skeletons.json")  # in a folder
+NAMES = ("skeletons.json.gz", "skeletons.json")  # names of skeleton files in a folder
 SUFFIXES = (".json", ".json.gz")
-LEAST_SCORE = 1e-3  # of a joint that is there
+LEAST_SCORE = 1e-3  # minimum score of a joint with a position
 
 
 def plain_file(path: Path) -> Path | None:
-    """Return the file of skeletons at a path: itself, or the one in the folder; None if there is none."""
+    """Return the skeleton file at a path: the path itself, or a file in that folder; None if absent."""
     if path.is_file():
         return path if path.name.endswith(SUFFIXES) else None
     return next((path / name for name in NAMES if (path / name).is_file()), None)
 
 
 class PlainScene(RecordedScene):
-    """The skeletons of a file.
+    """Scene of the skeletons of a plain file.
 
     Args:
-        rig: in place of one beside the file. truth: see `RecordedScene`.
+        rig: replaces the rig beside the file; None = use that one.
+        truth: see `RecordedScene`.
 
     Raises:
-        UserError: if the file cannot be read, or no rig is there.
+        UserError: if the file cannot be read, or there is no rig.
     """
 
     def __init__(self, path: Path, rig: Rig | None, truth: PlainSkeletons | None = None):
@@ -116,7 +116,7 @@ def _write_bag(
 
 
 def _poses(frame: PlainSkeletonFrame, order: Array, model: SkeletonModel) -> RefinedPoseSet:
-    """Return the skeletons of a frame with joints in the order of the model; unknown covariances are 0."""
+    """Return the skeletons of a frame with joints in the order of the model. Unknown covariances are 0."""
     positions, scores, views = (part[:, order] for part in (frame.positions, frame.scores, frame.views))
     there = np.isfinite(positions).all(-1)
     covariances = np.where(there[..., None, None], np.nan_to_num(frame.covariances[:, order]), np.nan)
@@ -138,7 +138,7 @@ def _poses(frame: PlainSkeletonFrame, order: Array, model: SkeletonModel) -> Ref
 
 
 def _model_of(joint_names: Sequence[str]) -> tuple[SkeletonModel, list[int]]:
-    """Return the skeleton of these joints, and the indices of its joints among them, in its order."""
+    """Return the skeleton model for these joint names, and the index of each of its joints in them."""
     found = skeleton_of(joint_names)
     words = in_vocabulary(joint_names)
     if found is not None:
@@ -147,7 +147,10 @@ def _model_of(joint_names: Sequence[str]) -> tuple[SkeletonModel, list[int]]:
 
 
 def _tree(names: tuple[str, ...], words: Sequence[str]) -> SkeletonModel:
-    """Make a skeleton of other joints, each on the nearest joint of the usual skeleton that is there."""
+    """Return a skeleton model for joints of no installed skeleton.
+
+    Each joint is connected to its nearest ancestor in the default skeleton that is present.
+    """
     usual, spelt = load_skeleton(DEFAULT_SKELETON), shared_names(DEFAULT_SKELETON)
     at = {spelt.index(word): k for k, word in reversed(list(enumerate(words))) if word in spelt}
     parents: dict[int, int] = {}
@@ -172,14 +175,14 @@ def _tree(names: tuple[str, ...], words: Sequence[str]) -> SkeletonModel:
 def open_recorded(
     path: Path, rig: Path | None = None, skeleton: str = "", truth: Path | None = None
 ) -> RecordedScene | FolderScene:
-    """The results of a run or of `solve`, a bag, or a capture folder, to be looked at.
+    """Open the results of a run or of `solve`, a bag, or a capture folder for viewing.
 
     Args:
-        rig, skeleton: in place of what the bag or folder says.
-        truth: a file of skeletons in the plain format; of a capture folder its own `truth.json.gz`, if any.
+        rig, skeleton: replace those of the bag or folder.
+        truth: plain file of skeletons; None = `truth.json.gz` of a capture folder, if it exists.
 
     Raises:
-        UserError: if there is nothing to be seen at `path`.
+        UserError: if there is nothing to view at `path`.
     """
     path = Path(path)
     if not path.exists():
@@ -190,18 +193,18 @@ def open_recorded(
         raise UsageError(f"{path} is being recorded now; `panoptic view --live` shows the graph")
     if (take := unclosed_take(path) or unclosed_take(path.parent)) is not None:
         raise UsageError(f"{take}; then view that")
-    kept = path / "bag" / "metadata.yaml"  # of a take that was repaired, which has no report
+    kept = path / "bag" / "metadata.yaml"  # a repaired take has a bag but no report
     if path.is_file() and (plain := plain_file(path)) is not None:
         return _open_plain(plain, rig, skeleton, truth)
     if path.is_dir() and not any(p.is_file() for p in (path / MARK, path / "metadata.yaml", kept)):
-        from panoptic_ros.capture import has_media  # needs decoders, which results do without
+        from panoptic_ros.capture import has_media  # imports decoders, which results do not need
 
         if not has_media(path) and (plain := plain_file(path)) is not None:
             return _open_plain(plain, rig, skeleton, truth)
         return _open_folder(path, rig, skeleton, truth)
     given: dict[str, Any] = {}
     if rig is not None:
-        from panoptic_ros.io.rigs import read_rig  # needs scipy, which takes long to load
+        from panoptic_ros.io.rigs import read_rig  # imports scipy, which is slow to load
 
         given["rig"] = read_rig(rig)
     if skeleton:
@@ -227,7 +230,7 @@ def _open_plain(path: Path, rig: Path | None, skeleton: str, truth: Path | None)
 
 
 def _open_folder(path: Path, rig: Path | None, skeleton: str, truth: Path | None) -> FolderScene:
-    from panoptic_ros.capture import open_capture_folder  # needs decoders, which results do without
+    from panoptic_ros.capture import open_capture_folder  # imports decoders, which results do not need
     from panoptic_ros.io.rigs import read_rig
     from panoptic_ros.view.page.folder import FolderScene
 
@@ -240,10 +243,10 @@ def _open_folder(path: Path, rig: Path | None, skeleton: str, truth: Path | None
 
 
 def view_recorded(scene: RecordedScene | FolderScene, host: str, port: int, ready: Ready) -> None:
-    """Serve a recording until somebody ends it.
+    """Serve a recording until a request to end.
 
     Raises:
-        EnvironmentProblem: if nothing can listen there.
+        EnvironmentProblem: if the address cannot be opened for listening.
     """
     with first_request_told(True) as asked:
         asyncio.run(_serve_recorded(scene, host, port, ready, asked))

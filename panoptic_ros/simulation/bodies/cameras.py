@@ -1,4 +1,4 @@
-"""What a detector reports of a simulated body: noise of several kinds, gaps, outliers and swapped limbs."""
+"""Simulated detections of a body: several kinds of noise, gaps, outliers and swapped limbs."""
 
 from __future__ import annotations
 
@@ -10,14 +10,24 @@ from panoptic_ros.domain import Rig
 
 Array = np.ndarray
 SWAPS = (("Elbow", "Wrist"), ("Knee", "Ankle"))
-TRUNK_RADIUS = 0.14  # m
+TRUNK_RADIUS = 0.14  # m; radius of the capsule of a trunk
 
 
 @dataclass(frozen=True)
 class JointNoise:
-    """Errors of 2D joints: px at the given focal length, shares of the joints, and scores.
+    """Errors of 2D joints: standard deviations in px at `focal`, probabilities per joint, and scores.
 
-    correlation: s, of the correlated part. hidden: factor where the trunk is before a joint.
+    Args:
+        white: Uncorrelated noise, px.
+        correlated: Time-correlated noise, px.
+        correlation: Correlation time of that noise, s.
+        bias: Constant error of each joint and camera, px.
+        hidden: Noise factor of joints behind a trunk.
+        missing, missing_hidden: Probability that a visible or a hidden joint is missing.
+        outliers, outlier_px: Probability and size in px of outliers.
+        swaps: Probability per instant that left and right limbs are swapped.
+        score, score_hidden: Mean score of visible and of hidden joints.
+        focal: Focal length in px for which the px values hold. They scale with the camera's focal length.
     """
 
     white: float = 4.5
@@ -44,12 +54,12 @@ def detect_joints(
     noise: JointNoise,
     rate: float,
 ) -> tuple[Array, Array]:
-    """Pixels (C, T, K, 2), NaN = missing, and scores (C, T, K).
+    """Return detected pixels (C, T, K, 2), NaN = missing, and scores (C, T, K).
 
     Args:
-        points: (T, K, 3) m, true places of the detector's joints. trunks: (P, T, 2, 3) m, lower and upper
-            ends of everybody's.
-        rate: Hz, of the points.
+        points: True positions (T, K, 3) m of the detector's joints.
+        trunks: Lower and upper ends (P, T, 2, 3) m of all people's trunks, which hide joints.
+        rate: Rate of the points, Hz.
     """
     shape = (len(rig.cameras), *points.shape[:2])
     pixels, scores = np.full((*shape, 2), np.nan), np.zeros(shape)
@@ -82,7 +92,7 @@ def detect_joints(
 
 
 def _wandering(rng: np.random.Generator, shape: tuple[int, ...], steps: float) -> Array:
-    """First-order noise (T, ...) of variance 1 with a correlation of so many steps."""
+    """Return first-order noise (T, ...) of variance 1 with a correlation time of `steps` steps."""
     keep = np.exp(-1.0 / max(steps, 1e-3))
     drive = np.sqrt(1.0 - keep * keep) * rng.normal(size=shape)
     found = np.empty(shape)
@@ -93,7 +103,7 @@ def _wandering(rng: np.random.Generator, shape: tuple[int, ...], steps: float) -
 
 
 def _behind(points: Array, trunk: Array, centre: Array) -> Array:
-    """Whether (T, K) the trunk, a capsule, is between the camera and a joint."""
+    """Return a mask (T, K) of joints with the trunk, a capsule, between them and the camera."""
     along = np.linspace(0.0, 1.0, 7)[None, :, None]
     spine = trunk[:, None, 0] * (1 - along) + trunk[:, None, 1] * along
     ray = points - centre

@@ -1,4 +1,7 @@
-"""A whole simulated capture: one body, a ring of cameras, 13 IMUs, a T-pose, and what is known of it."""
+"""Simulated capture of one body with a ring of cameras, 13 IMUs and a T-pose.
+
+The capture also holds the known subject data and the ground truth.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +24,12 @@ from panoptic_ros.simulation.bodies.motion import T_POSE_S, BodyMotion, Clip, la
 Array = np.ndarray
 FIRST_NS = 1_000_000_000
 FOCAL, SIZE = 1050.0, (1920, 1080)
-RING = 4.75  # m
+RING = 4.75  # m; radius of the camera ring
 KEYPOINT_SD, TRUNK_KEYPOINT_SD, OWN_KEYPOINT_SD = (
     0.016,
     0.029,
     0.008,
-)  # m per axis: of the detector, of the person
+)  # m per axis; first two: offsets of the detector's limb and trunk joints, third: of this person
 TRUNK_KEYPOINTS = ("Neck", "lHip", "rHip", "lShoulder", "rShoulder")
 DEVICES: tuple[tuple[str, tuple[float, float, float]], ...] = (
     ("hips", (-0.1, 0.0, 0.02)),
@@ -43,7 +46,7 @@ DEVICES: tuple[tuple[str, tuple[float, float, float]], ...] = (
     ("rShin", (0.05, 0.0, -0.15)),
     ("rFoot", (0.06, 0.0, -0.03)),
 )
-SPARSE = ("hips", "head", "lForearm", "rForearm", "lShin", "rShin")  # the paper's six
+SPARSE = ("hips", "head", "lForearm", "rForearm", "lShin", "rShin")  # the six-IMU set of Malleson et al. 2020
 
 
 USUAL_JOINTS, USUAL_IMUS = JointNoise(), ImuNoise()
@@ -51,18 +54,28 @@ USUAL_JOINTS, USUAL_IMUS = JointNoise(), ImuNoise()
 
 @dataclass(frozen=True)
 class BodyScene:
-    """What is simulated.
+    """Scene of a body capture.
 
     Args:
-        clips: names of recorded motions, one after another, of one body. path: degrees, which way each goes
-            on from where the one before ended; () = each about the same place, facing x.
-        at: (2,) m, where the first begins or all are. facing: degrees, of all of it.
-        t_pose: degrees per joint and axis, off a T; mounts: whether the file states mountings, in place of
-            the T-pose. rate: Hz, of cameras and IMUs. focal: px.
-        heading: degrees, the IMUs' inertial frame is turned by at most; the file calls it unknown then.
-        clock: s, their clock is off by at most.
-        designated: whether the person is solved for. others: further people, of whom `clips` to `facing`,
-            `t_pose`, `mounts`, `heading`, `clock` and `designated` count.
+        clips: Names of recorded motions of one body, played one after another.
+        path: Direction (deg) of each clip, which starts where the previous one ended. () centres every clip
+            at the same place, facing x.
+        at: Position (2,) m of the first clip, or of all clips without a path.
+        facing: Rotation of the whole motion, deg.
+        cameras: Number of cameras.
+        focal: Focal length, px.
+        t_pose: Error of the T-pose per joint and axis, deg (standard deviation).
+        mounts: Whether the file states the IMU mountings. Otherwise they come from the T-pose.
+        rate: Rate of cameras and IMUs, Hz.
+        seconds: Longest duration, s.
+        joints: Errors of the 2D joints.
+        imus: Errors of the IMUs.
+        heading: Largest rotation (deg) of the IMUs' inertial frame about the vertical. A nonzero value makes
+            the file declare the heading unknown.
+        clock: Largest offset of the IMU clock, s.
+        designated: Whether the person is solved for.
+        others: Further people. Only their `clips`, `path`, `at`, `facing`, `t_pose`, `mounts`, `heading`,
+            `clock` and `designated` apply.
     """
 
     clips: tuple[str, ...] = ("02_05",)
@@ -85,8 +98,20 @@ class BodyScene:
 
 @dataclass(frozen=True, eq=False)
 class BodyCapture:
-    """Pixels (C, T, K, 2), NaN = missing, and scores (C, T, K) of the joints; samples by device; what is
-    known of the subject; and the truth, with the mounting (3, 3) of each device, segment from device."""
+    """Simulated capture of one person with its ground truth.
+
+    Args:
+        rig: Calibrated cameras.
+        joint_names: Names of the detector's K joints.
+        stamps: Timestamps (T,) ns.
+        pixels: Detected joints (C, T, K, 2), NaN = missing.
+        scores: Scores (C, T, K).
+        devices: IMU samples by device.
+        subject: Known data of the subject.
+        stature: Body height, m.
+        motion: True motion.
+        mounts: True mounting (3, 3) of each device, segment from device.
+    """
 
     rig: Rig
     joint_names: tuple[str, ...]
@@ -100,19 +125,19 @@ class BodyCapture:
     mounts: dict[str, Array]
 
     def truth(self) -> list[BodyState]:
-        """True bodies at all stamps."""
+        """Return the true bodies at all timestamps."""
         return states_of(self.subject.id, self.stamps, self.motion)
 
 
 def states_of(number: int, stamps: Array, motion: BodyMotion) -> list[BodyState]:
-    """True bodies of somebody at all stamps."""
+    """Return the true bodies of the person with id `number` at all timestamps."""
     return [
         BodyState(int(stamp), number, motion.places[t], motion.frames[t]) for t, stamp in enumerate(stamps)
     ]
 
 
 def simulate_body(scene: BodyScene, seed: int, model: SegmentModel, clips: Mapping[str, Clip]) -> BodyCapture:
-    """One capture of the first person alone; the same scene and seed always give the same."""
+    """Simulate the first person of a scene alone; the same scene and seed always give the same capture."""
     rng = np.random.default_rng([seed, 23])
     body, motion = moving_body(rng, scene, model, clips)
     rig = ring(rng, scene.cameras, scene.focal)
@@ -140,7 +165,7 @@ def simulate_body(scene: BodyScene, seed: int, model: SegmentModel, clips: Mappi
 def moving_body(
     rng: np.random.Generator, scene: BodyScene, model: SegmentModel, clips: Mapping[str, Clip]
 ) -> tuple[Body, BodyMotion]:
-    """The body of a scene's first person, and how it moves."""
+    """Return the body of a scene's first person and its motion."""
     chosen = [clips[name] for name in scene.clips]
     body = model.body(chosen[0].stature).with_offsets(dict(zip(model.names, chosen[0].offsets)))
     chosen = laid_out(chosen, scene.path)
@@ -155,10 +180,11 @@ def moving_body(
 def detected_body(
     rng: np.random.Generator, body: Body, motion: BodyMotion, detector: dict[str, Array]
 ) -> tuple[Body, Array]:
-    """The body with the detector's offsets as they are known, and true places (T, K, 3) m of its joints.
+    """Return the body with the known detector offsets, and the true positions (T, K, 3) m of its joints.
 
     Args:
-        detector: how far the detector's joints lie off, m; drawn and kept here if they are not in it.
+        detector: Offset (3,) m of each of the detector's joints by name. Missing ones are drawn and stored
+            here.
     """
     known, true_points = _keypoints(rng, body, detector)
     at = [true_points[name] for name in known.keypoints]
@@ -168,12 +194,19 @@ def detected_body(
 
 
 def trunk_of(model: SegmentModel, motion: BodyMotion) -> Array:
-    """Lower and upper end (T, 2, 3) m of the trunk."""
+    """Return the lower and upper ends (T, 2, 3) m of the trunk."""
     return motion.places[:, [0, model.index("neck")]]
 
 
 class Worn(NamedTuple):
-    """Devices as stated, the T-pose, samples, and true mountings (3, 3), segment from device."""
+    """IMUs on a body.
+
+    Args:
+        devices: Devices as the file states them.
+        t_pose: T-pose.
+        samples: IMU samples by device.
+        mounts: True mountings (3, 3), segment from device.
+    """
 
     devices: tuple[Device, ...]
     t_pose: TPose
@@ -184,10 +217,10 @@ class Worn(NamedTuple):
 def wear(
     rng: np.random.Generator, scene: BodyScene, model: SegmentModel, motion: BodyMotion, first: int = 1
 ) -> Worn:
-    """13 IMUs on a body, in an inertial frame and on a clock of their own.
+    """Simulate 13 IMUs on a body, with a common inertial frame and a common clock.
 
     Args:
-        first: number of the first device.
+        first: Number of the first device.
     """
     worn, samples, mounts = [], {}, {}
     for k, (segment, position) in enumerate(DEVICES):
@@ -206,7 +239,7 @@ def wear(
 
 
 def sparse(capture: BodyCapture, cameras: Sequence[int], imus: int) -> BodyCapture:
-    """The same capture with these cameras, and 0, 6 or 13 IMUs."""
+    """Return the same capture with only these cameras and 0, 6 or 13 IMUs."""
     chosen = list(cameras)
     names = capture.subject.body.model.names
     kept = [d for d in capture.subject.devices if imus == 13 or (imus == 6 and names[d.segment] in SPARSE)]
@@ -222,7 +255,7 @@ def sparse(capture: BodyCapture, cameras: Sequence[int], imus: int) -> BodyCaptu
 
 
 def ring(rng: np.random.Generator, count: int, focal: float) -> Rig:
-    """Cameras round the room that look at its middle."""
+    """Return cameras around the room that look at its middle."""
     cameras = []
     for k in range(count):
         angle = 2.0 * np.pi * (k + rng.uniform(-0.1, 0.1)) / count
@@ -241,8 +274,10 @@ def ring(rng: np.random.Generator, count: int, focal: float) -> Rig:
 def _keypoints(
     rng: np.random.Generator, body: Body, detector: dict[str, Array]
 ) -> tuple[Body, dict[str, tuple[int, Array]]]:
-    """The body with the detector's offsets as they are known, and where its joints truly are on this
-    person."""
+    """Return the body with the known detector offsets, and the true joint positions on this person.
+
+    The positions are (segment index, offset (3,) m) by joint name.
+    """
     names = body.model.names
     known, true = {}, {}
     for name, (segment, offset) in body.keypoints.items():

@@ -1,5 +1,8 @@
-"""A simulated capture of several people, some of whom are solved for, as detectors see them: people hide each
-other, joints go to the wrong person, and some 2D people are none."""
+"""Simulated capture of several people, some of whom are solved for.
+
+The detections have the errors of real detectors: people hide each other, joints are assigned to the wrong
+person, and some detections are false.
+"""
 
 from __future__ import annotations
 
@@ -27,16 +30,26 @@ from panoptic_ros.simulation.bodies.capture import (
 from panoptic_ros.simulation.bodies.motion import BodyMotion, Clip
 
 Array = np.ndarray
-FIRST_STRANGER = 100  # ids of people whom nobody asks for
-LOST = 0.03  # of the 2D people, that a detector misses as wholes
-GHOSTS, GHOST_SCORE, GHOST_JOINTS = 0.1, 0.4, 0.6  # per view and instant; scores; share that is seen
-NEAR_PX, MIXED = 40.0, 0.1  # joints of two people who are so near go to the wrong one so often
+FIRST_STRANGER = 100  # first id of people who are not designated
+LOST = 0.03  # share of 2D poses that the detector misses completely
+# false 2D poses: rate per view and instant, mean score, share of visible joints
+GHOSTS, GHOST_SCORE, GHOST_JOINTS = 0.1, 0.4, 0.6
+# px; distance below which two people's joints may be swapped, and the probability of a swap
+NEAR_PX, MIXED = 40.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class BodyGroup:
-    """People of every camera and instant: points (P, K, 2) px, NaN = missing, and scores (P, K), by camera,
-    then instant, in no order; samples by device; the designated, and the truth of them and of all others."""
+    """Simulated capture of several people with its ground truth.
+
+    Args:
+        views: Detections by camera, then instant, in random order: points (P, K, 2) px, NaN = missing, and
+            scores (P, K).
+        devices: IMU samples by device.
+        subjects: Designated people.
+        truth: True bodies of the designated people.
+        strangers: True bodies of all other people.
+    """
 
     rig: Rig
     joint_names: tuple[str, ...]
@@ -48,7 +61,10 @@ class BodyGroup:
     strangers: list[BodyState]
 
     def detections(self, instant: int, skeleton: SkeletonModel) -> list[ViewDetections]:
-        """2D people of all cameras at an instant, with the joints of a skeleton that the detector has all."""
+        """Return the detections of all cameras at an instant, in the joints of `skeleton`.
+
+        The detector must have all joints of the skeleton.
+        """
         columns = [self.joint_names.index(name) for name in skeleton.joint_names]
         found = []
         for camera, seen in zip(self.rig.cameras, self.views):
@@ -70,7 +86,7 @@ class BodyGroup:
 
 
 def simulate_group(scene: BodyScene, seed: int, model: SegmentModel, clips: Mapping[str, Clip]) -> BodyGroup:
-    """All people of a scene; the same scene and seed always give the same."""
+    """Simulate all people of a scene; the same scene and seed always give the same group."""
     if not scene.others:
         return group_of(simulate_body(scene, seed, model, clips))
     rng = np.random.default_rng([seed, 31])
@@ -113,7 +129,7 @@ def simulate_group(scene: BodyScene, seed: int, model: SegmentModel, clips: Mapp
 
 
 def group_of(capture: BodyCapture) -> BodyGroup:
-    """Somebody alone."""
+    """Return the capture of one person as a group."""
     views = [
         [(capture.pixels[c, t][None], capture.scores[c, t][None]) for t in range(len(capture.stamps))]
         for c in range(len(capture.pixels))
@@ -133,7 +149,12 @@ def group_of(capture: BodyCapture) -> BodyGroup:
 def _views(
     rng: np.random.Generator, camera: Camera, pixels: Array, scores: Array
 ) -> list[tuple[Array, Array]]:
-    """What a detector makes of people (P, T, K, 2) px and their scores (P, T, K), instant by instant."""
+    """Return the detections of one camera, instant by instant.
+
+    Args:
+        pixels: Joints of people (P, T, K, 2) px.
+        scores: Their scores (P, T, K).
+    """
     found = []
     for t in range(pixels.shape[1]):
         points, told = pixels[:, t].copy(), scores[:, t].copy()
@@ -150,17 +171,20 @@ def _views(
 
 
 def _mix(rng: np.random.Generator, points: Array, scores: Array) -> None:
-    """Give joints of two people who are near each other in the image to the wrong one now and then."""
+    """Swap some joints of two people who are close to each other in the image, in place."""
     for p in range(len(points)):
         for q in range(p):
-            near = np.linalg.norm(points[p] - points[q], axis=-1) < NEAR_PX  # False where one is missing
+            near = np.linalg.norm(points[p] - points[q], axis=-1) < NEAR_PX  # False where a joint is missing
             wrong = np.flatnonzero(near & (rng.random(len(near)) < MIXED))
             for values in (points, scores):
                 values[p, wrong], values[q, wrong] = values[q, wrong], values[p, wrong].copy()
 
 
 def _ghost(rng: np.random.Generator, camera: Camera, points: Array, scores: Array) -> tuple[Array, Array]:
-    """A 2D person where nobody is, in the shape of somebody: points (K, 2) and scores (K,)."""
+    """Return a false detection with the shape of a real one: points (K, 2) px and scores (K,).
+
+    It lies at a random place in the image.
+    """
     middle = np.nanmean(points, axis=0)
     place = rng.uniform((0.0, 0.0), np.array(camera.image_size, float))
     shape = place + rng.uniform(0.5, 1.2) * (points - middle)

@@ -1,4 +1,4 @@
-"""What IMUs on a simulated body report."""
+"""Simulated IMU samples on a moving body."""
 
 from __future__ import annotations
 
@@ -22,10 +22,19 @@ GRAVITY = np.array([0.0, 0.0, 9.81])
 
 @dataclass(frozen=True)
 class ImuNoise:
-    """Errors of IMUs, degrees and m/s^2.
+    """Errors of IMUs, as standard deviations in degrees and m/s^2 unless stated otherwise.
 
-    mounting: per axis, of a mounting that a file states. tissue: of the segment under the strap, and the
-    share of the acceleration that it adds. position: m, of the device on its segment.
+    Args:
+        mounting: Error per axis of a mounting that a file states, deg.
+        tissue: Rotation of the soft tissue under the strap, deg.
+        tissue_share: Relative error of the acceleration caused by soft tissue.
+        heading: Constant heading error, deg.
+        heading_rate: Heading drift, deg/min.
+        heading_wander: Slowly varying heading error, deg.
+        tilt: Constant tilt error, deg.
+        position: Error of the device position on its segment, m.
+        acceleration: Noise of the accelerometer, m/s^2.
+        rate: Noise of the gyroscope, rad/s.
     """
 
     mounting: float = 2.5
@@ -49,10 +58,13 @@ def measure(
     noise: ImuNoise,
     first_ns: int,
 ) -> ImuSeries:
-    """Samples of one device at the times of the motion.
+    """Return the samples of one device at the times of the motion.
 
     Args:
-        mount: (3, 3), segment from device, as it truly is. position: (3,) m, as it is stated.
+        segment: Index of the segment that carries the device.
+        position: Stated position (3,) m on the segment. The true position differs by noise.
+        mount: True mounting (3, 3), segment from device.
+        first_ns: Timestamp of the first sample.
     """
     times, frames = motion.times, motion.frames[:, segment]
     step = float(times[1] - times[0])
@@ -78,26 +90,26 @@ def measure(
 
 
 def random_mount(rng: np.random.Generator) -> Array:
-    """Any rotation (3, 3)."""
+    """Return a random rotation (3, 3)."""
     axis = rng.normal(size=3)
     found: Array = rotations_of((axis / np.linalg.norm(axis) * rng.uniform(0, np.pi))[None])[0]
     return found
 
 
 def mistaken(rng: np.random.Generator, mount: Array, degrees: float) -> Array:
-    """A mounting as a file states it, off by so much per axis."""
+    """Return a mounting as a file states it, with an error of `degrees` per axis (standard deviation)."""
     found: Array = rotations_of(np.radians(degrees) * rng.normal(size=(1, 3)))[0] @ mount
     return found
 
 
 def unknown_heading(series: ImuSeries, angle: float) -> ImuSeries:
-    """In an inertial frame that is turned by an angle, rad."""
+    """Return the series in an inertial frame that is rotated about the vertical by `angle` rad."""
     turned = turn_about_z(-angle) @ from_quaternions(series.quaternions)
     return ImuSeries(series.stamps, to_quaternions(turned), series.rates, series.forces)
 
 
 def _slow(rng: np.random.Generator, times: Array, period: float) -> Array:
-    """Smooth random numbers (T, 3) of variance 1 with about this period, s."""
+    """Return smooth random numbers (T, 3) of variance 1 with a period of about `period` s."""
     speed = 2 * np.pi / period * rng.uniform(0.5, 2.0, (6, 3))
     phase = rng.uniform(0, 2 * np.pi, (6, 3))
     found: Array = np.sin(times[:, None, None] * speed + phase).sum(1) / np.sqrt(3.0)

@@ -1,4 +1,4 @@
-"""How a simulated body moves: a T-pose, then recorded motion with turns about the bones added."""
+"""Motion of a simulated body: a T-pose, then recorded motion with added twists about the bones."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from panoptic_ros.geometry.segment_chain import Chain
 
 Array = np.ndarray
 CLIP_HZ = 30.0
-T_POSE_S, BLEND_S = 2.0, 1.0  # standing in a T, and from there, or between two clips, into the next motion
-TWISTS = {  # segment: axis of the bone, and standard deviation in degrees of what is added about it
+# s; duration of the T-pose, and of the blend from it, or between two clips, into the next clip
+T_POSE_S, BLEND_S = 2.0, 1.0
+TWISTS = {  # segment: (axis of the bone, standard deviation of the added twist in degrees)
     "lForearm": (1, 26.0),
     "rForearm": (1, 26.0),
     "head": (2, 14.0),
@@ -33,8 +34,14 @@ TWIST_HZ = (0.1, 0.6)
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """Recorded motion of one body at 30 Hz: roots (T, 3) m, rotation vectors (T, S, 3); its offsets (S, 3)
-    m and stature, m."""
+    """Recorded motion of one body at 30 Hz.
+
+    Args:
+        roots: Root positions (T, 3) m.
+        vectors: Rotation vectors (T, S, 3).
+        offsets: Segment offsets (S, 3) m.
+        stature: Body height, m.
+    """
 
     roots: Array
     vectors: Array
@@ -44,8 +51,15 @@ class Clip:
 
 @dataclass(frozen=True, eq=False)
 class BodyMotion:
-    """Roots (T, 3) m and turns (T, S, 3, 3) at the times (T,) s; places (T, S, 3) m and frames (T, S, 3,
-    3)."""
+    """Motion of a body at T times.
+
+    Args:
+        times: Times (T,) s.
+        roots: Root positions (T, 3) m.
+        turns: Rotations (T, S, 3, 3) of the segments relative to their parents.
+        places: Segment origins (T, S, 3) m, world.
+        frames: Segment rotations (T, S, 3, 3), world from segment.
+    """
 
     times: Array
     roots: Array
@@ -55,7 +69,7 @@ class BodyMotion:
 
 
 def clips_of(arrays: Mapping[str, Array]) -> dict[str, Clip]:
-    """Clips by name, from the arrays of `config/bodies/cmu-motion.npz`."""
+    """Return the clips by name, from the arrays of `config/bodies/cmu-motion.npz`."""
     return {
         str(name): Clip(
             arrays[f"root_{name}"].astype(float),
@@ -68,10 +82,12 @@ def clips_of(arrays: Mapping[str, Array]) -> dict[str, Clip]:
 
 
 def laid_out(clips: Sequence[Clip], path: Sequence[float]) -> list[Clip]:
-    """The clips about the same place, or each turned by so many degrees and begun where the one before ended.
+    """Return the clips centred at the same place, or chained along a path.
+
+    In a chain, each clip is rotated to its direction and starts where the previous one ended.
 
     Args:
-        path: a direction for each clip, or none at all.
+        path: Direction (deg) of each clip, or empty.
     """
     if not path:
         return [replace(clip, roots=clip.roots - np.append(clip.roots[:, :2].mean(0), 0.0)) for clip in clips]
@@ -87,7 +103,7 @@ def laid_out(clips: Sequence[Clip], path: Sequence[float]) -> list[Clip]:
 
 
 def moved(motion: BodyMotion, angle: float, at: Sequence[float]) -> BodyMotion:
-    """The motion turned about the vertical, rad, and carried to a place (2,) m."""
+    """Return the motion rotated about the vertical by `angle` rad and shifted by `at` (2,) m."""
     turn, shift = turn_about_z(angle), np.append(at, 0.0)
     turns = motion.turns.copy()
     turns[:, 0] = turn @ turns[:, 0]
@@ -108,7 +124,12 @@ def make_motion(
     t_pose_deg: float,
     chain: Chain,
 ) -> BodyMotion:
-    """A T-pose facing +x, off by `t_pose_deg` per joint and axis, then the clips one after another."""
+    """Return a motion: a T-pose facing +x, then the clips one after another.
+
+    Args:
+        rate: Rate of the result, Hz.
+        t_pose_deg: Error of the T-pose per joint and axis, deg (standard deviation).
+    """
     quaternions, roots = [], []
     for clip in clips:
         turns = rotations_of(clip.vectors.reshape(-1, 3)).reshape(*clip.vectors.shape, 3)
@@ -143,13 +164,13 @@ def make_motion(
 
 
 def _standing_height(chain: Chain, turns: Array) -> float:
-    """Height of the root at which the lowest joint is at its usual 4 cm."""
+    """Return the height (m) of the root at which the lowest joint is at its usual 4 cm."""
     places, _ = place_all(chain, np.zeros((1, 3)), turns[None])
     return 0.04 - float(places[0, :, 2].min())
 
 
 def _wander(rng: np.random.Generator, times: Array) -> Array:
-    """Smooth random numbers (T,) of variance 1."""
+    """Return smooth random numbers (T,) of variance 1."""
     speed = 2 * np.pi * rng.uniform(*TWIST_HZ, 6)
     found: Array = np.sin(times[:, None] * speed + rng.uniform(0, 2 * np.pi, 6)).sum(1) / np.sqrt(3.0)
     return found
@@ -162,7 +183,7 @@ def _bridge(begin: Array, end: Array) -> Array:
 
 
 def _bridge_quaternions(begin: Array, end: Array) -> Array:
-    """Along the arcs from one posture to another, (N, S, 4)."""
+    """Return rotations (N, S, 4) along the shortest arcs from one posture to another."""
     a, b = from_quaternions(begin), from_quaternions(end)
     vectors = vectors_of(np.ascontiguousarray(a.swapaxes(1, 2) @ b))
     steps = [a @ rotations_of(share * vectors) for share in _smooth_step()]
@@ -176,7 +197,7 @@ def _smooth_step() -> Array:
 
 
 def _continuous(quaternions: Array) -> Array:
-    """With signs (T, S, 4) that do not jump."""
+    """Return the quaternions (T, S, 4) with signs that do not jump."""
     flips = (quaternions[1:] * quaternions[:-1]).sum(-1) < 0
     signs = np.concatenate([np.ones((1, flips.shape[1])), np.cumprod(np.where(flips, -1.0, 1.0), axis=0)])
     found: Array = quaternions * signs[..., None]

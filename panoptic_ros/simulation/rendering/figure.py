@@ -1,7 +1,7 @@
-"""A person's shapes from posture and appearance. Lengths are those of an adult, scaled to the body.
+"""Shapes of a person from posture and appearance. Lengths are those of an adult, scaled to the body.
 
-Where shapes are shifted against the joints, it is so that networks trained on annotated photographs,
-in which people mark what they see, put a joint where the simulation has it (within a centimetre).
+Some shapes are shifted relative to the joints. Networks learn from photographs whose annotators mark visible
+positions. The shifts make such networks place a joint where the simulation has it, within a centimetre.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from panoptic_ros.simulation.rendering.wardrobe import Appearance
 from panoptic_ros.simulation.skeleton import SIDES, J
 
 Array = np.ndarray
-SKULL = np.array([0.033, 0.0, 0.170])  # centre of the head from the neck, in the head's axes
-ELBOW_TIP = 0.015  # m, how far the elbow sticks out beyond its joint
-TRUNK = (  # from and to, along the spine; radii; flatness; whether it is the shirt
+SKULL = np.array([0.033, 0.0, 0.170])  # m; centre of the head relative to the neck, in head axes
+ELBOW_TIP = 0.015  # m; distance of the elbow tip beyond the elbow joint
+TRUNK = (  # (from and to along the spine in m, radii in m, flatness, whether it is the shirt)
     (-0.03, 0.14, (0.150, 0.138), 0.72, False),
     (0.04, 0.16, (0.148, 0.142), 0.74, True),
     (0.12, 0.34, (0.140, 0.157), 0.68, True),
@@ -24,7 +24,7 @@ TRUNK = (  # from and to, along the spine; radii; flatness; whether it is the sh
 
 
 def figure(body: Body, posture: Posture, look: Appearance, person: int) -> Shapes:
-    """The shapes of a person at the T instants of the posture."""
+    """Return the shapes of a person at the T instants of the posture."""
     build = ShapeBuilder(person, body.height / ADULT)
     cloth = Material.STRIPES if look.stripes else Material.CLOTH
     _trunk(build, posture, look, cloth)
@@ -77,7 +77,7 @@ def _leg(build: ShapeBuilder, body: Body, posture: Posture, look: Appearance, k:
 
 
 def foot_direction(body: Body, posture: Posture, knee: Array, ankle: Array) -> Array:
-    """Unit vectors (T, 3) from heel to toe: level on the floor, along with the shank when lifted."""
+    """Return unit vectors (T, 3) from heel to toe: level on the floor, tilted with the shank when lifted."""
     forward = posture.pelvis[..., 0]
     shank = _unit(ankle - knee)
     lifted = 0.8 * np.clip((ankle[:, 2:] - body.ankle) / 0.06, 0.0, 1.0)
@@ -89,7 +89,7 @@ def _head(build: ShapeBuilder, body: Body, posture: Posture, look: Appearance) -
     joints, axes, s = posture.joints, posture.head, body.head
     neck, up = joints[:, J["Neck"]], posture.chest[..., 2]
     centre = neck + axes @ (s * SKULL)
-    ratio = s / build.scale  # the head does not grow with the body
+    ratio = s / build.scale  # cancels the body scale, because the head has a scale of its own
     build.add(neck - 0.03 * s * up, centre, (0.054, 0.050), 0.93 * look.skin)
     build.add(
         centre, centre, (0.100 * ratio, 0.100 * ratio), look.skin, Material.FACE, axes, (0.98, 0.78, 1.22)
@@ -110,6 +110,6 @@ def _head(build: ShapeBuilder, body: Body, posture: Posture, look: Appearance) -
 
 
 def _unit(vectors: Array) -> Array:
-    """Vectors (T, 3) of length 1."""
+    """Return the vectors (T, 3) scaled to length 1."""
     directions: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return directions

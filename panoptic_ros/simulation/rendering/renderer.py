@@ -1,15 +1,13 @@
-"""Views of a take, camera by camera.
+"""Rendered views of a take, camera by camera.
 
-Which shape every pixel sees: rays against round cones with a depth buffer.
+A depth buffer finds the shape that every pixel sees, by intersecting its ray with round cones. In the frame
+of a cone there are spheres of radius a at the origin and b at (0, 0, length). The tangent cone has the slope
+s = (a - b) / length. Its side is rho * c = a - s * z with c = sqrt(1 - s^2), between z = a * s and z = length
++ b * s. With p = o + t * d this is a quadratic in t; outside that range the ray can only hit the spheres.
+Rays have z = 1 in the camera frame, so t is the depth in metres in every frame. `cast_rays` is compiled,
+which reduces its time from 0.5 s to some 5 ms per VGA view.
 
-In the frame of a cone (spheres of radius a at the origin and b at (0, 0, length)) the tangent cone has
-the slope s = (a - b) / length and its side is rho * c = a - s * z with c = sqrt(1 - s^2), between
-z = a * s and z = length + b * s. With p = o + t * d this is a quadratic in t; outside of that range the
-spheres are hit. Rays have z = 1 in the camera, so t is the depth in metres, in every frame.
-
-`cast_rays` is compiled (some 5 ms per VGA view in place of 0.5 s).
-
-Soft shadows of people on the floor, drawn into a map of the floor seen from above.
+Soft shadows of people are drawn into a map of the floor, seen from above.
 """
 
 from __future__ import annotations
@@ -32,33 +30,33 @@ from panoptic_ros.simulation.simulate import Simulation
 from panoptic_ros.simulation.skeleton import SKELETON, J
 
 CELLS = 256
-KEY, CONTACT = 0.80, 0.62  # brightness in the shadow of the light, and under people
-SOFT_KEY, SOFT_CONTACT = 1.5, 2.2  # cells
+KEY, CONTACT = 0.80, 0.62  # brightness factors in the cast shadow, and directly under people
+SOFT_KEY, SOFT_CONTACT = 1.5, 2.2  # cells; standard deviations of the blur of both shadows
 _BONES = [(a, b) for a, b in SKELETON.bones if J["lEye"] not in (a, b) and J["rEye"] not in (a, b)]
-NEAR = 0.2  # m, nothing closer is drawn
+NEAR = 0.2  # m; nothing closer is drawn
 HAIR = int(Material.HAIR)
 NOTHING = -1
-# the parts of the hair's ellipsoid that are cut away: the face and the neck
+# bounds of the parts cut away from the hair's ellipsoid: the face and the neck
 FACE_FROM, FACE_TOP, FACE_SLOPE, NECK_BELOW = 0.38, 0.62, 0.30, -0.45
 Array = np.ndarray
-NOISE = 1.5  # standard deviation of the sensor's noise, grey levels
-TILE = 64  # px by which the noise pattern can shift
-OPTICS = 0.6  # px, blur
-CHUNK = 32  # instants whose shapes are made at once
+NOISE = 1.5  # grey levels; standard deviation of the sensor noise
+TILE = 64  # px; range of the random shift of the noise pattern
+OPTICS = 0.6  # px; standard deviation of the optical blur
+CHUNK = 32  # number of instants whose shapes are built at once
 
 
 class Floor:
-    """A square of 2 * `half` m round the origin in CELLS x CELLS cells."""
+    """Shadow map of a square floor of 2 * `half` m around the origin, in CELLS x CELLS cells."""
 
     def __init__(self, half: float):
         self._scale, self._half = (CELLS - 1) / (2.0 * half), half
 
     def cells(self, places: Array) -> Array:
-        """Cell coordinates (..., 2) of places (..., 2) m."""
+        """Return cell coordinates (..., 2) of floor positions (..., 2) m."""
         return (places + self._half) * self._scale
 
     def shade(self, joints: Array) -> Array:
-        """Brightness (CELLS, CELLS) float32 for people with joints (P, 19, 3) m."""
+        """Return the brightness (CELLS, CELLS) float32 of the floor under people with joints (P, 19, 3) m."""
         key, contact = np.ones((CELLS, CELLS), np.float32), np.ones((CELLS, CELLS), np.float32)
         thrown = joints[..., :2] - joints[..., 2:] * (LIGHT[:2] / LIGHT[2])
         for place, points in zip(thrown, joints):
@@ -87,14 +85,16 @@ def cast_rays(
     depth: Array,
     hits: Array,
 ) -> None:
-    """Fill depth and hits with the nearest shapes, in place.
+    """Fill `depth` and `hits` with the nearest shapes, in place.
 
     Args:
-        frames: (N, 3, 3) local_from_camera rotations (with squash); origins: (N, 3) camera centre in
-            the local frames; lengths (N,), radii (N, 2), materials (N,).
-        boxes: (N, 4) int, columns and rows (from, from, to, to) that the shape may cover.
-        plane: (H, W, 2) normalised coordinates of the pixels' rays.
-        depth: (H, W) float32 m, of what is there already; hits: (H, W) int16, index of the shape.
+        frames: Rotations (N, 3, 3), local_from_camera, including the squash.
+        origins: Camera centre (N, 3) m in the local frames.
+        lengths, radii, materials: Arrays (N,), (N, 2), (N,), see `Shapes`.
+        boxes: Columns and rows (N, 4) int (from, from, to, to) that the shape may cover.
+        plane: Normalised coordinates (H, W, 2) of the pixels' rays.
+        depth: Depth (H, W) float32 m, initialised with the background.
+        hits: Index (H, W) int16 of the nearest shape.
     """
     for n in range(len(lengths)):
         m, o, length, a, b = frames[n], origins[n], lengths[n], radii[n, 0], radii[n, 1]
@@ -145,12 +145,12 @@ def cast_rays(
 
 @dataclass(frozen=True, eq=False)
 class RenderedView:
-    """One image.
+    """One rendered image.
 
     Args:
-        image: (H, W, 3) uint8 BGR.
-        depth: (H, W) float32 m along the optical axis.
-        people: (H, W) uint8, 0 = room, k + 1 = the k-th person of the take.
+        image: BGR image (H, W, 3) uint8.
+        depth: Depth (H, W) float32 m along the optical axis.
+        people: Person map (H, W) uint8, 0 = room, k + 1 = the k-th person of the take.
     """
 
     image: Array
@@ -159,7 +159,7 @@ class RenderedView:
 
 
 class Studio:
-    """Room and clothes of a take: what all of its cameras see."""
+    """Room and appearances of a take, shared by all of its cameras."""
 
     def __init__(self, take: Simulation):
         self.take = take
@@ -169,12 +169,12 @@ class Studio:
         self.floor = Floor(self.room.half)
 
     def camera(self, name: str) -> CameraRenderer:
-        """The renderer of one camera."""
+        """Return the renderer of one camera."""
         return CameraRenderer(self, self.take.rig.index(name))
 
 
 class CameraRenderer:
-    """Renders what one camera sees at any instant."""
+    """Renderer of one camera's views at any instant."""
 
     def __init__(self, studio: Studio, index: int):
         self._studio, self._index = studio, index
@@ -189,7 +189,7 @@ class CameraRenderer:
         self._noise = np.rint(noise).astype(np.int16)
 
     def render(self, times: Array) -> Iterator[RenderedView]:
-        """Views at `times` (T,) s, one after another."""
+        """Yield the views at `times` (T,) s in order."""
         for first in range(0, len(times), CHUNK):
             part = np.asarray(times[first : first + CHUNK], np.float64)
             present = np.stack([person.is_present(part) for person in self._studio.take.people])
@@ -198,7 +198,7 @@ class CameraRenderer:
                 yield self._view(shapes, t, present[:, t], joints[present[:, t], t], float(time))
 
     def _shapes(self, times: Array) -> tuple[Shapes, Array]:
-        """Everybody's shapes, and joints (P, T, 19, 3) m, at times (T,) s."""
+        """Return the shapes of all people and their joints (P, T, 19, 3) m at times (T,) s."""
         people = self._studio.take.people
         postures = [person.posture(times) for person in people]
         figures = [
@@ -240,7 +240,7 @@ class CameraRenderer:
         return RenderedView(self._develop(image, time), depth, people)
 
     def _cast(self, shapes: Shapes, t: int, present: Array) -> tuple[Array, Array]:
-        """Depth and index of the shape (H, W) of every pixel."""
+        """Return the depth and the shape index (H, W) of every pixel."""
         boxes = shape_boxes(self.camera, shapes, t)
         boxes[~present[shapes.people]] = 0
         depth = self._backdrop.depth.copy()
@@ -257,7 +257,7 @@ class CameraRenderer:
         )
 
     def _develop(self, image: Array, time: float) -> Array:
-        """Blur of the optics and noise of the sensor, another one at every instant."""
+        """Return the image with optical blur and sensor noise, which differs at every instant."""
         image = cv2.GaussianBlur(image, (3, 3), OPTICS)
         moment = np.random.default_rng([self._index, round(abs(time) * 1e6)])
         x, y = moment.integers(TILE, size=2)
@@ -266,14 +266,14 @@ class CameraRenderer:
 
 
 def pixel_plane(camera: Camera) -> Array:
-    """Normalised, undistorted coordinates (H, W, 2) of all pixels."""
+    """Return normalised, undistorted coordinates (H, W, 2) of all pixels."""
     width, height = camera.image_size
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
     return camera.intrinsics.undistort(pixels.astype(np.float64))
 
 
 def shape_boxes(camera: Camera, shapes: Shapes, t: int) -> Array:
-    """Columns and rows (N, 4) int (from, from, to, to) that each shape may cover."""
+    """Return columns and rows (N, 4) int (from, from, to, to) that each shape may cover."""
     axes = np.linalg.inv(shapes.local_from_world[t])[..., 2] * shapes.lengths[t][:, None]
     ends = np.stack([shapes.origins[t], shapes.origins[t] + axes], axis=1)  # (N, 2, 3)
     local = camera.cam_from_world.apply(ends)

@@ -1,4 +1,4 @@
-"""An empty room with textured walls, as seen by one camera."""
+"""Empty room with textured walls, as one camera sees it."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from panoptic_ros.domain import Camera, Rig
 
 Array = np.ndarray
-TEXTURE = 512  # px, of every wall
-PAPER = (200.0, 208.0, 212.0)  # BGR of walls
+TEXTURE = 512  # px; side of every wall texture
+PAPER = (200.0, 208.0, 212.0)  # BGR of the walls
 FLOOR = (120.0, 140.0, 150.0)
 CEILING = (225.0, 228.0, 230.0)
-FAR = 50.0  # m
+FAR = 50.0  # m; clipping limit of positions, and floor position of pixels that do not see the floor
 
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """A plane x[axis] = value and its picture (TEXTURE, TEXTURE, 3)."""
+    """Plane x[axis] = value with its texture (TEXTURE, TEXTURE, 3)."""
 
     axis: int
     value: float
@@ -28,12 +28,12 @@ class Wall:
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """What a camera sees of the room.
+    """View of the room from one camera.
 
     Args:
-        image: (H, W, 3) uint8 BGR.
-        depth: (H, W) float32 m.
-        floor: (H, W, 2) float32 m, place on the floor; far away where no floor is seen.
+        image: BGR image (H, W, 3) uint8.
+        depth: Depth (H, W) float32 m.
+        floor: Position (H, W, 2) float32 m on the floor, `FAR` where a pixel does not see the floor.
     """
 
     image: Array
@@ -43,7 +43,7 @@ class Backdrop:
 
 @dataclass(frozen=True, eq=False)
 class Room:
-    """A box of half width `half` m and `height` m."""
+    """Box-shaped room of half width `half` m and `height` m."""
 
     half: float
     height: float
@@ -51,7 +51,7 @@ class Room:
 
     @classmethod
     def draw(cls, rng: np.random.Generator, rig: Rig) -> Room:
-        """A room that holds all cameras, with noise, pictures and doors on its walls."""
+        """Draw a room that contains all cameras, with noise, pictures and doors on its walls."""
         centres = np.array([camera.centre for camera in rig.cameras])
         half = max(5.4, float(np.abs(centres[:, :2]).max()) + 0.8)
         height = max(3.2, float(centres[:, 2].max()) + 0.4)
@@ -63,7 +63,7 @@ class Room:
         return cls(half, height, tuple(walls))
 
     def seen_by(self, camera: Camera, plane: Array) -> Backdrop:
-        """The room through a camera whose pixels have the normalised coordinates `plane` (H, W, 2).
+        """Return the room as seen by a camera with normalised pixel coordinates `plane` (H, W, 2).
 
         Pixels without a ray (NaN) stay black and infinitely far.
         """
@@ -90,7 +90,7 @@ class Room:
         return Backdrop(pixels, depth.astype(np.float32), floor)
 
     def _texels(self, wall: Wall, points: Array) -> Array:
-        """Texture coordinates (H, W, 2) of points (H, W, 3) on a wall; pictures hang upright."""
+        """Return texture coordinates (H, W, 2) of points (H, W, 3) on a wall; pictures hang upright."""
         a, b = (axis for axis in range(3) if axis != wall.axis)
         across = points[..., a] / (2.0 * self.half) + 0.5
         level = wall.axis == 2
@@ -99,7 +99,7 @@ class Room:
 
 
 def _texture(rng: np.random.Generator, colour: tuple[float, ...], contrast: float, frames: int) -> Array:
-    """Cloudy paint of a colour with grain and some rectangles: pictures and doors."""
+    """Draw a wall texture: cloudy, grainy paint and `frames` rectangles as pictures and doors."""
     coarse = rng.normal(0.0, 1.0, (24, 24, 1)) + rng.normal(0.0, 0.2, (24, 24, 3))
     clouds = cv2.resize(coarse, (TEXTURE, TEXTURE), interpolation=cv2.INTER_CUBIC)
     texture: Array = np.array(colour) + contrast * clouds + rng.normal(0.0, 3.0, clouds.shape)

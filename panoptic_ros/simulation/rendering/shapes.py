@@ -1,4 +1,4 @@
-"""Round cones: what bodies are made of."""
+"""Round cones, the shapes that bodies consist of."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Array = np.ndarray
 
 
 class Material(IntEnum):
-    """How a surface is painted."""
+    """Paint of a surface."""
 
     PLAIN = 0
     CLOTH = 1  # with folds
@@ -25,13 +25,18 @@ class Material(IntEnum):
 class Shapes:
     """N round cones at T instants.
 
-    In its own frame, a cone has a sphere of radius `radii[0]` at the origin and one of `radii[1]` at
-    (0, 0, length). `local_from_world` may squash it, then lengths are those of the squashed frame.
+    In its own frame, a cone has a sphere of radius `radii[0]` at the origin and one of `radii[1]` at (0, 0,
+    length). If `local_from_world` squashes the cone, lengths are those of the squashed frame.
 
     Args:
-        local_from_world: (T, N, 3, 3); origins: (T, N, 3) m in the world; lengths: (T, N).
-        radii: (N, 2); colours: (N, 3) BGR 0..255; materials, people: (N,) int; seeds: (N,) for folds.
-        bounds: (N,) m, radius of spheres at both ends that hold everything.
+        local_from_world: Transforms (T, N, 3, 3).
+        origins: Origins (T, N, 3) m, world.
+        lengths: Lengths (T, N) m.
+        radii: Radii (N, 2) m.
+        colours: Colours (N, 3) BGR 0..255.
+        materials, people: Material and person (N,) int.
+        seeds: Random phase (N,) of the folds.
+        bounds: Radius (N,) m of spheres at both ends that contain the whole shape.
     """
 
     local_from_world: Array
@@ -46,7 +51,7 @@ class Shapes:
 
     @classmethod
     def join(cls, parts: Sequence[Shapes]) -> Shapes:
-        """All shapes of all people."""
+        """Return all shapes of all people."""
         over_time = ("local_from_world", "origins", "lengths")
         names = ("radii", "colours", "materials", "people", "seeds", "bounds")
         joined = [np.concatenate([getattr(p, name) for p in parts], axis=1) for name in over_time]
@@ -56,7 +61,7 @@ class Shapes:
 
 @dataclass
 class ShapeBuilder:
-    """Collects the shapes of one person; `scale` (m per m of an adult) applies to all radii."""
+    """Builder of the shapes of one person; `scale` (m per m of an adult) applies to all radii."""
 
     person: int
     scale: float
@@ -72,10 +77,12 @@ class ShapeBuilder:
         axes: Array | None = None,
         squash: tuple[float, float, float] = (1.0, 1.0, 1.0),
     ) -> None:
-        """A round cone from `start` (T, 3) to `end` (T, 3) m with these radii (m, of an adult).
+        """Add a round cone from `start` (T, 3) to `end` (T, 3) m with these radii (m, for an adult).
 
-        With `axes` (T, 3, 3; columns are the local axes, the last one along the cone), it is squashed
-        by the factors `squash` along them.
+        Args:
+            axes: Local axes as columns (T, 3, 3), the last one along the cone. None derives them from the
+                ends.
+            squash: Factors that squash the cone along `axes`.
         """
         if axes is None:
             axes = _axes_along(end - start)
@@ -99,14 +106,14 @@ class ShapeBuilder:
         )
 
     def shapes(self) -> Shapes:
-        """What was added."""
+        """Return the added shapes."""
         columns = list(zip(*self._rows))
         over_time = [np.stack(column, axis=1) for column in columns[:3]]
         return Shapes(*over_time, *(np.stack(column) for column in columns[3:]))
 
 
 def _axes_along(direction: Array) -> Array:
-    """Rotations (T, 3, 3) whose last column is along `direction` (T, 3); upright for no direction."""
+    """Return rotations (T, 3, 3) with last column along `direction` (T, 3); upright for a zero direction."""
     length = np.linalg.norm(direction, axis=-1, keepdims=True)
     z = np.where(length > 1e-9, direction / np.maximum(length, 1e-9), [0.0, 0.0, 1.0])
     side = np.where(np.abs(z[:, :1]) < 0.8, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])

@@ -1,4 +1,4 @@
-"""What people look like."""
+"""Appearance of simulated people."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 Array = np.ndarray
 SKINS = ((150, 180, 225), (135, 165, 215), (120, 155, 205), (95, 130, 185), (60, 85, 130))  # BGR
 HAIRS = ((20, 22, 28), (25, 40, 60), (40, 80, 120), (70, 70, 75), (60, 110, 165))
-TROUSER_HUES = (105, 110, 115, 15, 0)  # of 180: blues, browns
+TROUSER_HUES = (105, 110, 115, 15, 0)  # hue of 180: blues, browns
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,14 +22,14 @@ class Appearance:
     shirt: Array
     trousers: Array
     shoes: Array
-    girth: float  # 1 = average
+    girth: float  # scale of the body's girth, 1 = average
     long_sleeves: bool
     long_hair: bool
     stripes: bool
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> Appearance:
-        """Somebody at random."""
+        """Draw a random appearance."""
         shirt = _colour(rng.integers(180), rng.integers(60, 200), rng.integers(90, 230))
         trousers = _colour(rng.choice(TROUSER_HUES), rng.integers(10, 120), rng.integers(35, 110))
         return cls(

@@ -1,1 +1,1 @@
-"""Stay with a signal from word to word: where the next begins, and where the timecode breaks."""
+"""Follow a signal from word to word: predict where the next one begins, detect breaks of the timecode."""

@@ -1,7 +1,7 @@
-"""Where words do not follow each other: the timecode jumped, or audio was lost and not counted.
+"""Detect breaks between consecutive words: a timecode jump, or audio samples lost without being counted.
 
-Labels, the count of samples and stamps all tell how much time has passed between two words. The one that
-disagrees with the other two is wrong.
+Labels, sample count and block timestamps each measure the time between two words. The measure that disagrees
+with the other two is wrong.
 """
 
 from __future__ import annotations
@@ -14,32 +14,32 @@ from panoptic_ros.timecode.follow.reading import Word
 from panoptic_ros.timecode.label.counting import with_rate
 from panoptic_ros.timecode.word.layout import WORD_CELLS
 
-LONGEST_GAP = 250  # words; over more, the speed is not known well enough to count on
-SLACK = 0.07  # of the time passed, or of a word, that a changing speed makes
+LONGEST_GAP = 250  # words; over longer gaps the speed is too uncertain to predict the label
+SLACK = 0.07  # relative error of the elapsed time, or of one word, caused by changing speed
 
 
 @dataclass(frozen=True)
 class Heard:
-    """A word and its stamp, ns."""
+    """A decoded word and its timestamp (ns)."""
 
     word: Word
     stamp_ns: int
 
 
 def find_break(device: str, sample_rate: int, last: Heard, new: Heard) -> tuple[Notice, ...] | None:
-    """Notices of what happened between two words of a device; None if the next word must decide.
+    """Return the notices on a break between two words of a device; None if the next word must decide.
 
-    Audio that is lost inside of a word moves its start, but not yet its stamp.
+    Audio lost inside a word shifts the start of the word, but not its timestamp yet.
     """
     samples = new.word.start - last.word.start
-    passed = samples / (WORD_CELLS * new.word.cell)  # words
+    passed = samples / (WORD_CELLS * new.word.cell)  # number of words between the two
     if round(passed) > LONGEST_GAP:
         return ()
     if new.word.reverse != last.word.reverse:
         return (_jump(device, new.word.timecode),)
     ahead = _labels_ahead(last.word, new.word, round(passed))
     missing = ahead + round(passed) - passed
-    lost = missing * WORD_CELLS * new.word.cell  # samples, by the labels
+    lost = missing * WORD_CELLS * new.word.cell  # samples, according to the labels
     by_stamps = (new.stamp_ns - last.stamp_ns) * 1e-9 * sample_rate - samples
     uneven = missing > SLACK * max(1.0, passed)
     if uneven and abs(by_stamps - lost) < 0.5 * lost:
@@ -51,8 +51,11 @@ def find_break(device: str, sample_rate: int, last: Heard, new: Heard) -> tuple[
 
 
 def is_one_timecode(one: Heard, other: Heard) -> bool:
-    """Whether words of two channels of a device can be of one timecode, as where a mono input is opened as
-    stereo: their labels tell how far apart they are."""
+    """Return whether words of two channels of a device can belong to the same timecode.
+
+    The difference of their labels must agree with the time between them. This is the case if a mono input is
+    opened as stereo.
+    """
     words = (other.word.start - one.word.start) / (WORD_CELLS * other.word.cell)
     if abs(words) > LONGEST_GAP or other.word.reverse != one.word.reverse:
         return False
@@ -61,7 +64,7 @@ def is_one_timecode(one: Heard, other: Heard) -> bool:
 
 
 def _labels_ahead(last: Word, new: Word, passed: int) -> int:
-    """By how many frames the new label is ahead of what it should be after so many words."""
+    """Return how many frames the new label is ahead of the label expected after `passed` words."""
     rate = new.timecode.rate
     count = with_rate(last.timecode, rate).frame_count + (-passed if new.reverse else passed)
     ahead = new.timecode.frame_count - Timecode.from_frame_count(count, rate).frame_count

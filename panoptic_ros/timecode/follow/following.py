@@ -1,8 +1,8 @@
-"""A signal that is followed word by word: where the next begins, and which labels it may have.
+"""State of a signal that is followed word by word: start and possible labels of the next word.
 
-At constant speed the length of a cell comes from a line through the middles of the last words. If the edges
-of words swing about a line, the speed changes within words. These are then tracked edge by edge (`wander`)
-until they have been on a line for long.
+At constant speed, a line through the middles of the last words gives the cell length. If the edges of words
+swing about a line, the speed changes within words. Words are then tracked edge by edge (`wander`) until their
+edges have been on a line for `CALM_WORDS` words.
 """
 
 from __future__ import annotations
@@ -22,28 +22,31 @@ from panoptic_ros.timecode.word.layout import WORD_CELLS
 from panoptic_ros.timecode.word.viterbi import WordLevels
 
 Array = np.ndarray
-LINE_WORDS = 10  # through whose middles the line goes that gives the length of a cell
-BENDING = 0.05  # cells by which a word is off that line: the speed has changed since
-WAVERS = 30.0  # variance ratio of a swing in a word, more than any channel makes
-OFTEN_WAVERS, FEW = 3.0, 8  # the same as a mean of a few words
-LEAST_SWING = 4e-4  # samples squared, mean over the edges of a word; less is no swing
-CALM_WORDS, CALM = 48, 1.5  # words with such a mean ratio, until the speed counts as constant
+LINE_WORDS = 10  # number of words in the line fit of the cell length
+BENDING = 0.05  # cells; a word farther off the predicted middle means that the speed has changed
+# variance ratio of the swing in one word that shows a changing speed; no channel causes as much
+WAVERS = 30.0
+# mean variance ratio over a few words that shows a changing speed; number of words
+OFTEN_WAVERS, FEW = 3.0, 8
+LEAST_SWING = 4e-4  # samples squared, mean over the edges of a word; a smaller swing is ignored
+# number of words and maximum mean variance ratio at which the speed counts as constant again
+CALM_WORDS, CALM = 48, 1.5
 
 
 class Follow:
-    """A signal that was found.
+    """State of a signal that is followed.
 
     Args:
-        grid: of the word with `number`, in recorded samples.
-        labels: that the words may have.
-        reverse: whether the tape runs backwards.
-        wander: the motion of the tape if its speed changes within words.
+        grid: grid of word `number`, recorded samples.
+        labels: labels that the words may have.
+        reverse: True if the tape runs backwards.
+        wander: motion of the tape if its speed changes within words, else None.
 
     Attributes:
-        grid, number: of the next word.
-        read: good words.
-        misses: words in a row that were not.
-        first: number and middle of the first word that was read, None before.
+        grid, number: grid and number of the next word.
+        read: number of good words so far.
+        misses: number of consecutive words that were not good.
+        first: (number, middle) of the first word read; None before.
         signal: number of the signal in its stream.
     """
 
@@ -54,50 +57,57 @@ class Follow:
         self.labels, self.reverse, self.wander = labels, reverse, wander
         self.misses = self.read = self.signal = 0
         self.first: tuple[int, float] | None = None
-        self._line: deque[tuple[int, float]] = deque(maxlen=LINE_WORDS)  # the same of the last words
-        self._wavers: deque[float] = deque(maxlen=CALM_WORDS)  # variance ratios of swings, 1 if small
-        self._scatter = 0.0  # sum over the words that were read
+        self._line: deque[tuple[int, float]] = deque(maxlen=LINE_WORDS)  # number and middle of the last words
+        # variance ratios of the swing; 1 if the swing is small
+        self._wavers: deque[float] = deque(maxlen=CALM_WORDS)
+        self._scatter = 0.0  # sum over the words read
 
     @property
     def early(self) -> bool:
-        """Whether the next word is before those that the signal was found by, perhaps before the signal."""
+        """Return whether the next word precedes those by which the signal was found.
+
+        It may even precede the signal itself.
+        """
         return self.number < self.labels.first
 
     @property
     def scatter(self) -> float:
-        """Mean variance of edges about the curve through their word, squared samples."""
+        """Return the mean variance of edges about the fitted curve of their word, samples squared."""
         return self._scatter / self.read if self.read else math.inf
 
     def judge(self, levels: WordLevels) -> Verdict:
-        """The next word against the most likely label."""
+        """Score the next word against its most likely label."""
         return self.labels.judge(self.number, levels)
 
     def label(self, good: bool) -> tuple[Timecode, bool]:
-        """The label of the word that was judged last, and whether it is known for sure."""
+        """Return the label of the word judged last, and whether it is certain."""
         label, known = self.labels.label(good)
         return label, known and (good or self.first is not None)
 
     def upheld(self, good: bool) -> bool:
-        """Whether the words up to the one judged last have none of the labels beside theirs."""
+        """Return whether the words up to the one judged last have none of the neighbouring labels."""
         return self.labels.upheld(good, self.early, self.read)
 
     def rate(self, sample_rate: int) -> FrameRate:
-        """The rate of those still possible whose words are as long as the ones heard."""
+        """Return the possible frame rate that best matches the measured word length."""
         length = WORD_CELLS * self.grid.cell
         if self.first is not None and self.number > self.first[0] + 2:
             length = (self.grid.middle - self.first[1]) / (self.number - self.first[0])
         return self.labels.rate(sample_rate / length)
 
     def swings(self, fit: EdgeFit) -> bool:
-        """Whether the edges of the last words swing about a line, by more than samples and channels make."""
+        """Return whether the edges of the last words swing about a line.
+
+        The swing must be larger than sampling and channels can cause.
+        """
         few = [*self._wavers, _waver(fit)][-FEW:]
         return few[-1] > WAVERS or (len(few) == FEW and sum(few) > OFTEN_WAVERS * FEW)
 
     def miss(self, ticks: Array | None) -> None:
-        """The word could not be read; the next is expected where it would be.
+        """Advance past a word that could not be read; the next word is predicted from its expected position.
 
         Args:
-            ticks: (193,) recorded samples, if it was tracked.
+            ticks: (193,) recorded samples, if the word was tracked.
         """
         if self.early:
             self.labels.begin()
@@ -107,10 +117,12 @@ class Follow:
         self._advance(self.grid, ticks)
 
     def hit(self, fit: EdgeFit, grid: Grid, good: bool, ticks: Array | None) -> None:
-        """The word was read; go on to the next. Nothing is learnt from a word that clicks may have shifted.
+        """Advance past a word that was read, and update the speed from it if it is good.
+
+        A word that is not good may be shifted by clicks, so the speed is not updated from it.
 
         Args:
-            grid: of the word, recorded samples.
+            grid: grid of the word, recorded samples.
             ticks: see `miss`.
         """
         if not good:
@@ -133,7 +145,7 @@ class Follow:
 
     @property
     def cell(self) -> float:
-        """Length of a cell by the line through the last words, recorded samples; 0 if there are too few."""
+        """Return the cell length (recorded samples) from a line through the last words; 0 before 3 words."""
         if len(self._line) < 3:
             return 0.0
         numbers, middles = np.array(self._line).T
@@ -141,7 +153,7 @@ class Follow:
         return float(away @ middles / (away @ away)) / WORD_CELLS
 
     def _advance(self, grid: Grid, ticks: Array | None) -> None:
-        """Go on to the next word from the grid of this one, or from its ticks if it was tracked."""
+        """Advance to the next word from the grid of this word, or from its ticks if it was tracked."""
         self.grid = moved_grid(grid, float(WORD_CELLS))
         self.number += 1
         if self.wander is not None and ticks is not None:
@@ -150,5 +162,5 @@ class Follow:
 
 
 def _waver(fit: EdgeFit) -> float:
-    """How much the edges of a word swing about a line, 1 if hardly."""
+    """Return the variance ratio of the swing of a word's edges about a line; 1 for a negligible swing."""
     return fit.waver if fit.swing > LEAST_SWING else 1.0

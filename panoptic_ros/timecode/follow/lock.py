@@ -1,4 +1,4 @@
-"""Locking to a signal that was found: the labels of its words must count on, and words must be readable."""
+"""Lock to a signal that was found, if its words are readable and have consecutive labels."""
 
 from __future__ import annotations
 
@@ -23,19 +23,20 @@ from panoptic_ros.timecode.word.tracking import BEFORE, TICKS, word_ticks
 from panoptic_ros.timecode.word.viterbi import ticks_levels, word_levels
 
 Array = np.ndarray
-FARTHEST = 3  # unreadable words in a row between readable ones, where the speed changes
-CLEARLY = 0.8  # times the scatter of edges at constant speed, that a changing one must leave at most
-ABOUT = 8  # cells over which the length of one is measured
+FARTHEST = 3  # consecutive unreadable words allowed between readable ones at changing speed
+# maximum ratio of the edge scatter at changing speed to that at constant speed, to prefer the former
+CLEARLY = 0.8
+ABOUT = 8  # number of cells over which the cell length is measured
 
 
 def lock(
     stream: Stream, found: Found, search: Search, config: TimecodeConfig, read_until: float
 ) -> Follow | None:
-    """The signal that was found, to be followed from its first word on; None if it has no labels.
+    """Return the signal to follow from its first word; None if its words have no consecutive labels.
 
     Args:
-        search: that it was found by.
-        read_until: sample up to which words were read already.
+        search: search by which the signal was found.
+        read_until: sample up to which words have already been read.
     """
     signals, stretch = _even(stream, found, search)
     tried = [_follow(stream, signal, stretch, config, read_until) for signal in signals]
@@ -56,7 +57,7 @@ def lock(
 
 
 def _even(stream: Stream, found: Found, search: Search) -> tuple[list[Found], Search]:
-    """The same signal if its speed is constant, and what to search."""
+    """Return candidates of the same signal at constant speed, and the search stretch for them."""
     if found.ticks is None:
         return [found], search
     sums, chain = stream.sums, _chain(stream.sums, found.ticks, found)
@@ -71,9 +72,10 @@ def _even(stream: Stream, found: Found, search: Search) -> tuple[list[Found], Se
 def _follow(
     stream: Stream, found: Found, search: Search, config: TimecodeConfig, read_until: float
 ) -> tuple[Follow, Follow] | None:
-    """A signal as it is followed up to its newest word, and again from its first word on; see `lock`.
+    """Follow a signal up to its newest word as a trial; see `lock`.
 
-    None if it has no labels.
+    Returns: the state after the trial, and a fresh state at the first word; None if there are no consecutive
+    labels.
     """
     wander, number = None, 0
     if found.ticks is not None:
@@ -107,7 +109,7 @@ def _follow(
 def _first_tracked(
     stream: Stream, chain: list[Array], reverse: bool, read_until: float
 ) -> tuple[Wander, int]:
-    """Where the first word that is there begins, and its number, from the ticks of words on the sums."""
+    """Return the motion and number of the first unread word, from the ticks of words on the running sum."""
     number = 0
     wander = _from_ticks(stream, chain[0], reverse)
     while number + 1 < len(chain) and _begin_of(wander.grid) < read_until - 0.5 * wander.grid.cell:
@@ -118,14 +120,14 @@ def _first_tracked(
 
 
 def _from_ticks(stream: Stream, ticks: Array, reverse: bool) -> Wander:
-    """From a word on whose ticks on the running sum are known."""
+    """Return the motion at a word whose ticks on the running sum are given."""
     ticks = stream.ticks_in_recorded(ticks)
     cell = float(ticks[2 * ABOUT] - ticks[0]) / ABOUT
     return Wander(reverse, float(ticks[0]), cell, ticks)
 
 
 def _first_word(stream: Stream, grid: Grid, read_until: float) -> tuple[Grid, int]:
-    """The grid and number of the first word that is there, from those of word 0."""
+    """Return the grid and number of the first unread word in the kept samples, from the grid of word 0."""
     number = 0
     earliest = max(stream.first - EARLY * grid.cell, read_until - 0.5 * grid.cell)
     while _begin_of(before := moved_grid(grid, -float(WORD_CELLS))) >= earliest:
@@ -136,12 +138,12 @@ def _first_word(stream: Stream, grid: Grid, read_until: float) -> tuple[Grid, in
 
 
 def _begin_of(grid: Grid) -> float:
-    """Where a word begins."""
+    """Return the sample at which a word begins."""
     return grid.middle - 0.5 * WORD_CELLS * grid.cell
 
 
 def _row(stream: Stream, found: Found, search: Search) -> list[Grid]:
-    """The grids of the words of constant length in the newest part of the signal."""
+    """Return the grids of all words in the newest part of the signal, at constant word length."""
     length = WORD_CELLS * found.grid.cell
     end = len(stream.sums) - 1
     begin = end - search.seconds * stream.sums_rate
@@ -151,13 +153,13 @@ def _row(stream: Stream, found: Found, search: Search) -> list[Grid]:
 
 
 def _chain(sums: Array, ticks: Array, found: Found) -> list[Array]:
-    """The ticks of the words that were tracked, from the one that was found to both sides."""
+    """Return the ticks of all tracked words, in both directions from the word that was found."""
     before = _one_side(sums, ticks, found.begin - TICKS, -TICKS, found.reverse)
     return [*before[::-1], *_one_side(sums, ticks, found.begin, TICKS, found.reverse)]
 
 
 def _one_side(sums: Array, ticks: Array, begin: int, step: int, reverse: bool) -> list[Array]:
-    """The ticks of words from one on, up to the last that can be read."""
+    """Return the ticks of consecutive words in one direction, up to the last readable one."""
     words: list[Array] = []
     good = 0
     while len(words) - good < FARTHEST and (word := word_ticks(ticks, begin, reverse)) is not None:

@@ -1,4 +1,4 @@
-"""Reading the next word of a signal that is followed: its bits by its label, and its exact start."""
+"""Read the next word of a followed signal: the bits given its label, and its exact start."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from panoptic_ros.timecode.word.tracking import BETWEEN
 from panoptic_ros.timecode.word.viterbi import ticks_levels, word_levels
 
 Array = np.ndarray
-SLACK = 2.0  # cells, that a word may end later than its beginning says if the speed changes
+SLACK = 2.0  # cells by which a word may end later than predicted if the speed changes
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +30,17 @@ class Word:
     """A word that was read.
 
     Args:
-        timecode: its label, with the rate that is most likely so far.
-        start: first edge of bit 0, samples since the stream's start; at the word's end in reverse.
-        std: standard deviation of `start`.
-        cell: length of a cell, samples.
-        known: whether no other label is about as likely.
-        sure: whether nothing contradicts the word.
-        upheld: whether it and those before have their labels; if not, a word that is so must follow.
-        end: where it ends in the stream, samples.
+        timecode: label, with the most likely frame rate so far.
+        start: (samples since the start of the stream) first edge of bit 0; at the word's end in reverse.
+        std: (samples) standard deviation of `start`.
+        cell: (samples) length of a cell.
+        reverse: True if the tape runs backwards.
+        user_bits: (32 bits) user bits; 0 before any were certain.
+        known: True if no other label is about as likely.
+        sure: True if nothing contradicts the word.
+        upheld: True if the labels of this word and of those before it are confirmed. Otherwise a later word
+            must confirm them.
+        end: (samples) end of the word in the stream.
         signal: number of the signal in its stream.
     """
 
@@ -55,15 +58,15 @@ class Word:
 
 
 def word_complete(follow: Follow, stream: Stream) -> bool:
-    """Whether all samples of the next word are there."""
-    after = len(SYNC) if follow.reverse else 1.0  # cells that are listened to
+    """Return whether all samples of the next word are available."""
+    after = len(SYNC) if follow.reverse else 1.0  # cells needed after the word
     if follow.wander is not None:
         after += SLACK
     return stream.holds(moved_grid(follow.grid, 0.5 * WORD_CELLS + after).middle)
 
 
 def read_word(follow: Follow, stream: Stream) -> Word | None:
-    """Read the next word; None if it is missed. The signal is then followed to the word after it."""
+    """Read the next word and advance the signal past it; return None if the word is missed."""
     heard = _listen(follow, stream)
     word = _timed(follow, stream, heard) if heard.verdict.possible else None
     if word is None:
@@ -72,11 +75,11 @@ def read_word(follow: Follow, stream: Stream) -> Word | None:
 
 
 class _Heard(NamedTuple):
-    """A word that was judged.
+    """A judged word and its half-cell boundaries.
 
     Args:
-        ticks: (161,) on the running sum, where its half cells begin and end.
-        tracked: (193,) recorded samples, see `Wander.listen`, if it was tracked.
+        ticks: (161,) boundaries of its half cells on the running sum.
+        tracked: (193,) recorded samples, see `Wander.listen`; None if the word was not tracked.
     """
 
     verdict: Verdict
@@ -85,7 +88,7 @@ class _Heard(NamedTuple):
 
 
 def _listen(follow: Follow, stream: Stream) -> _Heard:
-    """Judge the word where it is expected and, if it does not fit its label there, near by."""
+    """Judge the word at its expected position and, if it does not fit its label there, near it."""
     if follow.wander is not None:
         return _track(follow, follow.wander, stream)
     sums, reverse = stream.sums, follow.reverse
@@ -94,21 +97,21 @@ def _listen(follow: Follow, stream: Stream) -> _Heard:
     verdict = follow.judge(levels)
     if verdict.good and not follow.misses:
         return _Heard(verdict, _ticks(grid))
-    # After a miss good words are looked for as well: a grid that slips may fit labels that were not sent.
+    # After a miss, search even for good words: a slipped grid may fit labels that were not sent.
     moved = nearby_grid(sums, grid)
     second = follow.judge(word_levels(sums, moved, reverse))
-    if verdict.good and second.level < verdict.level:  # noise has moved it away
+    if verdict.good and second.level < verdict.level:  # noise has moved the grid away
         return _Heard(follow.judge(levels), _ticks(grid))
     return _Heard(second, _ticks(moved))
 
 
 def _ticks(grid: Grid) -> Array:
-    """Where the half cells of a word at constant speed begin and end, (161,)."""
+    """Return the half-cell boundaries (161,) of a word at constant speed."""
     return grid.middle + grid.cell * BETWEEN
 
 
 def _track(follow: Follow, wander: Wander, stream: Stream) -> _Heard:
-    """Judge the word on half cells that are tracked."""
+    """Judge the word on tracked half cells."""
     ticks = wander.listen(stream)
     verdict = follow.judge(ticks_levels(stream.sums, ticks, follow.reverse))
     if verdict.good:
@@ -117,7 +120,7 @@ def _track(follow: Follow, wander: Wander, stream: Stream) -> _Heard:
 
 
 def _timed(follow: Follow, stream: Stream, heard: _Heard) -> Word | None:
-    """The word with its exact start; None if the fit does not settle."""
+    """Return the word with its exact start; None if the edge fit does not converge."""
     good = heard.verdict.good
     label, known = follow.label(good)
     verdict = follow.labels.bits(label, good)
@@ -152,7 +155,7 @@ def _timed(follow: Follow, stream: Stream, heard: _Heard) -> Word | None:
 
 
 def _fitted(follow: Follow, stream: Stream, heard: _Heard, verdict: Verdict) -> EdgeFit:
-    """The edges of a word with the bits of a verdict, about where it was heard."""
+    """Fit the edges of a word with the bits of a verdict, about the position where it was judged."""
     signs = np.ascontiguousarray(verdict.signs[:: -1 if follow.reverse else 1])
     terms = EVEN if heard.tracked is None else SWINGING
     return fit_edges(stream.sums, heard.ticks, signs, verdict.level, terms)

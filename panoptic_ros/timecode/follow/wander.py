@@ -1,7 +1,7 @@
-"""Where words begin on a tape whose speed changes within them: wow, flutter, ramps.
+"""Predict where words begin on a tape whose speed changes within words: wow, flutter, ramps.
 
-The next word is tracked edge by edge, from the sync word before it on, so nothing has to be foreseen of its
-speed.
+The next word is tracked edge by edge, starting at the sync word before it. Therefore its speed need not be
+predicted.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from panoptic_ros.timecode.word.tracking import BEFORE, TICKS, track
 
 Array = np.ndarray
 HALF = 0.5 * WORD_CELLS
-ABOUT_CELLS = 8  # over which the length of a cell is measured
+ABOUT_CELLS = 8  # number of cells over which the cell length is measured
 
 
 class Wander:
-    """The motion of one signal.
+    """Motion of one signal at changing speed.
 
     Args:
-        reverse: whether the tape runs backwards.
-        place, cell: samples, where to listen for the next word from, and the length of a cell there.
-        ticks: (193,) recorded samples, of the next word if it was tracked already; before the first word of
-            a signal there is nothing to follow.
+        reverse: True if the tape runs backwards.
+        place, cell: start position for tracking the next word and the cell length there, recorded samples.
+        ticks: (193,) recorded samples of the next word if it is already tracked. The first word of a signal
+            needs this, as there is nothing before it to track from.
 
     Attributes:
-        level: of the conditioned signal.
+        level: level of the conditioned signal.
     """
 
     def __init__(self, reverse: bool, place: float, cell: float, ticks: Array | None = None):
@@ -38,7 +38,7 @@ class Wander:
 
     @classmethod
     def about(cls, reverse: bool, grid: Grid, stream: Stream, level: float) -> Wander:
-        """From a guess of the middle of the next word, recorded samples, and the level of the signal."""
+        """Create the motion from the signal level and the grid (recorded samples) of the next word."""
         middle = stream.in_sums(grid)
         count = TICKS // 2 + (0 if reverse else BEFORE)
         back = stream.ticks_in_recorded(track(stream.sums, middle.middle, -middle.cell, count, level))
@@ -49,26 +49,26 @@ class Wander:
 
     @property
     def grid(self) -> Grid:
-        """About where the next word is."""
+        """Return the approximate grid of the next word."""
         before = 0.0 if self.reverse else 0.5 * BEFORE
         return Grid(self._place + (HALF + before) * self._cell, self._cell)
 
     def listen(self, stream: Stream) -> Array:
-        """Ticks (193,) of the next word and the sync word before it, on the running sum."""
+        """Return the ticks (193,) of the next word and of the sync word before it, on the running sum."""
         if self._tracked is not None:
             return stream.ticks_in_sums(self._tracked)
         place, cell = stream.in_sums(Grid(self._place, self._cell))
         return track(stream.sums, place, cell, TICKS + BEFORE, self.level)
 
     def own(self, ticks: Array) -> Array:
-        """Those (161,) of the word alone."""
+        """Return the ticks (161,) of the word without its sync word before."""
         return ticks[: TICKS + 1] if self.reverse else ticks[BEFORE:]
 
     def skip(self, ticks: Array) -> None:
-        """Go on to the next word.
+        """Advance to the next word.
 
         Args:
-            ticks: (193,) recorded samples, of the last one.
+            ticks: (193,) recorded samples of the word that was read.
         """
         at = slice(TICKS - ABOUT_CELLS, TICKS + (0 if self.reverse else ABOUT_CELLS) + 1)
         some = ticks[at]

@@ -1,1 +1,1 @@
-"""Words to labels that count on, to rates and user bits: what is sure, and what only seems so."""
+"""Turn words into consecutive labels, frame rates and user bits, and separate certain from likely ones."""

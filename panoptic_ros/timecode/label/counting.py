@@ -1,4 +1,4 @@
-"""Labels that count on, those that the soft bits of a stretch of words propose, and their rates."""
+"""Propose sequences of consecutive labels from the soft bits of several words, with their frame rates."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from panoptic_ros.errors import ClockError
 from panoptic_ros.timecode.word.layout import COUNTINGS, DROP_RATE, TABLES
 
 Array = np.ndarray
-FAR_NATS = 60.0  # behind the best values of a label's fields: nobody asks for labels so unlikely
-NEAR_FRAMES = 3  # of the middle word that are proposed for each rate
+FAR_NATS = 60.0  # candidates worse than the best by more are dropped as too unlikely
+NEAR_FRAMES = 3  # number of frame numbers of the middle word to propose per rate
 CLOCK = ("seconds", "minutes", "hours")
-MOST_NEAR = 8  # of these together that are proposed for each of those frames
+MOST_NEAR = 8  # number of hour-minute-second combinations to propose per frame number
 RATES = (
     FrameRate(24, Fraction(24000, 1001)),
     FrameRate(24, Fraction(24)),
@@ -29,19 +29,25 @@ RATES = (
 
 @dataclass(frozen=True, slots=True)
 class Counting:
-    """Labels that count on: that of word 0, and the step from word to word, 1 or -1."""
+    """Sequence of consecutive labels.
+
+    Args:
+        rate: way of counting.
+        count: frame count of the label of word 0.
+        step: increment from word to word, 1 or -1.
+    """
 
     rate: FrameRate
     count: int
     step: int
 
     def label(self, number: int) -> Timecode:
-        """Of a word."""
+        """Return the label of word `number`."""
         return Timecode.from_frame_count(self.count + self.step * number, self.rate)
 
 
 def proposals(soft: Array, step: int) -> Iterator[Counting]:
-    """The most likely countings by the soft bits (W, 80), and what is near them."""
+    """Yield the most likely countings given the soft bits (W, 80) of W words, and those near them."""
     fields = _Fields(soft)
     numbers = np.arange(len(soft))
     reference = len(soft) // 2
@@ -59,20 +65,22 @@ def proposals(soft: Array, step: int) -> Iterator[Counting]:
 
 
 class _Fields:
-    """What the soft bits (W, 80) of words say for the values of each field of a label."""
+    """Scores of the values of each label field, from the soft bits (W, 80) of W words."""
 
     def __init__(self, soft: Array):
         self.tables = {name: soft[:, bits] @ rows.T.astype(float) for name, (bits, rows) in TABLES.items()}
         self._found: dict[tuple[str, bytes], list[tuple[float, tuple[int, ...]]]] = {}
 
     def nearest(self, names: Sequence[str], carry: Array) -> list[tuple[float, tuple[int, ...]]]:
-        """The best values of some fields of the words of no carry, and those near them, with their scores.
+        """Return the best values of some fields and values near them, with their scores.
+
+        The values are those in words without carry.
 
         Args:
-            names: of the fields; each turns the next by one after 60.
-            carry: (W,) what has been added to the first of them.
+            names: fields, lowest first; each increments the next by one after 60.
+            carry: (W,) increment of the first field in each word.
         """
-        key = (names[0], carry.tobytes())  # few carries are asked for, but often
+        key = (names[0], carry.tobytes())  # cached, because few carries are requested, but often
         if key not in self._found:
             found = sorted(self._candidates(names, carry), reverse=True)[:MOST_NEAR]
             self._found[key] = [item for item in found if item[0] > found[0][0] - FAR_NATS]
@@ -86,14 +94,15 @@ class _Fields:
             return
         turned = (best[:, None] + carry) // 60
         turning = turned.any(axis=1)
-        worth = turning | (np.cumsum(~turning) <= MOST_NEAR)  # the others share what follows
+        # the other values share one result for the remaining fields
+        worth = turning | (np.cumsum(~turning) <= MOST_NEAR)
         for value, onwards in zip(best[worth].tolist(), turned[worth]):
             for score, rest in self.nearest(names[1:], onwards):
                 yield float(own[value]) + score, (value, *rest)
 
 
 def _carried(table: Array, carry: Array) -> Array:
-    """For each value of a field, the score of the words if it is that of the words of no carry."""
+    """Return the total score of all words for each value of a field in words without carry."""
     values = table.shape[1]
     total = np.zeros(values)
     for amount in np.unique(carry):
@@ -104,7 +113,7 @@ def _carried(table: Array, carry: Array) -> Array:
 def _countings(
     hours: int, minutes: int, seconds: int, frames: int, rate: FrameRate, step: int, number: int
 ) -> Iterator[Counting]:
-    """The countings in which a word has a label; drop-frame is one more for 30 labels."""
+    """Yield the countings in which word `number` has a given label; 30 labels also allow drop-frame."""
     rates = [rate, COUNTINGS[3]] if rate.nominal == 30 else [rate]
     for one in rates:
         try:
@@ -115,7 +124,7 @@ def _countings(
 
 
 def possible_rates(countings: Collection[FrameRate]) -> list[tuple[FrameRate, float]]:
-    """The rates that count in one of some ways, and their words per second."""
+    """Return the frame rates that use one of the given ways of counting, with words per second."""
     nominals = {rate.nominal for rate in countings if not rate.drop_frame}
     rates = [rate for rate in RATES if rate.nominal in nominals]
     if any(rate.drop_frame for rate in countings):
@@ -124,14 +133,14 @@ def possible_rates(countings: Collection[FrameRate]) -> list[tuple[FrameRate, fl
 
 
 def closest_rate(rates: Sequence[tuple[FrameRate, float]], measured: float) -> FrameRate:
-    """The rate of some that is closest to words per second."""
+    """Return the frame rate closest to a measured number of words per second."""
     if len(rates) == 1:
         return rates[0][0]
     return min(rates, key=lambda item: abs(math.log(measured / item[1])))[0]
 
 
 def with_rate(label: Timecode, rate: FrameRate) -> Timecode:
-    """The same label at another rate that has it, else as it is."""
+    """Return the same label at another rate; the label unchanged if that rate has no such label."""
     try:
         return Timecode(label.hours, label.minutes, label.seconds, label.frames, rate)
     except ClockError:

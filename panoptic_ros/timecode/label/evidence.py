@@ -1,9 +1,9 @@
-"""The evidence of one word for a label: against all other labels, and against those of the frames beside it.
+"""Score a label for one word, against all other labels and against those of the neighbouring frames.
 
-Timecode that stands still sends labels that differ in few bits from those that count on, and a user bit
-beside them can hide the turned polarity that shows it. So if a word has the user bits of the words before,
-whatever its label is, labels are judged with these bits. And a label must be more likely than those next to
-it. All evidence is in nats (natural logarithms of probability ratios).
+The labels of stopped timecode differ in few bits from consecutive labels. A wrong user bit beside these bits
+can hide the flipped polarity that reveals the difference. Therefore, if a word has the same user bits as
+earlier words, its labels are judged with these bits. A label must also be more likely than its neighbours.
+All scores are in nats (natural logarithms of probability ratios).
 """
 
 from __future__ import annotations
@@ -17,35 +17,36 @@ from panoptic_ros.timecode.word.layout import FREE, USER_BITS, USER_WEIGHTS, WOR
 from panoptic_ros.timecode.word.viterbi import LEAST_NOISE, WordLevels, best_path, match, soft_bits
 
 Array = np.ndarray
-GOOD_NATS = 15.0  # by which a word may contradict its label
-LEAST_QUALITY = 0.8  # share of the levels' magnitude that the bits must explain
-LEAST_TENTH = 0.25  # of the word's level, in each tenth of it: a cut word has less
-LEAST_ANYWHERE = 0.1  # in a tenth that begins anywhere: silence has less
-POSSIBLE_NATS, POSSIBLE_QUALITY = 150.0, 0.7  # the same for words between good ones
-CLEAN_SHARE = 0.93  # of the levels that bits explain if there is no click
-CLEAR_NATS = 1.0  # a clean word that contradicts its label by less cannot have another
-USER_NATS = 8.0  # by which a word may contradict the user bits of others and still share them
-BESIDE = (-1, 1, -2, 2, -3, 3, -4, 4)  # frames: timecode that stands still is lost after so many
-BEHIND_NATS = 24.0  # of the labels beside: a word that clicks spoil may be so far behind
+GOOD_NATS = 15.0  # maximum nats by which a good word may contradict its label
+LEAST_QUALITY = 0.8  # share of the level magnitude that the bits must explain
+LEAST_TENTH = 0.25  # minimum level of each tenth of a word, relative to the word's level; a cut word has less
+LEAST_ANYWHERE = 0.1  # the same for a tenth at any position; silence has less
+POSSIBLE_NATS, POSSIBLE_QUALITY = 150.0, 0.7  # the same limits for a word between good ones
+CLEAN_SHARE = 0.93  # share of the levels that the bits explain if there is no click
+CLEAR_NATS = 1.0  # nats; a clean word that contradicts its label by less cannot have another one
+USER_NATS = 8.0  # maximum nats by which a word may contradict the user bits that it shares with other words
+# frames, offsets of the neighbouring labels; after 4 words, stopped timecode counts as lost
+BESIDE = (-1, 1, -2, 2, -3, 3, -4, 4)
+BEHIND_NATS = 24.0  # nats by which a word with clicks may fit the neighbouring labels better than its own
 NO_BITS = np.full(WORD_CELLS, FREE, np.int8)
-CERTAIN = 12.0  # nats for every bit
-OTHER_NATS = 15.0  # by which a clear word must contradict what was certain
-MANY_NATS = 90.0  # by which any word must: several bits; a click turns one or two
+CERTAIN = 12.0  # nats required of every bit
+OTHER_NATS = 15.0  # nats by which a clear word must contradict the certain bits to change them
+MANY_NATS = 90.0  # the same for any word: several bits must differ, as a click flips one or two
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """How a label fits a word.
+    """Score of a label for a word.
 
     Args:
-        nats: by which the levels contradict the label, at least 0.
-        bits: (80,) the most likely ones with this label.
-        signs: (160,) of the half cells.
-        level: of the signal.
-        share: of the levels' magnitude that is explained.
-        good: whether the word is there and has this label.
-        possible: whether it may have it; clicks contradict for a moment.
-        ahead: nats by which the labels of the frames beside fit worse; infinite if they were not compared.
+        nats: amount by which the levels contradict the label, at least 0.
+        bits: (80,) most likely bits with this label.
+        signs: (160,) signs of the half cells.
+        level: mean level of the signal.
+        share: share of the level magnitude that the bits explain.
+        good: True if the word is present and has this label.
+        possible: True if the word may have this label; clicks can contradict it briefly.
+        ahead: nats by which the labels of the neighbouring frames fit worse; infinite if not compared.
     """
 
     nats: float
@@ -59,16 +60,16 @@ class Verdict:
 
     @property
     def clean(self) -> bool:
-        """Whether no click or noise spoils the word."""
+        """Return whether the word is free of clicks and noise."""
         return self.share > CLEAN_SHARE
 
 
 def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> Verdict:
-    """Judge how a label fits a word.
+    """Score how well a label fits a word.
 
     Args:
-        wanted: (80,) the label's bits.
-        free: the score of the best path without a label, if known.
+        wanted: (80,) bits of the label.
+        free: score of the best path without a label; computed if None.
     """
     if free is None:
         free = free_score(levels)
@@ -81,12 +82,12 @@ def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> Verdi
 
 
 def free_score(levels: WordLevels) -> float:
-    """The score of the best path without a label."""
+    """Return the score of the best path without a label."""
     return float(best_path(levels.halves, NO_BITS, levels.before).score)
 
 
 def soft_nats(levels: WordLevels, wanted: Array) -> Array:
-    """Nats (80,) for ones, given some bits (80,)."""
+    """Return the nats (80,) in favour of a one, per bit, if the bits `wanted` (80,) are given."""
     halves = levels.halves
     level = (best_path(halves, wanted, levels.before).score - abs(levels.before)) / len(halves)
     noise = max(float(halves @ halves) / len(halves) - level * level, (LEAST_NOISE * level) ** 2, 1e-30)
@@ -94,35 +95,35 @@ def soft_nats(levels: WordLevels, wanted: Array) -> Array:
 
 
 class UserBits:
-    """User bits by all words of a signal. What was certain stays until words clearly say something else.
+    """User bits estimated from all words of a signal. Certain bits stay until words clearly contradict them.
 
     Args:
-        soft: (32,) nats for ones from words that were judged together.
+        soft: (32,) nats in favour of ones, from words that were judged together.
     """
 
     def __init__(self, soft: Array):
         self._nats = soft.astype(np.float64)
         self.certain = bool(np.abs(soft).min() > CERTAIN)
         self._believe((soft > 0.0).astype(np.int8))
-        self._other = -1  # what the last clear word said instead
+        self._other = -1  # user bits that the last clear word had instead
 
     @property
     def likely(self) -> Array:
-        """(32,) the most likely bits."""
+        """Return the most likely bits (32,)."""
         return self._bits
 
     @property
     def value(self) -> int:
-        """The last bits that were certain; 0 before."""
+        """Return the last certain bits as a number; 0 before any were certain."""
         return self._value if self.certain else 0
 
     def hear(self, soft: Array, contradiction: float, clear: bool) -> None:
-        """Learn from a good word.
+        """Update the user bits from a good word.
 
         Args:
-            soft: (32,) nats for ones.
-            contradiction: nats by which it fits better without the likely bits.
-            clear: whether no click or noise spoils it.
+            soft: (32,) nats in favour of ones.
+            contradiction: nats by which the word fits better without the likely bits.
+            clear: True if no click or noise distorts the word.
         """
         heard = (soft > 0.0).astype(np.int8)
         if not self.certain:
@@ -146,17 +147,18 @@ def _number(bits: Array) -> int:
 
 
 class Evidence:
-    """The evidence of one word.
+    """Likelihoods of labels for one word.
 
     Args:
-        user: what is known of the user bits.
+        levels: half-cell levels of the word.
+        user: user bits of the signal so far.
     """
 
     def __init__(self, levels: WordLevels, user: UserBits):
         self._levels = levels
         self._free = free_score(levels)
         self._user = user.likely
-        self.contradiction = 0.0  # nats by which it fits better without the user bits that are known
+        self.contradiction = 0.0  # nats by which the word fits better without the known user bits
         self.same_user = False
         if user.certain:
             bits = NO_BITS.copy()
@@ -167,11 +169,11 @@ class Evidence:
                 self._free = float(best_path(levels.halves, bits, levels.before).score)
 
     def verdict(self, label: Timecode) -> Verdict:
-        """The verdict on a label."""
+        """Return the verdict on a label."""
         return judge(self._levels, self._wanted(label), self._free)
 
     def compared(self, label: Timecode, found: Verdict) -> Verdict:
-        """The verdict on a label, compared with the labels beside it if the word is not clear."""
+        """Return the verdict on a label, compared with its neighbours unless the word is clear."""
         if found.clean and found.nats < CLEAR_NATS:
             return found
         beside = (Timecode.from_frame_count(label.frame_count + step, label.rate) for step in BESIDE)
@@ -180,13 +182,13 @@ class Evidence:
         return replace(found, good=found.good and ahead >= 0.0, possible=possible, ahead=ahead)
 
     def with_user(self, label: Timecode, user: Array) -> Verdict:
-        """The verdict on a label with user bits (32,)."""
+        """Return the verdict on a label with user bits (32,)."""
         wanted = known_bits(label)
         wanted[USER_BITS] = user
         return judge(self._levels, wanted, self._free)
 
     def soft_user(self, label: Timecode) -> Array:
-        """Nats (32,) for ones in the user bits of a word with a label."""
+        """Return the nats (32,) in favour of ones in the user bits, given the label of the word."""
         nats: Array = soft_nats(self._levels, known_bits(label))[USER_BITS]
         return nats
 

@@ -1,4 +1,4 @@
-"""Which labels the words of a signal may have: those of every counting that is still possible."""
+"""Keep the labels that the next words of a signal may have: those of every counting still possible."""
 
 from __future__ import annotations
 
@@ -10,44 +10,45 @@ from panoptic_ros.timecode.label.evidence import Evidence, UserBits, Verdict
 from panoptic_ros.timecode.label.stretch import WORST_NATS, Solution
 from panoptic_ros.timecode.word.viterbi import WordLevels
 
-SURE_NATS = 10.0  # by which other labels must be worse
-RULED_OUT_NATS = 30.0  # by which a counting is so much worse that it is forgotten
-UPHELD_NATS = 6.0  # of the labels beside, before words are reported
+SURE_NATS = 10.0  # nats by which all other labels must be worse for a label to be certain
+RULED_OUT_NATS = 30.0  # a counting worse than the best by more is dropped
+UPHELD_NATS = 6.0  # nats by which the neighbouring labels must be worse before words are reported
 Digits = tuple[int, int, int, int, bool]
 
 
 class ExpectedLabels:
-    """The labels that the words of a signal may have, and its user bits.
+    """Labels that the words of a signal may have, and the user bits of the signal.
 
     Args:
-        solution: of the words that the signal was found by.
-        user: what is known of the user bits; from the solution if it is not given.
+        solution: countings of the words by which the signal was found.
+        user: user bits so far; taken from the solution if None.
     """
 
     def __init__(self, solution: Solution, user: UserBits | None = None):
         self.user = UserBits(solution.user) if user is None else user
         self._solution = solution
-        self._countings: list[tuple[Counting, float]] = []  # nats that the best is ahead
+        # counting, nats by which it is worse than the best
+        self._countings: list[tuple[Counting, float]] = []
         self._rates: list[tuple[FrameRate, float]] = []
-        self._ahead = 0.0  # nats of the labels beside, by the words that are not upheld yet
-        self._evidence: Evidence | None = None  # of the word that was judged last
-        self._labels: list[Timecode] = []  # of that word, one for each counting
-        self._verdicts: dict[Digits, Verdict] = {}  # on those labels
-        self._last_ahead = 0.0  # of that word
+        self._ahead = 0.0  # nats by which the neighbouring labels are worse, summed over words not upheld yet
+        self._evidence: Evidence | None = None  # evidence of the word judged last
+        self._labels: list[Timecode] = []  # labels of that word, one per counting
+        self._verdicts: dict[Digits, Verdict] = {}  # verdicts on those labels
+        self._last_ahead = 0.0  # nats by which the neighbours of that word's label are worse
         self.begin()
 
     @property
     def first(self) -> int:
-        """Number of the first good word of those that the signal was found by."""
+        """Return the number of the first good word among those by which the signal was found."""
         return self._solution.first
 
     def begin(self) -> None:
-        """Forget all but the words that the signal was found by."""
+        """Discard everything except the solution by which the signal was found."""
         self._keep([(counting, 0.0) for counting in self._solution.countings])
         self._ahead = 0.0
 
     def judge(self, number: int, levels: WordLevels) -> Verdict:
-        """Judge a word against the most likely label that it may have."""
+        """Score a word against its most likely label among the possible countings."""
         evidence = self._evidence = Evidence(levels, self.user)
         self._labels = [counting.label(number) for counting, _ in self._countings]
         self._verdicts = {}
@@ -60,9 +61,9 @@ class ExpectedLabels:
         return verdict
 
     def label(self, good: bool) -> tuple[Timecode, bool]:
-        """The label of the word that was judged last, and whether no other is about as likely.
+        """Return the label of the word judged last, and whether no other label is about as likely.
 
-        If the word is good, it also tells which countings are likely.
+        A good word also updates the likelihoods of the countings.
         """
         labels = self._labels
         if len(labels) == 1:
@@ -79,7 +80,10 @@ class ExpectedLabels:
         return labels[best], likely == {digits[best]}
 
     def bits(self, label: Timecode, good: bool) -> Verdict:
-        """The bits of the word judged last, user bits as those of others unless it clearly has its own."""
+        """Return the bits of the word judged last, given its label.
+
+        The user bits are those of the other words, unless this word clearly has different ones.
+        """
         verdict, evidence = self._verdicts[_digits(label)], self._evidence
         assert evidence is not None
         if evidence.same_user:
@@ -89,11 +93,13 @@ class ExpectedLabels:
         return evidence.with_user(label, self.user.likely)
 
     def upheld(self, good: bool, early: bool, read: int) -> bool:
-        """Whether the words up to the one judged last, if good, have none of the labels beside theirs.
+        """Return whether the words up to the one judged last have none of the neighbouring labels.
 
         Args:
-            early: whether the word is before those that the signal was found by.
-            read: good words so far; what has counted on goes on.
+            good: True if the word judged last is good; otherwise the sum of evidence restarts.
+            early: True if the word precedes those by which the signal was found.
+            read: number of good words so far. It lowers the threshold: labels that were consecutive so far
+                are likely to continue.
         """
         self._ahead = self._ahead + self._last_ahead if good else 0.0
         if early or self._ahead < UPHELD_NATS - np.log1p(read):
@@ -102,7 +108,7 @@ class ExpectedLabels:
         return True
 
     def rate(self, words_per_second: float) -> FrameRate:
-        """The rate of those still possible that is closest to what was measured."""
+        """Return the possible frame rate closest to the measured one."""
         return closest_rate(self._rates, words_per_second)
 
     def _keep(self, countings: list[tuple[Counting, float]]) -> None:
@@ -111,5 +117,5 @@ class ExpectedLabels:
 
 
 def _digits(label: Timecode) -> Digits:
-    """What tells labels apart."""
+    """Return the fields that distinguish two labels."""
     return label.hours, label.minutes, label.seconds, label.frames, label.rate.drop_frame

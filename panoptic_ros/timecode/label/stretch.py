@@ -1,16 +1,16 @@
-"""Which labels a stretch of words has: all words are judged together against labels that count on.
+"""Find the labels of a stretch of words: all words are judged together against consecutive labels.
 
-A word alone may be unreadable, or be read as something else. So the most likely labels of the whole stretch
-are proposed from soft bits, field by field. Each proposal is judged by how much worse the levels of all
-words fit if its bits are given, in nats (natural logarithms of probability ratios). The best one is
-believed if it is far ahead of the next, if no other explains the words better through echoes, and if enough
-words confirm it alone.
+A single word may be unreadable or misread. Therefore the most likely labels of the whole stretch are proposed
+from soft bits, field by field. The score of a proposal says how much worse the levels of all words fit if its
+bits are given. Scores are in nats (natural logarithms of probability ratios). The best proposal is accepted
+under three conditions. It must be far ahead of the next one. No other proposal may explain the words better
+through echoes. Enough words must confirm it individually.
 
-Echoes of a room make the same error in every word; a linear channel tells right labels from wrong ones.
-Echoes of one word fall on the same bits of the next, as most bits of words do not change. They turn bits in
-pairs (where the edge between two bits is lost another appears, so the parity of the word does not show it),
-and they do so in every word, so more words do not help. But echoes are linear: a filter as long as a word
-explains the levels if the labels are right, and leaves large residuals if they are wrong.
+Room echoes cause the same error in every word, so a linear channel separates right from wrong labels. Most
+bits are equal in consecutive words. The echoes of one word therefore fall on the same bits of the next.
+Echoes flip bits in pairs: where the edge between two bits vanishes, another appears. The parity of the word
+does not reveal this. All words are affected, so more words do not help. But echoes are linear. A filter as
+long as a word explains the levels if the labels are right, and leaves large residuals if they are wrong.
 """
 
 from __future__ import annotations
@@ -26,19 +26,25 @@ from panoptic_ros.timecode.word.layout import SYNC_ONLY, USER_BITS, known_bits
 from panoptic_ros.timecode.word.viterbi import WordLevels
 
 Array = np.ndarray
-WORST_NATS = 40.0  # that one word can count against labels
-AHEAD_NATS = 16.0  # of the next best labels
-DOUBT_NATS, DOUBTFUL = 60.0, 4  # labels up to so far behind, and so many, are compared for echoes
-ECHO_WORDS = 5  # that are needed to estimate the channel where labels are in doubt
-CONTRADICTION_NATS = 6.0  # by which echoes must speak against the best labels
-LATE = 160  # half cells by which echoes come late, at most: a word
-EARLY = 2  # half cells by which a filter of zero phase or an inexact grid spreads edges forward
-PRIOR = 0.01  # variance of noise over that of a coefficient of the filter
+WORST_NATS = 40.0  # maximum nats that one word can count against labels
+AHEAD_NATS = 16.0  # minimum nats between the best labels and the next best
+DOUBT_NATS, DOUBTFUL = 60.0, 4  # labels compared for echoes: maximum nats behind the best, maximum number
+ECHO_WORDS = 5  # minimum number of words to estimate the channel if labels are in doubt
+CONTRADICTION_NATS = 6.0  # nats by which the echo fit must contradict the best labels to reject them
+LATE = 160  # half cells, maximum delay of an echo: one word
+EARLY = 2  # half cells by which a zero-phase filter or an inexact grid spreads edges forward
+PRIOR = 0.01  # ratio of the noise variance to the variance of a filter coefficient
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Countings that explain a stretch of words; the user bits (32,) soft; number of the first good word."""
+    """Countings that explain a stretch of words.
+
+    Args:
+        countings: countings with the accepted labels.
+        user: (32,) nats in favour of ones in the user bits.
+        first: number of the first good word.
+    """
 
     countings: tuple[Counting, ...]
     user: Array
@@ -46,10 +52,12 @@ class Solution:
 
 
 def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) -> Solution | None:
-    """The countings of consecutive words, the first of which has number 0.
+    """Return the countings of consecutive words; the first word has number 0.
 
     Args:
-        least_good: words that must be readable.
+        least_good: minimum number of readable words.
+
+    Returns: the solution; None if the labels are in doubt or too few words are readable.
     """
     if len(words) < least_good:
         return None
@@ -77,13 +85,13 @@ def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) ->
     user = soft[:, USER_BITS].sum(axis=0)
     alone = _each_alone(words, best.countings[0], UserBits(user))
     if not _Judged(alone, best.countings).readable(least_good):
-        return None  # timecode that stands still or stutters
+        return None  # timecode that is stopped or stutters
     first = next(number for number, verdict in enumerate(alone) if verdict.good)
     return Solution(tuple(best.countings), user, first)
 
 
 def _each_alone(words: Sequence[WordLevels], counting: Counting, user: UserBits) -> list[Verdict]:
-    """The verdict of each word on its label, compared with those of the frames beside."""
+    """Return the verdict of each word on its label, compared with the labels of the neighbouring frames."""
     verdicts = []
     for number, levels in enumerate(words):
         label, evidence = counting.label(number), Evidence(levels, user)
@@ -92,7 +100,7 @@ def _each_alone(words: Sequence[WordLevels], counting: Counting, user: UserBits)
 
 
 class _Judged:
-    """Labels of a stretch: verdicts of its words, and the countings that have these labels."""
+    """Candidate labels of a stretch: the verdicts of its words, and the countings that have these labels."""
 
     def __init__(self, verdicts: list[Verdict], countings: list[Counting]):
         self.nats = sum(min(item.nats, WORST_NATS) for item in verdicts)
@@ -101,12 +109,12 @@ class _Judged:
         self._good = sum(item.good for item in verdicts)
 
     def readable(self, least_good: int) -> bool:
-        """Whether enough words have these labels."""
+        """Return whether enough words are good with these labels."""
         return self._good >= max(least_good, 0.5 * len(self.signs))
 
 
 def _through_echoes(words: Sequence[WordLevels], ranked: list[_Judged], reverse: bool) -> _Judged | None:
-    """The best labels, or those near them that explain the words better through echoes; None in doubt."""
+    """Return the best labels, or close ones that explain the words better through echoes; None in doubt."""
     clear = len(ranked) == 1 or ranked[1].nats >= ranked[0].nats + AHEAD_NATS
     crowded = len(ranked) > DOUBTFUL and ranked[DOUBTFUL].nats < ranked[0].nats + AHEAD_NATS
     if crowded or (not clear and len(words) < ECHO_WORDS):
@@ -124,13 +132,13 @@ def _through_echoes(words: Sequence[WordLevels], ranked: list[_Judged], reverse:
 
 
 def echo_nats(levels: Sequence[Array], signs: Sequence[Array]) -> float:
-    """How badly signs explain levels through the linear channel that fits best; only differences matter.
+    """Return how badly signs explain levels through the best linear channel; only differences matter.
 
     Args:
-        levels: (160,) of the half cells of consecutive words in the order of the stream.
-        signs: (160,) of each word.
+        levels: (160,) half-cell levels of consecutive words, in stream order.
+        signs: (160,) half-cell signs of each word.
 
-    Returns: nats, if noise is Gaussian and of unknown level.
+    Returns: nats, for Gaussian noise of unknown variance.
     """
     heard, sent = np.concatenate(levels).astype(np.float64), np.concatenate(signs).astype(np.float64)
     late = min(LATE, len(heard) // 4)

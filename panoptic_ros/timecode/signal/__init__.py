@@ -1,1 +1,1 @@
-"""Samples to a signal without DC, hum and clicks, and its integrals over half cells."""
+"""Condition audio samples (remove DC, hum and clicks) and integrate the signal over half cells."""

@@ -1,4 +1,4 @@
-"""Short bursts far above the signal: found and bridged."""
+"""Find clicks (short bursts far above the signal level) and replace them by straight lines."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
-EVERY = 7  # every 7th sample tells the level; no multiple of the length of a half cell
-TOGETHER = 64  # samples that are tested in one go
+EVERY = 7  # the level is computed from every 7th sample; 7 is not a multiple of the half-cell length
+TOGETHER = 64  # samples compared per inner loop
 
 
 class ClickLimits(NamedTuple):
-    """What is a click.
+    """Limits that define a click.
 
     Args:
-        reach: samples to both sides whose mean is the baseline.
-        piece: samples over which the level is taken.
-        share: of the samples that lie below the level.
-        most: times the level; what is beyond is a click.
-        longest: samples of a burst; what lasts longer is no click.
+        reach: (samples) half width of the window whose mean is the baseline of a sample.
+        piece: (samples) length of the piece over which one level is computed.
+        share: (0..1) quantile of the magnitudes that is taken as the level.
+        most: ratio of a magnitude to the level above which a sample belongs to a click.
+        longest: (samples) maximum length of a click; longer bursts are kept.
     """
 
     reach: int
@@ -34,7 +34,7 @@ class ClickLimits(NamedTuple):
 
 @_jit
 def piece_levels(signal: Array, piece: int, share: float, every: int) -> Array:
-    """The quantile of the magnitude in each piece, or in a neighbour if that is more."""
+    """Return the level of each piece: a quantile of its magnitudes, or that of a neighbour if larger."""
     pieces = max(1, len(signal) // piece)
     levels = np.empty(pieces)
     for k in range(pieces):
@@ -53,7 +53,7 @@ def piece_levels(signal: Array, piece: int, share: float, every: int) -> Array:
 
 @_jit
 def bridge_clicks(raw: Array, limits: ClickLimits) -> Array:
-    """The samples with short bursts far above their neighbourhood replaced by straight lines."""
+    """Return the samples, with short bursts far above their surroundings replaced by straight lines."""
     reach, piece, share, most, longest = limits
     count = len(raw)
     high = _above_baseline(raw, reach)
@@ -82,7 +82,7 @@ def bridge_clicks(raw: Array, limits: ClickLimits) -> Array:
 
 @_jit
 def _above_baseline(raw: Array, reach: int) -> Array:
-    """Samples minus the mean of those up to `reach` to both sides."""
+    """Subtract from each sample the mean of the samples within `reach` on both sides."""
     count = len(raw)
     sums = np.empty(count + 1)
     sums[0] = 0.0
@@ -102,7 +102,7 @@ def _above_baseline(raw: Array, reach: int) -> Array:
 
 @_jit
 def _first_beyond(values: Array, begin: int, end: int, most: float) -> int:
-    """Index of the first of some values whose magnitude is more than another; the end if there is none."""
+    """Return the first index in begin..end whose magnitude exceeds `most`; `end` if there is none."""
     while begin < end:
         part = min(begin + TOGETHER, end)
         beyond = 0

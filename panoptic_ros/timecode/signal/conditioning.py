@@ -1,4 +1,4 @@
-"""From recorded samples to a signal without DC, hum and clicks, with edges where they were."""
+"""Remove DC, hum and clicks from recorded samples, without moving the edges of the signal."""
 
 from __future__ import annotations
 
@@ -10,35 +10,38 @@ from panoptic_ros.timecode.signal.clicks import EVERY, ClickLimits, bridge_click
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 _sum = njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
-FILTER_SECONDS = 0.014
-KNOT_HZ = 6000.0  # least rate at which the low pass is computed, with lines between
-FINE_RATE = 32_000  # Hz, at least: edges lie between samples
-BESIDE = 16  # samples to both sides that an upsampled one is computed from
-WINDOW = "kaiser", 4.5
-LEVEL_SECONDS = 0.0125
-LEVEL_SHARE = 0.8  # of the samples lie below the level; where recordings droop, most are far below
-CLIP = 1.8  # times the level; edges overshoot by less
-BLANK = 3.0  # times the level; what is beyond is a click and is set to 0
-CLICK = 2.4  # times the level, before the filter could smear it
-CLICK_SECONDS = 0.0006  # at most
-BASELINE_SECONDS = 0.0015  # to both sides of a sample that may be a click
+FILTER_SECONDS = 0.014  # s, length of the high-pass filter
+KNOT_HZ = 6000.0  # Hz, minimum rate at which the low pass is computed; it is linear in between
+FINE_RATE = 32_000  # Hz, minimum rate after upsampling: edges lie between samples
+BESIDE = 16  # samples on each side used to interpolate one upsampled value
+WINDOW = "kaiser", 4.5  # window of the low pass and of the interpolation: type and shape parameter
+LEVEL_SECONDS = 0.0125  # s, length of the piece over which one level is computed
+# quantile of the magnitudes taken as level; high, as most samples of a drooping recording are low
+LEVEL_SHARE = 0.8
+CLIP = 1.8  # times the level; overshoot at edges stays below
+BLANK = 3.0  # times the level; larger samples are clicks and are set to 0
+CLICK = 2.4  # times the level; threshold for clicks before the high pass, which would smear them
+CLICK_SECONDS = 0.0006  # s, maximum length of a click
+BASELINE_SECONDS = 0.0015  # s on each side of a sample, to compute the baseline of the click test
 
 
 class Conditioner:
-    """Bridges clicks, then a linear-phase high pass and a limiter; low sample rates are upsampled by `up`.
+    """Signal conditioner: click bridge, linear-phase high pass, upsampling at low rates, limiter.
 
-    The filter is symmetric and its output belongs to its centre, so edges stay where they are. In exchange
-    the newest `reach` samples wait for the next chunk.
+    The filter is symmetric and its output is assigned to its centre, so edges stay in place. As a
+    consequence, the newest `reach` samples wait for the next chunk.
     """
 
     def __init__(self, sample_rate: int, corner_hz: float):
         self.up = max(1, -(-FINE_RATE // sample_rate))
         self._step = max(1, int(sample_rate / KNOT_HZ))
-        knots = int(0.5 * FILTER_SECONDS * sample_rate / self._step) - 2  # of the low pass, to each side
-        from scipy.signal import firwin  # takes a second to load, which most runs do not need
+        # samples of the low pass on each side
+        knots = int(0.5 * FILTER_SECONDS * sample_rate / self._step) - 2
+        # imported here: loading takes about a second, and most runs do not need it
+        from scipy.signal import firwin
 
         low = firwin(2 * knots + 1, corner_hz, window=WINDOW, fs=sample_rate / self._step)
-        self._low_pass = low / self._step  # hats are so large
+        self._low_pass = low / self._step  # divided by the integral of a hat
         self._between = _between(self.up)
         self._half = (knots + 2) * self._step + (BESIDE if self.up > 1 else 0)
         self._beside = int((BASELINE_SECONDS + CLICK_SECONDS) * sample_rate) + 2
@@ -51,11 +54,11 @@ class Conditioner:
             most=CLICK,
             longest=max(2, int(CLICK_SECONDS * sample_rate)),
         )
-        self._raw = np.zeros(self._beside)  # before the first sample there was silence
+        self._raw = np.zeros(self._beside)  # silence is assumed before the first sample
         self._history = np.zeros(self._half)
 
     def push(self, raw: Array) -> Array:
-        """Conditioned samples, `up` for each recorded one, of which the newest `reach` still wait."""
+        """Return the conditioned samples, `up` per recorded sample; the newest `reach` ones are delayed."""
         raw = np.concatenate([self._raw, raw])
         if len(raw) <= 2 * self._beside:
             self._raw = raw
@@ -75,7 +78,7 @@ class Conditioner:
 
 
 def _between(up: int) -> Array:
-    """Interpolation weights (up - 1, 2 M) of samples for the places between two samples (windowed sinc)."""
+    """Return weights (up - 1, 2 M) that interpolate samples at places between two samples (windowed sinc)."""
     away = np.arange(1 - BESIDE, BESIDE + 1) - np.arange(1, up)[:, None] / up
     rows = np.sinc(away) * np.i0(WINDOW[1] * np.sqrt(1.0 - (away / BESIDE) ** 2))
     shares: Array = rows / rows.sum(axis=1, keepdims=True)
@@ -84,7 +87,10 @@ def _between(up: int) -> Array:
 
 @_sum
 def hat_sums(rows: Array, step: int) -> Array:
-    """Products (I, K) of rows (I, N) with triangular hats on every `step`-th sample, 0 at the next ones."""
+    """Return the inner products (I, K) of rows (I, N) with triangular hats.
+
+    Hats are centred on every `step`-th sample and fall to 0 at the neighbouring centres.
+    """
     count = rows.shape[1]
     sums = np.zeros((len(rows), (count - 1) // step + 2))
     for i in range(len(rows)):
@@ -100,11 +106,11 @@ def hat_sums(rows: Array, step: int) -> Array:
 
 @_jit
 def high_pass(samples: Array, hats: Array, low_pass: Array, step: int) -> Array:
-    """Samples minus their symmetric low pass, for those in the middle of a stretch (N,).
+    """Subtract the symmetric low pass from the samples; return those in the middle of the stretch (N,).
 
     Args:
-        hats: (K,) the samples' `hat_sums`.
-        low_pass: (2 M + 1,) for every `step`-th sample; M + 2 times that are lost at both ends.
+        hats: (K,) `hat_sums` of the samples.
+        low_pass: (2 M + 1,) filter taps, one per `step` samples. (M + 2) * step samples are lost at each end.
     """
     side = len(low_pass) // 2
     low = np.zeros(len(hats) - 2 * side)
@@ -122,10 +128,10 @@ def high_pass(samples: Array, hats: Array, low_pass: Array, step: int) -> Array:
 
 @_jit
 def between(samples: Array, weights: Array) -> Array:
-    """Samples with interpolated ones between them; M are lost at both ends.
+    """Insert interpolated samples between the given samples; M samples are lost at each end.
 
     Args:
-        weights: (U, 2 M) of the samples beside each place.
+        weights: (U, 2 M) weights of the neighbouring samples, one row per inserted sample.
     """
     places, beside = len(weights) + 1, weights.shape[1] // 2
     count = len(samples) - 2 * beside
@@ -146,7 +152,14 @@ def between(samples: Array, weights: Array) -> Array:
 
 @_jit
 def limit(signal: Array, piece: int, share: float, clip: float, blank: float) -> None:
-    """Clip what is far above the level of its neighbourhood, in place; set to 0 what is still farther."""
+    """Clip samples far above the local level, in place; set samples still farther above it to 0.
+
+    Args:
+        piece: (samples) length of the piece over which one level is computed.
+        share: (0..1) quantile of the magnitudes that is taken as the level.
+        clip: ratio to the level at which samples are clipped.
+        blank: ratio to the level above which samples are set to 0.
+    """
     levels = piece_levels(signal, piece, share, EVERY)
     for k in range(len(levels)):
         end = len(signal) if k == len(levels) - 1 else (k + 1) * piece

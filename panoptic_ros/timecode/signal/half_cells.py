@@ -1,7 +1,8 @@
-"""The grid of a word's cells, and integrals of the signal over half cells, from its running sum.
+"""Integrate the signal over half cells of a word's cell grid, from the running sum of the signal.
 
-With biphase mark the level changes at half cells only. So the integrals over half cells are the output of a
-matched filter, and their energy is largest where the grid's edges are those of the signal.
+With biphase-mark coding the level changes only at half-cell boundaries. Integrals over half cells are
+therefore the output of a matched filter. Their energy is maximal if the edges of the grid coincide with those
+of the signal.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 class Grid(NamedTuple):
-    """Cell u from the middle of a word begins at middle + cell * u, in samples.
+    """Grid of a word's cells: cell u, counted from the middle of the word, begins at middle + cell * u.
 
     Args:
-        middle: of the word, samples.
-        cell: its length, samples.
+        middle: middle of the word, samples.
+        cell: length of a cell, samples.
     """
 
     middle: float
@@ -30,19 +31,19 @@ class Grid(NamedTuple):
 
 @_jit
 def place_of(grid: Grid, u: float) -> float:
-    """Where cell u begins, samples."""
+    """Return the sample at which cell u begins."""
     return grid.middle + grid.cell * u
 
 
 @_jit
 def moved_grid(grid: Grid, cells: float) -> Grid:
-    """The same grid about another middle."""
+    """Return the same grid with its middle moved by `cells` cells."""
     return Grid(place_of(grid, cells), grid.cell)
 
 
 @_jit
 def integral(sums: Array, position: float) -> float:
-    """Integral up to a fractional position; sample i covers i - 0.5 to i + 0.5."""
+    """Return the integral of the signal up to a fractional position; sample i covers i - 0.5 to i + 0.5."""
     place = min(max(position + 0.5, 0.0), len(sums) - 1.001)
     below = int(place)
     part = place - below
@@ -52,7 +53,7 @@ def integral(sums: Array, position: float) -> float:
 
 @_jit
 def half_levels(sums: Array, grid: Grid, first: float, count: int) -> Array:
-    """Mean levels (2 * count,) of the half cells of `count` cells from cell `first` of a grid on."""
+    """Return the mean levels (2 * count,) of the half cells of `count` cells, from cell `first` of a grid."""
     levels = np.empty(2 * count)
     before, value = 0.0, 0.0
     for k in range(2 * count + 1):
@@ -66,7 +67,7 @@ def half_levels(sums: Array, grid: Grid, first: float, count: int) -> Array:
 
 @_jit
 def tick_levels(sums: Array, ticks: Array) -> Array:
-    """Mean levels (N,) of the half cells between ticks (N + 1,)."""
+    """Return the mean levels (N,) of the half cells between ticks (N + 1,)."""
     levels = np.empty(len(ticks) - 1)
     before = integral(sums, ticks[0])
     for k in range(len(levels)):
@@ -78,7 +79,10 @@ def tick_levels(sums: Array, ticks: Array) -> Array:
 
 @_jit
 def energy(sums: Array, start: float, half: float, count: int) -> float:
-    """Sum of squared integrals over `count` half cells from a place on; what lies outside counts nothing."""
+    """Return the sum of squared integrals over `count` half cells of length `half`, from position `start`.
+
+    Half cells outside the running sum contribute 0.
+    """
     total, last = 0.0, len(sums) - 1.001
     place, k = start + 0.5, 0
     while place < 0.0 and k < count:
@@ -102,7 +106,7 @@ def energy(sums: Array, start: float, half: float, count: int) -> float:
 
 @_jit
 def grid_energy(sums: Array, grid: Grid, first: float, count: int) -> float:
-    """Mean square of `half_levels`."""
+    """Return the mean square of `half_levels`."""
     cell = grid.cell
     total = energy(sums, place_of(grid, first), 0.5 * cell, 2 * count)
     return total * 4.0 / (cell * cell * 2.0 * count)

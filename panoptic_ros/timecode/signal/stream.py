@@ -1,4 +1,4 @@
-"""The newest part of one device's samples: as recorded, and as the running sum of the conditioned signal."""
+"""Keep the newest part of one device's samples, as the running sum of the conditioned signal."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from panoptic_ros.timecode.signal.conditioning import Conditioner
 from panoptic_ros.timecode.signal.half_cells import Grid
 
 Array = np.ndarray
-KEPT_SECONDS = 1.0  # of samples: a signal that is found late is read from there on
-BUFFER_SECONDS = 4.0
+KEPT_SECONDS = 1.0  # s of samples to keep: a signal found late is read from there on
+BUFFER_SECONDS = 4.0  # s, initial capacity of the running sum
 
 
 class Buffer:
-    """The newest values of a stream, in one piece."""
+    """Growing buffer of the newest values of a stream, contiguous in memory."""
 
     def __init__(self, capacity: int):
         self._store = np.empty(capacity)
@@ -21,18 +21,18 @@ class Buffer:
 
     @classmethod
     def of(cls, values: Array) -> Buffer:
-        """A buffer that holds values (N,)."""
+        """Create a buffer that holds values (N,)."""
         buffer = cls(len(values))
         buffer.append(values)
         return buffer
 
     @property
     def values(self) -> Array:
-        """(N,) the values that are kept."""
+        """Return the buffered values (N,)."""
         return self._store[self._begin : self._end]
 
     def append(self, values: Array) -> None:
-        """Add at the end."""
+        """Append values (N,) at the end."""
         count = self._end - self._begin
         if self._end + len(values) > len(self._store):
             kept = self.values.copy()
@@ -44,12 +44,12 @@ class Buffer:
         self._end += len(values)
 
     def drop(self, count: int) -> None:
-        """Forget the oldest."""
+        """Drop the oldest `count` values."""
         self._begin += count
 
 
 class Hops:
-    """Cuts a stream into hops of fixed length, so that nothing depends on how it was cut into blocks."""
+    """Splitter of a stream into hops of fixed length, so that results do not depend on the block size."""
 
     def __init__(self, length: int):
         self._length = length
@@ -57,7 +57,7 @@ class Hops:
         self._count = 0
 
     def push(self, samples: Array) -> list[Array]:
-        """The hops (length,) that became complete."""
+        """Append samples and return the hops (length,) that are now complete."""
         self._pending.append(samples)
         self._count += len(samples)
         if self._count < self._length:
@@ -68,22 +68,22 @@ class Hops:
         return [joined[first : first + self._length] for first in range(0, whole, self._length)]
 
     def finish(self, silence: int) -> Array:
-        """What is left, and samples of silence after it."""
+        """Return the remaining samples, followed by `silence` zero samples."""
         rest = np.concatenate([*self._pending, np.zeros(silence)])
         self._pending, self._count = [], 0
         return rest
 
 
 class Stream:
-    """Samples of one uninterrupted stream.
+    """Conditioned samples of one uninterrupted stream.
 
-    Grids of words are in recorded samples since the stream's start. The running sum has `up` values for each
-    recorded sample and begins at the first that is kept.
+    Grids of words are in recorded samples since the start of the stream. The running sum has `up` values per
+    recorded sample and begins at the first sample kept.
 
     Attributes:
-        sample_rate: Hz, of the recorded samples.
+        sample_rate: Hz, rate of the recorded samples.
         first: index of the first recorded sample that is kept.
-        up: conditioned samples per recorded one.
+        up: conditioned samples per recorded sample.
     """
 
     def __init__(self, sample_rate: int, high_pass_hz: float):
@@ -91,33 +91,33 @@ class Stream:
         self.first = 0
         self._conditioner = Conditioner(sample_rate, high_pass_hz)
         self.up = self._conditioner.up
-        self._recorded = 0  # samples since the first that is kept
+        self._recorded = 0  # number of recorded samples since `first`
         self._sums = Buffer(int(BUFFER_SECONDS * sample_rate) * self.up)
         self._sums.append(np.zeros(1))
 
     @property
     def sums(self) -> Array:
-        """(M + 1,) running sum of the conditioned samples."""
+        """Return the running sum (M + 1,) of the conditioned samples."""
         return self._sums.values
 
     @property
     def sums_rate(self) -> int:
-        """Conditioned samples per second."""
+        """Return the number of conditioned samples per second."""
         return self.sample_rate * self.up
 
     @property
     def delay(self) -> int:
-        """Samples by which the conditioned signal is behind the recorded one."""
+        """Return the number of recorded samples by which conditioning delays the signal."""
         return self._conditioner.reach
 
     def append(self, samples: Array) -> None:
-        """Take the next samples (N,)."""
+        """Condition the next samples (N,) and append them to the running sum."""
         self._recorded += len(samples)
         signal = self._conditioner.push(samples)
         self._sums.append(np.cumsum(signal) + self._sums.values[-1])
 
     def forget(self) -> None:
-        """Drop all samples but those of the last second."""
+        """Drop all samples older than `KEPT_SECONDS`."""
         surplus = self._recorded - int(KEPT_SECONDS * self.sample_rate)
         if surplus > 0:
             self._recorded -= surplus
@@ -125,21 +125,21 @@ class Stream:
             self.first += surplus
 
     def holds(self, sample: float) -> bool:
-        """Whether the signal is conditioned up to a sample."""
+        """Return whether the signal is conditioned up to a recorded sample."""
         return bool(sample <= self.first + (len(self._sums.values) - 1) // self.up)
 
     def in_recorded(self, grid: Grid) -> Grid:
-        """A grid on the running sum as one in recorded samples."""
+        """Convert a grid on the running sum to recorded samples."""
         return Grid(self.first + grid.middle / self.up, grid.cell / self.up)
 
     def in_sums(self, grid: Grid) -> Grid:
-        """A grid in recorded samples as one on the running sum."""
+        """Convert a grid in recorded samples to the running sum."""
         return Grid((grid.middle - self.first) * self.up, grid.cell * self.up)
 
     def ticks_in_recorded(self, ticks: Array) -> Array:
-        """Places on the running sum as recorded samples."""
+        """Convert positions on the running sum to recorded samples."""
         return self.first + ticks / self.up
 
     def ticks_in_sums(self, ticks: Array) -> Array:
-        """Recorded samples as places on the running sum."""
+        """Convert recorded samples to positions on the running sum."""
         return (ticks - self.first) * self.up

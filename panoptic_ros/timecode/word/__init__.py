@@ -1,1 +1,1 @@
-"""A stretch of signal to the 80 bits of a word, with its exact time and standard deviation."""
+"""Decode the 80 bits of a word from a stretch of signal, with the exact start and its standard deviation."""

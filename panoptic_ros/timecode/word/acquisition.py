@@ -1,8 +1,8 @@
-"""Acquisition of a timecode signal: grid of cells, direction and the place of the words, from nothing.
+"""Acquire a timecode signal without prior information: cell grid, direction and word positions.
 
-The energy of half-cell integrals is largest if every edge lies between two half cells. It is computed for all
-cell lengths and phases over a short stretch, then refined on longer ones. The best few lengths are tried in
-full, since patterns of bits can favour a multiple of the true one.
+The energy of half-cell integrals is maximal if every edge lies between two half cells. It is computed for all
+cell lengths and phases over a short stretch, then refined over longer stretches. Bit patterns can favour a
+multiple of the true cell length. Therefore the best few lengths are tried in full.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from panoptic_ros.timecode.word.viterbi import best_path
 
 Array = np.ndarray
 PHASES = 8
-CANDIDATES = 3  # by either measure
-APART = 0.03  # relative difference of two candidates' cell lengths
+CANDIDATES = 3  # number of cell lengths tried for each of the two measures
+APART = 0.03  # minimum relative difference between the cell lengths of two candidates
 FASTEST, SLOWEST = 30.0, 24000.0 / 1001.0  # frames/s
-EARLY = 0.3  # cells that may be missing of the first word of a stream
-FASTER = 1.2  # ratio of the tape's speed before the stretch that gives a mean speed, to that mean, at most
+EARLY = 0.3  # cells that may be missing at the start of the first word of a stream
+FASTER = 1.2  # maximum ratio of the tape speed before the tracked stretch to the mean speed in it
 SHIFTS, STRETCHES = np.linspace(-0.25, 0.25, 5), np.linspace(-1.0, 1.0, 5)
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """How to search a stretch.
+    """Parameters of a search for a signal.
 
     Args:
-        seconds: newest part of the signal that is searched.
-        coarse: s, of the first step; the longest over which the speed may seem constant.
-        longer: s, of the refinements.
-        tracked: whether the speed may change, so that cells are followed edge by edge.
-        least_sync: bits of 16, mean over the words.
-        least_share: of the signal's power, in the half cells of the best length.
+        seconds: (s) length of the newest part of the signal that is searched.
+        coarse: (s) length of the first step; the speed must be nearly constant over it.
+        longer: (s) lengths of the refinement steps.
+        tracked: True if the speed may change; half cells are then tracked edge by edge.
+        least_sync: (bits, of 16) minimum mean number of matching sync bits per word.
+        least_share: (0..1) minimum share of the signal power in the half cells of the best length.
     """
 
     seconds: float
@@ -49,21 +49,21 @@ class Search:
     least_share: float = 0.0
 
 
-SHORT = Search(0.22, 0.06, (0.12, 0.22), False, 14.5)  # soon after a signal has begun
-LONG = Search(0.6, 0.1, (0.15, 0.3, 0.6), False, 12.0)  # through noise
-CHANGING = Search(0.12, 0.03, (), True, 15.0, 0.4)  # through wow and flutter
+SHORT = Search(0.22, 0.06, (0.12, 0.22), False, 14.5)  # for a signal that has just begun
+LONG = Search(0.6, 0.1, (0.15, 0.3, 0.6), False, 12.0)  # for noisy signals
+CHANGING = Search(0.12, 0.03, (), True, 15.0, 0.4)  # for wow and flutter
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A signal.
+    """Signal found by a search.
 
     Args:
-        grid: about the middle of a word, samples.
-        reverse: whether it runs backwards.
-        sync: mean bits of a sync word that agree, of 16.
-        ticks: of half cells, if it was tracked; all that is kept of the signal.
-        begin: index of the tick where a word begins in the stream.
+        grid: cell grid about the middle of a word, samples.
+        reverse: True if the tape runs backwards.
+        sync: (bits, of 16) mean number of matching sync bits.
+        ticks: (N,) boundaries of the half cells over all kept samples; None if the signal was not tracked.
+        begin: index of the tick at which a word begins in the stream.
     """
 
     grid: Grid
@@ -74,11 +74,12 @@ class Found:
 
 
 def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -> list[Found]:
-    """What may be timecode in the newest part of a signal, best first.
+    """Return up to two candidate signals in the newest part of the samples, best first.
 
     Args:
-        sums: (N + 1,) of the conditioned samples, see `integral`.
-        speed_range: how many times too fast or slow it may be.
+        sums: (N + 1,) running sum of the conditioned samples, see `integral`.
+        sample_rate: Hz, rate of the conditioned samples.
+        speed_range: largest factor by which the tape may run too fast or too slow.
     """
     shortest = sample_rate / (FASTEST * speed_range * WORD_CELLS)
     longest = sample_rate * speed_range / (SLOWEST * WORD_CELLS)
@@ -101,7 +102,7 @@ def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -
 def _coarse(
     sums: Array, begin: float, shortest: float, longest: float, sample_rate: int, search: Search
 ) -> Iterator[tuple[float, float]]:
-    """Half-cell lengths that explain the middle of the stretch best, and an edge there."""
+    """Yield pairs (half-cell length, edge) in samples that best explain the middle of the stretch."""
     span = search.coarse * sample_rate
     begin = begin + 0.5 * (search.seconds - search.coarse) * sample_rate
     steps = int(2.0 * span / shortest * np.log(longest / shortest)) + 2
@@ -112,7 +113,7 @@ def _coarse(
     if rows[:, 0].max() <= search.least_share * power:
         return
     chosen: list[float] = []
-    # Noise favours short cells by the first measure, words of zeros long ones by the second.
+    # The first measure favours short cells in noise; the second favours long cells for words of zeros.
     for measure in (rows[:, 0], rows[:, 0] * lengths):
         number = 0
         for k in np.argsort(-measure):
@@ -125,7 +126,7 @@ def _coarse(
 
 
 def _refine(sums: Array, begin: float, half: float, edge: float, sample_rate: int, search: Search) -> Grid:
-    """The grid about the middle of the stretch, from parts that grow about it."""
+    """Return the grid about the middle of the stretch, refined over growing parts around it."""
     middle = begin + 0.5 * search.seconds * sample_rate
     grid = Grid(edge + half * round((middle - edge) / half), 2.0 * half)
     for seconds in search.longer:
@@ -135,7 +136,7 @@ def _refine(sums: Array, begin: float, half: float, edge: float, sample_rate: in
 
 
 def refined(sums: Array, grid: Grid, first: int, count: int) -> Grid:
-    """The grid of most energy near another, over some cells from a first one on."""
+    """Return the grid of maximum energy near a given one, over `count` cells from cell `first`."""
     stretch = 1.0 / count
     for scale in (1.0, 0.5, 0.25, 0.125):
         steps = 0.5 * scale * SHIFTS, scale * stretch * STRETCHES
@@ -144,7 +145,7 @@ def refined(sums: Array, grid: Grid, first: int, count: int) -> Grid:
 
 
 def _words(sums: Array, begin: float, grid: Grid) -> Iterator[Found]:
-    """Where words are, for both directions."""
+    """Yield the word positions on a grid, one per direction."""
     before = int((grid.middle - begin) / grid.cell) - 1
     halves = half_levels(sums, grid, -float(before), 2 * before)
     for half, reverse, mean in _sync_places(halves, _even_parity(halves)):
@@ -153,7 +154,7 @@ def _words(sums: Array, begin: float, grid: Grid) -> Iterator[Found]:
 
 
 def _tracked(sums: Array, begin: float, half: float, edge: float) -> Iterator[Found]:
-    """The same on half cells that are tracked from an edge on."""
+    """Yield the word positions on half cells tracked from an edge, one per direction."""
     ticks = _all_ticks(sums, begin, edge, half)
     first = int(np.searchsorted(ticks, begin))
     levels = tick_levels(sums, ticks[first:])
@@ -167,12 +168,14 @@ def _tracked(sums: Array, begin: float, half: float, edge: float) -> Iterator[Fo
 
 
 def steady(sums: Array, begin: float, cell: float, found: Found) -> Iterator[Found]:
-    """A signal that was tracked, if its speed is constant: on the grid of most energy.
+    """Yield a tracked signal on the constant-speed grid of maximum energy.
 
-    Where plateaus droop to nothing, it is in doubt which half cell begins a cell; then both are given.
+    If plateaus droop to zero, it is ambiguous which half cell begins a cell. Both alternatives are then
+    yielded.
 
     Args:
-        begin: of the words that were tracked. cell: their mean length of a cell.
+        begin: start of the tracked words, samples.
+        cell: mean cell length of the tracked words, samples.
     """
     before = int((found.grid.middle - begin) / cell)
     after = int((len(sums) - 1 - found.grid.middle) / cell)
@@ -187,10 +190,12 @@ def steady(sums: Array, begin: float, cell: float, found: Found) -> Iterator[Fou
 
 
 def tracked(sums: Array, begin: float, found: Found) -> Found | None:
-    """A signal that was found at constant speed, tracked from the middle of its word on.
+    """Track a signal that was found at constant speed, from the middle of its word.
 
     Args:
-        begin: of the newest part, which tells the level.
+        begin: start of the newest part of the signal, from which the level is computed.
+
+    Returns: the signal with its ticks; None if its word begins before the first tick.
     """
     ticks = _all_ticks(sums, begin, found.grid.middle, 0.5 * found.grid.cell)
     at = int(np.argmin(np.abs(ticks - found.grid.middle))) - WORD_CELLS
@@ -198,12 +203,12 @@ def tracked(sums: Array, begin: float, found: Found) -> Found | None:
 
 
 def _all_ticks(sums: Array, begin: float, edge: float, half: float) -> Array:
-    """Track the half cells from an edge to the end, and back through all that is kept.
+    """Track the half cells from an edge to the end, and then back through all kept samples.
 
-    A stream often begins with the first edge of a word. Tracking may put the tick of that edge a little
-    before the stream, so ticks up to `EARLY` cells before it are kept as well.
+    A stream often begins with the first edge of a word. Tracking may place the tick of that edge slightly
+    before the stream. Therefore ticks up to `EARLY` cells before the stream are kept as well.
 
-    Returns: (N,) ticks, places on the running sum.
+    Returns: (N,) ticks, positions on the running sum.
     """
     end = len(sums) - 1.0
     level = float(np.sqrt(np.mean(np.diff(sums[int(begin) :]) ** 2)))
@@ -216,10 +221,11 @@ def _all_ticks(sums: Array, begin: float, edge: float, half: float) -> Array:
 
 
 def _sync_places(halves: Array, even: bool) -> Iterator[tuple[int, bool, float]]:
-    """The half cell at which a word begins amidst some (N,), for both directions, and mean sync bits.
+    """Yield the half cell where a word begins, the direction and the mean sync bits, for both directions.
 
     Args:
-        even: whether cells begin at even half cells.
+        halves: (N,) half-cell levels.
+        even: True if cells begin at even half cells.
     """
     count, first = len(halves) // 2, 0
     if not even:
@@ -230,19 +236,22 @@ def _sync_places(halves: Array, even: bool) -> Iterator[tuple[int, bool, float]]
     for reverse in (False, True):
         means = sync_means(bits, SYNC_BACK if reverse else SYNC, WORD_CELLS)
         best = int(np.argmax(means))
-        word = best if reverse else best + len(SYNC)  # the sync word ends a word
+        word = best if reverse else best + len(SYNC)  # a sync word is the end of a word
         number = round((0.5 * count - word) / WORD_CELLS - 0.5)
         yield first + 2 * (word + WORD_CELLS * number), reverse, float(means[best])
 
 
 def _even_parity(halves: Array) -> bool:
-    """Whether cells begin at even half cells: their levels always change sign between cells."""
+    """Return whether cells begin at even half cells: the level always changes sign between two cells."""
     product = halves[:-1] * halves[1:]
     return float(product[1::2].sum()) <= float(product[0::2].sum())
 
 
 def _louder_after(halves: Array) -> bool:
-    """The same where plateaus may droop to nothing: then an edge is what is louder after than before."""
+    """Return the same as `_even_parity` where plateaus may droop to zero.
+
+    The level is then louder after an edge than before it.
+    """
     before, after = halves[:-1], halves[1:]
     edges = 0.5 * (after**2 - before**2) - before * after
     return float(edges[1::2].sum()) >= float(edges[0::2].sum())

@@ -1,10 +1,11 @@
-"""When exactly a word began: least squares of a polynomial through its edges.
+"""Compute the exact start of a word: a least-squares polynomial fit through its edges.
 
-If the bits are known, so are the edges. The integral of the signal over a little to both sides of an edge is
-zero if the edge is in the middle, and says how far off it is if not. At constant speed the places of edges
-are a line. Where the speed swings within words, they are a polynomial of higher degree. The deviation of the
-start follows from the scatter of the edges about it, or from slow bends beyond it if these are more. A delay
-that all edges share (echoes, droop, a lopsided filter) does not show there.
+Known bits determine which half-cell boundaries are edges. The integral of the signal over a short window
+around an edge is zero if the edge is at the window centre. Otherwise it is proportional to the distance. At
+constant speed the edge positions form a line. If the speed swings within a word, they form a polynomial of
+higher degree. The standard deviation of the start follows from the scatter of the edges about the fit. Slow
+bends beyond the fit replace that scatter if they are larger. A delay that all edges share (echoes, droop, an
+asymmetric filter) is not included.
 """
 
 from __future__ import annotations
@@ -20,28 +21,32 @@ from panoptic_ros.timecode.word.tracking import BETWEEN
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
-EVEN, SWINGING, ALL = 2, 6, 10  # polynomials: of a constant speed, of one that swings, of channels as well
-SLOW = 4  # polynomials beyond those of a fit, whose power tells of errors that neighbouring edges share
-REACHES = (0.25, 0.12, 0.12, 0.12)  # cells to both sides of an edge, one step of the fit for each
-CLICKS = (1, 2)  # steps before which edges of clicks are left out; the last one only converges
-OUTLIER = 4.0  # robust deviations, beyond which an edge is that of a click
-LOST = 0.05  # cells by which the last step may still move an edge
-SUDDEN = 0.85  # of an edge, that lies between two samples: clipping hides where
-LEAST_VARIANCE = 0.01**2  # samples squared: what linear interpolation between samples leaves
-POWERS = np.polynomial.legendre.legvander(BETWEEN / BETWEEN[-1], ALL - 1).T.copy()  # (ALL, 161) of the ticks
+# polynomial terms for constant speed, for swinging speed, and for channel effects as well
+EVEN, SWINGING, ALL = 2, 6, 10
+SLOW = 4  # terms after those of the fit; their power measures the errors that neighbouring edges share
+REACHES = (0.25, 0.12, 0.12, 0.12)  # cells on each side of an edge, one value per step of the fit
+CLICKS = (1, 2)  # steps that first exclude the edges of clicks; the last step only converges
+OUTLIER = 4.0  # robust standard deviations beyond which an edge belongs to a click
+LOST = 0.05  # cells; the fit fails if its last step moves an edge farther
+# share of an edge's height between two adjacent samples above which clipping hides the edge position
+SUDDEN = 0.85
+LEAST_VARIANCE = 0.01**2  # samples squared, error of the linear interpolation between samples
+# (ALL, 161) Legendre polynomials at the ticks of a word
+POWERS = np.polynomial.legendre.legvander(BETWEEN / BETWEEN[-1], ALL - 1).T.copy()
 
 
 class EdgeFit(NamedTuple):
-    """The edges of a word by a polynomial.
+    """Polynomial fit of the edges of a word.
 
     Args:
-        settled: whether the rest holds.
-        ticks: (161,) samples, where half cells begin and end.
-        grid: the line through the ticks.
-        scatter: variance of an edge about the polynomial, squared samples.
-        variance: (2,) of the first and the last tick, squared samples.
-        waver: variance ratio (F statistic) of what edges swing about a line, and of faster scatter.
-        swing: mean square of that swing, squared samples.
+        settled: True if the fit has converged; otherwise the other fields are invalid.
+        ticks: (161,) boundaries of the half cells, samples.
+        grid: line through the first and the last tick, about the middle tick.
+        scatter: variance of an edge about the polynomial, samples squared.
+        variance: (2,) variance of the first and the last tick, samples squared.
+        waver: (F statistic) variance ratio of the slow swing of the edges about a line to their faster
+            scatter.
+        swing: (samples squared) mean square of the slow swing.
     """
 
     settled: bool
@@ -55,14 +60,14 @@ class EdgeFit(NamedTuple):
 
 @_jit
 def fit_edges(sums: Array, guess: Array, signs: Array, level: float, terms: int) -> EdgeFit:
-    """Fit the places of a word's edges.
+    """Fit the positions of a word's edges.
 
     Args:
         sums: running sum of the conditioned signal.
-        guess: (161,) of its half cells, where they begin and end, good to a quarter of a cell.
-        signs: (160,) of the half cells, in the order of the stream.
-        level: of the signal.
-        terms: of the polynomial.
+        guess: (161,) initial boundaries of the half cells, accurate to a quarter of a cell.
+        signs: (160,) signs of the half cells, in stream order.
+        level: mean level of the signal.
+        terms: number of polynomial terms.
     """
     after = np.append(signs, -signs[-1])  # sign of the half cell after each tick
     edges = np.flatnonzero(np.append(-signs[0], signs) != after)
@@ -105,11 +110,14 @@ def fit_edges(sums: Array, guess: Array, signs: Array, level: float, terms: int)
 
 @_jit
 def _away(sums: Array, places: Array, after: Array, reach: float, level: float) -> tuple[Array, bool]:
-    """How far edges (N,) are beyond some places, samples, and whether they lie between two samples each.
+    """Return the offsets (N,) of edges from given positions (samples), and whether edges are abrupt.
+
+    Edges are abrupt if each one lies between two adjacent samples.
 
     Args:
         after: (N,) sign of the signal after each edge.
-        reach: samples to both sides; edges are no farther off. level: of the signal.
+        reach: samples on each side of a position; offsets are clipped to it.
+        level: mean level of the signal.
     """
     away, slope, jump = np.empty(len(places)), 0.0, 0.0
     for i, place in enumerate(places):
@@ -123,6 +131,6 @@ def _away(sums: Array, places: Array, after: Array, reach: float, level: float) 
 
 @_jit
 def _sample(sums: Array, place: float) -> float:
-    """The signal at a place, mean over one sample."""
+    """Return the signal at a position, averaged over one sample."""
     value: float = integral(sums, place + 0.5) - integral(sums, place - 0.5)
     return value

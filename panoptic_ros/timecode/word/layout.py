@@ -1,4 +1,4 @@
-"""What the 80 bits of a timecode word mean (SMPTE ST 12-1)."""
+"""Define the layout of the 80 bits of a timecode word (SMPTE ST 12-1)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from panoptic_ros.domain import FrameRate, Timecode
 
 Array = np.ndarray
 WORD_CELLS = 80
-FREE = -1  # a bit that is not known
-SYNC = np.array([0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 1], np.int8)  # bits 64 to 79
+FREE = -1  # value of a bit that is unknown
+SYNC = np.array([0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 0, 1], np.int8)  # sync word, bits 64 to 79
 SYNC_BACK = np.ascontiguousarray(SYNC[::-1])
-FIELDS = (  # units and tens: first bit and number of bits of each, number of values
+FIELDS = (  # (first bit, number of bits) of the units and of the tens, number of values
     ("hours", (48, 4), (56, 2), 24),
     ("minutes", (32, 4), (40, 3), 60),
     ("seconds", (16, 4), (24, 3), 60),
@@ -21,7 +21,7 @@ FIELDS = (  # units and tens: first bit and number of bits of each, number of va
 )
 DROP_FRAME_BIT = 10
 DROP_RATE = FrameRate(30, Fraction(30000, 1001), True)
-# Ways of counting. A word does not say whether 30 labels last a second or a little more.
+# Label sequences. A word does not state whether 30 labels take 1 s or slightly longer.
 COUNTINGS = (FrameRate(24, Fraction(24)), FrameRate(25, Fraction(25)), FrameRate(30, Fraction(30)), DROP_RATE)
 USER_BITS = np.array([8 * group + 4 + i for group in range(8) for i in range(4)])
 
@@ -29,7 +29,7 @@ USER_WEIGHTS = 1 << np.arange(32, dtype=np.int64)
 
 
 def _field_table(units: tuple[int, int], tens: tuple[int, int], values: int) -> tuple[Array, Array]:
-    """Where a field's bits are, and the bits (values, B) of each of its values."""
+    """Return the bit positions (B,) of a field, and the bits (values, B) of each of its values."""
     places = [units[0] + i for i in range(units[1])] + [tens[0] + i for i in range(tens[1])]
     rows = [
         [(value % 10 >> i) & 1 for i in range(units[1])] + [(value // 10 >> i) & 1 for i in range(tens[1])]
@@ -44,7 +44,7 @@ SYNC_ONLY[64:] = SYNC
 
 
 def known_bits(label: Timecode) -> Array:
-    """The bits (80,) that a label fixes; `FREE` are user bits, flags and parity."""
+    """Return the bits (80,) that a label determines; user bits, flags and parity are `FREE`."""
     bits = SYNC_ONLY.copy()
     for name, (places, rows) in TABLES.items():
         bits[places] = rows[getattr(label, name)]

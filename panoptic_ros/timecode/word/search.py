@@ -1,4 +1,4 @@
-"""The grids of cells on which a signal has most energy, and where its sync words are."""
+"""Find the cell grids of maximum signal energy, and the positions of the sync words."""
 
 from __future__ import annotations
 
@@ -10,18 +10,25 @@ from panoptic_ros.timecode.word.layout import WORD_CELLS
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
-SHIFTS = np.linspace(-0.3, 0.3, 13)  # cells, about the expected middle of a word
-STRETCHES = np.linspace(-0.012, 0.012, 7)  # relative, of the length of a cell
+SHIFTS = np.linspace(-0.3, 0.3, 13)  # cells, shifts about the expected middle of a word
+STRETCHES = np.linspace(-0.012, 0.012, 7)  # relative changes of the cell length
 
 
 def nearby_grid(sums: Array, grid: Grid) -> Grid:
-    """The grid near the expected one of a word on which the signal has most energy."""
+    """Return the grid of maximum energy near the expected grid of a word."""
     return best_grid(sums, grid, -0.5 * WORD_CELLS, WORD_CELLS, SHIFTS, STRETCHES)
 
 
 @_jit
 def best_grid(sums: Array, grid: Grid, first: float, count: int, shifts: Array, stretches: Array) -> Grid:
-    """The grid of most energy near another: middle shifted in cells, length stretched."""
+    """Return the grid of maximum energy near a given one.
+
+    Args:
+        first: first cell of the energy sum, counted from the middle.
+        count: number of cells in the energy sum.
+        shifts: (cells) shifts of the middle to try.
+        stretches: (relative) changes of the cell length to try.
+    """
     best, found = -1.0, grid
     for stretch in stretches:
         cell = grid.cell * (1.0 + stretch)
@@ -35,7 +42,7 @@ def best_grid(sums: Array, grid: Grid, first: float, count: int, shifts: Array, 
 
 @_jit
 def scan_lengths(sums: Array, begin: float, span: float, halves: Array, phases: int) -> Array:
-    """For each length of a half cell the largest mean square level over the phases, and that edge, (H, 2)."""
+    """Return, per half-cell length, the maximum mean square level over the phases and its edge (H, 2)."""
     rows = np.empty((len(halves), 2))
     for i, half in enumerate(halves):
         count = int(span / half) - 1
@@ -50,7 +57,7 @@ def scan_lengths(sums: Array, begin: float, span: float, halves: Array, phases: 
 
 @_jit
 def sync_means(bits: Array, pattern: Array, word: int) -> Array:
-    """Mean number of bits (word,) that agree with a pattern (M,) from each place of the words on."""
+    """Return the mean number of bits that match a pattern (M,), for each start position in a word (word,)."""
     totals, words = np.zeros(word), np.zeros(word)
     for i in range(len(bits) - len(pattern) + 1):
         agreeing = 0

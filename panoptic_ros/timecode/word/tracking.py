@@ -1,7 +1,8 @@
-"""Following the half cells of a signal edge by edge, forwards or backwards, through changes of the speed.
+"""Track the half cells of a signal edge by edge, forwards or backwards, through speed changes.
 
-A phase-locked loop: each tick is where the last one and the length of half a cell put it, and is drawn to the
-edge there, if there is one. Its gains are those of a Kalman filter of constant noise. No bits are decided.
+The tracker is a phase-locked loop. The last tick and the half-cell length predict the next tick. An edge near
+the predicted tick corrects it. The gains are those of a Kalman filter with constant noise. No bits are
+decided.
 """
 
 from __future__ import annotations
@@ -14,25 +15,25 @@ from panoptic_ros.timecode.word.layout import SYNC, WORD_CELLS
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
-BANDWIDTH = 0.25  # radians per cell: more than any flutter, less than noise
-EDGES = 0.7  # per tick
+BANDWIDTH = 0.25  # radians per cell, loop bandwidth: above any flutter, below the noise
+EDGES = 0.7  # mean number of edges per tick
 PULL, TURN = 2.0**0.5 * BANDWIDTH * 0.5 / EDGES, 0.25 * BANDWIDTH**2 / EDGES
-OPPOSED = 1.3  # times what the two sides of an edge have in common, by which they differ at least
-FARTHEST = 0.15  # cells, that an edge counts as away from its tick at most
-BEFORE = 2 * len(SYNC)  # ticks of the sync word that was sent before a word
+OPPOSED = 1.3  # minimum ratio of the difference to the sum of the levels on the two sides of an edge
+FARTHEST = 0.15  # cells, maximum distance of an edge from its tick; larger ones are clipped
+BEFORE = 2 * len(SYNC)  # ticks of the sync word sent before a word
 TICKS = 2 * WORD_CELLS
 BETWEEN = np.arange(-WORD_CELLS, WORD_CELLS + 1) * 0.5  # ticks of a word, in cells from its middle
 
 
 @_jit
 def track(sums: Array, place: float, cell: float, count: int, level: float) -> Array:
-    """Ticks (count + 1,) of half cells from a place on; backwards if the cell is negative.
+    """Track half cells from a given edge; return their ticks (count + 1,).
 
     Args:
         sums: running sum of the conditioned signal.
-        place: of an edge, near enough, samples.
-        cell: its length there, samples.
-        level: of the signal; silence moves no ticks.
+        place: (samples) approximate position of an edge.
+        cell: (samples) cell length at that edge; negative to track backwards.
+        level: level of the signal. The ticks do not follow the noise in silence, where levels are lower.
     """
     ticks = np.empty(count + 1)
     half = 0.5 * cell
@@ -44,7 +45,7 @@ def track(sums: Array, place: float, cell: float, count: int, level: float) -> A
         after = integral(sums, place + reach) - here
         turn = after - before
         opposed = abs(turn) > OPPOSED * abs(after + before)
-        # Where plateaus droop, edges are what is louder after than before.
+        # If plateaus droop, an edge is where the level after is higher than before.
         if opposed or (abs(after) > abs(before) and abs(turn) > level * reach):
             inner = integral(sums, place + near) - integral(sums, place - near)
             later = integral(sums, place + reach + near) - integral(sums, place - reach - near) - 3.0 * inner
@@ -59,13 +60,15 @@ def track(sums: Array, place: float, cell: float, count: int, level: float) -> A
 
 
 def word_ticks(ticks: Array, begin: int, reverse: bool) -> Array | None:
-    """The ticks (`BEFORE` + `TICKS` + 1,) of a word, and of the sync word that was sent before it.
+    """Return the ticks (`BEFORE` + `TICKS` + 1,) of a word and of the sync word sent before it.
 
-    None if the word is not wholly inside. What is missing of the sync word goes on evenly.
+    Missing ticks of the sync word are extrapolated evenly.
 
     Args:
-        ticks: (N,).
-        begin: index of the tick where the word begins in the stream.
+        ticks: (N,) tracked ticks.
+        begin: index of the tick at which the word begins in the stream.
+
+    Returns: the ticks, or None if part of the word itself is missing.
     """
     if begin < 0 or begin + TICKS >= len(ticks):
         return None

@@ -1,8 +1,9 @@
-"""Bits from the levels of half cells: a two-state Viterbi search, soft and free of polarity.
+"""Decode bits from half-cell levels with a two-state Viterbi search: soft bits, independent of polarity.
 
-A word alone has two polarities. A change of its bit 0 then only turns the sign of its first half cell,
-which noise does as easily. So words that stand still could be read as if they counted on. The sync word
-that was sent just before has one polarity only, and a cell always begins with a transition.
+A single word has two possible polarities. A change of its bit 0 then only flips the sign of its first half
+cell, as noise can do too. Stopped timecode could therefore be read as consecutive labels. The sync word sent
+just before has one polarity only, and a cell always begins with a transition. It therefore resolves the
+ambiguity.
 """
 
 from __future__ import annotations
@@ -18,12 +19,18 @@ from panoptic_ros.timecode.word.layout import FREE, SYNC, WORD_CELLS
 
 Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
-LEAST_NOISE = 0.35  # of the level: what noise-free recordings have from echoes and filters
-LEAST_SYNC = 0.8  # share of the levels' magnitude before a word that a sync word must explain
+LEAST_NOISE = 0.35  # minimum noise over level: echoes and filters cause this much even without noise
+LEAST_SYNC = 0.8  # minimum share of the level magnitude that the sync word before a word must explain
 
 
 class Path(NamedTuple):
-    """Bits (N,) and signs (2 N,) of half cells, and the sum of levels times signs and of what is before."""
+    """Best path of the Viterbi search.
+
+    Args:
+        score: sum of levels times signs, plus the term for the sync word before the word.
+        bits: (N,) decoded bits.
+        signs: (2 N,) signs of the half cells.
+    """
 
     score: float
     bits: Array
@@ -31,14 +38,14 @@ class Path(NamedTuple):
 
 
 class Match(NamedTuple):
-    """How given bits fit levels.
+    """Fit of given bits to half-cell levels.
 
     Args:
-        nats: by which they are worse than the best bits.
-        level: of the signal.
-        share: of the magnitude that is explained.
-        tenth: the least level of the ten tenths.
-        anywhere: the least level of a tenth that begins anywhere.
+        nats: (nats) log-likelihood by which the given bits fit worse than the best bits.
+        level: mean level of the signal.
+        share: (0..1) share of the level magnitude that the bits explain.
+        tenth: smallest level of the ten tenths of the word.
+        anywhere: smallest level over a tenth of the word, for windows at any position.
         bits, signs: see `Path`.
     """
 
@@ -53,15 +60,15 @@ class Match(NamedTuple):
 
 @_jit
 def best_path(halves: Array, wanted: Array, before: float) -> Path:
-    """The bits that explain half-cell levels best (Viterbi), some of which may be given.
+    """Return the bits that best explain the half-cell levels (Viterbi); some bits may be given.
 
-    At every cell's start the level changes sign, in the middle of a one it does so again: the state
-    is the sign of a cell's first half.
+    The level changes sign at the start of every cell, and also in the middle of a one. The state is the sign
+    of the first half of a cell.
 
     Args:
-        halves: (2 N,).
-        wanted: (N,) 0, 1 or `FREE`.
-        before: sum of levels that speaks for a positive first half.
+        halves: (2 N,) half-cell levels.
+        wanted: (N,) given bits: 0, 1 or `FREE`.
+        before: sum of levels in favour of a positive first half cell.
     """
     count = len(wanted)
     one_into = np.empty((count, 2), np.bool_)
@@ -89,7 +96,10 @@ def best_path(halves: Array, wanted: Array, before: float) -> Path:
 
 @_jit
 def soft_bits(halves: Array, wanted: Array, before: float) -> Array:
-    """How much better (N,) the best path through a one is than that through a zero, see `best_path`."""
+    """Return the score (N,) of the best path with a one minus that with a zero, per bit; see `best_path`.
+
+    The result is 0 for given bits.
+    """
     count = len(wanted)
     after = np.zeros((count + 1, 2))
     for k in range(count - 1, -1, -1):
@@ -106,7 +116,7 @@ def soft_bits(halves: Array, wanted: Array, before: float) -> Array:
     until = np.array([before, -before])
     for k in range(count):
         zero, one = halves[2 * k] + halves[2 * k + 1], halves[2 * k] - halves[2 * k + 1]
-        ones = np.array([until[0] + one, until[1] - one])  # by the next state
+        ones = np.array([until[0] + one, until[1] - one])  # indexed by the next state
         zeros = np.array([until[1] - zero, until[0] + zero])
         if wanted[k] == FREE:
             of_one = max(ones[0] + after[k + 1, 0], ones[1] + after[k + 1, 1])
@@ -121,7 +131,7 @@ def soft_bits(halves: Array, wanted: Array, before: float) -> Array:
 
 @_jit
 def match(halves: Array, wanted: Array, before: float, free: float) -> Match:
-    """How given bits fit levels, see `best_path`; the best bits score `free`."""
+    """Return how well given bits fit the levels, see `best_path`; `free` is the score of the best bits."""
     score, bits, signs = best_path(halves, wanted, before)
     count = len(halves)
     told = score - before * signs[0]
@@ -144,7 +154,7 @@ def match(halves: Array, wanted: Array, before: float, free: float) -> Match:
 
 
 def _signs_before() -> Array:
-    """Signs of the half cells of a sync word that a positive half cell follows."""
+    """Return the half-cell signs of a sync word that is followed by a positive half cell."""
     signs, first = [], 1.0
     for bit in SYNC:
         signs += [first, -first] if bit else [first, first]
@@ -157,11 +167,11 @@ SIGNS_BEFORE = _signs_before()
 
 @dataclass(frozen=True, slots=True)
 class WordLevels:
-    """Levels of a word, in the order of sending.
+    """Half-cell levels of a word, in the order of sending.
 
     Args:
-        halves: (160,) of its half cells.
-        before: correlation with the sync word before it; positive if the first half cell is.
+        halves: (160,) levels of its half cells.
+        before: correlation with the sync word before the word; positive if its first half cell is positive.
     """
 
     halves: Array
@@ -169,18 +179,18 @@ class WordLevels:
 
 
 def word_levels(sums: Array, grid: Grid, reverse: bool) -> WordLevels:
-    """The levels of the word on a grid; what lies outside of the sums counts as 0."""
+    """Return the levels of the word on a grid; positions outside the running sum count as 0."""
     first = -0.5 * WORD_CELLS - (0 if reverse else len(SYNC))
     return _in_order(half_levels(sums, grid, first, WORD_CELLS + len(SYNC)), reverse)
 
 
 def ticks_levels(sums: Array, ticks: Array, reverse: bool) -> WordLevels:
-    """The levels of the word between ticks, see `word_ticks`."""
+    """Return the levels of the word between ticks, see `word_ticks`."""
     return _in_order(tick_levels(sums, ticks), reverse)
 
 
 def _in_order(levels: Array, reverse: bool) -> WordLevels:
-    """Levels of a word and of the sync word before it as in the stream, in the order of sending."""
+    """Reorder the levels of a word and of the sync word before it, from stream order to sending order."""
     if reverse:
         levels = np.ascontiguousarray(levels[::-1])
     sync, halves = levels[: 2 * len(SYNC)], levels[2 * len(SYNC) :]

@@ -1,6 +1,6 @@
-"""The viewer: one page in any browser, and the server that feeds it.
+"""Browser viewer: one HTML page and the server that feeds it.
 
-A scene (a bag, or the live graph) hands out messages as they are: the page decodes CDR itself, by the
-definitions that it is told. So nothing is decoded and encoded again, live and recorded are one thing, and
-a layer that draws another topic needs nothing here.
+A scene is a bag or the live graph. It forwards ROS messages as raw CDR bytes, and the page decodes them with
+the message definitions that it receives. So the server does not decode and encode messages again, and live
+and recorded scenes share one path. A page layer for another topic needs no change in this package.
 """

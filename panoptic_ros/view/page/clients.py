@@ -1,8 +1,9 @@
-"""Clients of a live page without a page: what they get when, whatever they do with it.
+"""Test clients of a live page without a browser, to measure what each receives and when.
 
-`python -m panoptic_ros.view.page.clients ADDRESS SECONDS KIND ...` prints JSON, a row for each client: "came"
-holds of every packet the stamp of its newest skeletons and when it came or was drawn, ns. Kinds:
-fast draws at once, slow takes 20 ms for each packet, frozen never draws, cut does not even read.
+`python -m panoptic_ros.view.page.clients ADDRESS SECONDS KIND ...` prints JSON with one row per client. The
+list "came" has one pair per packet, in ns: the timestamp of its newest skeletons, and the time of its arrival
+or drawing. Kinds: "fast" draws at once, "slow" takes 20 ms per packet, "frozen" never draws, "cut" does not
+even read.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ from websockets.asyncio.client import connect
 from panoptic_ros.view.page.packets import HEAD, MESSAGE
 from panoptic_ros.view.page.peek import stamp_of_bytes
 
-SLOW_S = 0.02  # for one packet
-WARM_S = 1.5  # that do not count
+SLOW_S = 0.02  # s; drawing time per packet of a slow client
+WARM_S = 1.5  # s; warm-up time excluded from the measurement
 
 
 async def _client(address: str, kind: str, seconds: float) -> dict[str, Any]:
-    """Look on for so long."""
+    """Run one client for `seconds` after the warm-up and return its row."""
     came: list[tuple[int, int]] = []
     size, dropped, until = 0, 0, time.monotonic() + WARM_S + seconds
     async with connect(address, max_size=None, compression=None) as page:
@@ -34,7 +35,7 @@ async def _client(address: str, kind: str, seconds: float) -> dict[str, Any]:
                 break
             try:
                 data = await asyncio.wait_for(page.recv(), left)
-            except asyncio.TimeoutError:  # not yet TimeoutError in Python 3.10
+            except asyncio.TimeoutError:  # asyncio.TimeoutError is not yet TimeoutError in Python 3.10
                 break
             now_ns = time.time_ns()
             if isinstance(data, str):
@@ -58,7 +59,7 @@ async def _client(address: str, kind: str, seconds: float) -> dict[str, Any]:
 
 
 def _newest(packet: bytes, topics: list[list[str]]) -> int | None:
-    """The stamp of the newest skeletons in a packet, ns."""
+    """Return the timestamp (ns) of the newest skeletons in a packet."""
     newest, at = None, HEAD.size
     while at < len(packet):
         topic, length, _ = MESSAGE.unpack_from(packet, at)
@@ -70,13 +71,13 @@ def _newest(packet: bytes, topics: list[list[str]]) -> int | None:
 
 
 def data_address(address: str) -> str:
-    """Return the address of the data of a page, whose token it keeps."""
+    """Return the WebSocket address of a page's data, with the page's token."""
     page, _, query = address.partition("?")
     return page.replace("http", "ws", 1) + "data" + (f"?{query}" if query else "")
 
 
 async def look_on(address: str, seconds: float, kinds: list[str]) -> list[dict[str, Any]]:
-    """All of them at once."""
+    """Run all clients at the same time and return their rows."""
     data = data_address(address)
     return list(await asyncio.gather(*(_client(data, kind, seconds) for kind in kinds)))
 

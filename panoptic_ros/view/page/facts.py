@@ -1,4 +1,4 @@
-"""What a page is told first, as JSON: cameras, skeleton, topics, and how their messages are made up."""
+"""First JSON document that a page receives: cameras, skeleton, topics, and their message definitions."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from panoptic_ros.io.messages.family import bag_typestore
 
 @dataclass(frozen=True)
 class PageTopic:
-    """A topic that a page can have.
+    """Topic that a page can receive.
 
     Args:
-        key: of `graph.topics.TOPICS`. owner: camera, sensor or device; "" of the graph.
-        message: its type.
+        key: Key in `graph.topics.TOPICS`.
+        owner: Camera, sensor or device of the topic, "" for a topic of the whole graph.
+        message: ROS message type.
     """
 
     key: str
@@ -30,13 +31,14 @@ class PageTopic:
 
 @dataclass(frozen=True)
 class SceneFacts:
-    """What does not change while a scene is shown.
+    """Facts that stay constant while a page shows a scene.
 
     Args:
-        kind: "live" or "recorded". title: for people.
-        begin_ns, end_ns: of a recording; 0 live.
-        report: what report.json of a run holds that a page shows; empty if there is none.
-        rates: images per second by camera, where a page cannot count them.
+        kind: "live" or "recorded".
+        title: Title for the reader.
+        begin_ns, end_ns: Time range of a recording; 0 for a live scene.
+        report: Parts of the run's report.json that a page shows; empty without a report.
+        rates: Images per second by camera, where a page cannot count them.
     """
 
     kind: str
@@ -50,7 +52,7 @@ class SceneFacts:
     rates: Mapping[str, float] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
-        """For JSON; integers beyond 2^53 are texts."""
+        """Return the facts as a JSON document, with integers that can exceed 2^53 as strings."""
         return {
             "type": "facts",
             "kind": self.kind,
@@ -75,7 +77,7 @@ class SceneFacts:
 
 
 def shape_document() -> dict[str, Any]:
-    """How thick bodies are: what `bodies.js` draws with."""
+    """Return the capsules of the body shape, which `bodies.js` draws."""
     model = read_body_model()
 
     def end(place: Any) -> Any:
@@ -95,7 +97,7 @@ def shape_document() -> dict[str, Any]:
 
 
 def camera_document(camera: Camera) -> dict[str, Any]:
-    """A camera with its whole lens: what `lens.js` projects with."""
+    """Return a camera with its full lens model, which `lens.js` uses for projection."""
     lens, pose = camera.intrinsics, camera.cam_from_world
     return {
         "name": camera.name,
@@ -114,9 +116,10 @@ def camera_document(camera: Camera) -> dict[str, Any]:
 
 
 def schemas(kinds: Iterable[str]) -> dict[str, list[list[Any]]]:
-    """Definitions of message types and of those inside of them: {type: [[field, type, count], ...]}.
+    """Return definitions of message types and of the types nested in them: {type: [[field, type, count],
+    ...]}.
 
-    count: -1 = a sequence, 0 = one value, else an array of so many.
+    A count of -1 is a sequence, 0 is a single value, and any other number is an array of that length.
     """
     store, found = bag_typestore(), dict[str, list[list[Any]]]()
     waiting = list(kinds)
@@ -133,7 +136,7 @@ def schemas(kinds: Iterable[str]) -> dict[str, list[list[Any]]]:
     return found
 
 
-_BASE, _NAME, _ARRAY = 1, 2, 3  # rosbags.interfaces.Nodetype
+_BASE, _NAME, _ARRAY = 1, 2, 3  # node types of rosbags.interfaces.Nodetype
 
 
 def _field(node: int, detail: Any) -> tuple[str, int]:

@@ -1,4 +1,4 @@
-"""A capture folder as a scene: its images, before anything is made of them, and the truth if it is known."""
+"""Scene of a capture folder: its raw images, and the ground truth if available."""
 
 from __future__ import annotations
 
@@ -23,24 +23,28 @@ from panoptic_ros.view.page.presence import Presence
 from panoptic_ros.view.page.recorded import BLOCK_NS
 from panoptic_ros.view.page.truth import KEY, MESSAGE, Truth
 
-MOST_KEPT = 4 * 10**9  # bytes of previews in the temporary file: half an hour of 31 VGA cameras
+MOST_KEPT = 4 * 10**9  # bytes of previews in the temporary file, enough for half an hour of 31 VGA cameras
 
 
 class FolderScene:
-    """Videos and folders of images, read once from their beginning; a page waits for what is not read yet.
+    """Scene of videos and image folders, read once from the beginning. A page waits for seconds that are not
+    read yet.
 
-    Reading ends with an error where the previews fill `most` bytes, or the disk.
+    Reading stops with an error when the previews fill `most` bytes or the disk.
 
     Args:
-        folder: is closed with the scene. title: for people.
-        skeleton: of the truth.
+        folder: Capture folder. The scene closes it.
+        title: Title for the reader.
+        skeleton: Skeleton of the ground truth.
+        truth: Ground truth, if available.
+        most: Size limit of the preview file in bytes.
 
     Raises:
-        DataError: if a source has no images.
+        DataError: If a source has no images.
     """
 
     kind = "recorded"
-    is_read_by_scan = True  # whether there are no seconds before
+    is_read_by_scan = True  # true because seconds become available only as `scan` reads them
 
     def __init__(
         self,
@@ -72,30 +76,30 @@ class FolderScene:
             rates={source.camera: source.frame_rate for source in folder.sources},
         )
         self._kept = tempfile.TemporaryFile(prefix="panoptic-view-")
-        self._places: dict[int, list[tuple[int, int, int]]] = {}  # by block: topic, offset, length
+        self._places: dict[int, list[tuple[int, int, int]]] = {}  # by block: list of (topic, offset, length)
         self._lock = threading.Lock()
-        self._read = 0  # blocks that are whole
+        self._read = 0  # number of complete blocks
         self._fault: UserError | None = None
         self.presence = Presence()
 
     def facts(self) -> dict[str, Any]:
-        """What a page is told first."""
+        """Return the first document that a page receives."""
         return self._facts.document()
 
     def has(self, number: int) -> bool:
-        """Return whether a second has been read, or will not be."""
+        """Return whether a second has been read, or never will be because reading failed."""
         return self._read > number or self._fault is not None
 
     def block(self, number: int, keys: Collection[str] = ()) -> bytes:
-        """A packet of one second.
+        """Return the packet of one second.
 
         Raises:
-            UserError: if the second has not been read, or cannot be.
+            UserError: If the second has not been read yet, or cannot be.
         """
         return pack(Kind.BLOCK, number, self.messages(number, keys))
 
     def messages(self, number: int, keys: Collection[str] = ()) -> Iterator[Message]:
-        """As `block`, one by one."""
+        """Yield the messages of `block` one by one."""
         with self._lock:
             if self._read <= number:
                 later = DataError(f"{self._folder.path}: second {number} is not read yet; ask again later")
@@ -109,7 +113,7 @@ class FolderScene:
                 yield Message(len(self._facts.topics) - 1, data)
 
     def scan(self, stopped: Callable[[], bool], told: Callable[[], None]) -> None:
-        """Read all images; meant for a thread of its own. See `RecordedScene.scan`."""
+        """Read all images; meant for a separate thread. See `RecordedScene.scan`."""
         for stamp, ids in self._truth.people() if self._truth is not None else ():
             self.presence.saw((stamp - self._begin_ns) * 1e-9, ids)
         told()

@@ -1,4 +1,4 @@
-"""The page as one HTML document that loads nothing else: served as it is, or a file with its data in it."""
+"""Viewer page as one self-contained HTML document, either served or saved as a file with embedded data."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ _DATA = "<!-- data -->"
 
 
 def page(data: Mapping[str, Any] | None = None) -> bytes:
-    """The document, UTF-8.
+    """Return the HTML document, UTF-8.
 
-    Modules are named by an import map that holds them, as a page opened from a file may load no others.
+    An import map embeds all JavaScript modules, because a page opened from a file may not load others.
 
     Args:
-        data: what a page shows that has no server: `facts`, `health` and `blocks` (base64); None = it asks
-            the server that it came from.
+        data: Data of a page without a server: `facts`, `health` and `blocks` (base64). None makes the page
+            request data from the server that delivered it.
     """
     html = (STATIC / "index.html").read_text()
     html = html.replace("/* style */", (STATIC / "style.css").read_text())
@@ -29,7 +29,7 @@ def page(data: Mapping[str, Any] | None = None) -> bytes:
 
 
 def _import_map() -> Mapping[str, Any]:
-    """{"imports": {"#view/lens.js": "data:text/javascript;base64,..."}}, of all modules."""
+    """Return {"imports": {"#view/lens.js": "data:text/javascript;base64,..."}} for all modules."""
     modules = {
         f"#view/{path.relative_to(STATIC).as_posix()}": _data_address(path)
         for path in sorted(STATIC.rglob("*.js"))
@@ -42,6 +42,6 @@ def _data_address(path: Path) -> str:
 
 
 def _script(data: Mapping[str, Any]) -> str:
-    """JSON in a script element, which "</" would end."""
+    """Return the data as JSON in a script element, with "</" escaped because it would end the element."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     return f'<script type="application/json" id="data">{text}</script>'

@@ -1,8 +1,8 @@
-"""The live graph as a scene: takes raw messages, and hands every client the newest.
+"""Scene of the live graph: it receives raw messages and hands the newest instant to every client.
 
-How the live graph is: measured where messages arrive, as a slow browser would tell of silent cameras.
-
-Which messages show one instant: skeletons, the 2D people that they rest on, and the images of these.
+Rates, ages and latency are measured where messages arrive, because a slow browser would report cameras as
+silent. Messages of one instant are paired: skeletons, the 2D poses that they rest on, and the images of
+these.
 """
 
 from __future__ import annotations
@@ -20,43 +20,45 @@ from panoptic_ros.view.page.mailbox import Instant, Mailbox
 from panoptic_ros.view.page.packets import Message
 from panoptic_ros.view.page.peek import detections_head, skeletons_head, stamp_of_bytes
 
-WINDOW_S = 2.0  # rates are counted over this
-PLAUSIBLE_S = 60.0  # stamps farther from the wall clock than this are of another clock
+WINDOW_S = 2.0  # s; window over which rates are counted
+PLAUSIBLE_S = 60.0  # s; a timestamp farther from the wall clock than this belongs to another clock
 Kept = TypeVar("Kept")
-KEPT_VIEWS = 128  # 2D people of a camera: two seconds at 60 Hz, longer than skeletons take
+KEPT_VIEWS = 128  # detections kept per camera: two seconds at 60 Hz, longer than the skeletons' latency
 KEPT_PREVIEWS = 32
-NEAR_NS = 25_000_000  # between skeletons that do not name their views and 2D people of the same instant
-PATIENCE_S = 1.0  # without skeletons, after which views are shown by themselves
+# ns; largest time difference between skeletons that do not name their views and detections of the same
+# instant
+NEAR_NS = 25_000_000
+PATIENCE_S = 1.0  # s without skeletons, after which views are shown alone
 
 
 class Pairing:
-    """Pairs what comes from the live graph, by stamps and frame numbers, not by arrival.
+    """Pairing of live messages by timestamp and frame number, not by arrival.
 
-    Skeletons name the frame of every view that they rest on; the 2D people of that frame have the stamp of
-    its image, as its preview has.
+    Skeletons name the frame of every view that they rest on. The detections and the preview of that frame
+    have the timestamp of its image.
     """
 
     def __init__(self) -> None:
-        self._previews: dict[str, dict[int, Message]] = {}  # by camera and stamp
+        self._previews: dict[str, dict[int, Message]] = {}  # by camera and timestamp
         self._stamps: dict[str, dict[int, int]] = {}  # by camera and frame number
-        self._people: dict[str, dict[int, Message]] = {}  # by camera and stamp
+        self._people: dict[str, dict[int, Message]] = {}  # by camera and timestamp
         self._skeletons_at = float("-inf")
 
     def preview(self, camera: str, message: Message, now_s: float) -> Instant | None:
-        """An image has come; something to show if nobody makes skeletons.
+        """Add an image preview and return an instant to show if no skeletons arrive.
 
         Raises:
-            DataError: if it is no such message.
+            DataError: If the message cannot be read as such.
         """
         stamp = stamp_of_bytes(message.data)
         _keep(self._previews.setdefault(camera, {}), stamp, message, KEPT_PREVIEWS)
         return self._alone(camera, stamp, now_s)
 
     def detections(self, camera: str, message: Message, now_s: float) -> Instant | None:
-        """The 2D people of an image have come; as `preview`.
+        """Add the detections of an image and return an instant as `preview` does.
 
         Raises:
-            DataError: if it is no such message.
+            DataError: If the message cannot be read as such.
         """
         stamp, frame = detections_head(message.data)
         _keep(self._people.setdefault(camera, {}), stamp, message, KEPT_VIEWS)
@@ -64,16 +66,16 @@ class Pairing:
         return self._alone(camera, stamp, now_s)
 
     def skeletons(self, message: Message, now_s: float) -> Instant:
-        """Skeletons have come: the instant, with the views of which there is an image.
+        """Return the instant of these skeletons, with the views that have an image.
 
         Raises:
-            DataError: if it is no such message.
+            DataError: If the message cannot be read as such.
         """
         self._skeletons_at = now_s
         head, views = skeletons_head(message.data), {}
         if head.frames:
             stamps = {camera: self._stamps.get(camera, {}).get(n) for camera, n in head.frames.items()}
-        else:  # they do not name their views
+        else:  # these skeletons do not name their views
             stamps = {camera: _nearest(kept, head.stamp_ns) for camera, kept in self._people.items()}
         for camera, stamp in stamps.items():
             preview = self._previews.get(camera, {}).pop(-1 if stamp is None else stamp, None)
@@ -91,20 +93,20 @@ class Pairing:
 
 
 def _nearest(stamps: Iterable[int], stamp_ns: int) -> int | None:
-    """The nearest stamp that can be of the same instant."""
+    """Return the nearest timestamp within `NEAR_NS`, or None."""
     found = min(stamps, key=lambda stamp: abs(stamp - stamp_ns), default=None)
     return found if found is not None and abs(found - stamp_ns) <= NEAR_NS else None
 
 
 def _keep(items: dict[int, Kept], key: int, value: Kept, limit: int) -> None:
-    """Remember a value, and forget the oldest beyond a limit."""
+    """Store a value and drop the oldest values beyond the limit."""
     items[key] = value
     while len(items) > limit:
         del items[next(iter(items))]
 
 
 class Health:
-    """Rates, ages and latency of what comes, and what nodes say of themselves."""
+    """Rates, ages and latency of incoming messages, and the status messages of nodes."""
 
     def __init__(self) -> None:
         self._arrivals: dict[str, deque[float]] = {}
@@ -113,7 +115,7 @@ class Health:
         self.statuses: dict[str, Mapping[str, Any]] = {}  # by name, as on /diagnostics
 
     def arrived(self, name: str, now_s: float) -> None:
-        """A message of a camera, or of the graph ("")."""
+        """Record the arrival of a message of a camera, or of the skeletons (name "")."""
         times = self._arrivals.setdefault(name, deque())
         times.append(now_s)
         while times[0] < now_s - WINDOW_S:
@@ -121,13 +123,16 @@ class Health:
         self._latest[name] = now_s
 
     def published(self, stamp_ns: int, wall_ns: int) -> None:
-        """Skeletons of a stamp have come; what is no wall clock tells no latency."""
+        """Record the latency of skeletons; ignore timestamps that are implausible for the wall clock."""
         latency = (wall_ns - stamp_ns) * 1e-9
         if 0.0 <= latency < PLAUSIBLE_S:
             self._latencies.append(latency)
 
     def document(self, cameras: Sequence[str], now_s: float) -> dict[str, Any]:
-        """For JSON. Latency from capture to arrival, ms; ages in s, null before the first message."""
+        """Return the health as a JSON document.
+
+        Latency counts from capture to arrival, in ms. Ages are in s, null before the first message.
+        """
         latencies = sorted(self._latencies)
         return {
             "type": "health",
@@ -146,7 +151,7 @@ class Health:
 
 
 class Client:
-    """One page: its mailbox, what it shows, and what wakes the one who sends."""
+    """State of one page: its mailbox, its topic keys, and the callback that wakes its sender."""
 
     def __init__(self, wake: Callable[[], None]):
         self.mailbox = Mailbox()
@@ -155,10 +160,10 @@ class Client:
 
 
 class LiveScene:
-    """Between the thread that takes messages and the one that serves pages.
+    """Exchange between the thread that receives messages and the thread that serves pages.
 
-    Whoever feeds it need not subscribe to anything that `wanted` does not name: without a page nothing is
-    asked of the graph.
+    The feeding node needs to subscribe only to topics that `wanted` returns. Without a page, it subscribes to
+    nothing.
     """
 
     kind = "live"
@@ -174,10 +179,10 @@ class LiveScene:
         self.health = Health()
         self.bad_messages = 0
 
-    # ------------------------------------------------------------- fed by a node
+    # ------------------------------------------------------------- called by the feeding node
 
     def begin(self, rig: Rig, skeleton: SkeletonModel) -> None:
-        """The cameras and the skeleton are known, or are others now."""
+        """Set the rig and the skeleton, at the start or after a change."""
         topics = [
             PageTopic(key, owner, TOPICS[key].message)
             for key in (*ALWAYS_SHOWN, *ASKED_FOR)
@@ -190,12 +195,12 @@ class LiveScene:
             self._pairing = Pairing()
 
     def wanted(self) -> frozenset[str]:
-        """Keys of the topics that clients show now."""
+        """Return the keys of the topics that clients show now."""
         with self._lock:
             return frozenset[str]().union(*(client.keys for client in self._clients))
 
     def take(self, key: str, owner: str, data: bytes, now_s: float, wall_ns: int) -> None:
-        """A message of a topic, as CDR bytes; what cannot be used is counted."""
+        """Take a message of a topic as CDR bytes; count it as bad if it cannot be used."""
         with self._lock:
             try:
                 instant = self._instant(key, owner, data, now_s, wall_ns)
@@ -208,7 +213,7 @@ class LiveScene:
                     client.wake()
 
     def tell(self, name: str, status: Mapping[str, Any]) -> None:
-        """What a node says of itself: {name, level, message, owner, values}."""
+        """Store the status of a node: {name, level, message, owner, values}."""
         with self._lock:
             self.health.statuses[name] = status
 
@@ -228,42 +233,42 @@ class LiveScene:
         self.health.published(stamp_of_bytes(data), wall_ns)
         return self._pairing.skeletons(message, now_s)
 
-    # ------------------------------------------------------------- asked by a server
+    # ------------------------------------------------------------- called by the server
 
     def facts(self) -> dict[str, Any] | None:
-        """What a page is told first, the same object as long as it holds; None before the rig has come."""
+        """Return the first document of a page, or None without a rig; the same object until it changes."""
         with self._lock:
             return self._facts
 
     def attach(self, wake: Callable[[], None]) -> Client:
-        """A page has come; `wake` is called, from any thread, when there may be something to send."""
+        """Add a page; `wake` is called from any thread when there may be something to send."""
         client = Client(wake)
         with self._lock:
             self._clients.append(client)
         return client
 
     def detach(self, client: Client) -> None:
-        """A page is gone."""
+        """Remove a page."""
         with self._lock:
             self._clients.remove(client)
 
     def choose(self, client: Client, keys: Sequence[str]) -> None:
-        """Which topics a page shows besides those that it always has."""
+        """Set the topics that a page shows in addition to those that are always shown."""
         with self._lock:
             client.keys = frozenset((*ALWAYS_SHOWN, *(key for key in keys if key in ASKED_FOR)))
 
     def collect(self, client: Client) -> list[Message] | None:
-        """What to send to a client now, if anything."""
+        """Return the messages to send to a client now, or None."""
         with self._lock:
             return client.mailbox.take()
 
     def drawn(self, client: Client) -> None:
-        """A page has drawn a packet."""
+        """Record that a page has drawn a packet."""
         with self._lock:
             client.mailbox.drawn()
 
     def state(self, client: Client, now_s: float) -> dict[str, Any]:
-        """How the graph and this page are."""
+        """Return the health of the graph, with the drop count of this page and the number of bad messages."""
         with self._lock:
             names = () if self._rig is None else self._rig.names
             document = self.health.document(names, now_s)

@@ -1,7 +1,7 @@
-"""What is said between the server and one page of a live graph, over its WebSocket.
+"""WebSocket protocol between the server and one page of a live graph.
 
-Texts are JSON. To the page: `facts` first, `health` twice a second. From it: `{"drawn": n}` after a packet,
-`{"keys": [...]}` for topics of layers.
+Text frames are JSON. The server sends `facts` first, then `health` twice a second. The page sends `{"drawn":
+n}` after it has drawn a packet, and `{"keys": [...]}` to choose topics of layers.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ WAITING = {"type": "waiting", "text": "waiting for /rig and /skeleton_model of a
 
 
 class LiveTalk:
-    """Sends what a live scene has for a page, as fast as the page draws."""
+    """Sender of a live scene's messages to one page, no faster than the page draws."""
 
     def __init__(self, scene: LiveScene):
         self._scene = scene
@@ -50,7 +50,8 @@ class LiveTalk:
                     changed.clear()
                     try:
                         await asyncio.wait_for(changed.wait(), left)
-                    except asyncio.TimeoutError:  # not yet TimeoutError in Python 3.10
+                    # asyncio.TimeoutError is not yet TimeoutError in Python 3.10
+                    except asyncio.TimeoutError:
                         break
 
         sending = asyncio.create_task(send())

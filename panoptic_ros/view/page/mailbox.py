@@ -1,4 +1,4 @@
-"""What waits for one client: never more than the newest, whatever the client can take."""
+"""Outgoing mailbox of one client: it holds only the newest messages, however slow the client is."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 
 from panoptic_ros.view.page.packets import Message
 
-CREDITS = 2  # packets that a client may have without having drawn them
+CREDITS = 2  # packets in flight: largest number sent but not yet drawn by the client
 
 
 @dataclass(frozen=True)
 class Instant:
-    """Skeletons, and what cameras saw at the same instant.
+    """Skeletons and the camera views of the same instant.
 
     Args:
-        skeletons: None where there is none yet for these views.
-        views: by camera; of one view its messages belong together.
-        others: of topics that stand by themselves.
+        skeletons: Skeletons, None where these views have none yet.
+        views: Messages by camera; those of one view belong together.
+        others: Messages of independent topics.
     """
 
     skeletons: Message | None
@@ -26,22 +26,21 @@ class Instant:
 
 
 class Mailbox:
-    """The newest of what one client has not been sent.
+    """Newest messages that one client has not received yet.
 
-    A client may have `CREDITS` packets that it has not drawn. A socket takes megabytes without a word, so
-    only the client can say what it has dealt with: it does so after drawing, and a page that nobody looks
-    at does not draw.
+    A client may have `CREDITS` packets that it has not drawn. A socket buffers megabytes without feedback, so
+    the client itself must acknowledge each packet. It does so after drawing, and a hidden page does not draw.
     """
 
     def __init__(self) -> None:
-        self.dropped = 0  # instants that were overtaken by newer ones
+        self.dropped = 0  # instants replaced by newer ones before they were sent
         self._credits = CREDITS
         self._newest: Instant | None = None
-        self._views: dict[str, Instant] = {}  # by camera, the newest instant that shows what it saw
+        self._views: dict[str, Instant] = {}  # by camera, the newest instant with a view of it
         self._others: dict[int, Message] = {}  # by topic
 
     def offer(self, instant: Instant) -> None:
-        """Something new."""
+        """Add a new instant, replacing older unsent ones."""
         self._others |= {message.topic: message for message in instant.others}
         if instant.skeletons is not None:
             self.dropped += self._newest is not None
@@ -50,11 +49,11 @@ class Mailbox:
             self._views[camera] = instant
 
     def drawn(self) -> None:
-        """The client has drawn a packet."""
+        """Record that the client has drawn a packet."""
         self._credits = min(CREDITS, self._credits + 1)
 
     def take(self) -> list[Message] | None:
-        """What to send now; None if there is nothing, or the client has enough."""
+        """Return the messages to send now; None if there are none or the client has no credit left."""
         if not self._credits or not (self._newest or self._views or self._others):
             return None
         self._credits -= 1

@@ -1,4 +1,4 @@
-"""A recording in one HTML file, with its images: for somebody who has nothing but a browser."""
+"""Export of a recording as one HTML file with its images, for readers who only have a browser."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from panoptic_ros.view.page.packets import Kind, Message, pack
 from panoptic_ros.view.page.peek import detections_head, stamp_of_bytes
 from panoptic_ros.view.page.recorded import BLOCK_NS, RecordedScene
 
-LONGEST_S = 900  # of one file; browsers have trouble with some hundred megabytes
-BODIES = ("bodies",)  # topics of layers that are shown at first
-LEFT_OUT = ("time_shift", "side_votes", "corrections")  # of skeletons: numbers that a page does not show
+LONGEST_S = 900  # s; longest recording in one file, as browsers have trouble with several hundred megabytes
+BODIES = ("bodies",)  # topic keys of layers that are visible by default
+LEFT_OUT = ("time_shift", "side_votes", "corrections")  # fields of skeletons that a page does not show
 
 
 def one_file(
@@ -32,15 +32,18 @@ def one_file(
     end_s: float | None = None,
     progress: Progress = untold,
 ) -> bytes:
-    """The document of a part of a recording.
+    """Return the HTML document of a part of a recording.
 
-    It holds skeletons, bodies, previews, and the 2D people of the images that are shown, without score maps.
+    It holds skeletons, bodies, previews, and the 2D poses of the shown images, without score maps.
 
     Args:
-        begin_s, end_s: from the beginning of the recording; whole seconds are taken. None = its end.
+        scene: Recorded scene.
+        begin_s, end_s: Time range from the beginning of the recording, extended to whole seconds. None is its
+            end.
+        progress: Callback for a progress bar.
 
     Raises:
-        UsageError: if there is nothing in between, or more than a browser can take.
+        UsageError: If the range is empty, or longer than a browser can handle.
     """
     first, last = int(begin_s), scene.block_count if end_s is None else -int(-end_s // 1)
     numbers = range(max(0, first), min(scene.block_count, last))
@@ -74,7 +77,7 @@ def one_file(
 def _smaller(
     scene: RecordedScene, topics: list[list[str]], messages: Iterable[Message], seen: Counter[str]
 ) -> Iterator[Message]:
-    """The messages without what a page does not need; counts the images of each camera."""
+    """Yield the messages without data that a page does not need, and count each camera's images in `seen`."""
     held = list(messages)
     keys = [tuple(topics[message.topic][:2]) for message in held]
     shown = {
@@ -108,6 +111,6 @@ def _bare(poses: RefinedPoseSet) -> RefinedPoseSet:
 
 
 def _clipped(spans: list[list[float]], begin: float, end: float) -> list[list[float]]:
-    """Spans inside of [begin, end) s, from there on."""
+    """Return the spans inside [begin, end) s, with times relative to `begin`."""
     inside = [[i, *np.clip([a, b], begin, end) - begin] for i, a, b in spans if a < end and b >= begin]
     return [[int(i), float(a), float(b)] for i, a, b in inside]

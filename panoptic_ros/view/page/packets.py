@@ -1,8 +1,8 @@
-"""Messages on their way to a page: many in one binary packet.
+"""Binary packets that carry many messages to a page.
 
-A packet is 16 bytes, uint32 little endian: `MAGIC`, kind, number, count of messages; then for each message
-uint32 topic (its place in the list that the page was told), uint32 length, uint32 0, its CDR bytes, and
-zeros up to a multiple of 8. So what CDR aligns to 8 is aligned in the packet, too.
+A packet begins with 16 bytes, uint32 little endian: `MAGIC`, kind, number, count of messages. Each message
+follows as uint32 topic (its index in the page's topic list), uint32 length, uint32 0, CDR bytes, and zero
+padding to a multiple of 8. This keeps data that CDR aligns to 8 bytes aligned in the packet, too.
 """
 
 from __future__ import annotations
@@ -12,30 +12,32 @@ from collections.abc import Iterable
 from enum import IntEnum
 from typing import NamedTuple
 
-MAGIC = 0x314E4150  # "PAN1"
+MAGIC = 0x314E4150  # bytes "PAN1"
 HEAD = struct.Struct("<4I")
 MESSAGE = struct.Struct("<3I")
 
 
 class Kind(IntEnum):
-    """What a packet is: the newest of a live graph, or a second of a recording."""
+    """Kind of a packet: newest messages of a live graph, or one second of a recording."""
 
     LIVE = 0
     BLOCK = 1
 
 
 class Message(NamedTuple):
-    """CDR bytes of a topic, by its place in the list of topics."""
+    """CDR bytes of one message, with the index of its topic in the topic list."""
 
     topic: int
     data: bytes
 
 
 def pack(kind: Kind, number: int, messages: Iterable[Message]) -> bytes:
-    """One packet.
+    """Return one packet.
 
     Args:
-        number: of the block, or the running number of a live packet.
+        kind: Kind of the packet.
+        number: Number of the block, or the running number of a live packet.
+        messages: Messages in order.
     """
     parts, count = [b""], 0
     for topic, data in messages:

@@ -1,4 +1,4 @@
-"""What pairs messages, read from the beginning of their CDR bytes without decoding the rest."""
+"""Fast reading of the fields that pair messages, from the first CDR bytes without decoding the rest."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ from typing import NamedTuple
 from panoptic_ros.errors import DataError
 
 SECOND = 1_000_000_000
-ENCAPSULATION = 4  # bytes; alignment counts from behind them
+ENCAPSULATION = 4  # bytes of the CDR encapsulation header; alignment counts from its end
 
 
 class SkeletonsHead(NamedTuple):
-    """Of a panoptic_msgs/Skeletons: its stamp, that of its newest view, and the frame number of every view
-    that it rests on.
+    """Leading fields of a panoptic_msgs/Skeletons.
+
+    Args:
+        stamp_ns: Timestamp of the message.
+        newest_ns: Timestamp of its newest view.
+        frames: Frame number of every view used, by camera.
     """
 
     stamp_ns: int
@@ -22,10 +26,10 @@ class SkeletonsHead(NamedTuple):
 
 
 def stamp_of_bytes(data: bytes) -> int:
-    """Stamp, ns, of a message that begins with a header.
+    """Return the timestamp (ns) of a message that begins with a header.
 
     Raises:
-        DataError: if the bytes are too few.
+        DataError: If the bytes are too few.
     """
     try:
         seconds, nanoseconds = struct.unpack_from("<iI" if data[1] else ">iI", data, ENCAPSULATION)
@@ -35,10 +39,10 @@ def stamp_of_bytes(data: bytes) -> int:
 
 
 def detections_head(data: bytes) -> tuple[int, int]:
-    """Stamp, ns, and frame number of a panoptic_msgs/ViewDetections.
+    """Return the timestamp (ns) and frame number of a panoptic_msgs/ViewDetections.
 
     Raises:
-        DataError: if the bytes are no such message.
+        DataError: If the bytes are no such message.
     """
     try:
         cursor = _Cursor(data)
@@ -50,10 +54,10 @@ def detections_head(data: bytes) -> tuple[int, int]:
 
 
 def skeletons_head(data: bytes) -> SkeletonsHead:
-    """Stamp and views of a panoptic_msgs/Skeletons.
+    """Return the timestamps and views of a panoptic_msgs/Skeletons.
 
     Raises:
-        DataError: if the bytes are no such message.
+        DataError: If the bytes are no such message.
     """
     try:
         cursor = _Cursor(data)
@@ -62,7 +66,7 @@ def skeletons_head(data: bytes) -> SkeletonsHead:
         newest = cursor.time()
         cursor.number("Q", 8)  # index
         cursor.text()  # hash of the skeleton
-        cursor.number("I", 4)  # joints
+        cursor.number("I", 4)  # number of joints
         cameras = [cursor.text() for _ in range(cursor.number("I", 4))]
         frames = [cursor.number("Q", 8) for _ in range(cursor.number("I", 4))]
     except (struct.error, IndexError, UnicodeDecodeError) as error:
@@ -71,7 +75,7 @@ def skeletons_head(data: bytes) -> SkeletonsHead:
 
 
 class _Cursor:
-    """Reads fields one after another."""
+    """Sequential reader of CDR fields."""
 
     def __init__(self, data: bytes):
         self._data = data
@@ -79,18 +83,18 @@ class _Cursor:
         self._at = ENCAPSULATION
 
     def number(self, code: str, size: int) -> int:
-        """An integer of `struct`'s code and so many bytes."""
+        """Read an integer with the `struct` code `code` and `size` bytes, aligned to its size."""
         self._at += (ENCAPSULATION - self._at) % size
         (value,) = struct.unpack_from(self._order + code, self._data, self._at)
         self._at += size
         return int(value)
 
     def time(self) -> int:
-        """builtin_interfaces/Time, ns."""
+        """Read a builtin_interfaces/Time in ns."""
         return self.number("i", 4) * SECOND + self.number("I", 4)
 
     def text(self) -> str:
-        """A string."""
+        """Read a string."""
         length = self.number("I", 4)
         if self._at + length > len(self._data):
             raise IndexError(f"a text of {length} bytes")

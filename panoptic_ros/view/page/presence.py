@@ -1,4 +1,4 @@
-"""Who is there when: where ids begin and end on a time line."""
+"""Presence of people over time: the spans in which each id is tracked, for a time line."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ from collections.abc import Collection
 
 from panoptic_ros.io.messages.family import decode_cdr
 
-GAP_S = 1.0  # an id that is away for longer ends, and begins again
+GAP_S = 1.0  # s; an id that is absent for longer starts a new span
 SKELETONS = "panoptic_msgs/msg/Skeletons"
 
 
 class Presence:
-    """Spans of time in which each id is there, in the order of their beginnings."""
+    """Time spans of each id's presence, in the order of their beginnings."""
 
     def __init__(self) -> None:
-        self.spans: list[list[float]] = []  # [id, first, last], s from the beginning
+        # [id, first, last], times in s from the beginning of the recording
+        self.spans: list[list[float]] = []
         self.complete = False
         self._open: dict[int, list[float]] = {}
 
     def saw(self, time_s: float, ids: Collection[int]) -> None:
-        """These were there at an instant; instants come in order."""
+        """Record the ids present at an instant; instants must come in order."""
         for identity in ids:
             span = self._open.get(identity)
             if span is None or time_s - span[2] > GAP_S:
@@ -29,9 +30,9 @@ class Presence:
 
 
 def ids_of(data: bytes) -> list[int]:
-    """Ids of the people in the CDR bytes of a panoptic_msgs/Skeletons.
+    """Return the ids of the people in the CDR bytes of a panoptic_msgs/Skeletons.
 
     Raises:
-        DataError: if they cannot be decoded.
+        DataError: If they cannot be decoded.
     """
     return [int(person.id) for person in decode_cdr(data, SKELETONS).skeletons]

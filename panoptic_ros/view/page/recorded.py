@@ -1,4 +1,4 @@
-"""A bag as a scene: a second of it at a time, read when a page asks for it."""
+"""Scene of a bag, read one second at a time when a page requests it."""
 
 from __future__ import annotations
 
@@ -24,20 +24,23 @@ from panoptic_ros.view.page.presence import Presence, ids_of
 from panoptic_ros.view.page.truth import KEY, MESSAGE, Truth
 
 BLOCK_NS = 1_000_000_000
-GIVE_WAY_S, QUIET_S = 0.002, 0.5  # between looks of the scan whether it may go on; after a block, to draw it
-IMAGES = ("compressed_image", "image")  # previews are made of these where there are none
+# s; polling interval of the paused scan, and pause after each block so that the page can draw it
+GIVE_WAY_S, QUIET_S = 0.002, 0.5
+IMAGES = ("compressed_image", "image")  # image topics to make previews from if a camera has no preview topic
 
 
 class RecordedScene:
-    """A bag that has the rig, or is given one.
+    """Scene of a bag. The rig and skeleton come from the bag or from the arguments.
 
     Args:
-        rig, skeleton: in place of those of the bag.
-        title: for people. report: see `SceneFacts`.
-        truth: who was really there.
+        bag: Path of the bag.
+        title: Title for the reader.
+        rig, skeleton: Replacement for those of the bag.
+        report: See `SceneFacts`.
+        truth: Ground truth skeletons.
 
     Raises:
-        DataError: if it cannot be read, or says nothing of its rig or skeleton.
+        DataError: If the bag cannot be read, or lacks a rig or skeleton that is not given.
     """
 
     kind = "recorded"
@@ -54,11 +57,11 @@ class RecordedScene:
     ):
         self._path = Path(bag)
         self._bag = BagReader(self._path)
-        self._lock = threading.Lock()  # one file, many pages
-        self._asked = 0  # blocks that somebody waits for
-        self._quiet_until = 0.0  # s of the monotonic clock, for those who draw them
+        self._lock = threading.Lock()  # all pages share one open file
+        self._asked = 0  # number of blocks being read for pages
+        self._quiet_until = 0.0  # s of the monotonic clock; the scan pauses until then so that pages can draw
         self._names: dict[str, PageTopic] = {}  # by the name in the bag
-        self._sources: dict[int, tuple[str, PageTopic]] = {}  # by the page's number of a topic
+        self._sources: dict[int, tuple[str, PageTopic]] = {}  # by the topic number on the page
         self.rig = rig if rig is not None else self._latched("rig", "the bag lacks /rig: give --rig")
         self.skeleton = skeleton or self._latched("skeleton_model", "the bag lacks /skeleton_model")
         self._choose_topics()
@@ -80,7 +83,7 @@ class RecordedScene:
 
     @property
     def block_count(self) -> int:
-        """How many seconds it has."""
+        """Return the length of the recording in seconds, rounded up."""
         return max(1, math.ceil((self._bag.end_ns - self._bag.begin_ns + 1) / BLOCK_NS))
 
     @property
@@ -90,14 +93,14 @@ class RecordedScene:
         return any(self._bag.counts[name] for name in names)
 
     def facts(self) -> dict[str, Any]:
-        """What a page is told first."""
+        """Return the first document that a page receives."""
         return self._facts.document()
 
     def block(self, number: int, keys: Collection[str] = ()) -> bytes:
-        """A packet of all messages of one second, of the topics that are always shown and of those named.
+        """Return a packet of one second: all messages of the topics that are always shown and of `keys`.
 
         Raises:
-            DataError: if the bag is damaged there.
+            DataError: If the bag is damaged there.
         """
         self._asked += 1
         try:
@@ -107,11 +110,11 @@ class RecordedScene:
             self._asked -= 1
 
     def has(self, number: int) -> bool:
-        """Return True: a bag has all of its seconds."""
+        """Return True, because every second of a bag is available."""
         return True
 
     def messages(self, number: int, keys: Collection[str] = ()) -> Iterator[Message]:
-        """As `block`, one by one."""
+        """Yield the messages of `block` one by one."""
         begin = self._bag.begin_ns + number * BLOCK_NS
         wanted = {*ALWAYS_SHOWN, *keys}
         if self._truth is not None and KEY in keys:
@@ -133,10 +136,11 @@ class RecordedScene:
                 yield Message(chosen[name], bytes(data))
 
     def scan(self, stopped: Callable[[], bool], told: Callable[[], None]) -> None:
-        """Find out who is there when, from beginning to end; meant for a thread of its own.
+        """Read all skeletons to find the presence of each id; meant for a separate thread.
 
         Args:
-            told: called now and then when `presence` knows more.
+            stopped: Callback that returns True to abort the scan.
+            told: Callback after each batch of updates to `presence`.
         """
         names = [name for name, topic in self._sources.values() if topic.key == "skeletons"]
         with BagReader(self._path) as bag:
@@ -165,7 +169,7 @@ class RecordedScene:
         raise DataError(f"{self._path}: {missing}")
 
     def _named(self, key: str, owner: str) -> str | None:
-        """What the bag calls a topic, in whatever namespace."""
+        """Return the bag's name of a topic, in any namespace, or None."""
         topic = TOPICS[key]
         usual = "/" + topic.of(owner)
         for name, kind in self._bag.topics.items():
@@ -186,7 +190,7 @@ class RecordedScene:
                     self._sources[len(self._sources)] = name, PageTopic(key, owner, TOPICS[key].message)
 
     def _preview(self, camera: str, data: bytes, kind: str, previews: Previews) -> bytes | None:
-        """CDR bytes of the preview of an image, None if it is not due or cannot be decoded."""
+        """Return the CDR bytes of an image's preview, or None if none is due or decoding fails."""
         try:
             preview = previews.take(frame_from_message(decode_cdr(data, kind), camera, 0))
         except DataError:

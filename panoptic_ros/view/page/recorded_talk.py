@@ -1,8 +1,8 @@
-"""What is said between the server and one page of a recording, over its WebSocket.
+"""WebSocket protocol between the server and one page of a recording.
 
-Texts are JSON. To the page: `facts` first, then `presence` as far as it is known. From it: `{"block": n}` for
-a second of the recording, with the `keys` of layers' topics, answered by a packet of that number, or by a
-`problem` that names the `block`.
+Text frames are JSON. The server sends `facts` first, then `presence` as the scan progresses. The page
+requests one second of the recording with `{"block": n}` and the `keys` of its layers' topics. The server
+answers with a packet of that number, or with a `problem` that names the `block`.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from panoptic_ros.errors import UserError
 from panoptic_ros.view.page.presence import Presence
 from panoptic_ros.view.page.server import as_json, asked_by
 
-LOOK_S = 0.05  # between looks at a second that is not read yet
+LOOK_S = 0.05  # s between checks for a second that is not read yet
 
 
 class Shown(Protocol):
-    """A recording: `recorded.RecordedScene`, `folder.FolderScene`."""
+    """Interface of a recorded scene: `recorded.RecordedScene`, `folder.FolderScene`."""
 
     presence: Presence
 
     def facts(self) -> dict[str, Any]:
-        """What a page is told first."""
+        """Return the first document that a page receives."""
 
     def block(self, number: int, keys: Collection[str] = ()) -> bytes:
-        """A packet of one second."""
+        """Return the packet of one second."""
 
     def has(self, number: int) -> bool:
-        """Return whether a second can be given, or refused, at once."""
+        """Return whether a request for a second can be answered or refused at once."""
 
 
 class RecordedTalk:
-    """Answers for seconds of a recording; what a page asks for last is answered last, and nothing twice."""
+    """Server side of pages of a recording. It answers each block request once, in the order of arrival."""
 
     def __init__(self, scene: Shown):
         self._scene = scene
         self._pages: list[ServerConnection] = []
-        self.shown = asyncio.Event()  # a page has been sent its first second
+        self.shown = asyncio.Event()  # set once a page has received its first block
 
     async def __call__(self, connection: ServerConnection) -> None:
         self._pages.append(connection)
@@ -60,7 +60,7 @@ class RecordedTalk:
             self._pages.remove(connection)
 
     async def tell_presence(self) -> None:
-        """Tell all pages who is there when, as far as that is known."""
+        """Send the current presence spans to all pages."""
         text = as_json(self._presence())
         for connection in list(self._pages):
             try:
@@ -73,7 +73,8 @@ class RecordedTalk:
         return {"type": "presence", "spans": presence.spans, "complete": presence.complete}
 
     async def _block(self, connection: ServerConnection, number: int, keys: Sequence[str]) -> None:
-        while not self._scene.has(number):  # here and not in a thread, of which there are few
+        # wait here, because a waiting thread would block the small thread pool
+        while not self._scene.has(number):
             if connection.state is not State.OPEN:
                 return
             await asyncio.sleep(LOOK_S)

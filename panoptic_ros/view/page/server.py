@@ -1,4 +1,4 @@
-"""The page and its data on one port."""
+"""HTTP and WebSocket server of the viewer page and its data, on one port."""
 
 from __future__ import annotations
 
@@ -19,20 +19,22 @@ from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.export.access import Access
 from panoptic_ros.view.page.html import page
 
-MOST_ASKED = 4096  # bytes of what a page may say at once
+MOST_ASKED = 4096  # bytes; largest message accepted from a page
 
 
-Talk = Callable[[ServerConnection], Any]  # a coroutine that serves one page
+Talk = Callable[[ServerConnection], Any]  # coroutine that serves one page
 
 
 class PageServer:
-    """Serves one page; `talk` speaks with every page that is opened, over its WebSocket.
+    """Server of the viewer page. `talk` handles the WebSocket of every opened page.
 
-    The address holds a token, which is asked for: these are pictures of people, and this machine may have
-    other users. See `Access` for pages of other sites.
+    The address contains a required token, because the data shows people and the machine may have other users.
+    See `Access` for the protection against pages of other sites.
 
     Args:
-        host: to listen on. port: 0 = any that is free.
+        talk: Coroutine that serves one WebSocket.
+        host: Address to listen on.
+        port: TCP port, 0 for any free one.
     """
 
     def __init__(self, talk: Talk, host: str = "127.0.0.1", port: int = 0):
@@ -42,10 +44,10 @@ class PageServer:
 
     @asynccontextmanager
     async def listening(self) -> AsyncIterator[str]:
-        """Listen; gives the address of the page.
+        """Listen, and yield the address of the page.
 
         Raises:
-            EnvironmentProblem: if the port is taken, or the host is none of this machine's.
+            EnvironmentProblem: If the port is taken, or the host is no address of this machine.
         """
         try:
             server = await serve(
@@ -70,7 +72,7 @@ class PageServer:
         return self._access.address("http", port)
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """A page, an error, or None to go on to the WebSocket."""
+        """Return the page, an error response, or None to continue with the WebSocket handshake."""
         address = urlsplit(request.path)
         if self._access.is_foreign(request.headers):
             return _response(403, "Forbidden", b"another site asked for this")
@@ -104,12 +106,12 @@ def _response(
 
 
 def as_json(document: Any) -> str:
-    """Text of a document."""
+    """Return the document as compact JSON text."""
     return json.dumps(document, separators=(",", ":"))
 
 
 async def asked_by(connection: ServerConnection) -> AsyncIterator[dict[str, Any]]:
-    """What a page says, until it goes; what is no JSON object is left out."""
+    """Yield the JSON objects that a page sends until it disconnects; ignore all other text."""
     with suppress(ConnectionClosed):
         async for text in connection:
             with suppress(ValueError):
@@ -119,5 +121,5 @@ async def asked_by(connection: ServerConnection) -> AsyncIterator[dict[str, Any]
 
 
 def seconds() -> float:
-    """A clock that never goes back, s."""
+    """Return the time of a monotonic clock in s."""
     return time.monotonic()

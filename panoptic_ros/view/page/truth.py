@@ -1,4 +1,4 @@
-"""Who was really there, as messages for a page."""
+"""Ground truth skeletons as messages for a page."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.plain_formats import PlainSkeletonFrame, PlainSkeletons
 
-KEY = "truth"  # of its topic on a page
+KEY = "truth"  # key of the page's topic for ground truth
 MESSAGE = "panoptic_msgs/msg/Skeletons"
-SPREAD_M = 1e-4  # messages have covariances
+SPREAD_M = 1e-4  # m; nominal standard deviation, because messages require covariances
 
 
 class Truth:
-    """Skeletons of a file, in the joints of a scene; joints that the file lacks are missing."""
+    """Ground truth skeletons of a file, mapped to the joints of a scene.
+
+    Joints absent from the file are marked missing.
+    """
 
     def __init__(self, plain: PlainSkeletons, skeleton: SkeletonModel):
         self._frames = sorted(plain.frames, key=lambda frame: frame.stamp_ns)
@@ -28,14 +31,14 @@ class Truth:
         self._places = [known.get(name, -1) for name in skeleton.joint_names]
 
     def between(self, begin_ns: int, end_ns: int) -> Iterator[bytes]:
-        """CDR bytes of the frames with stamps in [begin_ns, end_ns)."""
+        """Yield the CDR bytes of the frames with timestamps in [begin_ns, end_ns)."""
         first, last = (bisect_left(self._stamps, stamp) for stamp in (begin_ns, end_ns))
         for frame in self._frames[first:last]:
             message = to_message(self._record(frame), bag_messages())
             yield bytes(bag_typestore().serialize_cdr(message, MESSAGE))
 
     def people(self) -> Iterator[tuple[int, list[int]]]:
-        """Stamp and ids of every frame, in order."""
+        """Yield the timestamp and the ids of every frame, in order."""
         for frame in self._frames:
             yield frame.stamp_ns, frame.ids.tolist()
 
