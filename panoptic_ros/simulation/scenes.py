@@ -81,6 +81,26 @@ SCENES: dict[str, Scene] = {
         "crowded, all faults, more views", _EIGHT, Ring(10, radius=4.6), area=2.7, degradation=NOISY
     ),
     "noisy-8p31v": Scene("a dome of HD cameras", _EIGHT, Dome(31), area=1.8, degradation=NOISY),
+    "exchanged-4p5v": Scene(
+        "most views exchange left and right for half a second",
+        _FOUR,
+        Ring(5),
+        degradation=replace(MILD, back_swap=0.7, limb_swap=0.2, hold=15),
+    ),
+    "ghosts-8p10v": Scene(
+        "three false people in every view",
+        _EIGHT,
+        Ring(10, radius=4.6),
+        area=2.7,
+        degradation=replace(NOISY, ghosts=3.0),
+    ),
+    "fragments-8p5v": Scene(
+        "half of the joints missing, and a third of the people",
+        _EIGHT,
+        Ring(5, radius=4.6),
+        area=2.7,
+        degradation=replace(NOISY, joint_miss=0.5, person_miss=0.3, fewest_joints=1, hold=5),
+    ),
     "crossing": Scene(
         "two people meet head-on",
         ("walk", "walk"),
