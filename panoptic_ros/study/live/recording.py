@@ -1,4 +1,4 @@
-"""The study `recording`: the memory of a live run that records, with its time compressed."""
+"""The study `recording`: memory of a live run that records, with its time compressed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from panoptic_ros.study.live.graph_feed import simulated_feed
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 SCENARIO = "noisy-8p5v"
-LOOKS = 10  # at the memory
+LOOKS = 10  # memory measurements per run
 BEGIN_NS = 1_700_000_000_000_000_000
 
 
