@@ -53,10 +53,10 @@ class Outcome:
     Args:
         errors_s: (s) timestamp minus true master time of every view in a set.
         ages_s: (s) true time of these views.
-        cameras: camera of these views.
+        cameras: their cameras.
         sets: number of sets.
-        twice: number of frames that were used more than once.
-        frames: number of frames in the world.
+        twice: frames that were used more than once.
+        frames: all frames.
         notices: notices of both stages.
     """
 

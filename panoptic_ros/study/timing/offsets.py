@@ -1,4 +1,6 @@
-"""The study `offsets`: errors and stated deviations of clock offsets from motion, and their effect on poses.
+"""The study `offsets`: clock offsets from motion.
+
+It reports errors, stated deviations and the effect on 3D poses.
 """
 
 from __future__ import annotations
