@@ -1,4 +1,6 @@
-"""Run measurements in a fresh process with one thread, so that threads and memory of other code do not count.
+"""Run measurements in a fresh process with one thread.
+
+Threads and memory of other code do not count there.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 A study has options, cases, a measurement of each case, and columns of a table. It measures accuracy, time or
 memory of this code next to baselines. `study.names` lists all studies. A new study is a subclass of `Study`
-and
-a row of that list.
+and a row of that list.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ def _cell(values: Sequence[float]) -> str:
 
 
 def lengths_row(case: BodyCase, config: KinematicsConfig) -> dict[str, Any] | None:
-    """Return mean errors (mm) after `LEARNT_S` with true lengths, estimated lengths and those of the stature.
+    """Return mean errors (mm) after `LEARNT_S` for true, estimated and stature-based lengths.
 
     None if the capture is too short.
     """

@@ -1,9 +1,9 @@
 """The study `captures`: captures with less prior knowledge.
 
-Headings, clocks or mountings are unknown, bystanders are visible, or the subject leaves the cameras. With
---drawn, the seed determines the setup: cameras and their rates, noise, bodies, T-poses and clocks. Such
-captures are simulated at a common multiple of all rates; each camera and device keeps its own share of the
-samples.
+Headings, clocks or mountings are unknown, bystanders are visible, or the subject leaves the view of the
+cameras. With --drawn, the seed determines the setup: cameras and their rates, noise, bodies, T-poses and
+clocks. Such captures are simulated at a common multiple of all rates; each camera and device keeps its own
+share of the samples.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Drawn:
         mounting: key of `MOUNTING_DEG`.
         lengths, joints: the subject file states the lengths of segments, and the joint positions of the
             detector.
-        heading, clock: unknown heading or clock offset of the IMUs.
+        heading, clock: the heading, or the clock offset, of the IMUs is unknown.
     """
 
     scene: str

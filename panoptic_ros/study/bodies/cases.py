@@ -196,8 +196,9 @@ def case_of(
 def read_case(folder: Path) -> BodyCase:
     """Read a capture from a folder.
 
-    The folder has rig.json, imu.csv or imu.csv.gz, subject*.json, truth.json.gz and strangers.json.gz. It
-    also has detections.json.gz, or images for the detector. The pose prior is the installed one.
+    The folder has rig.json, imu.csv or imu.csv.gz, subject*.json and truth.json.gz, and strangers.json.gz if
+    others are visible. It also has detections.json.gz, or images for the detector. The pose prior is the
+    installed one.
 
     Raises:
         UserError: if a file is missing or cannot be used.

@@ -59,7 +59,10 @@ class Spoilt(NamedTuple):
 
 
 class Devices(Study):
-    """Every kind of fault on every scene with every seed, on the next of the devices."""
+    """Every kind of fault on every scene with every seed, on the next of the devices.
+
+    The device follows from the seed and the index of the scene.
+    """
 
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:

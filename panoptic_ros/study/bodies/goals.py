@@ -17,7 +17,7 @@ from panoptic_ros.study.study import Case, Result, Row, grouped
 ENOUGH_MM, ENOUGH_DEG = 0.70, 0.65
 POOR = "body-t-pose"  # scene with mountings from a T-pose that is 11 deg off on average
 WORST_COUNTS = ("standing_drift_m",)
-DRIFT_M = 0.3  # m, drift of the root while a foot stands, without cameras
+DRIFT_M = 0.3  # m, limit of the drift of the root while a foot stands, without cameras
 
 
 class Goal(NamedTuple):

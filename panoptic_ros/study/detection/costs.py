@@ -26,7 +26,7 @@ class Costs:
     """Processor time in ns of the detection stage, by type of image.
 
     Args:
-        counting: False = skip images.
+        counting: True = images count now.
         looked, looked_ns: images with a network run.
         network_ns: the network alone.
         carried, carried_ns: images without a network run, whose detections are propagated.

@@ -1,8 +1,8 @@
 """Staged accidents of live takes: closed terminals, full disks, killed processes.
 
 Each accident happens at a random moment to a separate `panoptic run --topics` or `panoptic record`, which
-records stand-in drivers. Afterwards this module repairs the take if it was not closed, reads it, and compares
-its newest timestamp with the time of the accident.
+records the messages of stand-in drivers. Afterwards this module repairs the take if it was not closed, reads
+it, and compares its newest timestamp with the time of the accident.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ def newest_saved(take: Take, folder: Path) -> int:
             warnings.simplefilter("ignore", CutFileWarning)
             frames = read_skeletons(place / "skeletons.json.gz").frames
         in_file = max((frame.stamp_ns for frame in frames), default=0)
-        newest -= max(0, max(sets) - in_file)  # skeleton file and detections are flushed together
+        newest -= max(0, max(sets) - in_file)  # bag and skeleton file are synced together
     return newest
 
 

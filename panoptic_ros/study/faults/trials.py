@@ -1,6 +1,7 @@
 """Read damaged copies of a sample, measure the time of each, and find foreign exceptions.
 
-An exception is foreign if it is not a `UserError` with a short message.
+An exception is foreign if it is not a `UserError` with a short message. Timeouts and RuntimeWarnings count as
+foreign too.
 """
 
 from __future__ import annotations

@@ -1,5 +1,4 @@
-"""The study `visibility`: votes at true joints, nodes and persons, with and without known occluders and
-depth."""
+"""The study `visibility`: votes, nodes and persons with and without known occluders and depth maps."""
 
 from __future__ import annotations
 
@@ -38,7 +37,10 @@ FIGURES = ("person_recall", "person_precision", "joint_recall", "mpjpe_mm")
 
 
 class Visibility(Study):
-    """The same views as they are, and as if nothing hid anything."""
+    """The same views as they are, and as if nothing hid anything.
+
+    The second case solves without the known occluders and without the visibility limits of the views.
+    """
 
     columns = (
         Column("occlusion", "what hides people is"),

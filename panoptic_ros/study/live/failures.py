@@ -20,7 +20,7 @@ from panoptic_ros.study.live.graph_feed import Feed
 from panoptic_ros.study.live.player import LAST_WORDS_S, SETTLE_NS, Player, played
 
 SECOND = 1_000_000_000
-TOLD_NS = 2 * SECOND  # delay from a time step to the report of its loss on /diagnostics
+TOLD_NS = 2 * SECOND  # limit of the delay from a time step to the report of its loss on /diagnostics
 AFTER_NS = SECOND  # a loss within this time after a camera left or returned is attributed to that event
 LOOKS = 20  # memory measurements per run
 LEAST_VIEWS = 3  # lower limit of active cameras

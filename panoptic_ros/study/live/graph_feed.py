@@ -15,7 +15,7 @@ from panoptic_ros.study.stage1.layouts import layout_of
 from panoptic_ros.study.world import bag_world
 
 INSTANTS = 150  # number of sets to simulate or to read from a recording
-PHASE_S = 0.004  # limit of the exposure time differences of cameras without a common trigger
+PHASE_S = 0.004  # s, cameras start uniformly within +- this, as without a common trigger
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,10 @@ BEGIN_NS = 1_700_000_000_000_000_000
 
 
 class Recording(Study):
-    """A live run's recorder gets the data of so many minutes as fast as it takes them."""
+    """A live run's recorder gets the data of so many minutes as fast as it takes them.
+
+    Each row has the memory after a part of the data.
+    """
 
     columns = (Column("minutes", "minutes", ".1f"), Column("resident_mb", "memory, MB", ".1f"))
 

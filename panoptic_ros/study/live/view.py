@@ -88,7 +88,10 @@ async def _seek(address: str, begun: float, rng: np.random.Generator) -> dict[st
 
 
 class View(Study):
-    """A load is played before audiences in turn, each round in another order, with nobody between them."""
+    """A load is played before audiences in turn, each round in another order, with nobody between them.
+
+    An audience is a set of viewer clients. A phase without clients precedes each of them and is the baseline.
+    """
 
     columns = (
         Column("audience", ""),
@@ -154,7 +157,10 @@ class View(Study):
 
 
 class ViewRecording(Study):
-    """A recording is opened, and seconds of it are looked at here and there."""
+    """A recording is opened, and seconds of it are looked at here and there.
+
+    The row has the times to open the recording and to seek to random seconds.
+    """
 
     columns = (
         Column("seconds", "s", ".0f"),

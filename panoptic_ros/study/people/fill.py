@@ -1,7 +1,7 @@
-"""The study `fill`: fit of bodies, and their value for skeletons, by number of views of a joint.
+"""The study `fill`: fit of bodies and their value for skeletons, by the number of views that see a joint.
 
-It solves bodies at the timestamps of skeletons, and measures their reprojection errors, joint limits and
-accelerations.
+It interpolates bodies to the timestamps of skeletons. It measures how well they fit the images, keep joint
+limits and hold still.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study, grouped, 
 REACH_NS = 60_000_000  # limit of the time from a skeleton to the bodies before and after it
 BEYOND = np.radians(5.0)  # tolerance of joint limits, which are as soft as `limit_sd`
 Array = np.ndarray
-FEW = 2  # views
+FEW = 2  # views; joints that at most this number of views sees have a row of their own
 CORNERS = ("lShoulder", "rShoulder", "lHip", "rHip")
 
 
@@ -132,7 +132,10 @@ def _chosen(item: TrackedPoseSet, rows: list[int], positions: Array) -> TrackedP
 
 
 class Fill(Study):
-    """How bodies fit images, and errors of `/skeletons` with and without bodies, and of bodies."""
+    """How bodies fit images, and errors of `/skeletons` with and without bodies, and of bodies.
+
+    If the capture has no subject*.json, every person has a body.
+    """
 
     columns = (
         Column("joints", "joints that"),
@@ -249,8 +252,8 @@ def _scores(
 ) -> list[dict[str, Any]]:
     """Score joints by the number of views that measured them without bodies.
 
-    Errors (mm) are without and with bodies, and of the better one at each joint and time step. The latter is
-    about the best that any weighting of both could reach.
+    Errors (mm) are given without bodies, with bodies, and for the better of both at each joint and time step.
+    The latter is about the best that any weighting of both could reach.
     """
     assert capture.truth is not None
     names = capture.truth.joint_names

@@ -1,7 +1,7 @@
 """The study `child`: time for which a child behind adults is lost, its identity, and the stage that loses it.
 
-A child stands in the middle of three adults, in rendered takes. The adults stand, crouch, bend or reach, and
-for a while all of them crouch or bend together. The seed determines bodies, actions, cameras and timing.
+A child stands in the middle of three adults, in rendered takes. The adults stand, crouch, bend or reach. For
+a while, all who crouch or bend are down together. The seed determines bodies, actions, cameras and timing.
 """
 
 from __future__ import annotations

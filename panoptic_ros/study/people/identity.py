@@ -140,7 +140,8 @@ def slow_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
 def stranger_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
     """Return a scene in which a person leaves for good and another one comes, and the time between.
 
-    The other one is the nearest person. This person comes for the first time, 0.3 to 1.5 s later.
+    The newcomer is the person nearest to the one who leaves, and appears for the first time 0.3 to 1.5 s
+    later.
     """
     base, rng = scene("noisy-8p5v"), np.random.default_rng([seed, 80])
     begin, end = 1.0, 1.0 + float(rng.uniform(0.3, 1.5))
@@ -154,7 +155,9 @@ def stranger_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
 
 
 def told_apart(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
-    """Return whether, some time after an event, no person has an id that another one had before it.
+    """Return whether no person takes over the id of another one.
+
+    The ids from before an event are compared with those from `SETTLED` after it.
 
     Args:
         event: (from, until), s.
@@ -190,7 +193,11 @@ def kept_ids(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
 def trials(
     count: int, seed: int, settings: Settings = NO_SETTINGS, progress: Progress = untold
 ) -> dict[str, Any]:
-    """Return the shares of trials in which all persons kept their ids, and none got the id of another."""
+    """Return the share of successful trials of each kind.
+
+    In a successful trial, all persons keep their ids. After "somebody else comes", no person may take over
+    the id of another.
+    """
     kinds = {
         "hidden for 1 s": (hidden_trial, kept_ids),
         "crossing at 0.5 m": (crossing_trial, kept_ids),
@@ -288,12 +295,12 @@ def visit_figures(instants: Sequence[Instant]) -> dict[str, Any]:
     """Count the ids that persons who come and go keep, change or take over.
 
     A person in view has changed id if two successive finds without an absence in between differ. A return
-    counts at the first find after one second.
+    counts 1 s after the first find since the absence.
     """
     numbers: dict[int, int] = {}  # newest id of each person
     owners: dict[int, int] = {}  # first person with an id
     away: set[int] = set()
-    pending: dict[int, float] = {}  # time (s) of the first find after the return
+    pending: dict[int, float] = {}  # time (s) of the first find since the absence
     changes = returns = same = foreign = 0
     for now in instants:
         for person in list(numbers):

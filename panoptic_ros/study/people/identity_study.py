@@ -157,7 +157,11 @@ def designated(
 
 
 class Identity(Study):
-    """Trials of each kind; a tenth of it of few views; 6 s of visits for each trial, 3 s of other visits."""
+    """Trials of each kind; a tenth of it of few views; 6 s of visits for each trial, 3 s of other visits.
+
+    With --trials N, there are N trials per event, N / 10 takes with few views and N / 20 takes with a
+    designated person. Persons come and go for 6 N s, and those in different clothes for 3 N s.
+    """
 
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:

@@ -1,5 +1,4 @@
-"""The study of stage one, from 2D poses or score maps to skeletons: time, memory and accuracy next to
-baselines.
+"""Study of stage one (2D poses or score maps to skeletons): time, memory and accuracy next to baselines.
 
 Every case runs in a fresh process with one thread. The data are simulated persons with all errors of a
 detector, or a bag. Score maps are drawn around the 2D joints: Gaussians of 1.3 cells, for a network of 512 x

@@ -49,7 +49,10 @@ class SurfaceStudy(Study):
 
 
 class Refine(SurfaceStudy):
-    """A capture is run once and smoothed in every way; rows go without depth maps unless they say so."""
+    """A capture is run once and smoothed in every way; rows go without depth maps unless they say so.
+
+    Rows with depth maps have "depth" in their names.
+    """
 
     columns = (
         Column("method", "method"),

@@ -26,11 +26,14 @@ from panoptic_ros.study.surface.refine_ways import Played, played_on, smoothed
 Array = np.ndarray
 DEMOS = {"demo": "multi", "demo-single": "single"}
 LAGS = (0.0, 0.12)  # s, of the smoother
-STEADIEST = 1.0  # s, lag of the reference motion, from which slow motion is selected
+STEADIEST = 1.0  # s, lag of the tracks whose low-pass filtered motion is the reference
 
 
 class Steady(Study):
-    """Figures of everybody without and with patches, in a capture without truth."""
+    """Figures of everybody without and with patches, in a capture without truth.
+
+    Each person has one row per lag and method: length variation of limbs, acceleration and its noise.
+    """
 
     columns = (
         Column("person", "person"),

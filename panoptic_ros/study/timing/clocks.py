@@ -53,7 +53,7 @@ class Outcome:
     Args:
         errors_s: (s) timestamp minus true master time of every view in a set.
         ages_s: (s) true time of these views.
-        cameras: their cameras.
+        cameras: cameras of these views.
         sets: number of sets.
         twice: frames that were used more than once.
         frames: all frames.
@@ -210,7 +210,10 @@ def audio_error_s(seconds: float = 20.0) -> dict[str, float]:
 
 
 class Clocks(Study):
-    """An hour of mixed rates, everything that clocks do, and real audio."""
+    """An hour of mixed rates, everything that clocks do, and real audio.
+
+    The events are clock steps, dropouts, timecode jumps, midnight and swapped devices.
+    """
 
     columns = (
         Column("world", ""),

@@ -6,7 +6,8 @@ label, speed, direction, wow, flutter and channel of its own. Further impairment
 noise, dropouts, gain control, crosstalk, sample rate conversion, clipping, quantisation and cuts.
 
 Each clip is decoded as a recording and as a live stream of blocks. A reading is correct if a word with its
-label lies within half a word of its start. A label of the clip's crosstalk is not wrong either.
+label lies within half a word of its start. A reading with a label of the clip's crosstalk does not count as
+wrong.
 """
 
 from __future__ import annotations

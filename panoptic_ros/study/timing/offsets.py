@@ -80,7 +80,10 @@ CASES = {
 
 
 class Offsets(Study):
-    """Clocks from motion in simulated captures: errors in s up to the part that all cameras share."""
+    """Clocks from motion in simulated captures: errors in s up to the part that all cameras share.
+
+    The mean error of the cameras is subtracted if the clock of the first camera is known.
+    """
 
     columns = (
         Column("case", "case"),

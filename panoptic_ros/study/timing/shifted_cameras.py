@@ -23,7 +23,11 @@ REACH = 4  # limit of the shift of views, frames in either direction
 
 
 class OffsetsShifted(Study):
-    """Offsets of a recording as it is, and of shifted ones less the shifts and the offsets as it is."""
+    """Offsets of a recording as it is, and of shifted ones less the shifts and the offsets as it is.
+
+    The last column is the error of a found offset: offset plus shift, relative to the mean over the cameras,
+    minus the same of the unshifted recording.
+    """
 
     columns = (
         Column("camera", "camera"),

@@ -101,7 +101,11 @@ class Sound(Study):
 
 
 class SoundMotion(Study):
-    """Cameras whose clocks are seconds apart: sound, motion after it, and motion of stamps 60 ms off."""
+    """Cameras whose clocks are seconds apart: sound, motion after it, and motion of stamps 60 ms off.
+
+    The last method starts from true clocks plus random offsets of up to 60 ms. A fourth row has the true
+    clocks.
+    """
 
     columns = (
         Column("clocks", f"{MOTION_SCENE}, clocks by"),

@@ -43,7 +43,7 @@ def _talkers(count: int) -> Callable[[Rng, float], list[DrySound]]:
 
 
 def _claps(rng: Rng, seconds: float) -> list[DrySound]:
-    """Let two persons clap in turn, ten times in all, at a random time of the recording."""
+    """Return claps of two persons in turn, ten in all, at a random time of the recording."""
     places, at, sounds = [_place(rng), _place(rng)], float(rng.uniform(7.0, 10.0)), []
     for k in range(10):
         sounds.append(DrySound(places[k % 2], [(at, LOUD * clap(rng))]))
@@ -58,7 +58,7 @@ def _ticks(rng: Rng, seconds: float) -> list[DrySound]:
 
 
 def _loop(rng: Rng, seconds: float) -> list[DrySound]:
-    """Repeat a bar of two seconds of music."""
+    """Return a bar of two seconds of music, repeated over the recording."""
     bar = [(float(k) / 4.0 + 0.02 * rng.standard_normal(), talk(rng, 0.2)) for k in range(8)]
     starts = np.arange(-2.0, seconds + AFTER_S, 2.0)
     return [DrySound(_place(rng), [(float(begin) + at, sound) for begin in starts for at, sound in bar])]
