@@ -1,1 +1,1 @@
-"""Every study and bench of `panoptic study`: see `names.STUDIES`."""
+"""Studies and benchmarks of `panoptic study`; see `names.STUDIES`."""

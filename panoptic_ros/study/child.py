@@ -1,4 +1,7 @@
-"""Measurements in a fresh process of one thread: threads and memory of others do not count there."""
+"""Run measurements in a fresh process with one thread.
+
+Threads and memory of other code do not count there.
+"""
 
 from __future__ import annotations
 
@@ -27,11 +30,13 @@ ONE_THREAD = {
 
 
 def run_child(function: Callable[..., Any], request: dict[str, Any]) -> Any:
-    """Return the answer of a function of a module to a request; both are JSON.
+    """Call a function in a child process and return its answer.
+
+    The child process imports the module of the function. Request and answer are JSON.
 
     Raises:
-        UserError: if it answers with an "error".
-        EnvironmentProblem: if it fails.
+        UserError: if the function raises one in the child process.
+        EnvironmentProblem: if the child process fails.
     """
     package = str(Path(panoptic_ros.__file__).parents[1])
     paths = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
@@ -50,7 +55,10 @@ def run_child(function: Callable[..., Any], request: dict[str, Any]) -> Any:
 
 
 def answer_request(name: str) -> None:
-    """Answer the request on standard input by MODULE:FUNCTION; an error of the user is an answer."""
+    """Call MODULE:FUNCTION with the request on standard input and print its answer as JSON.
+
+    A `UserError` of the function becomes the answer {"error": message}.
+    """
     module, _, function = name.partition(":")
     try:
         answer = {"answer": getattr(importlib.import_module(module), function)(json.load(sys.stdin))}
@@ -60,10 +68,11 @@ def answer_request(name: str) -> None:
 
 
 def answer_of(done: subprocess.CompletedProcess[str], name: str) -> str:
-    """The standard output of a process that ended well.
+    """Return the standard output of a process that exited with code 0.
 
     Raises:
-        EnvironmentProblem: with the last line that it wrote, if it did not.
+        EnvironmentProblem: on any other exit code, with the last line that the process wrote to standard
+            error.
     """
     if done.returncode:
         last = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]

@@ -1,4 +1,7 @@
-"""The list of all studies: where each is, and its subject. A study is imported when it is needed."""
+"""List of all studies: the module, class and subject of each.
+
+`study_of` imports the module of a study on demand.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from panoptic_ros.errors import UsageError, nearest
 from panoptic_ros.running.arguments import output_file
 from panoptic_ros.study.study import Study
 
-STUDIES: dict[str, tuple[str, str]] = {  # MODULE:CLASS in this room, and the subject
+STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this package, subject)
     "ablation": (
         "ablation.ablation:Ablation",
         "the value of every mechanism of the core: each off in turn, on simulations and recordings",
@@ -194,14 +197,14 @@ STUDIES: dict[str, tuple[str, str]] = {  # MODULE:CLASS in this room, and the su
         "people whom two cameras, then one see, of a capture or simulated",
     ),
 }
-PRINTED = Path("-")  # in place of a file: JSON is printed
+PRINTED = Path("-")  # value of --json without a file name: print JSON
 
 
 def study_of(name: str) -> type[Study]:
     """Return the class of a study.
 
     Raises:
-        UsageError: if there is none of that name.
+        UsageError: if no study has this name.
     """
     if name not in STUDIES:
         raise UsageError(f"there is no study {name!r}; {nearest(name, STUDIES)}")
@@ -217,10 +220,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parsed(name: str, words: Sequence[str]) -> Study:
-    """Return the study of a name with its options.
+    """Return the study of this name with its parsed options.
 
     Raises:
-        UsageError: on a name or options that are not known, and values that make no sense.
+        UsageError: on an unknown name, an unknown option or an invalid value.
     """
     kind, about = study_of(name), STUDIES[name][1]
     parser = _Parser(
@@ -241,7 +244,7 @@ def parsed(name: str, words: Sequence[str]) -> Study:
 
 
 def _of_the_work(words: Sequence[str]) -> list[str]:
-    """Return the words without the options of the output and their files."""
+    """Return the words without --json, --plot and their file names."""
     found, skipped = [], False
     for word in words:
         of_output = word.partition("=")[0] in ("--json", "--plot")
@@ -252,5 +255,5 @@ def _of_the_work(words: Sequence[str]) -> list[str]:
 
 
 def _output(text: str) -> Path:
-    """Return a file to write, or `PRINTED`."""
+    """Return the path of the output file, or `PRINTED` for "-"."""
     return PRINTED if text == str(PRINTED) else output_file(text)

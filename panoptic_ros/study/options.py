@@ -1,4 +1,7 @@
-"""Options that several studies share. Each is parsed once, and a bad value is told in one line."""
+"""Command line options that several studies share.
+
+Each value is parsed once. A bad value causes an error of one line.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ SETTING = "STAGE.NAME=VALUE"
 
 
 def seeds(text: str) -> range:
-    """Return the seeds FROM:TO, or the one seed N; for `type` of an option."""
+    """Return the range of seeds for FROM:TO or for one seed N; use it as `type` of an option."""
     first, colon, last = text.partition(":")
     try:
         found = range(int(first), int(last) if colon else int(first) + 1)
@@ -25,7 +28,7 @@ def seeds(text: str) -> range:
 
 
 def numbers(low: int, high: int) -> Callable[[str], tuple[int, ...]]:
-    """Return the parser of a list of whole numbers in a range; for `type` of an option."""
+    """Return a parser of a list of integers from `low` to `high`; use it as `type` of an option."""
 
     def parse(text: str) -> tuple[int, ...]:
         try:
@@ -42,12 +45,12 @@ def numbers(low: int, high: int) -> Callable[[str], tuple[int, ...]]:
 
 
 def words(text: str) -> list[str]:
-    """Return the words of a list separated by commas; for `type` of an option."""
+    """Return the words of a comma-separated list; use it as `type` of an option."""
     return [word.strip() for word in text.split(",") if word.strip()]
 
 
 def add_seeds(parser: argparse.ArgumentParser, default: str) -> None:
-    """Add --seeds FROM:TO."""
+    """Add the option --seeds FROM:TO."""
     parser.add_argument(
         "--seeds",
         type=seeds,
@@ -58,14 +61,14 @@ def add_seeds(parser: argparse.ArgumentParser, default: str) -> None:
 
 
 def add_settings(parser: argparse.ArgumentParser, text: str = "a parameter, for every method") -> None:
-    """Add --set STAGE.NAME=VALUE."""
+    """Add the option --set STAGE.NAME=VALUE."""
     parser.add_argument(
         "--set", action="append", default=[], metavar=SETTING, dest="settings", help=f"{text}; repeatable"
     )
 
 
 def add_capture(parser: argparse.ArgumentParser, text: str, required: bool = True) -> None:
-    """Add --capture DIR and --cameras NAME,NAME."""
+    """Add the options --capture DIR and --cameras NAME,NAME."""
     parser.add_argument("--capture", type=Path, metavar="DIR", required=required, help=text)
     parser.add_argument(
         "--cameras", type=words, default=[], metavar="NAME,NAME", help="of the capture, only these"
@@ -73,7 +76,7 @@ def add_capture(parser: argparse.ArgumentParser, text: str, required: bool = Tru
 
 
 def add_recordings(parser: argparse.ArgumentParser) -> None:
-    """Add --capture PATH..., which may be given several times."""
+    """Add the repeatable option --capture PATH..."""
     parser.add_argument(
         "--capture",
         nargs="+",
@@ -87,10 +90,10 @@ def add_recordings(parser: argparse.ArgumentParser) -> None:
 
 
 def recordings(options: argparse.Namespace) -> list[list[str]]:
-    """Return the paths of each recording that was given.
+    """Return the paths of each recording on the command line.
 
     Raises:
-        UsageError: if one has more than three paths.
+        UsageError: if a recording has more than three paths.
     """
     found: list[list[str]] = options.captures
     for paths in found:
@@ -101,10 +104,10 @@ def recordings(options: argparse.Namespace) -> list[list[str]]:
 
 
 def known_names(given: list[str], known: Any, what: str) -> list[str]:
-    """Return the names that are given.
+    """Return the given names unchanged after a check.
 
     Raises:
-        UsageError: if one is not known.
+        UsageError: if a name is not in `known`.
     """
     for name in given:
         if name not in known:

@@ -1,4 +1,4 @@
-"""The page of the docs that shows committed results of studies."""
+"""Build the documentation page of the committed study results."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from panoptic_ros.study.names import STUDIES, parsed
 
-PAGE, RESULTS = "docs/results.md", "docs/results"  # in the repository
+PAGE, RESULTS = "docs/results.md", "docs/results"  # paths relative to the repository root
 HEAD = """# Results of studies
 
 This page is generated. `panoptic study NAME [OPTION ...] --json docs/results/NAME.json` measures, and
@@ -28,17 +28,19 @@ does not understand are refused. Error bars are half widths of the 95 % interval
 
 
 def results_page(root: Path) -> str:
-    """Return the page: a table of all studies, then the command and the table of each committed result.
+    """Return the text of the page.
+
+    The page has a table of all studies, then the command and the table of each committed result.
 
     Args:
-        root: of the repository.
+        root: root folder of the repository.
     """
     rows = "".join(f"| `{name}` | {about} |\n" for name, (_, about) in STUDIES.items())
     return HEAD + rows + "".join(_section(path) for path in sorted((root / RESULTS).glob("*.json")))
 
 
 def _numbers(value: Any) -> Any:
-    """Return a document with NaN in place of null, which JSON has instead."""
+    """Return the document with NaN instead of null, which stands for NaN in JSON."""
     if isinstance(value, dict):
         return {key: _numbers(own) for key, own in value.items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""The study `start`: seconds from a command to its end, from a warm cache."""
+"""The study `start`: seconds from the start of a command to its end, with a warm file cache."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 PROGRAM = "import sys; from panoptic_ros.cli.main import program; sys.exit(program())"
 SCENE, FRAMES = "clean-4p5v", 3
-BUDGET_S = 1.0  # of `panoptic solve` on a small file, idle machine; every module loads within it
+# limit for `panoptic solve` on a small file, idle machine; includes the import of every module
+BUDGET_S = 1.0
 
 
 class Start(Study):
@@ -58,7 +59,7 @@ class Start(Study):
 
 
 def _run(words: list[str]) -> float:
-    """Return the seconds that a command takes."""
+    """Run a command and return its wall time (s)."""
     begun = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM, *words], capture_output=True, text=True, check=False

@@ -1,4 +1,4 @@
-"""Times and memory of calls, first call excluded."""
+"""Measure time and memory of calls; the first call is excluded."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from typing import Any
 
 import numpy as np
 
-FEWEST = 1  # timed calls, whatever the budget
+FEWEST = 1  # lower limit of timed calls, even if they exceed the budget
 
 
 @dataclass(frozen=True)
 class Times:
-    """Milliseconds per call: wall time, and processor time of this process."""
+    """Milliseconds per call: wall time, and processor time of this process.
+
+    Fields: number of calls, then median, 99th percentile and minimum over the calls.
+    """
 
     calls: int
     wall_ms_median: float
@@ -25,30 +28,30 @@ class Times:
     cpu_ms_median: float
     cpu_ms_p99: float
     cpu_ms_least: float
-    peak_mb: float | None  # growth of the resident set while they ran; None = not known here
+    peak_mb: float | None  # growth of the resident set during the calls; None = not measurable here
 
     @classmethod
     def of(cls, wall_ms: np.ndarray, cpu_ms: np.ndarray, peak_mb: float | None) -> Times:
-        """Of single calls (N,)."""
+        """Compute the statistics from times (N,) in ms of N calls."""
         wall, cpu = (np.percentile(row, [50, 99]).tolist() for row in (wall_ms, cpu_ms))
         return cls(len(wall_ms), wall[0], wall[1], cpu[0], cpu[1], float(cpu_ms.min()), peak_mb)
 
     def to_mapping(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the fields as a mapping for JSON."""
         return asdict(self)
 
 
 def timed(
     call: Callable[[Any], Any], items: Iterable[Any], budget_s: float, warmed: bool = False
 ) -> tuple[list[Any], Times]:
-    """Call with every item until the budget of processor time is used up.
+    """Call with every item until the calls have used the budget of processor time.
 
     The first call is not timed, unless the kernels are `warmed` up already.
 
     Returns:
-        what the calls gave, and their times.
+        the results of the calls, and their times.
     """
-    gc.collect()  # so that no call waits for what earlier ones left
+    gc.collect()  # so that no timed call collects garbage of earlier code
     gc.freeze()
     before = _reset_peak()
     results: list[Any] = []
@@ -72,7 +75,11 @@ def timed(
 
 
 def _reset_peak() -> float | None:
-    """Let the kernel forget the peak of memory; the resident set now, MB. None where it cannot."""
+    """Reset the kernel's peak of resident memory and return the current resident set.
+
+    Returns:
+        MB; None where the kernel does not support it.
+    """
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
         return _memory_mb("VmRSS")

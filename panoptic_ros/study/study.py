@@ -1,7 +1,8 @@
-"""A study: options, cases, a measurement of each case, columns of a table. One runner serves all studies.
+"""Base class of all studies, and the runner that serves them.
 
-A study measures accuracy, time or memory of this code beside baselines. `study.names` lists all studies.
-A new study is a subclass of `Study` and a row of that list.
+A study has options, cases, a measurement of each case, and columns of a table. It measures accuracy, time or
+memory of this code next to baselines. `study.names` lists all studies. A new study is a subclass of `Study`
+and a row of that list.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from panoptic_ros.stage import Progress, part_of, untold
 Row = dict[str, Any]
 Result = dict[str, Any]
 CONFIDENCE = 0.95
-GAP = "  "  # between two columns
+GAP = "  "  # between two columns of a table
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class Case:
     """One unit of work of a study.
 
     Args:
-        title: for the progress bar.
-        request: what `Study.measure` needs to know; the study decides its type.
+        title: text in the progress bar.
+        request: input of `Study.measure`; its type depends on the study.
         cost: expected share of the time, relative to other cases.
     """
 
@@ -47,10 +48,10 @@ class Column:
     """One column of the table.
 
     Args:
-        key: of a row.
-        title: of the column.
+        key: key of the value in a row.
+        title: title of the column.
         spec: format of numbers, e.g. ".1f" or ".0%"; "" = text, or whole numbers.
-        factor: of the value, e.g. 1e3 from m to mm.
+        factor: multiplier of the value, e.g. 1e3 from m to mm.
     """
 
     key: str
@@ -59,7 +60,7 @@ class Column:
     factor: float = 1.0
 
     def cell(self, row: Mapping[str, Any]) -> str:
-        """Return the text of a value, or of a pair of a mean and its half width; "-" = not known."""
+        """Return the text of a number, or of a pair (mean, half width); "-" = unknown."""
         value = row.get(self.key)
         if isinstance(value, tuple):
             mean, half = value
@@ -81,15 +82,15 @@ class Study:
     """Base class of all studies.
 
     Args:
-        name: as the user writes it.
+        name: name of the study on the command line.
         options: parsed options; see `add_options`.
-        words: the options as the user wrote them, without those of the output.
+        words: options as typed on the command line, without those of the output.
 
     Attributes:
-        columns: of the table.
-        across: each row of the result is a column of the table.
-        over: keys by which the table averages rows, e.g. over seeds; empty = the table shows all rows.
-        has_plot: whether `plot` draws the result.
+        columns: columns of the table.
+        across: transpose the table, so that each row of the result becomes a column.
+        over: keys of the groups in which the table averages rows; empty = the table lists all rows.
+        has_plot: True if `plot` draws the result.
     """
 
     columns: ClassVar[Sequence[Column]] = ()
@@ -102,22 +103,22 @@ class Study:
 
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
-        """Add the options that this study understands; all others are refused."""
+        """Add the options that this study accepts; the parser refuses all others."""
 
     def cases(self) -> Sequence[Case]:
-        """Return the cases in the order in which they are measured.
+        """Return the cases in the order of measurement.
 
         Raises:
-            UsageError: on options that make no sense.
+            UsageError: on invalid options.
         """
         return (Case(self.name),)
 
     def measure(self, case: Case, progress: Progress) -> Iterable[Row]:
-        """Return the rows of a case: numbers in SI units or with the unit in the key."""
+        """Return the rows of a case: numbers in SI units, or with the unit in the key."""
         raise NotImplementedError
 
     def summary(self, rows: list[Row]) -> Mapping[str, Any]:
-        """Return figures of all rows together, for JSON beside the rows."""
+        """Return figures over all rows; the JSON document has them next to the rows."""
         return {}
 
     def head(self, result: Result) -> str:
@@ -125,13 +126,13 @@ class Study:
         return ""
 
     def lines(self, result: Result) -> Iterable[str]:
-        """Return the text for people."""
+        """Return the lines of the text output: head and table."""
         rows = averaged(result["rows"], self.over) if self.over else result["rows"]
         head = self.head(result)
         return [*([head, ""] if head else []), *table(rows, self.columns, self.across)]
 
     def plot(self, path: Path, result: Result) -> None:
-        """Draw the result as PNG; only where `has_plot`."""
+        """Draw the result into a PNG file; called only if `has_plot` is True."""
         raise NotImplementedError
 
 
@@ -139,7 +140,7 @@ def run_study(study: Study, progress: Progress = untold) -> Result:
     """Measure all cases.
 
     Returns:
-        for JSON: the name, the options, the rows of all cases in their order, and the summary.
+        document for JSON: the name, the options, the rows of all cases in their order, and the summary.
 
     Raises:
         UserError: as `Study.cases` and `Study.measure`.
@@ -156,7 +157,10 @@ def run_study(study: Study, progress: Progress = untold) -> Result:
 
 
 def _at_once(study: Study, cases: Sequence[Case], at_once: int, progress: Progress) -> list[list[Row]]:
-    """Measure several cases at a time, for studies whose cases are processes; their rows in order."""
+    """Measure several cases in parallel and return the rows of each case, in the order of the cases.
+
+    It serves studies that run each case in a process of its own.
+    """
     whole, done = sum(case.cost for case in cases), 0.0
     with ThreadPoolExecutor(at_once) as pool:
         running = {pool.submit(lambda case: list(study.measure(case, untold)), case): case for case in cases}
@@ -176,16 +180,16 @@ def _titled(title: str, progress: Progress) -> Progress:
 
 
 def shared_out(progress: Progress, costs: Sequence[float]) -> list[Progress]:
-    """Return the progress of each of several parts, whose shares of the whole are as their costs."""
+    """Return one progress callback per part; the share of each part is proportional to its cost."""
     ends = [sum_ / sum(costs) for sum_ in accumulate(costs)]
     return [part_of(progress, begin, end) for begin, end in zip([0.0, *ends], ends)]
 
 
 def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[Column], across: bool = False) -> list[str]:
-    """Return the lines of a table: text is left-aligned, numbers are right-aligned.
+    """Return the lines of a table; text is left-aligned, numbers are right-aligned.
 
     Args:
-        across: each row is a column of the table.
+        across: transpose the table, so that each row becomes a column.
     """
     grid = [[column.title for column in columns], *([c.cell(row) for c in columns] for row in rows)]
     if across:
@@ -210,7 +214,7 @@ def _is_figure(value: Any) -> bool:
 
 
 def averaged(rows: Sequence[Row], keys: Sequence[str]) -> list[Row]:
-    """Return a row for each combination of the keys' values: numbers as (mean, half width of 95 %)."""
+    """Return one row per combination of key values: numbers as (mean, half width of 95 % interval)."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[key] for key in keys), []).append(row)
@@ -241,7 +245,7 @@ def mean_and_width(values: Sequence[float | None]) -> tuple[float, float]:
 
 
 def grouped(rows: Iterable[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row]]:
-    """Return the rows by a key, in the order of their first appearance."""
+    """Return the rows grouped by a key; the groups are in the order of their first row."""
     found: dict[Any, list[Row]] = {}
     for row in rows:
         found.setdefault(key(row), []).append(row)

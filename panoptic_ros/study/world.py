@@ -1,6 +1,7 @@
-"""The one world of all studies: 2D people with their truth, simulated, rendered, in a folder or in a bag.
+"""Input data of all studies: detection sets with their ground truth.
 
-`simulated_world` takes the name of a scene, `recorded_world` the paths of a recording.
+`simulated_world` reads the name of a simulated or rendered scene. `recorded_world` reads the paths of a
+recording: a folder, a bag or single files.
 """
 
 from __future__ import annotations
@@ -42,30 +43,32 @@ from panoptic_ros.voting.volume import volume_of_rig
 Array = np.ndarray
 Sets = tuple[DetectionSet, ...]
 HD_MAPS, VGA_MAPS = MapDrawing((512, 288)), MapDrawing((256, 192))
-DETECTED = "panoptic19"  # skeleton of rendered worlds
-RENDERED_FRAMES = 25  # at most: images take most of the time
-STRETCHES = 8  # of a recording, each with figures of its own, to know the variation by chance
-SHORTEST = 4  # frames of a stretch
+DETECTED = "panoptic19"  # default skeleton of rendered worlds
+RENDERED_FRAMES = 25  # upper limit of rendered frames, because rendering takes most of the time
+STRETCHES = 8  # parts of a recording with separate figures; their spread estimates random variation
+SHORTEST = 4  # lower limit of frames in a part
 EVERY_FRAME = 1_000_000_000
 TRUTHS = ("truth.json.gz", "truth.json", "groundtruth3d.json.gz")
-WINDOW_S = 0.01  # views that are so near in time are of one instant
+WINDOW_S = 0.01  # views closer in time than this belong to one set
 VOXEL = 0.04  # m
-UNLISTED_PERSON = 0  # whom score maps alone show, as a detector's person head may fail
-FEW = 2  # cameras
-SLOW_HZ = 5.0  # instants per second
+# index of the person with score maps but no 2D pose, as if the detector's person head failed
+UNLISTED_PERSON = 0
+FEW = 2  # cameras of the variant "2views"
+SLOW_HZ = 5.0  # sets per second of the variant "slow"
 
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """2D people, and the truth about them.
+    """Detection sets and their ground truth.
 
     Args:
-        bounds: m, of the volume that `exact` and `dense` search.
-        given: per frame pixels (P, J, C, 2), NaN where no detection comes from that person's joint, and
-            scores (P, J, C): the 2D joints with the simulator's own identities; empty for recordings.
-        truth: None if nobody knows it.
-        joint_names: of results, spelt as the recording spells them; empty = those of the skeleton.
-        stretches: number of parts of the frames that have figures of their own.
+        bounds: lower and upper corner (m) of the volume that `exact` and `dense` search.
+        given: 2D joints with the simulator's own identities; empty for recordings. Per frame: pixels (P, J,
+            C, 2) and scores (P, J, C). Pixels are NaN where camera C has no detection from joint J of person
+            P.
+        truth: ground truth; None if unknown.
+        joint_names: joint names of results, in the spelling of the recording; empty = names of the skeleton.
+        stretches: number of parts of the frames with separate figures.
     """
 
     rig: Rig
@@ -79,17 +82,17 @@ class World:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the joints of results."""
+        """Return the joint names of results."""
         return self.joint_names or self.skeleton.joint_names
 
     @property
     def mapped(self) -> bool:
-        """Whether the sets have score maps."""
+        """Return whether the sets have score maps."""
         return any(view.maps is not None for item in self.sets for view in item.views)
 
 
 def truth_of(take: Simulation) -> SkeletonSequence:
-    """Return the true skeletons at the instants of the sets."""
+    """Return the true skeletons at the timestamps of the sets."""
     ticks = take.schedule.ticks
     joints = np.stack([person.joints(ticks) for person in take.people], axis=1)
     there = np.stack([person.is_present(ticks) for person in take.people], axis=1)
@@ -102,13 +105,13 @@ def truth_of(take: Simulation) -> SkeletonSequence:
 
 
 def simulated_world(name: str, seed: int, frames: int, model: str = "") -> World:
-    """Simulate a take of a scene, whose name may have variants behind it, e.g. "noisy-4p5v+maps".
+    """Simulate a take of a scene. Variants follow its name, e.g. "noisy-4p5v+maps".
 
     Args:
         model: detector of rendered scenes.
 
     Raises:
-        UsageError: if there is no such scene or variant.
+        UsageError: if the scene or a variant does not exist.
         UserError: if the detector cannot be loaded.
     """
     scene, variants = split(name)
@@ -122,17 +125,17 @@ def simulated_world(name: str, seed: int, frames: int, model: str = "") -> World
 
 
 def truth_at(truth: SkeletonSequence, sets: Sets) -> SkeletonSequence:
-    """Return the true skeletons of the instants that the sets have."""
+    """Return the true skeletons at the frame indices of the sets."""
     indices = [item.index for item in sets]
     whole = len(indices) == len(truth.frames)
     return truth if whole else replace(truth, frames=tuple(truth.frames[index] for index in indices))
 
 
 def frames_of(name: str, most: int | None) -> int:
-    """Return how many frames of a scene are used.
+    """Return the number of frames to use from a scene, limited to `most`.
 
     Raises:
-        UsageError: if there is no such scene.
+        UsageError: if the scene does not exist.
     """
     scene, _ = split(name)
     own = min(scene.frames, RENDERED_FRAMES) if scene.rendered else scene.frames
@@ -140,10 +143,10 @@ def frames_of(name: str, most: int | None) -> int:
 
 
 def split(name: str) -> tuple[Scene, list[str]]:
-    """Return the scene of a name and its variants.
+    """Split a name into its scene and its variants.
 
     Raises:
-        UsageError: if there is no such scene or variant.
+        UsageError: if the scene or a variant does not exist.
     """
     scene, *variants = name.split("+")
     unknown = [word for word in variants if word not in VARIANTS]
@@ -156,12 +159,12 @@ def split(name: str) -> tuple[Scene, list[str]]:
 
 
 def _with_maps(take: Simulation, rig: Rig, sets: Sets) -> tuple[Rig, Sets]:
-    """Score maps drawn from the 2D people."""
+    """Add score maps drawn from the 2D poses."""
     return rig, tuple(with_drawn_maps(item, HD_MAPS) for item in sets)
 
 
 def _with_someone_unlisted(take: Simulation, rig: Rig, sets: Sets) -> tuple[Rig, Sets]:
-    """Score maps of everybody; one person is in no list of 2D people."""
+    """Add score maps of all persons, and remove the 2D poses of one person."""
     rig, sets = _with_maps(take, rig, sets)
     varied = []
     for item, (_, sightings) in zip(sets, take.sightings()):
@@ -174,7 +177,11 @@ def _with_someone_unlisted(take: Simulation, rig: Rig, sets: Sets) -> tuple[Rig,
 
 
 def _unlisted(view: ViewDetections, theirs: Array) -> ViewDetections:
-    """The view without the 2D people most of whose joints are `theirs` (Q, J); the maps stay."""
+    """Return the view without the 2D poses of one person; the score maps stay unchanged.
+
+    Args:
+        theirs: (Q, J), True for joints of the person; a 2D pose with more than half of its joints is removed.
+    """
     listed = 2 * theirs.sum(axis=1) <= (view.scores > 0.0).sum(axis=1)
     numbers = np.where(listed, np.cumsum(listed) - 1, -1)
     maps = view.maps
@@ -190,14 +197,14 @@ def _unlisted(view: ViewDetections, theirs: Array) -> ViewDetections:
 
 
 def _with_few_views(take: Simulation, rig: Rig, sets: Sets) -> tuple[Rig, Sets]:
-    """Two cameras, the first ones."""
+    """Keep only the first two cameras."""
     few = replace(rig, cameras=rig.cameras[:FEW])
     kept = [replace(item, views=tuple(v for v in item.views if v.camera in few.names)) for item in sets]
     return few, tuple(item for item in kept if item.views)
 
 
 def _at_low_rate(take: Simulation, rig: Rig, sets: Sets) -> tuple[Rig, Sets]:
-    """Five instants per second."""
+    """Keep about five sets per second."""
     stamps = np.array([item.stamp_ns for item in sets])
     period = float(np.median(np.diff(stamps))) if len(stamps) > 1 else 1e9
     return rig, sets[:: max(1, round(1e9 / SLOW_HZ / period))]
@@ -212,7 +219,7 @@ VARIANTS: dict[str, Callable[[Simulation, Rig, Sets], tuple[Rig, Sets]]] = {
 
 
 def rendered_world(take: Simulation, model: str) -> World:
-    """The images of a take whose cameras are in step, through the detector of a model card.
+    """Render a take with synchronised cameras and run the detector of a model card on the images.
 
     Raises:
         UserError: if the detector cannot be loaded.
@@ -224,7 +231,10 @@ def rendered_world(take: Simulation, model: str) -> World:
 
 
 def detected_sets(context: StageContext, instants: Iterable[Sequence[ViewFrame]]) -> Iterator[DetectionSet]:
-    """The 2D people of each instant; the context has the extra "detector"."""
+    """Yield one detection set for the images of each time step.
+
+    The context must have the extra "detector".
+    """
     stage = make_stage("detection", configure({})["detection"], context)
     for index, frames in enumerate(instants):
         views = tuple(view for frame in frames for view in stage.step(frame).outputs)
@@ -232,7 +242,7 @@ def detected_sets(context: StageContext, instants: Iterable[Sequence[ViewFrame]]
 
 
 def instants_of(take: Simulation, names: Sequence[str]) -> Iterator[list[ViewFrame]]:
-    """The images of these cameras, instant by instant."""
+    """Yield the rendered images of these cameras, one list per time step."""
     studio, ticks = Studio(take), take.schedule.ticks
     cameras = [studio.camera(name).render(ticks) for name in names]
     for index, (tick, images) in enumerate(zip(ticks, zip(*cameras))):
@@ -240,14 +250,14 @@ def instants_of(take: Simulation, names: Sequence[str]) -> Iterator[list[ViewFra
 
 
 def recorded_world(paths: Sequence[str]) -> World:
-    """Read a recording: [folder], [bag, truth] or [rig, 2D people, truth].
+    """Read a recording: [folder], [bag, truth] or [rig, 2D poses, truth].
 
     Raises:
-        UserError: if something is missing or cannot be read.
+        UserError: if a file is missing or cannot be read.
     """
     if len(paths) == 2:
         bag = Path(paths[0])
-        inner = bag / "bag"  # of a folder that `panoptic run` wrote
+        inner = bag / "bag"  # `panoptic run` writes its bag into this folder
         world = bag_world(inner if inner.is_dir() else bag, truth=Path(paths[1]))
     else:
         rig_file, people_file, truth_file = _files(paths)
@@ -259,7 +269,7 @@ def recorded_world(paths: Sequence[str]) -> World:
 
 
 def _files(paths: Sequence[str]) -> tuple[Path, Path, Path]:
-    """Rig, 2D people and truth."""
+    """Return the paths of the rig, the 2D poses and the ground truth."""
     if len(paths) == 3:
         rig, people, truth = map(Path, paths)
         return rig, people, truth
@@ -280,12 +290,14 @@ def bag_world(
     """Read the first detection sets of a bag that `panoptic run` wrote.
 
     Args:
-        cameras: only these; empty = all.
-        bounds: m, see `World`; None = what two cameras see.
+        cameras: names of the cameras to read; empty = all.
+        truth: file of the ground truth; None = unknown.
+        frames: upper limit of detection sets.
+        bounds: m, see `World`; None = the volume that at least two cameras see.
 
     Raises:
-        DataError: if it has no rig, skeleton or detections, or is damaged.
-        CalibrationError: if it has no camera of a name.
+        DataError: if the bag has no rig, skeleton or detections, or is damaged.
+        CalibrationError: if the bag has no camera of a given name.
     """
     with BagReader(bag) as reader:
         rig, skeleton = _latched(reader, "rig"), _latched(reader, "skeleton_model")
@@ -317,7 +329,7 @@ def _latched(reader: BagReader, key: str) -> Any:
 
 
 def _detections(bag: Path, rig: Rig) -> Iterator[Any]:
-    """The views of all cameras by stamp, and the end of each."""
+    """Yield the views of all cameras in the order of their timestamps, and the end of each stream."""
 
     def stream(order: int, camera: str) -> Iterator[tuple[int, int, Any]]:
         last = 0

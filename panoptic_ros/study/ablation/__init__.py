@@ -1,5 +1,6 @@
-"""The value of every mechanism of the core: each is off in turn, and the same people are solved again.
+"""The study of the value of every mechanism of the core: switch off one at a time and solve again.
 
-`mechanisms` is the table of mechanisms and of the parameters that switch them off, `figures` are the scores
-of one solution, `differences` compares solutions pair by pair, `ablation` is the study.
+All runs use the same 2D poses. `mechanisms` is the table of mechanisms and of the parameters that switch them
+off. `figures` computes the scores of one solution, `differences` compares solutions pair by pair, and
+`ablation` is the study.
 """

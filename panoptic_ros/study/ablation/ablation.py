@@ -1,4 +1,4 @@
-"""The study `ablation`: each mechanism of the core is off in turn, and the same people are solved again."""
+"""The study `ablation`: switch off one mechanism of the core at a time and solve the same 2D poses again."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from panoptic_ros.study.options import add_recordings, add_seeds, recordings, wo
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, table
 from panoptic_ros.study.world import VARIANTS, World, frames_of, recorded_world, simulated_world, split
 
-RECORDING_COST = 3000.0  # of a recording whose size is not known yet, in frames x people x views
-RENDERING_COST = 4.0  # of a rendered frame over a simulated one
+RECORDING_COST = 3000.0  # assumed cost of a recording of unknown size, in frames x people x views
+RENDERING_COST = 4.0  # cost of a rendered frame relative to a simulated one
 SIMULATED = (
     "clean-4p5v",
     "noisy-4p5v+2views",
@@ -112,7 +112,10 @@ class Ablation(Study):
         }
 
     def lines(self, result: Result) -> Iterable[str]:
-        """All scenes together; each scene with the mechanisms that change anything; those without effect."""
+        """Yield a table of all scenes, a table per scene, and the mechanisms without effect.
+
+        The table of a scene lists the mechanisms that change any figure.
+        """
         everything, *scenes = result["scenes"]
         seeds, mechanisms = result["seeds"], result["mechanisms"]
         yield from (*LEGEND, f"Seeds {seeds[0]} to {seeds[-1]}.", "", *_block(everything, mechanisms, True))
@@ -127,10 +130,11 @@ class Ablation(Study):
 
 
 def measure_case(request: dict[str, Any]) -> list[Row]:
-    """Return the figures of every run, with the name of the mechanism that was off; `DEFAULT` = none was.
+    """Return the figures of every run, with the name of the mechanism that was off; `DEFAULT` = none.
 
     Args:
-        request: only: names of mechanisms; scene, seed, frames, model; or paths, of a recording.
+        request: only (names of mechanisms); and either scene, seed, frames and model, or paths of a
+            recording.
     """
     if "paths" in request:
         world = recorded_world(request["paths"])
@@ -139,7 +143,7 @@ def measure_case(request: dict[str, Any]) -> list[Row]:
     runs: list[tuple[str, dict[str, Any]]] = [(DEFAULT, {})]
     named = [m for m in MECHANISMS if m.name in request["only"]]
     runs += [(m.name, m.off) for m in named if _acts(m, world)]
-    _solved(world, {})  # the first run has cold caches
+    _solved(world, {})  # warm up: the first run has cold caches
     return [{"off": name} | figures for name, off in runs for figures in _solved(world, off)]
 
 
@@ -148,12 +152,12 @@ def _acts(mechanism: Mechanism, world: World) -> bool:
 
 
 def _solved(world: World, settings: dict[str, dict[str, Any]]) -> list[dict[str, float]]:
-    assert world.truth is not None  # all cases have one
+    assert world.truth is not None  # true for all cases
     return figures_of(world.truth, solve(world, settings), world.stretches)
 
 
 def earns_nothing(name: str, scenes: list[dict[str, Any]]) -> bool:
-    """Return whether no figure of quality is clearly worse in any scene, or in all, when it is off."""
+    """Return whether no quality figure is clearly worse without the mechanism, in each scene and overall."""
     return not any(
         _is_worse(scene["off"][name][figure.key], figure)
         for scene in scenes

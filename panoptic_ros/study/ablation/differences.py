@@ -1,4 +1,4 @@
-"""What figures change by, pair by pair, and whether that is more than chance."""
+"""Paired differences of figures with and without a mechanism, and their statistical significance."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from scipy.stats import t as student
 from panoptic_ros.study.ablation.figures import FIGURES
 from panoptic_ros.study.study import CONFIDENCE
 
-DEFAULT = ""  # in place of a mechanism's name: none was off
+DEFAULT = ""  # name of the run with all mechanisms
 EVERYTHING = "all scenes"
-Samples = list[dict[str, Any]]  # figures by their keys, of every seed or stretch
+Samples = list[dict[str, Any]]  # figures by key, one mapping per seed or part of a recording
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A mean change of a figure.
+    """Mean change of a figure.
 
     Args:
         mean: NaN if no pair has the figure.
-        error: its standard error, NaN of a single pair.
-        freedom: degrees of freedom of the error, 0 of a single pair.
+        error: standard error of the mean; NaN for a single pair.
+        freedom: degrees of freedom of the error; 0 for a single pair.
     """
 
     mean: float
@@ -34,14 +34,17 @@ class Difference:
 
     @property
     def clear(self) -> bool:
-        """Whether chance alone would seldom do as much (Student's t, 95 %)."""
+        """Return whether the change is significant (Student's t, 95 %)."""
         if not self.freedom > 0.0 or not self.error >= 0.0 or self.mean == 0.0:
             return False
         return abs(self.mean) > float(student.ppf(0.5 + 0.5 * CONFIDENCE, self.freedom)) * self.error
 
 
 def paired(off: Sequence[float], default: Sequence[float]) -> Difference:
-    """The mean of off - default over samples (seeds, or stretches of a recording) that have both."""
+    """Return the mean of off - default over samples that have both values.
+
+    A sample is a seed or a part of a recording.
+    """
     changes = np.subtract(off, default)
     changes = changes[np.isfinite(changes)]
     count = len(changes)
@@ -51,9 +54,9 @@ def paired(off: Sequence[float], default: Sequence[float]) -> Difference:
 
 
 def over_scenes(differences: Sequence[Difference]) -> Difference:
-    """The mean over scenes, each with the same weight, whatever its number of samples.
+    """Return the mean over scenes with equal weights, regardless of the number of samples per scene.
 
-    The degrees of freedom are those of Welch and Satterthwaite.
+    The degrees of freedom follow Welch and Satterthwaite.
     """
     known = [d for d in differences if math.isfinite(d.mean)]
     if not known:
@@ -68,10 +71,10 @@ def over_scenes(differences: Sequence[Difference]) -> Difference:
 
 
 def summary(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> list[dict[str, Any]]:
-    """Return figures by default, and their changes without each mechanism, for all scenes and for each.
+    """Return the default figures and their changes without each mechanism, overall and per scene.
 
     Args:
-        rows: figures of every sample, with its scene, and `off`, the mechanism that was; `DEFAULT` = none.
+        rows: figures of every sample, with its scene and `off`, the mechanism that was off; `DEFAULT` = none.
     """
     samples: dict[str, dict[str, Samples]] = {}
     for row in rows:
@@ -124,5 +127,5 @@ def _row(found: Difference) -> dict[str, Any]:
 
 
 def _number(value: float) -> float | None:
-    """For JSON, which knows no NaN."""
+    """Return the value, or None for JSON if it is not finite."""
     return value if math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""The figures of one solution: how good its skeletons are, and what they cost."""
+"""Figures of one solution: the quality of its skeletons, and their processor time."""
 
 from __future__ import annotations
 
@@ -22,12 +22,17 @@ from panoptic_ros.stage import StageContext
 from panoptic_ros.study.world import World
 
 Array = np.ndarray
-WITHIN = 95.0  # % of the joints that should lie within the ellipsoids that their covariances tell
+WITHIN = 95.0  # nominal percentage of joints inside their 95 % covariance ellipsoids
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One column of the table. worse: the sign of a change for the worse; 0 = no figure of quality."""
+    """One column of the table.
+
+    Args:
+        worse: sign of a change for the worse; 0 = no quality figure.
+        digits: decimals in the table.
+    """
 
     key: str
     title: str
@@ -49,19 +54,24 @@ FIGURES = (
 
 @dataclass(frozen=True)
 class Solution:
-    """skeletons: of all instants. steps_ms: (F,) of the thread for every set, of each stage."""
+    """Skeletons of a world and their processor time.
+
+    Args:
+        skeletons: skeletons of all sets.
+        steps_ms: (F,) ms of this thread for every set, by stage.
+    """
 
     skeletons: SkeletonSequence
     steps_ms: dict[str, Array]
 
     @property
     def spent_ms(self) -> Array:
-        """(F,) of the thread, of all stages, for every set."""
+        """Return the time (F,) ms of this thread for every set, summed over the stages."""
         return np.asarray(np.sum(list(self.steps_ms.values()), axis=0))
 
 
 def solve(world: World, settings: dict[str, dict[str, Any]]) -> Solution:
-    """Return the refined skeletons of the 2D people of a world."""
+    """Return the refined skeletons of a world, from its 2D poses."""
     frames: list[SkeletonFrame] = []
     spent: dict[str, list[int]] = {}
 
@@ -85,7 +95,7 @@ def solve(world: World, settings: dict[str, dict[str, Any]]) -> Solution:
 
 
 def figures_of(truth: SkeletonSequence, solution: Solution, stretches: int = 1) -> list[dict[str, float]]:
-    """The figures by their keys, of each of so many stretches of the frames; NaN where not defined."""
+    """Return the figures by key for each of `stretches` equal parts of the frames; NaN where undefined."""
     pairs = pair_sequences(truth, spelt_alike(solution.skeletons, truth))
     cuts = np.array_split(np.arange(len(pairs)), stretches)
     times = np.array_split(solution.spent_ms, stretches)

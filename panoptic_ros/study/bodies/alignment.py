@@ -1,4 +1,7 @@
-"""Heading and clock of IMUs found from a few seconds of motion, both injected; and lengths of bodies."""
+"""The study `alignment`: estimate injected heading and clock offsets of IMUs from seconds of motion.
+
+It also estimates the segment lengths of bodies.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,8 @@ INPUTS = ((8, 13), (4, 6))  # cameras, IMUs
 WINDOWS_S = (5.0, 9.0)
 LONGEST_OFFSET_S = 0.1
 RATE_HZ = 60.0
-LEARNT_S, SCORED_S = 10.0, 2.0  # of motion; after it, at least
+# s of motion for the estimate of lengths, and lower limit of the scored time after it
+LEARNT_S, SCORED_S = 10.0, 2.0
 LENGTHS = ("true", "learnt", "stature")
 
 
@@ -55,7 +59,7 @@ class Alignment(BodyStudy):
                     begin += round(5e8 * length)
 
     def lines(self, result: Result) -> Iterator[str]:
-        """The table: root mean square (most) over all stretches in which motion tells."""
+        """Yield the table: root mean square (maximum) over all windows with an estimate."""
         yield f"{self.head(result)}; heading and clock from stretches of motion, root mean square (most)"
         yield (
             "cameras IMUs  seconds  stretches   found     heading, deg         clock, ms   both, in their sd"
@@ -74,7 +78,7 @@ class Alignment(BodyStudy):
 
 
 def _found(case: BodyCase, states: list[Any], rng: np.random.Generator) -> dict[str, Any]:
-    """What is found of a heading and an offset that are drawn."""
+    """Draw a heading and a clock offset, estimate them, and return the errors."""
     heading, late = rng.uniform(-np.pi, np.pi), rng.uniform(-LONGEST_OFFSET_S, LONGEST_OFFSET_S)
     subject = replace(case.subjects[0], heading_known=False)
     felt = {}
@@ -95,7 +99,7 @@ def _found(case: BodyCase, states: list[Any], rng: np.random.Generator) -> dict[
 
 
 def _during(series: ImuSeries, states: list[Any]) -> Felt:
-    """What was felt in the time of these bodies."""
+    """Return the IMU samples in the time span of these bodies."""
     there = (series.stamps >= states[0].stamp_ns) & (series.stamps <= states[-1].stamp_ns)
     parts = (series.stamps, series.quaternions, series.rates, series.forces)
     return felt_of(ImuSeries(*(part[there] for part in parts)), RATE_HZ)
@@ -108,8 +112,10 @@ def _cell(values: Sequence[float]) -> str:
 
 
 def lengths_row(case: BodyCase, config: KinematicsConfig) -> dict[str, Any] | None:
-    """Mean errors, mm, after those seconds, with the true lengths, with those that they tell, and with those
-    of the stature; None if the capture does not go on for long enough."""
+    """Return mean errors (mm) after `LEARNT_S` for true, estimated and stature-based lengths.
+
+    None if the capture is too short.
+    """
     short = case.of_stature()
     end = case.truth[0].stamp_ns + round(1e9 * (SKIPPED_S + LEARNT_S))
     if case.truth[-1].stamp_ns < end + round(1e9 * SCORED_S):
@@ -145,7 +151,7 @@ def lengths_row(case: BodyCase, config: KinematicsConfig) -> dict[str, Any] | No
 
 
 def lengths_lines(rows: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """The table: means over the captures of the same inputs, and the most that learnt lengths cost."""
+    """Yield the table: means over captures with the same inputs, and the cost of estimated lengths."""
     yield f"lengths learnt from {LEARNT_S:g} s of motion: mean errors after that, mm"
     yield "cameras IMUs  captures    true  learnt  stature   learnt, worse by (most)"
     for kind in dict.fromkeys((row["cameras"], row["imus"]) for row in rows):

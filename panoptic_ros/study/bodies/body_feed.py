@@ -1,4 +1,4 @@
-"""2D people and samples of their IMUs for the live graph: simulated bodies, played forth and back."""
+"""2D poses and IMU samples for the live graph: simulated bodies, played forward and backward."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from panoptic_ros.simulation.bodies.group import BodyGroup, simulate_group
 from panoptic_ros.simulation.bodies.motion import Clip
 from panoptic_ros.study.live.graph_feed import Feed
 
-CLIPS = ("02_05", "02_10", "18_01")  # of the subjects in turn: they stay about a place
-APART = 1.1  # m, of the subjects from the middle of the room
+CLIPS = ("02_05", "02_10", "18_01")  # clips of the subjects in turn; in these, persons stay near one place
+APART = 1.1  # m, distance of the subjects from the middle of the room
 
 
 @dataclass(frozen=True, eq=False)
 class BodyFeed(Feed):
-    """What cameras and IMUs give.
+    """Data of cameras and IMUs.
 
     Args:
-        devices: samples by device, of one rate: a whole number of them from one set to the next.
-        subjects: who wears them.
+        devices: samples by device, all at one rate that is a multiple of the rate of sets.
+        subjects: wearers of the devices.
     """
 
     devices: Mapping[str, ImuSeries]
     subjects: tuple[Subject, ...]
 
     def is_back(self, number: int) -> bool:
-        """Whether an instant is played on the way back."""
+        """Return whether a time step is played backward."""
         last = len(self.sets) - 1
         return bool(number % (2 * last) >= last)
 
     def samples(self, number: int) -> list[tuple[int, ImuSample]]:
-        """Samples from an instant to the next, and when each comes, ns after it; the earliest first.
+        """Return the samples from one time step to the next with their delays (ns), in order of time.
 
-        On the way back time runs backwards: accelerations stay, rates turn round.
+        In backward playback time is reversed: accelerations stay, angular rates change their sign.
         """
         found, first = [], self.number_of_set(number)
         back = self.is_back(number)
@@ -57,10 +57,11 @@ class BodyFeed(Feed):
 def body_feed(
     people: int, rate: float, seconds: float, seed: int, model: SegmentModel, clips: Mapping[str, Clip]
 ) -> BodyFeed:
-    """People with 13 IMUs each at 60 Hz, before 8 cameras.
+    """Simulate persons with 13 IMUs each at 60 Hz, in 8 cameras.
 
     Args:
-        rate: of the cameras, Hz, 60 or a whole part of it. seconds: until they turn back.
+        rate: camera rate, Hz; 60 or an integer fraction of it.
+        seconds: duration of the forward playback.
     """
     angles = 2.0 * np.pi * np.arange(people) / people
     radius = APART if people > 1 else 0.0
@@ -81,7 +82,7 @@ def body_feed(
 
 
 def _sets(take: BodyGroup, step: int) -> tuple[tuple[DetectionSet, ...], int]:
-    """Every so many instants as a set, and how many instants there are to the last of them."""
+    """Return every `step`-th time step as a set, and the number of time steps up to the last set."""
     chosen = range(0, len(take.stamps), step)
     found = [
         DetectionSet(k, int(take.stamps[t]), SKELETON.hash, tuple(take.detections(t, SKELETON)))

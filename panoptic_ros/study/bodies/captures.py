@@ -1,9 +1,9 @@
-"""Captures in which less is known: headings, clocks, mountings, who of several people is asked for, and where
-somebody is who walks out of the cameras.
+"""The study `captures`: captures with less prior knowledge.
 
-Captures of which everything is drawn at random: cameras and their rates, noise, bodies, T-poses, clocks.
-
-They are simulated at a rate that all others divide, of which each camera and device then keeps its own share.
+Headings, clocks or mountings are unknown, bystanders are visible, or the subject leaves the view of the
+cameras. With --drawn, the seed determines the setup: cameras and their rates, noise, bodies, T-poses and
+clocks. Such captures are simulated at a common multiple of all rates; each camera and device keeps its own
+share of the samples.
 """
 
 from __future__ import annotations
@@ -42,17 +42,25 @@ from panoptic_ros.study.study import Case, Result, Row
 
 SORTED = "malleson-2020, its sorting"
 Array = np.ndarray
-RATE, SOLVED = 300, 60  # Hz, of the simulation and of the poses
+RATE, SOLVED = 300, 60  # Hz, of the simulation and of the bodies
 SECONDS, LEAVES_SECONDS = 11.0, 19.0
-SIZES = (0.9, 1.1)  # of the body, as a share of the recorded one
-LIMBS = 0.05  # standard deviation of a segment's length, a share of it
-MOUNTING_DEG = {"stated": 2.5, "T 2.5": 2.5, "T 4": 4.0}  # per axis
+SIZES = (0.9, 1.1)  # range of the body size relative to the recorded one
+LIMBS = 0.05  # relative standard deviation of a segment's length
+MOUNTING_DEG = {"stated": 2.5, "T 2.5": 2.5, "T 4": 4.0}  # standard deviation per axis
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """What is drawn; noise: shares of the usual one; mounting: a key of `MOUNTING_DEG`; lengths, joints:
-    whether the file states them."""
+    """Randomly drawn setup of a capture.
+
+    Args:
+        together: cameras share a trigger.
+        joint_noise, imu_noise: noise relative to the default.
+        mounting: key of `MOUNTING_DEG`.
+        lengths, joints: the subject file states the lengths of segments, and the joint positions of the
+            detector.
+        heading, clock: the heading, or the clock offset, of the IMUs is unknown.
+    """
 
     scene: str
     cameras: int
@@ -69,7 +77,7 @@ class Drawn:
     clock: bool
 
     def __str__(self) -> str:
-        """In one word for a table."""
+        """Return a short text for the table."""
         known = "".join(n for n, there in (("L", self.lengths), ("J", self.joints)) if there)
         unknown = "".join(n for n, there in (("h", self.heading), ("c", self.clock)) if there)
         rate = f"{self.camera_hz}{'' if self.together else '~'}Hz"
@@ -78,7 +86,7 @@ class Drawn:
 
 
 def draw(rng: np.random.Generator) -> Drawn:
-    """Conditions of one capture."""
+    """Draw the setup of one capture."""
 
     def pick(*values: Any) -> Any:
         return values[int(rng.integers(len(values)))]
@@ -103,7 +111,7 @@ def draw(rng: np.random.Generator) -> Drawn:
 
 
 def drawn_case(seed: int) -> BodyCase:
-    """A capture of this number; its name tells what was drawn."""
+    """Return the capture of this seed; its name states the setup."""
     rng = np.random.default_rng([seed, 41])
     drawn, model, clips = draw(rng), read_body_model(), read_clips()
     scene = _scene(drawn)
@@ -156,7 +164,7 @@ def _louder(noise: Any, share: float, names: tuple[str, ...]) -> Any:
 
 
 def _other_body(rng: np.random.Generator, model: SegmentModel, clips: Mapping[str, Clip]) -> dict[str, Clip]:
-    """The motions of somebody else, of another size and with limbs of other lengths, left as right."""
+    """Return the clips with another body size and other segment lengths, equal on both sides."""
     size, lengths = rng.uniform(*SIZES), dict[str, float]()
     for name in model.names:
         lengths.setdefault(_side(name), 1.0 + LIMBS * rng.normal())
@@ -173,12 +181,12 @@ def _other_body(rng: np.random.Generator, model: SegmentModel, clips: Mapping[st
 
 
 def _side(name: str) -> str:
-    """A segment's name without its side."""
+    """Return a segment's name without its side."""
     return name[1:] if name[0] in "lr" and name[1].isupper() else name
 
 
 def _stated(subject: Subject, drawn: Drawn, model: SegmentModel) -> Subject:
-    """The subject as its file tells."""
+    """Return the subject with only the data that its file states."""
     names, body = model.names, subject.body
     usual = model.body(subject.stature)
     if not drawn.lengths:
@@ -193,7 +201,7 @@ def _stated(subject: Subject, drawn: Drawn, model: SegmentModel) -> Subject:
 
 
 def _at_instants(states: tuple[BodyState, ...], first: int) -> tuple[BodyState, ...]:
-    """The truth at the instants at which bodies are solved."""
+    """Return the truth at the timestamps of the solved bodies."""
     found = []
     for state in states:
         place = (state.stamp_ns - first) * 1e-9 * RATE
@@ -239,7 +247,7 @@ class Captures(BodyStudy):
                 )
 
     def lines(self, result: Result) -> Iterator[str]:
-        """The table, a line for each subject: ours, the paper's, and ours as a share of it."""
+        """Yield the table with one line per subject: our errors, the paper's, and the ratio of both."""
         yield f"{self.head(result)}; after the first 3 s"
         wide = max([16, *(len(row["scene"]) + 2 for row in result["rows"])])
         yield (
@@ -268,7 +276,7 @@ class Captures(BodyStudy):
 
 
 def taken(found: Sequence[BodyState], everybody: dict[int, list[BodyState]]) -> int:
-    """Instants in which a body is nearer to somebody else than to its own subject."""
+    """Return the number of time steps at which a body is nearer to another person than to its subject."""
     count = 0
     for state in found:
         others = everybody.get(state.stamp_ns, ())

@@ -1,4 +1,4 @@
-"""Captures of bodies with their truth, simulated or from a folder, in the form that studies solve."""
+"""Captures of bodies with ground truth, simulated or from a folder, in the form that the solvers read."""
 
 from __future__ import annotations
 
@@ -34,19 +34,20 @@ from panoptic_ros.study.people.detected import detected
 from panoptic_ros.study.study import Case, Result, Study
 
 Array = np.ndarray
-SKIPPED_S = 3.0  # not scored: the T-pose and the way out of it
+SKIPPED_S = 3.0  # s at the beginning without a score: the T-pose and the motion out of it
 OURS = "ours"
 METHODS = (OURS, PAPER)
-SAME_PEOPLE = "paper_sorting=false"  # the paper's solver with 2D people sorted as ours: solvers are compared
+# the paper's solver with our association of 2D poses, so that only the solvers differ
+SAME_PEOPLE = "paper_sorting=false"
 
 
 @dataclass(frozen=True, eq=False)
 class BodyCase:
-    """A capture that is solved: what the solver gets, and the truth of its subjects.
+    """A capture: the inputs of the solver, and the ground truth of its subjects.
 
     Args:
-        statistics: of poses, without the motions of the capture if it is simulated.
-        strangers: the truth of others who are seen.
+        statistics: pose prior; without the motions of the capture if it is simulated.
+        strangers: ground truth of other visible persons.
     """
 
     name: str
@@ -59,11 +60,11 @@ class BodyCase:
 
     @property
     def model(self) -> SegmentModel:
-        """Of all subjects."""
+        """Return the segment model of all subjects."""
         return self.subjects[0].body.model
 
     def with_inputs(self, cameras: int, imus: int) -> BodyCase:
-        """The same with the first cameras, which are neighbours, and 0, 6 or 13 IMUs of each subject."""
+        """Return the case with the first cameras, which are neighbours, and 0, 6 or 13 IMUs per subject."""
         names = self.model.names
         subjects = tuple(
             replace(
@@ -85,7 +86,7 @@ class BodyCase:
         return replace(self, recording=recording, subjects=subjects)
 
     def of_stature(self) -> BodyCase:
-        """The same with nothing known of the subjects' lengths but the stature."""
+        """Return the case with segment lengths derived from the stature alone."""
         subjects = []
         for subject in self.subjects:
             body = replace(subject.body, offsets=self.model.body(subject.stature).offsets)
@@ -93,11 +94,11 @@ class BodyCase:
         return replace(self, subjects=tuple(subjects))
 
     def solve(self, config: KinematicsConfig) -> Solved:
-        """Bodies of all subjects."""
+        """Solve the bodies of all subjects."""
         return solve_recording(self.recording, self.subjects, config, self.statistics)
 
     def score(self, config: KinematicsConfig) -> dict[str, Any]:
-        """Errors, mean over the subjects, and milliseconds of processor time per instant and subject."""
+        """Return errors (mean over the subjects) and processor time (ms) per time step and subject."""
         began = time.process_time()
         states = self.solve(config).states
         spent = 1e3 * (time.process_time() - began)
@@ -116,7 +117,7 @@ class BodyStudy(Study):
     """Base of the studies of bodies: captures in folders, or simulated ones of all scenes and seeds.
 
     Attributes:
-        scenes: known ones by default.
+        scenes: default scenes.
     """
 
     scenes: ClassVar[Sequence[str]] = tuple(BODY_SCENES)
@@ -163,17 +164,20 @@ class BodyStudy(Study):
 
     @property
     def configs(self) -> dict[str, KinematicsConfig]:
-        """Our method with the user's parameters, and the paper's solver on the same people."""
+        """Return our method with the user's parameters, and the paper's solver on the same 2D poses."""
         return {OURS: body_config(settings=self.options.settings), PAPER: body_config(PAPER, (SAME_PEOPLE,))}
 
     def head(self, result: Result) -> str:
-        """Whether captures were simulated, as those in folders may be, too."""
+        """Return a line that states whether the captures are simulated.
+
+        Captures in folders may be simulated too.
+        """
         simulated = "simulated captures: no reproduction of Total Capture"
         return "captures in folders" if self.options.captures else simulated
 
 
 def simulated_case(name: str, seed: int) -> BodyCase:
-    """The capture of `panoptic simulate NAME --seed N`, with a prior of all other motions."""
+    """Return the capture of `panoptic simulate NAME --seed N`, with a prior from all other motions."""
     model, clips, scene = read_body_model(), read_clips(), body_scene(name)
     capture = simulate_group(scene, seed, model, clips)
     used = [clip for person in (scene, *scene.others) for clip in person.clips]
@@ -183,18 +187,21 @@ def simulated_case(name: str, seed: int) -> BodyCase:
 def case_of(
     capture: BodyCapture | BodyGroup, statistics: PoseStatistics, name: str = "", seed: int = 0
 ) -> BodyCase:
-    """A simulated capture as a case."""
+    """Return a simulated capture as a case."""
     group = capture if isinstance(capture, BodyGroup) else group_of(capture)
     truth, strangers = tuple(group.truth), tuple(group.strangers)
     return BodyCase(name, seed, recording_of(group), group.subjects, truth, statistics, strangers)
 
 
 def read_case(folder: Path) -> BodyCase:
-    """A capture in a folder: rig.json, detections.json.gz, or images in which people are detected, imu.csv or
-    imu.csv.gz, subject*.json, truth.json.gz and strangers.json.gz, with the installed prior.
+    """Read a capture from a folder.
+
+    The folder has rig.json, imu.csv or imu.csv.gz, subject*.json and truth.json.gz, and strangers.json.gz if
+    others are visible. It also has detections.json.gz, or images for the detector. The pose prior is the
+    installed one.
 
     Raises:
-        UserError: if one is missing or cannot be used.
+        UserError: if a file is missing or cannot be used.
     """
     subjects = sorted(folder.glob("subject*.json"))
     if not subjects:
@@ -218,7 +225,7 @@ def read_case(folder: Path) -> BodyCase:
 def _from_images(
     folder: Path, subjects: Sequence[Path], imu: Path | None
 ) -> tuple[Recording, tuple[Subject, ...], PoseStatistics]:
-    """What the solver gets of a capture whose people must be detected first."""
+    """Detect the 2D poses of a capture, and return the inputs of the solver."""
     found, extras = detected(folder, (), {}, None), body_extras(subjects)
     devices = {} if imu is None else read_imus(imu)
     names, rig = found.context.skeleton.joint_names, found.context.rig
@@ -226,7 +233,7 @@ def _from_images(
 
 
 def series_of(rig: Rig, sets: Sequence[DetectionSet]) -> dict[int, ViewSeries]:
-    """2D people of every camera by time, on the plane at distance 1, in the joints of the sets."""
+    """Return the 2D poses of every camera by time, on the plane at distance 1, in the joints of the sets."""
     rows: dict[int, dict[int, ViewPeople]] = {}
     for view in (view for item in sets for view in item.views):
         people = _on_plane(rig.cameras[rig.names.index(view.camera)], view.points, view.scores)
@@ -245,7 +252,7 @@ def _on_plane(camera: Camera, pixels: Array, scores: Array) -> ViewPeople:
 
 
 def recording_of(capture: BodyCapture | BodyGroup) -> Recording:
-    """What the solver gets of a simulated capture."""
+    """Return the inputs of the solver from a simulated capture."""
     group = capture if isinstance(capture, BodyGroup) else group_of(capture)
     if not len(group.views):
         return Recording(None, group.joint_names, {}, group.devices)
@@ -257,6 +264,6 @@ def recording_of(capture: BodyCapture | BodyGroup) -> Recording:
 
 
 def prior_without(left_out: Sequence[str], clips: Mapping[str, Clip], model: SegmentModel) -> PoseStatistics:
-    """Statistics of the poses of all clips but these."""
+    """Train the pose prior on all clips except these."""
     poses = np.concatenate([clip.vectors for name, clip in clips.items() if name not in left_out])
     return train_prior(poses, other_sides(model.names))

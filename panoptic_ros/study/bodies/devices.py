@@ -1,7 +1,7 @@
-"""IMUs that are worn otherwise than said: what is told, when, and how well it is corrected.
+"""The study `devices`: IMUs with wrong mounting information: reports, their delay, and the correction.
 
-A trial spoils one thing of a simulated capture: a mounting, two devices, a strap that slips, the heading of
-the inertial frame, or nothing. Everything that is told beside it is a false alarm.
+Each trial puts one fault into a simulated capture: a wrong mounting, two swapped devices, a slipping strap, a
+wrong heading of the inertial frame, or none. Any report of another fault is a false alarm.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ from panoptic_ros.study.study import Case, Result, Row, Study
 
 Array = np.ndarray
 SCENES = ("body-punch", "body-wash", "body-shake", "body-walk")
-TOLD_S = 5.0  # within which a fault is to be told, and after which what is left of it is measured
-SLIPS_S = 5.0  # after the start, a strap
+TOLD_S = 5.0  # s from the fault, limit of the delay of its report; the remaining error is measured then
+SLIPS_S = 5.0  # time (s) at which a strap slips
 WRONG_DEG, SLIP_DEG, HEADING_DEG = 30.0, 25.0, 10.0
-LEFT_DEG = {  # of a mounting that cameras correct: floors of the segments, and 2 degrees
+LEFT_DEG = {  # limit of the remaining mounting error: floor of the segment's error, plus 2 degrees
     "hips": 7.0,
     "spine4": 7.0,
     "head": 9.0,
@@ -46,11 +46,11 @@ LEFT_DEG = {  # of a mounting that cameras correct: floors of the segments, and 
 }
 WHOLE = "good, to its end"
 KINDS = ("good", WHOLE, "mounting", "swapped", "strap", "heading")
-LONGER_S = 60.0  # than any capture
+LONGER_S = 60.0  # longer than any capture
 
 
 class Spoilt(NamedTuple):
-    """A capture with a fault: its kind, the segments that it concerns, and when it begins, s."""
+    """Capture with a fault: the kind, the affected segments, and the begin (s)."""
 
     capture: BodyCapture
     kind: str
@@ -59,7 +59,10 @@ class Spoilt(NamedTuple):
 
 
 class Devices(Study):
-    """Every kind of fault on every scene with every seed, on the next of the devices."""
+    """Every kind of fault on every scene with every seed, on the next of the devices.
+
+    The device follows from the seed and the index of the scene.
+    """
 
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
@@ -96,7 +99,7 @@ class Devices(Study):
             yield {"scene": name, "seed": seed} | _trial(spoilt, config, statistics)
 
     def lines(self, result: Result) -> Iterator[str]:
-        """The table: trials of each kind, how many were told in time, what is left, and false alarms."""
+        """Yield the table: trials of each kind, reports in time, remaining errors, and false alarms."""
         yield "simulated, 8 cameras, 13 IMUs; told within 5 s, and degrees left then: median (most)"
         yield (
             f"{'fault':<22}{'trials':>7}{'told':>6}{'after s':>14}{'left':>16}{'in bounds':>11}{'others':>16}"
@@ -116,7 +119,7 @@ class Devices(Study):
 
 
 def spoil(capture: BodyCapture, kind: str, number: int) -> Spoilt:
-    """The capture with a fault of a kind; the number chooses the device and how it is wrong."""
+    """Return the capture with a fault; the number selects the device and the error."""
     rng = np.random.default_rng([number, 7])
     names, worn = capture.subject.body.model.names, list(capture.subject.devices)
     k = number % len(worn)
@@ -160,7 +163,7 @@ def spoil(capture: BodyCapture, kind: str, number: int) -> Spoilt:
 
 
 def _trial(spoilt: Spoilt, config: KinematicsConfig, statistics: PoseStatistics) -> dict[str, Any]:
-    """When the fault was told, what else was, and how far mountings and heading are off at last."""
+    """Run a trial and return report delay, false alarms, and remaining mounting and heading errors."""
     tracker, instants = tracker_of(spoilt.capture, config, statistics)
     end = instants[0].stamp_ns + round(1e9 * (spoilt.begin_s + TOLD_S))
     used = [instant for instant in instants if instant.stamp_ns <= end]
@@ -200,7 +203,7 @@ def _trial(spoilt: Spoilt, config: KinematicsConfig, statistics: PoseStatistics)
 
 
 def _off(tracker: SubjectTracker, spoilt: Spoilt) -> dict[str, float]:
-    """Degrees that each device's mounting is off, by the segment that it truly is on."""
+    """Return the mounting error (deg) of each device, by the segment to which the tracker assigns it."""
     found = {}
     capture, worn = spoilt.capture, tracker.devices
     names = capture.subject.body.model.names
@@ -213,7 +216,7 @@ def _off(tracker: SubjectTracker, spoilt: Spoilt) -> dict[str, float]:
 
 
 def _powered(turn: Array, degrees: float) -> Array:
-    """By so many degrees about the axis of a rotation of 1 rad."""
+    """Return the rotation by `degrees` about the axis of `turn`, a rotation by 1 rad."""
     found: Array = rotations_of(np.radians(degrees) * vectors_of(turn[None]))[0]
     return found
 
@@ -230,13 +233,13 @@ def _groups(rows: list[dict[str, Any]]) -> Iterator[tuple[str, list[dict[str, An
 
 
 def _place(row: dict[str, Any]) -> str:
-    """The segment of a fault, left as right."""
+    """Return the segment of a fault without its side."""
     name = str(row["segments"][0])
     return name[1:] if name[:1] in "lr" and name[1:2].isupper() else name
 
 
 def _in_bounds(row: dict[str, Any]) -> bool:
-    """Whether what is left after 5 s is as little as it should be."""
+    """Return whether the error that remains after 5 s is below its limit."""
     if row["kind"] == "heading":
         return bool(row["heading_deg"] <= 0.5 * HEADING_DEG)
     if row["kind"] in ("good", WHOLE):

@@ -1,4 +1,4 @@
-"""Bodies in the live graph, fed with 2D people and samples of IMUs: latency and processor time."""
+"""Bodies in the live graph, fed with 2D poses and IMU samples: latency and processor time."""
 
 from __future__ import annotations
 
@@ -31,19 +31,22 @@ from panoptic_ros.study.live.player import LAST_WORDS_S, Player, played
 
 Array = np.ndarray
 DROPPED = "dropped."
-FOUND_S = 20.0  # from the first skeletons on: clocks of IMUs are looked for in the first 15 s
+FOUND_S = 20.0  # s from the first skeletons; the graph estimates the clocks of IMUs in the first 15 s
 
 
 def run_fed_bodies(feed: BodyFeed, seconds: float, lag: float) -> dict[str, Any]:
-    """Latencies, ms, from the stamps of bodies to their arrival in this process, and processor time by
-    process, in % of a core.
+    """Run the graph and return latencies and processor time.
+
+    Latencies (ms) are from the timestamps of bodies to their arrival in this process. Processor time is in %
+    of a core, by process.
 
     Args:
-        seconds: that count. lag: s, `kinematics.lag`.
+        seconds: measured time (s).
+        lag: `kinematics.lag`, s.
 
     Raises:
-        UserError: as a node printed it, if one ended.
-        EnvironmentProblem: if another graph runs in this ROS domain, or no skeletons come.
+        UserError: with the output of a node that ended.
+        EnvironmentProblem: if another graph runs in this ROS domain, or no skeletons arrive.
     """
     found: dict[str, Any] = played(feed, False, lambda: _Run(feed, seconds), _with_bodies(feed, lag))
     return found
@@ -61,19 +64,19 @@ def _with_bodies(feed: BodyFeed, lag: float) -> Callable[[Plan, Path], Plan]:
 
 
 class _Used(NamedTuple):
-    """What processes have used by a moment, and what the kinematics node had dropped by cause, as it told."""
+    """Resource usage of the processes at a time, and the drop counts of the kinematics node by cause."""
 
     usage: dict[str, Usage]
     dropped: Counter[str]
 
 
 class _Run(Player):
-    """Plays samples of IMUs besides, and takes bodies."""
+    """Player that also publishes IMU samples and receives bodies."""
 
     def __init__(self, feed: BodyFeed, seconds: float):
         super().__init__(feed, revived=False)
         self._seconds = seconds
-        self._bodies: list[tuple[int, int, int]] = []  # stamp, when it came, how many were solved from data
+        self._bodies: list[tuple[int, int, int]] = []  # timestamp, arrival time, bodies solved from data
         live, imu, bodies = make_flow("live"), TOPICS["imu"], TOPICS["bodies"]
         kind = message_class(imu.message)
         self._imus = {
@@ -153,5 +156,5 @@ class _Run(Player):
 
 
 def _percentile(values: Array, share: float) -> float | None:
-    """NaN is not JSON: None where there are no values."""
+    """Return a percentile; None without values, because JSON has no NaN."""
     return float(np.percentile(values, share)) if len(values) else None

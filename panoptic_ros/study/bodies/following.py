@@ -1,4 +1,4 @@
-"""A simulated capture of one person, solved instant by instant while somebody looks."""
+"""Solve a simulated capture of one person step by step, with access to the tracker after each step."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from panoptic_ros.study.bodies.cases import recording_of
 
 
 class Given(NamedTuple):
-    """All data of an instant: 2D people by camera, and what the subject's devices measured."""
+    """All data of a time step: 2D poses by camera, and the measurements of the subject's devices."""
 
     stamp_ns: int
     views: dict[int, ViewPeople]
@@ -34,8 +34,13 @@ def tracker_of(
     statistics: PoseStatistics,
     kind: type[SubjectTracker] = SubjectTracker,
 ) -> tuple[Any, list[Given]]:
-    """A tracker of this kind that has seen nothing yet, and all instants, each with the nearest image of
-    every camera; heading and clock as stated."""
+    """Return a tracker in its initial state, and all time steps of the capture.
+
+    Each time step has the nearest image of every camera. Heading and clock are as stated.
+
+    Args:
+        kind: class of the tracker.
+    """
     recording, subject = recording_of(capture), capture.subject
     weighing = Weighing(config, subject, statistics, recording.rig, recording.joint_names)
     stamps = instants_of(recording.views, recording.devices, config.rate_hz)
@@ -54,7 +59,7 @@ def tracker_of(
 
 
 def follow(tracker: SubjectTracker, instants: Sequence[Given], gate: float) -> Iterator[Given]:
-    """Each instant after the tracker has taken it in."""
+    """Yield each time step after the tracker has processed it."""
     weighing = tracker.weighing
     for given in instants:
         instant = Instant(given.stamp_ns, given.views)

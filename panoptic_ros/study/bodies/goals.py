@@ -1,4 +1,4 @@
-"""Ours beside the solver of Malleson et al. 2020 on the same captures, against the goals of the body."""
+"""The study `kinematics`: errors of our solver and that of Malleson et al. 2020, compared with goals."""
 
 from __future__ import annotations
 
@@ -13,34 +13,39 @@ from panoptic_ros.study.bodies.cases import METHODS, OURS, BodyCase, BodyStudy
 from panoptic_ros.study.bodies.statistics import ORIENTATIONS, POSITIONS, statistic_lines
 from panoptic_ros.study.study import Case, Result, Row, grouped
 
-ENOUGH_MM, ENOUGH_DEG = 0.70, 0.65  # of the paper's solver on the same capture, where a goal is missed
-POOR = "body-t-pose"  # the scene in which a T-pose, 11 deg off on average, tells the mountings
+# error relative to the paper's solver on the same capture that also meets a goal
+ENOUGH_MM, ENOUGH_DEG = 0.70, 0.65
+POOR = "body-t-pose"  # scene with mountings from a T-pose that is 11 deg off on average
 WORST_COUNTS = ("standing_drift_m",)
-DRIFT_M = 0.3  # of the root while a foot stands, without cameras
+DRIFT_M = 0.3  # m, limit of the drift of the root while a foot stands, without cameras
 
 
 class Goal(NamedTuple):
-    """Inputs, and what the means are to be at most: mm (after the root, without cameras), deg, m/s^2."""
+    """Inputs, and limits of the mean errors.
+
+    Args:
+        most: limits in mm (relative to the root without cameras), deg, m/s^2 and m of drift.
+    """
 
     cameras: int
     imus: int
     most: dict[str, float]
-    stature: bool = False  # nothing but the stature is known of the lengths
-    t_pose: bool = False  # a poor T-pose tells the mountings, see `POOR`
+    stature: bool = False  # segment lengths come from the stature alone
+    t_pose: bool = False  # mountings come from a poor T-pose, see `POOR`
 
     @property
     def name(self) -> str:
-        """As the table says it."""
+        """Return the name in the table."""
         more = ", stature" * self.stature + ", T-pose" * self.t_pose
         return f"{self.cameras} + {self.imus}{more}"
 
     @property
     def place(self) -> str:
-        """The score of places that counts."""
+        """Return the key of the position error that counts."""
         return "mm" if self.cameras else "relative_mm"
 
     def fits(self, case: BodyCase) -> bool:
-        """Whether a capture has the inputs."""
+        """Return whether a capture has the inputs."""
         data = case.recording
         enough = self.cameras <= len(data.views) and bool(data.devices or not self.imus)
         return enough and self.t_pose == (case.name == POOR)
@@ -74,7 +79,7 @@ class Goals(BodyStudy):
                 yield kind | {"method": method} | part.score(configs[method])
 
     def lines(self, result: Result) -> Iterator[str]:
-        """The table: mean and worst capture of both, their ratio, and which goals are missed by how much."""
+        """Yield the table: mean and worst capture of both methods, their ratio, and missed goals."""
         yield f"{self.head(result)}; mean (worst capture)"
         yield (
             f"{'cameras + IMUs':<16}{'captures':>9}  {'method':<14}{'mm':>15}{'deg':>14}{'m/s^2':>14}"
@@ -122,7 +127,10 @@ def _ratios(rows: dict[str, list[dict[str, Any]]], goal: Goal) -> str:
 
 
 def _verdict(goal: Goal, rows: dict[str, list[dict[str, Any]]]) -> str:
-    """Which goals the means reach, by themselves or as a share of the paper's; of the drift, the worst."""
+    """Return the state of each goal as text.
+
+    The means must meet the limit, or a share of the paper's error. For the drift, the worst capture counts.
+    """
     said = []
     for key, most in goal.most.items():
         values = [row[key] for row in rows[OURS]]

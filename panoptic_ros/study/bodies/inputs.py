@@ -1,4 +1,7 @@
-"""Errors by numbers of cameras and IMUs (Malleson et al. 2020, Fig. 7), beside the paper's solver."""
+"""The study `kinematics-inputs`: errors by numbers of cameras and IMUs, next to the paper's solver.
+
+It repeats Fig. 7 of Malleson et al. 2020.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,7 @@ class Inputs(BodyStudy):
                 yield kind | {"method": method} | part.score(configs[method])
 
     def lines(self, result: Result) -> Iterator[str]:
-        """Tables of positions and orientations, and the worst ratio of ours to the paper's on one capture."""
+        """Yield tables of positions and orientations, and the worst ratio of our error to the paper's."""
         yield f"{self.head(result)}; means over the captures"
         groups = grouped(result["rows"], lambda row: f"{row['cameras']} + {row['imus']:<2} {row['method']}")
         for kinds in (POSITIONS, ORIENTATIONS):
@@ -65,6 +68,7 @@ class Inputs(BodyStudy):
 
     def plot(self, path: Path, result: Result) -> None:
         """See `Study`."""
-        from panoptic_ros.view.body_study_plot import body_study_plot  # matplotlib is slow to load
+        # imported here because matplotlib is slow to load
+        from panoptic_ros.view.body_study_plot import body_study_plot
 
         write_bytes(path, body_study_plot(result["rows"], OURS, self.head(result)))

@@ -1,5 +1,4 @@
-"""Errors of bodies as a table: mean, median, standard deviation and MAD of each kind (Malleson et al. 2020,
-4.1 and Table 1)."""
+"""Table of body errors: mean, median, standard deviation and MAD (Malleson et al. 2020, 4.1, Table 1)."""
 
 from __future__ import annotations
 
@@ -13,7 +12,7 @@ STATISTICS = {"mean": "", "med": "_median", "std": "_std", "MAD": "_mad"}
 
 
 class Kinds(NamedTuple):
-    """Kinds of errors that stand in one table, by their keys in the rows, and the unit."""
+    """Errors in one table: title with the unit, and their keys in the rows."""
 
     title: str
     keys: Mapping[str, str]
@@ -41,11 +40,11 @@ ORIENTATIONS = Kinds(
 
 
 def statistic_lines(kinds: Kinds, groups: Mapping[str, Rows], label: str) -> Iterator[str]:
-    """The table: two lines of head, and one for each group of rows, means over its rows.
+    """Yield the table: two header lines, and one line per group with the means over its rows.
 
     Args:
-        groups: by the words of at most 26 letters at the beginning of the line.
-        label: over these words.
+        groups: rows by label of the line; a label has at most 26 characters.
+        label: header of the labels.
     """
     yield f"{kinds.title:<26}" + "".join(f"  {name:^23}" for name in kinds.keys)
     names = "".join(f"{name:>6}" for name in STATISTICS)

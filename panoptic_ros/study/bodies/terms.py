@@ -1,5 +1,7 @@
-"""What each term and input is worth, left out one at a time (Malleson et al. 2020, Table 3), and the weight
-of accelerations (Fig. 9), beside the paper's solver."""
+"""The study `terms`: leave out one term or input at a time, next to the paper's solver.
+
+It repeats Table 3 of Malleson et al. 2020, and varies the weight of accelerations (Fig. 9).
+"""
 
 from __future__ import annotations
 
@@ -18,13 +20,13 @@ from panoptic_ros.study.bodies.cases import METHODS, OURS, SAME_PEOPLE, BodyCase
 from panoptic_ros.study.study import Case, Result, Row, shared_out
 
 Array = np.ndarray
-FREE = 1e6  # standard deviations that hold nothing
+FREE = 1e6  # standard deviation so large that a term has no effect
 TWELVE = tuple(s + n for s in "lr" for n in ("Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle"))
 FULL = "all"
 
 
 def without_orientations(case: BodyCase) -> BodyCase:
-    """No IMU tells how it is turned, so none tells accelerations of the world either."""
+    """Remove the orientations of IMUs; without them, world-frame accelerations are lost too."""
     devices = {
         name: replace(series, quaternions=np.full_like(series.quaternions, np.nan))
         for name, series in case.recording.devices.items()
@@ -33,7 +35,7 @@ def without_orientations(case: BodyCase) -> BodyCase:
 
 
 def without_accelerations(case: BodyCase) -> BodyCase:
-    """IMUs tell orientations alone."""
+    """Remove the accelerations of IMUs; only orientations remain."""
     devices = {
         name: replace(series, forces=np.full_like(series.forces, np.nan))
         for name, series in case.recording.devices.items()
@@ -42,7 +44,7 @@ def without_accelerations(case: BodyCase) -> BodyCase:
 
 
 def without_projection(case: BodyCase) -> BodyCase:
-    """Poses may lie anywhere off the space of the prior."""
+    """Allow poses at any distance from the subspace of the prior."""
     given = case.statistics
     values, axes = np.linalg.eigh(given.projection)
     rest = axes[:, values > 0.5]
@@ -52,13 +54,17 @@ def without_projection(case: BodyCase) -> BodyCase:
 
 
 def without_deviation(case: BodyCase) -> BodyCase:
-    """Poses may lie anywhere in the space of the prior."""
+    """Allow any pose within the subspace of the prior."""
     given = case.statistics
     return replace(case, statistics=replace(given, deviations=np.full_like(given.deviations, FREE)))
 
 
 def with_keypoints(names: Sequence[str], calibrated: bool) -> Callable[[BodyCase], BodyCase]:
-    """Only these joints of the detector (empty = all), with their calibrated offsets or the nominal ones."""
+    """Return a change that keeps only these joints of the detector (empty = all).
+
+    Args:
+        calibrated: use the calibrated joint offsets; False = the nominal ones.
+    """
 
     def change(case: BodyCase) -> BodyCase:
         subjects = []
@@ -119,7 +125,7 @@ class Terms(BodyStudy):
                 yield kind | changed.score(body_config(preset, values))
 
     def lines(self, result: Result) -> Iterator[str]:
-        """The table: means over the captures, and the change against all terms."""
+        """Yield the table: means over the captures, and the change relative to all terms."""
         yield f"{self.head(result)}; means"
         yield (
             f"{'method':<15}{'change':<32}{'mm':>8}{'after root':>12}{'deg':>8}{'m/s^2':>8}{'in 95 %':>9}   "
@@ -137,7 +143,8 @@ class Terms(BodyStudy):
 
     def plot(self, path: Path, result: Result) -> None:
         """See `Study`."""
-        from panoptic_ros.view.term_study_plot import term_study_plot  # matplotlib is slow to load
+        # imported here because matplotlib is slow to load
+        from panoptic_ros.view.term_study_plot import term_study_plot
 
         write_bytes(path, term_study_plot(result["rows"], FULL))
 

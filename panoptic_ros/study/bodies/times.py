@@ -31,13 +31,13 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 Array = np.ndarray
 SCENE = "body-punch"
-WARM = 30  # instants that are not timed
+WARM = 30  # warm-up time steps that are not timed
 KINDS = ((8, 13), (4, 13), (4, 6), (1, 13), (8, 0), (0, 13))
 LAGS = (0.0, 0.1)
 SUBJECTS, RATE = 4, 60.0
 MOST_LIVE, RATES = 8, (20, 30, 60)
-LATE = "late"  # instants that the stage left out to catch up
-BACK_S = 8.0  # after which the subjects of the live graph go back
+LATE = "late"  # drop cause of time steps that the stage skipped to catch up
+BACK_S = 8.0  # s, duration of the live motion before it is played backward
 
 
 class KinematicsTime(Study):
@@ -172,7 +172,7 @@ def _ms(value: float | None) -> str:
 
 
 class _Asked(SubjectTracker):
-    """Keeps what is solved, and from which pose."""
+    """Tracker that stores the initial pose and the evidence of every solve."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
@@ -185,7 +185,7 @@ class _Asked(SubjectTracker):
 
 
 def _steps(capture: BodyCapture, config: KinematicsConfig, statistics: PoseStatistics) -> Array:
-    """Milliseconds (T,) of all that is done per instant."""
+    """Return the processor time (T,) ms of everything that a time step needs."""
     times = [time.thread_time()]
     for _ in follow(*tracker_of(capture, config, statistics), config.gate):
         times.append(time.thread_time())
@@ -193,7 +193,10 @@ def _steps(capture: BodyCapture, config: KinematicsConfig, statistics: PoseStati
 
 
 def _solves(capture: BodyCapture, config: KinematicsConfig, statistics: PoseStatistics) -> dict[str, float]:
-    """Milliseconds of a solve alone, from the pose of the instant before, and its iterations."""
+    """Return the median time (ms) of a solve alone, and its mean number of iterations.
+
+    Each solve starts from the pose of the previous time step.
+    """
     tracker, instants = tracker_of(capture, config, statistics, _Asked)
     for _ in follow(tracker, instants, config.gate):
         pass

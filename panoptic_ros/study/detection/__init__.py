@@ -1,1 +1,1 @@
-"""Studies."""
+"""Study of the detection stage."""

@@ -1,4 +1,4 @@
-"""Where the processor time of detection goes: the network, what is beside it, carrying."""
+"""Processor time of detection by part: the network, the rest of an image, propagation without the network."""
 
 from __future__ import annotations
 
@@ -23,10 +23,13 @@ TABLE: Mapping[str, NodeSpec] = {
 
 @dataclass
 class Costs:
-    """Processor time in ns of images that were looked at, of the network in them, and of images without.
+    """Processor time in ns of the detection stage, by type of image.
 
     Args:
-        counting: whether images count at present.
+        counting: True = images count now.
+        looked, looked_ns: images with a network run.
+        network_ns: the network alone.
+        carried, carried_ns: images without a network run, whose detections are propagated.
     """
 
     counting: bool = False
@@ -38,17 +41,20 @@ class Costs:
 
     @property
     def beside_ms(self) -> float | None:
-        """Of an image that was looked at: decoding of outputs, preprocessing, maps, all but the network."""
+        """Return the mean time (ms) of an image with a network run, without the network itself.
+
+        It consists of preprocessing, decoding of outputs and score maps. None without such images.
+        """
         return 1e-6 * (self.looked_ns - self.network_ns) / self.looked if self.looked else None
 
     @property
     def carry_ms(self) -> float | None:
-        """Of an image that was not looked at."""
+        """Return the mean time (ms) of an image without a network run; None without such images."""
         return 1e-6 * self.carried_ns / self.carried if self.carried else None
 
 
 class TimedStage(DetectionStage):
-    """The stage; tells the extra "costs", `Costs`, what its images cost."""
+    """Detection stage that adds the time of its images to the extra "costs", a `Costs`."""
 
     def __init__(self, config: DetectionConfig, context: StageContext):
         super().__init__(config, context)
@@ -57,7 +63,7 @@ class TimedStage(DetectionStage):
         self.network.session = self._session  # type: ignore[assignment]  # has what detectors use
 
     def step(self, item: ViewFrame | DepthFrame | TrackSet) -> StepResult[ViewDetections]:
-        """As the stage."""
+        """Run the stage and count the time if the item is an image."""
         if not isinstance(item, ViewFrame) or not self._costs.counting:
             return super().step(item)
         network, start = self._session.spent_ns, time.thread_time_ns()
@@ -73,14 +79,14 @@ class TimedStage(DetectionStage):
 
 
 class _TimedSession:
-    """A network that knows how much processor time it took."""
+    """Network session that sums up its processor time."""
 
     def __init__(self, session: Any):
         self._session, self.spent_ns = session, 0
         self.batch_limit = session.batch_limit
 
     def run(self, tensor: np.ndarray) -> dict[str, np.ndarray]:
-        """As the network."""
+        """Run the network."""
         start = time.thread_time_ns()
         outputs: dict[str, np.ndarray] = self._session.run(tensor)
         self.spent_ns += time.thread_time_ns() - start

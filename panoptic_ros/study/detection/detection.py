@@ -1,4 +1,7 @@
-"""The study `detection`: processor time and accuracy of looks, regions and carrying, beside every image."""
+"""The study `detection`: time and accuracy of network runs at a lower rate, regions and propagation.
+
+The reference setting runs the network on every image.
+"""
 
 from __future__ import annotations
 
@@ -36,8 +39,8 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 Settings = Mapping[str, Mapping[str, Any]]
 SKELETON = "panoptic19"
-FULL = "every image"  # what the others are compared with
-HALF_A_FRAME_NS = 10_000_000
+FULL = "every image"  # reference of the comparison
+HALF_A_FRAME_NS = 10_000_000  # limit of the time from a true frame to the nearest image
 
 
 class Detection(Study):
@@ -100,7 +103,7 @@ class Detection(Study):
         return [Case(name, own) for name, own in self.chosen().items()]
 
     def chosen(self) -> dict[str, dict[str, Any]]:
-        """Return parameters of detection by the name of the setting; every image comes first."""
+        """Return the detection parameters by name of the setting; the reference comes first."""
         given = self.options
         everything = variants(given.rate / given.every)
         wanted = {
@@ -134,7 +137,7 @@ class Detection(Study):
         return [about | row | {"pck_5": pck.get("0.05"), "pck_10": pck.get("0.10")}]
 
     def summary(self, rows: list[Row]) -> Mapping[str, Any]:
-        """Compare each row with the first one; see `Study`."""
+        """Add the gain of each row relative to the first row; see `Study`."""
         for row in rows:
             row["gain"] = rows[0]["cpu_ms"] / row["cpu_ms"]
         return {"capture": str(self.options.capture), "cameras": self.options.cameras}
@@ -148,7 +151,8 @@ class Detection(Study):
 
     def plot(self, path: Path, result: Result) -> None:
         """See `Study`."""
-        from panoptic_ros.view.detection_plot import write_plot  # matplotlib is slow to load
+        # imported here because matplotlib is slow to load
+        from panoptic_ros.view.detection_plot import write_plot
 
         rows = result["rows"]
         write_plot(path, rows, f"{result['capture']}, {rows[0]['instants']} instants")
@@ -156,12 +160,13 @@ class Detection(Study):
 
 @dataclass(frozen=True)
 class Footage:
-    """A capture folder, of which some cameras and frames are used.
+    """Selected cameras and frames of a capture folder.
 
     Args:
-        cameras: names; None = all. frames: of each camera at most. every: only each so manyth frame.
-        apart: every other camera has the frames in the middle between those of the others, as without a
-            common trigger.
+        cameras: names; None = all.
+        frames: limit of frames per camera.
+        every: use every N-th frame only.
+        apart: shift every second camera by half a period, as without a common trigger.
     """
 
     folder: Path
@@ -171,7 +176,7 @@ class Footage:
     apart: bool = False
 
     def images(self) -> Iterator[ViewFrame]:
-        """All images, instant by instant."""
+        """Yield all images in the order of their frames."""
         with closing(open_capture_folder(self.folder, cameras=self.cameras)) as capture:
             streams = [iter(source) for source in capture.sources]
             for index, instant in enumerate(zip(*streams)):
@@ -184,7 +189,7 @@ class Footage:
 
 
 def variants(rate_hz: float) -> dict[str, dict[str, Any]]:
-    """Parameters of detection by the name of the setting, for cameras of so many frames per second."""
+    """Return the detection parameters by name of the setting, for cameras with this frame rate."""
     found: dict[str, dict[str, Any]] = {FULL: {}, "regions, every image": {"regions": "on"}}
     for period in (2, 3, 4):
         looks = rate_hz / period
@@ -197,12 +202,15 @@ def variants(rate_hz: float) -> dict[str, dict[str, Any]]:
 def measured(
     footage: Footage, truth: SkeletonSequence, own: Mapping[str, Any], settings: Settings, skip: int
 ) -> Row:
-    """One setting: a run of all stages on the images. Processor time is that of this thread, on which a
-    network of one thread runs too: others decode the images that come.
+    """Run all stages on the images with one setting, and return its time and scores.
+
+    The processor time is that of this thread. A network of one thread runs on it too. Other threads decode
+    the images.
 
     Args:
-        own: parameters of detection. settings: of all stages, under these. skip: first frames of the truth
-            that are not scored, nor their time.
+        own: parameters of detection.
+        settings: parameters of all stages; `own` overrides them.
+        skip: first frames of the truth without score; their time does not count either.
     """
     values = merged(settings, {"detection": own})
     configs = configure(values)
@@ -222,7 +230,7 @@ def measured(
             carried += 1
 
     def stepped(stage: str, duration_ns: int) -> None:
-        if images >= skip * len(rig):  # the first instants have nobody who is known
+        if images >= skip * len(rig):  # the first time steps have no tracks yet
             taken[stage] += duration_ns
 
     pipeline = Pipeline(
@@ -233,7 +241,7 @@ def measured(
         clock=time.thread_time_ns,
         table=TABLE,
     )
-    stamps = []  # of the first camera
+    stamps = []  # timestamps (ns) of the first camera
     with one_thread():
         for frame in footage.images():
             costs.counting = images >= skip * len(rig)
@@ -258,7 +266,7 @@ def measured(
 def _scores(
     truth: SkeletonSequence, result: SkeletonSequence, stamps: Sequence[int], skip: int
 ) -> dict[str, Any]:
-    """Scores by the names of `panoptic evaluate --json`, at the instants of images with these stamps."""
+    """Score the result with the names of `panoptic evaluate --json`, at the timestamps of the images."""
     instants = np.array([frame.stamp_ns for frame in truth.frames])
     near = np.abs(instants[:, None] - np.array(stamps)).min(axis=1)
     frames = tuple(frame for frame, away in zip(truth.frames, near) if away < HALF_A_FRAME_NS)

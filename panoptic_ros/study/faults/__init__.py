@@ -1,1 +1,1 @@
-"""Studies."""
+"""Studies of damaged files and of accidents during live takes."""

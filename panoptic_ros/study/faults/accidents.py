@@ -1,8 +1,8 @@
-"""Staged accidents of live takes: terminals that close, disks that fill, processes that are killed.
+"""Staged accidents of live takes: closed terminals, full disks, killed processes.
 
-Each accident happens to a `panoptic run --topics` or `panoptic record` of its own, at a random moment, beside
-stand-in drivers. Afterwards the take is read, repaired if it was not closed, and compared with the instant of
-the accident.
+Each accident happens at a random moment to a separate `panoptic run --topics` or `panoptic record`, which
+records the messages of stand-in drivers. Afterwards this module repairs the take if it was not closed, reads
+it, and compares its newest timestamp with the time of the accident.
 """
 
 from __future__ import annotations
@@ -39,14 +39,15 @@ from panoptic_ros.running.takes import save_take
 from panoptic_ros.stage import Progress, untold
 
 SECOND = 1_000_000_000
-TOPIC = "/drivers/{}/image_raw"  # topic of a stand-in driver; {} = camera
-FOREIGN = ("detections", "skeletons", "diagnostics")
-RATE_HZ = 8.0  # of the images of each stand-in camera: two networks fit on a core
-STARTED_S = 60.0  # for the first message of a take
-ENDED_S = 40.0  # for the end of a process that was asked to end
-LATENCY_S = 0.7  # from the stamp of an image to its detections in the launcher, on a busy machine
-LOST_S = 1.0  # what an accident may cost
-A_LITTLE = {"run": 20_000, "record": 1_000_000}  # bytes; a second or two of a bag
+TOPIC = "/drivers/{}/image_raw"  # image topic of a stand-in driver; {} = camera name
+FOREIGN = ("detections", "skeletons", "diagnostics")  # kinds of foreign messages that the drivers can send
+RATE_HZ = 8.0  # image rate of each stand-in camera; one core runs two networks at this rate
+STARTED_S = 60.0  # timeout for the first message of a take
+ENDED_S = 40.0  # timeout for a process to exit after a request
+LATENCY_S = 0.7  # from image timestamp to its detections in the launcher, on a busy machine
+LOST_S = 1.0  # limit of the time that an accident may lose, latency excluded
+# bytes by which the bag may still grow; one or two seconds of data
+A_LITTLE = {"run": 20_000, "record": 1_000_000}
 GRAPH = ("/cam0/detections", "/cam1/detections")
 IMAGES = tuple(TOPIC.format(name) for name in ("cam0", "cam1"))
 
@@ -56,9 +57,10 @@ class Outcome:
     """Outcome of an accident.
 
     Args:
-        lost_s: from the newest instant that was saved to the accident; None where nothing could be lost.
-        code: exit code of the process; said: its last line.
-        fault: why the accident counts as failed, "" = it does not.
+        lost_s: time (s) from the newest saved timestamp to the accident; None where nothing could be lost.
+        code: exit code of the process.
+        said: last line that the process printed.
+        fault: reason why the accident counts as failed; "" = passed.
     """
 
     name: str
@@ -70,10 +72,11 @@ class Outcome:
 
 @dataclass
 class Stage:
-    """A place for accidents: stand-in drivers, a rig, and a folder for takes.
+    """Environment of the accidents: stand-in drivers, a rig, and a folder for takes.
 
     Args:
-        drivers: the process of the drivers. rng: chooses the moments.
+        drivers: process of the drivers.
+        rng: random generator of the moments.
     """
 
     folder: Path
@@ -93,17 +96,18 @@ class Stage:
         return [*program, verb, *what, "--out", str(out), *more]
 
     def send(self, what: str) -> None:
-        """Let the drivers send a foreign message."""
+        """Make the drivers send a foreign message."""
         assert self.drivers.stdin is not None
         self.drivers.stdin.write(f"{what}\n".encode())
         self.drivers.stdin.flush()
 
 
 class Take:
-    """A take that is recorded by a process of its own.
+    """A take that a separate process records.
 
     Args:
-        verb: run or record. how: more arguments of `subprocess.Popen`.
+        verb: run or record.
+        how: further arguments of `subprocess.Popen`.
     """
 
     def __init__(self, stage: Stage, verb: str, out: Path, *more: str, **how: Any):
@@ -124,11 +128,15 @@ class Take:
 
     @property
     def bag(self) -> Path:
-        """Path of its bag."""
+        """Return the path of the bag."""
         return self.out / "bag" if self.verb == "run" else self.out
 
     def wait(self, seconds: float) -> None:
-        """Wait until it has recorded for so long."""
+        """Wait for the first recorded data, then for this many seconds.
+
+        Raises:
+            TimeoutError: if nothing is recorded within `STARTED_S`, or the process ends.
+        """
         file, end = self.bag / f"{self.bag.name}.mcap", time.monotonic() + STARTED_S
         while not (file.is_file() and file.stat().st_size > 2000):
             if time.monotonic() > end or self.process.poll() is not None:
@@ -137,12 +145,15 @@ class Take:
         time.sleep(seconds)
 
     def said(self) -> str:
-        """Return the last line that it printed."""
+        """Return the last line that the process printed."""
         lines = self.log.read_text(errors="replace").strip().splitlines() if self.log.is_file() else []
         return lines[-1] if lines else ""
 
     def end(self, number: int | None = None) -> int | None:
-        """Ask it to end, if a signal is given, and wait; None if it had to be killed: its log has a trace."""
+        """Send a signal, if one is given, and return the exit code.
+
+        After `ENDED_S` it kills the process with SIGABRT, so that the log has a trace, and returns None.
+        """
         if number is not None:
             self.process.send_signal(number)
         with suppress(subprocess.TimeoutExpired):
@@ -153,13 +164,13 @@ class Take:
 
 
 def _heed_signals() -> None:
-    """Heed requests to end, which a job in the background of a shell ignores."""
+    """Restore the default signal handlers, because background jobs of a shell ignore requests to end."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_DFL)
 
 
 def newest_saved(take: Take, folder: Path) -> int:
-    """Return the newest stamp (ns) that can be read of a take; it is repaired first if it was not closed.
+    """Return the newest readable timestamp (ns) of a take; repair the take first if it was not closed.
 
     Raises:
         PanopticError: if nothing can be read.
@@ -179,7 +190,7 @@ def newest_saved(take: Take, folder: Path) -> int:
             warnings.simplefilter("ignore", CutFileWarning)
             frames = read_skeletons(place / "skeletons.json.gz").frames
         in_file = max((frame.stamp_ns for frame in frames), default=0)
-        newest -= max(0, max(sets) - in_file)  # both are synced together
+        newest -= max(0, max(sets) - in_file)  # bag and skeleton file are synced together
     return newest
 
 
@@ -187,7 +198,7 @@ Codes = tuple[int | None, ...]
 
 
 def _judged(stage: Stage, take: Take, outcome: Outcome, when_ns: int, codes: Codes) -> Outcome:
-    """Compare what was saved with the instant of the accident, and the exit code with those allowed."""
+    """Fill in the outcome: compare the saved data with the accident time, and check the exit code."""
     outcome.said = take.said()
     try:
         outcome.lost_s = (when_ns - newest_saved(take, stage.folder)) / SECOND
@@ -204,7 +215,7 @@ def _judged(stage: Stage, take: Take, outcome: Outcome, when_ns: int, codes: Cod
 
 
 def _asked_to_end(stage: Stage, take: Take, outcome: Outcome, number: int = signal.SIGINT) -> Outcome:
-    """End a take by a signal; it must close, with exit code 0."""
+    """End a take by a signal; it must close with exit code 0."""
     when = time.time_ns()
     outcome.code = take.end(number)
     return _judged(stage, take, outcome, when, (0,))
@@ -232,7 +243,7 @@ def _signalled(*numbers: int, codes: Codes = (0,), apart_s: float = 0.0) -> Acci
 
 
 def _terminal_closed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """Close the terminal; the take continues until it is asked to end."""
+    """Close the terminal; the take must continue until SIGTERM."""
     master, slave = os.openpty()
     take = Take(stage, verb, out, stdout=slave, stderr=slave)
     os.close(slave)
@@ -243,7 +254,7 @@ def _terminal_closed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Ou
 
 
 def _reader_ended(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """End the reader of `... 2>&1 | tee log`, then send Ctrl-C."""
+    """Close the reading end of `... 2>&1 | tee log`, then send Ctrl-C."""
     reader, writer = os.pipe()
     take = Take(stage, verb, out, stdout=writer, stderr=writer)
     os.close(writer)
@@ -270,7 +281,7 @@ def _foreign(what: str) -> Accident:
 
 
 def _file_full(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """Limit the size of the files of the process, as on a full disk."""
+    """Limit the file size of the process, which acts like a full disk."""
     take = Take(stage, verb, out)
     take.wait(_moment(stage))
     file = take.bag / f"{take.bag.name}.mcap"
@@ -281,10 +292,11 @@ def _file_full(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
 
 
 def _mounted(size: str | None, ends: bool) -> Accident:
-    """Put the take on a disk of its own.
+    """Return an accident that puts the take on a separate disk.
 
     Args:
-        size: of the disk, as `mount` takes it; None = 64 MB. ends: whether the disk is filled up meanwhile.
+        size: disk size in the format of `mount`; None = 64 MB.
+        ends: fill up the disk during the take.
     """
 
     def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
@@ -313,7 +325,10 @@ def _mounted(size: str | None, ends: bool) -> Accident:
 
 
 def _told_before(prepare: Callable[[Path], None], kept: Callable[[Path], bool]) -> Accident:
-    """Give a place that cannot be used: expect one line and exit code 2, and everything there stays."""
+    """Return an accident with an unusable output path.
+
+    The process must print one line and exit with code 2. Everything at the path must stay.
+    """
 
     def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
         prepare(out)
@@ -329,7 +344,7 @@ def _told_before(prepare: Callable[[Path], None], kept: Callable[[Path], bool]) 
 
 
 def _twice(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """Give the same command again; the first take stays."""
+    """Run the same command twice; the second must be refused and the first take must stay."""
     take = Take(stage, verb, out)
     take.wait(_moment(stage))
     when = time.time_ns()
@@ -351,7 +366,7 @@ def _with_variables(**variables: str) -> Accident:
 
 
 def _node_killed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """Kill a node of the graph; the take continues."""
+    """Kill a node of the graph; the take must continue."""
     take = Take(stage, verb, out)
     take.wait(2.0)
     killed = 0
@@ -368,7 +383,7 @@ def _node_killed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcom
 
 
 def _says_when(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
-    """Compare the time of the line "recording PATH" with that of the first message."""
+    """Compare the time of the output line "recording PATH" with the timestamp of the first message."""
     reader, writer = os.pipe()
     take = Take(stage, verb, out, stdout=writer, stderr=writer)
     os.close(writer)
@@ -447,16 +462,16 @@ ACCIDENTS: dict[str, tuple[str, Accident]] = {
 
 
 def stage_accidents(seed: int, wanted: str = "", progress: Progress = untold) -> list[Outcome]:
-    """Let every accident happen once, at moments of that seed.
+    """Run every accident once, at random moments from this seed.
 
     Args:
-        wanted: part of the names of the accidents to stage, "" = all.
+        wanted: substring of the names of the accidents to stage; "" = all.
 
     Returns:
-        their outcomes, in the order of the table.
+        outcomes in the order of the table `ACCIDENTS`.
 
     Raises:
-        UsageError: if no accident has such a name.
+        UsageError: if no name contains the substring.
     """
     names = [name for name in ACCIDENTS if wanted in name]
     if not names:
@@ -508,7 +523,7 @@ def _staged(folder: Path, seed: int) -> Iterator[Stage]:
 
 
 def _rig() -> Rig:
-    """Return two small cameras that look at one place."""
+    """Return two small cameras with crossing fields of view."""
     matrix = np.array([[180.0, 0, 80], [0, 180.0, 60], [0, 0, 1]])
     turned = [np.array([[0.0, side, 0], [0, 0, -1], [-side, 0, 0]]) for side in (1.0, -1.0)]
     return Rig(

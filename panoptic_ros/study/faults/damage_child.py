@@ -1,7 +1,8 @@
-"""`python -m panoptic_ros.study.faults.damage_child FORMAT SEED SECONDS FOLDER`: trials of one format.
+"""Child process that tries damaged copies of one format.
 
-It writes a line of JSON for each second, the last when the time is over. Its memory is limited, so a reader
-that takes too much of it gets a MemoryError, which counts as a foreign exception.
+`python -m panoptic_ros.study.faults.damage_child FORMAT SEED SECONDS FOLDER` writes one line of JSON per
+second, and a last line when the time is over. The address space is limited. A reader that allocates too much
+memory raises a MemoryError, which counts as a foreign exception.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from pathlib import Path
 
 from panoptic_ros.study.faults.trials import Trials, try_copies
 
-MEMORY = 1 << 30  # bytes that a reader may take beyond what the process has mapped
+MEMORY = 1 << 30  # bytes that a reader may map beyond the mappings of the process after the first copy
 
 
 def main() -> int:
-    """Try copies for so long."""
+    """Try copies until the time is over."""
     name, seed, seconds, folder = sys.argv[1], int(sys.argv[2]), float(sys.argv[3]), Path(sys.argv[4])
     ends = time.monotonic() + seconds
     told, found = 0.0, Trials()
@@ -39,8 +40,8 @@ def main() -> int:
 
 
 def _tell(found: Trials) -> None:
-    """Write the state of the trials to the process that started this one."""
-    lines = Path("/proc/self/status").read_text().splitlines()  # its peak does not count the parent's
+    """Write the state of the trials to the parent process, through standard output."""
+    lines = Path("/proc/self/status").read_text().splitlines()  # VmHWM here excludes the peak of the parent
     peak_mb = next(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM:"))
     sys.stdout.write(json.dumps({**asdict(found), "peak_mb": peak_mb}) + "\n")
     sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""The studies `faults` and `accidents`: damaged files of every format, and accidents of live takes."""
+"""The studies `faults` (damaged files of every format) and `accidents` (accidents of live takes)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from panoptic_ros.study.options import add_seeds, known_names, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 CHILD = "panoptic_ros.study.faults.damage_child"
-GRACE_S = 120.0  # beyond the time of the trials, for loading and for one copy
+GRACE_S = 120.0  # timeout beyond the time of the trials, for imports and for one copy
 
 
 class Faults(Study):
@@ -58,7 +58,7 @@ class Faults(Study):
 
     def cases(self) -> list[Case]:
         """See `Study`."""
-        from panoptic_ros.study.faults.formats import FORMATS  # numba is slow to load
+        from panoptic_ros.study.faults.formats import FORMATS  # imported here because numba is slow to load
 
         names = known_names(self.options.formats, FORMATS, "format") or list(FORMATS)
         return [Case(f"{name} {seed}", (name, seed)) for seed in self.options.seeds for name in names]
@@ -96,7 +96,8 @@ class Accidents(Study):
 
     def measure(self, case: Case, progress: Progress) -> list[Row]:
         """See `Study`."""
-        from panoptic_ros.study.faults.accidents import stage_accidents  # the program begins without
+        # the start of the program must not need this module
+        from panoptic_ros.study.faults.accidents import stage_accidents
 
         found = stage_accidents(self.options.seeds.start, self.options.only, progress)
         return [asdict(outcome) for outcome in found]
@@ -109,7 +110,7 @@ class Accidents(Study):
 
 
 def _trials(name: str, seed: int, seconds: float, keep: Path) -> dict[str, Any]:
-    """Try one format; save copies that raise exceptions of others."""
+    """Try one format and save the copies that raise foreign exceptions."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", CHILD, name, str(seed), str(seconds), folder]
         try:
@@ -130,12 +131,12 @@ def _trials(name: str, seed: int, seconds: float, keep: Path) -> dict[str, Any]:
 
 
 def _keep_whole(folder: Path, kept: Path) -> None:
-    """Keep what was in work when a process broke down."""
+    """Save the files in use when a child process crashed."""
     shutil.copytree(folder, kept, dirs_exist_ok=True)
 
 
 def _keep_copies(name: str, seed: int, foreign: dict[str, Sequence[int]], keep: Path) -> None:
-    """Keep the first copy of each finding."""
+    """Save the first copy of each finding."""
     from panoptic_ros.study.faults.formats import FORMATS
     from panoptic_ros.study.faults.trials import copy_of
 

@@ -1,4 +1,4 @@
-"""A small sample of every format that is read, and its reader, for trials with damaged copies."""
+"""Table of all input formats: a small sample and the reader of each, for trials with damaged copies."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ Sample = Callable[[Path], Path]
 
 @dataclass(frozen=True)
 class Format:
-    """A format.
+    """Sample and reader of one format.
 
     Args:
-        sample: writes a whole file, and what it needs, into a folder; returns its path.
-        read: takes everything of a file, or raises an error of the family.
+        sample: writes a complete file, and the files it refers to, into a folder; returns its path.
+        read: reads everything in a file, or raises a `PanopticError`.
     """
 
     sample: Sample
@@ -60,7 +60,7 @@ def _skeleton() -> SkeletonModel:
 
 
 def _rig(path: Path) -> None:
-    """Read a rig, and project a point into its cameras."""
+    """Read a rig and project a point into its cameras."""
     rig = read_rig(path)
     for camera in rig.cameras:
         camera.project(samples.POINT)
@@ -85,7 +85,7 @@ def _skeletons(path: Path) -> None:
 def _skeleton_file(path: Path) -> None:
     from panoptic_ros.io import skeletons
 
-    skeletons._document.cache_clear()  # by path, and the file is another one
+    skeletons._document.cache_clear()  # the cache key is the path, and the file at this path has changed
     model, _ = map_joints(str(path), _skeleton().joint_names)
     replace(model)
 
@@ -132,7 +132,7 @@ def _video(path: Path) -> None:
 
 
 def _bag(path: Path) -> None:
-    """Read all messages of a bag that consists of a folder."""
+    """Read all messages of a bag folder."""
     with BagReader(path.parent) as bag:
         for topic, _, message in bag.messages():
             if topic.endswith("/detections"):

@@ -1,4 +1,4 @@
-"""Random damage to files, by bytes, by words and by values; a seed gives the same damage again."""
+"""Random damage to files, by bytes, words or values; the same seed repeats the same damage."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import Any
 from panoptic_ros.io.loading import GZIP
 
 Mutation = Callable[[bytes, random.Random], bytes]
-WORDS = re.compile(rb'"[^"\n]*"|[-+\w.]+|[\[\]{}:,<>=]')  # words of JSON, YAML, TOML, XML, CSV and BVH
-DIGITS = 400  # digits of a number that no float holds
-DEEP = 5000  # levels of nesting; Python's parsers take some hundred
+WORDS = re.compile(rb'"[^"\n]*"|[-+\w.]+|[\[\]{}:,<>=]')  # tokens of JSON, YAML, TOML, XML, CSV and BVH
+DIGITS = 400  # digits of an integer beyond the range of a float
+DEEP = 5000  # levels of nesting; Python's parsers accept some hundred
 HOSTILE_WORDS = (
     b"",
     b"null",
@@ -98,7 +98,7 @@ HOSTILE_VALUES: tuple[Any, ...] = (
 
 
 def mutated(data: bytes, rng: random.Random) -> bytes:
-    """Return a damaged copy; of a gzip file either its bytes or what it holds is damaged."""
+    """Return a damaged copy; of a gzip file, either the compressed bytes or the content is damaged."""
     if data[:2] == GZIP and rng.random() < 0.7:
         return gzip.compress(mutated(gzip.decompress(data), rng), 1, mtime=0)
     mutations: tuple[Mutation, ...] = BYTES if b"\0" in data[:4096] else TEXT
@@ -128,7 +128,7 @@ def _cut(data: bytes, rng: random.Random) -> bytes:
 
 
 def _splice(data: bytes, rng: random.Random) -> bytes:
-    """Put a part of the file to another place of it."""
+    """Copy a part of the file to another position in it."""
     begin, end = sorted(rng.randint(0, len(data)) for _ in range(2))
     at = rng.randint(0, len(data))
     return data[:at] + data[begin : min(end, begin + 4096)] + data[at:]
@@ -140,13 +140,13 @@ def _delete(data: bytes, rng: random.Random) -> bytes:
 
 
 def _blank(data: bytes, rng: random.Random) -> bytes:
-    """Overwrite a part with one value, as a disk does that loses a block."""
+    """Overwrite a part with one value, like a disk that loses a block."""
     begin, count = rng.randint(0, len(data)), rng.choice((4, 64, 512))
     return data[:begin] + bytes([rng.choice((0, 255, 32))]) * count + data[begin + count :]
 
 
 def _word(data: bytes, rng: random.Random) -> bytes:
-    """Replace a word, number or bracket by something else."""
+    """Replace a word, number or bracket by a hostile word."""
     words = list(WORDS.finditer(data))
     if not words:
         return rng.choice(HOSTILE_WORDS)
@@ -211,7 +211,7 @@ def _value(data: bytes, rng: random.Random) -> bytes:
 
 
 def _place(document: Any, rng: random.Random) -> tuple[Any, Any]:
-    """Choose a container of a document and a key of it; None for the whole."""
+    """Choose a container of a document and a key of it; (None, None) = the whole document."""
     found: tuple[Any, Any] = (None, None)
     here = document
     while isinstance(here, dict | list) and here and rng.random() < 0.85:

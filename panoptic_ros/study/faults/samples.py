@@ -1,4 +1,4 @@
-"""Samples of every format, as small as they can be; each function writes one and returns its path."""
+"""Minimal samples of every format; each function writes one sample and returns its path."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from panoptic_ros.io.skeletons import load_skeleton
 from panoptic_ros.io.wav import write_wav
 
 Sample = Callable[[Path], Path]
-POINT = np.array([0.1, 0.2, 1.0])  # m, before all cameras
-SIZE = (64, 48)  # px of images
+POINT = np.array([0.1, 0.2, 1.0])  # m, in front of all cameras
+SIZE = (64, 48)  # image width and height, px
 SECOND = 1_000_000_000
 
 
 @lru_cache(maxsize=1)
 def rig() -> Rig:
-    """Return three cameras that look along y."""
+    """Return a rig of three cameras that look along y."""
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     matrix = np.array([[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]])
     return Rig(
@@ -43,7 +43,7 @@ def rig() -> Rig:
 
 
 def rig_file(form: str, name: str = "rig.json") -> Sample:
-    """Return what writes the rig in a format of `rigs.WRITABLE`."""
+    """Return a writer of the rig in one format of `rigs.WRITABLE`."""
 
     def write(folder: Path) -> Path:
         write_rig(folder / name, rig(), form)
@@ -53,7 +53,7 @@ def rig_file(form: str, name: str = "rig.json") -> Sample:
 
 
 def camera_info(name: str) -> Sample:
-    """Return what writes the rig as a folder of YAML files and gives the path of one."""
+    """Return a writer of the rig as a folder of YAML files; it returns the path of one file."""
 
     def write(folder: Path) -> Path:
         write_rig(folder / "infos", rig(), "camera_info")
@@ -63,7 +63,7 @@ def camera_info(name: str) -> Sample:
 
 
 def packed(sample: Sample) -> Sample:
-    """Return what writes another sample, gzipped."""
+    """Return a writer of another sample in gzip form."""
 
     def write(folder: Path) -> Path:
         path = sample(folder)
@@ -107,13 +107,13 @@ def pack_rig(folder: Path) -> Path:
 
 
 def total_capture_rig(folder: Path) -> Path:
-    """Write calibration.cal."""
+    """Write calibration.cal of Total Capture with two cameras."""
     one = "0 47 0 63\n60 60 31.5 23.5\n0.01\n1 0 0\n0 1 0\n0 0 1\n0 0 4\n"
     return _text(folder, "calibration.cal", "2 1\n" + one + one)
 
 
 def detections(folder: Path) -> Path:
-    """Write two people in three views at two instants."""
+    """Write detections of two persons in three views at two timestamps."""
     names = list(load_skeleton("panoptic19").joint_names)
     person = [[10.0 + k, 20.0, 0.9] for k in range(18)] + [None]
     frames = [
@@ -132,7 +132,7 @@ def detections(folder: Path) -> Path:
 
 
 def skeletons(folder: Path) -> Path:
-    """Write two people at two instants."""
+    """Write skeletons of two persons at two timestamps."""
     names = list(load_skeleton("panoptic19").joint_names)
     joints = [[0.1 * k, 0.2, 1.0] for k in range(18)] + [None]
     covariances = [[1e-4, 0.0, 0.0, 1e-4, 0.0, 1e-4]] * 18 + [None]
@@ -154,13 +154,13 @@ def skeletons(folder: Path) -> Path:
 
 
 def annotation(folder: Path) -> Path:
-    """Hand-made joints as of Shelf."""
+    """Write hand-annotated joints in the format of the Shelf data set."""
     frames = {"300": [{"id": 0, "joints": [[0.0, 0.0, 1.0], [0.1, 0.0, 1.0]]}], "301": []}
     return _json(folder, "truth.json", {"unit": "m", "joint_names": ["a", "b"], "frames": frames})
 
 
 def bodies(folder: Path) -> Path:
-    """Write one body at one instant."""
+    """Write one body at one timestamp."""
     model = read_body_model()
     count, covariances = len(model.names), [[1e-4, 0, 0, 1e-4, 0, 1e-4]] * len(model.names)
     body = {
@@ -187,7 +187,7 @@ def bodies(folder: Path) -> Path:
 
 
 def subject(folder: Path) -> Path:
-    """Write a person with a bone, a keypoint and a device."""
+    """Write a subject with a bone, a keypoint and a device."""
     model = read_body_model()
     name, point = model.names[1], next(iter(model.keypoints))
     return _json(
@@ -208,7 +208,7 @@ def subject(folder: Path) -> Path:
 
 
 def imus(folder: Path) -> Path:
-    """Write three samples of two devices."""
+    """Write three samples of two IMUs."""
     head = "device,stamp_ns,qw,qx,qy,qz,gx,gy,gz,ax,ay,az\n"
     rows = (f"{name},{k}000,1,0,0,0,,,,0.1,0.2,9.81\n" for k in range(1, 4) for name in "ab")
     return _text(folder, "imu.csv", head + "".join(rows))
@@ -221,7 +221,7 @@ def timestamps(folder: Path) -> Path:
 
 
 def offsets(folder: Path) -> Path:
-    """Write clocks of two cameras."""
+    """Write clock offsets of two cameras."""
     rows = [
         {
             "name": name,
@@ -237,14 +237,14 @@ def offsets(folder: Path) -> Path:
 
 
 def synctables(folder: Path) -> Path:
-    """Write times of CMU's cameras and of one Kinect."""
+    """Write timestamps of CMU's HD cameras and of one Kinect."""
     table = {"univ_time": [100.0, 133.3, -1.0, 200.0], "index": [0, 1, 2, 3]}
     kinect = {kind: {"KINECTNODE1": table} for kind in ("color", "depth")}
     return _json(folder, "synctables_a.json", {"hd": table, "kinect": kinect})
 
 
 def parameters(folder: Path) -> Path:
-    """Write parameters of two stages, one as ROS writes them."""
+    """Write parameters of two stages, one of them in the layout of ROS."""
     text = "sync:\n  ros__parameters:\n    window_s: 0.01\ntracking: {max_distance: 0.3}\n"
     text += "voting: {method: exact}\n"
     return _text(folder, "parameters.yaml", text)
@@ -256,47 +256,47 @@ def preset(folder: Path) -> Path:
 
 
 def skeleton(folder: Path) -> Path:
-    """Write an installed skeleton under another name."""
+    """Write a copy of an installed skeleton."""
     return _installed(folder, "skeletons", "panoptic19.yaml")
 
 
 def segments(folder: Path) -> Path:
-    """Write the installed skeleton of segments."""
+    """Write a copy of the installed body segments."""
     return _installed(folder, "bodies", "segments21.yaml")
 
 
 def card(folder: Path) -> Path:
-    """Write an installed model card."""
+    """Write a copy of an installed model card."""
     return _installed(folder, "models", "movenet-multipose.yaml")
 
 
 def topics(folder: Path) -> Path:
-    """Write a camera and a depth sensor of running drivers."""
+    """Write the topics of a camera driver and a depth sensor driver."""
     text = "left: {image: /left/image_raw, camera_info: /left/camera_info, encoding: bayer_rggb8}\n"
     text += "kinect:\n  depth: /k/depth\n  camera_info: /k/camera_info\nfixed_frame: map\n"
     return _text(folder, "topics.yaml", text)
 
 
 def bias(folder: Path) -> Path:
-    """Write an installed bias table."""
+    """Write a copy of an installed bias table."""
     return _installed(folder, "biases", "movenet-multipose-panoptic19.yaml")
 
 
 def joint_offsets(folder: Path) -> Path:
-    """Write the places at which a detector sees two joints."""
+    """Write the detector's offset of one joint in its body segment."""
     model = read_body_model()
     rows = f"  left_hip: {{frame: {model.keypoints['lHip'][0]}, offset: [0.01, 0.0, 0.02]}}\n"
     return _text(folder, "offsets.yaml", "format: panoptic-joint-offsets-1\nsource: test\noffsets:\n" + rows)
 
 
 def sound_names(folder: Path) -> Path:
-    """Write sound.yaml beside a recording."""
+    """Write sound.yaml next to a recording."""
     write_wav(folder / "timecode.wav", 8000, np.zeros((80, 2)))
     return _text(folder, "sound.yaml", "timecode.wav: {clocks: [A, B], start_ns: 5}\n")
 
 
 def prior(folder: Path) -> Path:
-    """Write the installed statistics of poses."""
+    """Write a copy of the installed pose prior."""
     return _installed(folder, "bodies", "prior-cmu.npz")
 
 
@@ -326,12 +326,12 @@ _PLY = (
 
 
 def ply(folder: Path) -> Path:
-    """Write a triangle as text."""
+    """Write a triangle as ASCII PLY."""
     return _text(folder, "a.ply", _PLY.format("ascii 1.0") + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
 
 
 def binary_ply(folder: Path) -> Path:
-    """Write a triangle in binary."""
+    """Write a triangle as binary PLY."""
     body = np.array([0, 0, 0, 1, 0, 0, 0, 1, 0], "<f4").tobytes()
     body += b"\3" + np.array([0, 1, 2], "<i4").tobytes()
     (folder / "b.ply").write_bytes(_PLY.format("binary_little_endian 1.0").encode() + body)
@@ -345,7 +345,7 @@ def obj(folder: Path) -> Path:
 
 
 def bvh(folder: Path) -> Path:
-    """Write two joints in two frames."""
+    """Write two joints in two frames as BVH."""
     return _text(
         folder,
         "a.bvh",
@@ -360,7 +360,7 @@ def bvh(folder: Path) -> Path:
 
 
 def c3d(folder: Path) -> Path:
-    """Write two points in two frames."""
+    """Write two points in two frames as C3D."""
     made: Any = importlib.import_module("ezc3d").c3d()
     made["parameters"]["POINT"]["RATE"]["value"] = [100.0]
     made["parameters"]["POINT"]["LABELS"]["value"] = ["a", "b"]
@@ -378,7 +378,7 @@ def human36m(folder: Path) -> Path:
 
 
 def wav(folder: Path) -> Path:
-    """Write a hundredth of a second of two channels."""
+    """Write 0.01 s of two channels as WAV."""
     write_wav(folder / "a.wav", 8000, np.zeros((80, 2)))
     return folder / "a.wav"
 
@@ -389,10 +389,10 @@ def _picture() -> np.ndarray:
 
 
 def image(suffix: str) -> Sample:
-    """Return what writes a folder of two images and gives the path of the second."""
+    """Return a writer of a folder with two images; it returns the path of the second."""
 
     def write(folder: Path) -> Path:
-        import cv2  # 17 MB, which processes without images do without
+        import cv2  # 17 MB; processes without images do not load it
 
         (folder / "cam00").mkdir()
         for name in "01":
@@ -403,15 +403,15 @@ def image(suffix: str) -> Sample:
 
 
 def depth(folder: Path) -> Path:
-    """Write a depth map."""
-    import cv2  # as above
+    """Write a depth map as 16-bit PNG."""
+    import cv2  # imported here for the same reason
 
     cv2.imwrite(str(folder / "0.png"), _picture()[..., 0].astype(np.uint16) * 10)
     return folder / "0.png"
 
 
 def video(folder: Path) -> Path:
-    """Write four frames."""
+    """Write four frames as MP4."""
     from panoptic_ros.view.video_file import VideoFile  # needs an encoder
 
     with VideoFile(folder / "a.mp4", SIZE, 25.0) as film:
@@ -421,7 +421,7 @@ def video(folder: Path) -> Path:
 
 
 def bag(name: str) -> Sample:
-    """Return what writes a bag of two detections and gives the path of one file."""
+    """Return a writer of a bag with two detection messages; it returns the path of one file."""
 
     def write(folder: Path) -> Path:
         model = load_skeleton("panoptic19")

@@ -1,4 +1,8 @@
-"""Readers at damaged copies of a sample: what each copy costs, and which exception is foreign."""
+"""Read damaged copies of a sample, measure the time of each, and find foreign exceptions.
+
+An exception is foreign if it is not a `UserError` with a short message. Timeouts and RuntimeWarnings count as
+foreign too.
+"""
 
 from __future__ import annotations
 
@@ -17,20 +21,22 @@ from panoptic_ros.errors import ContractError, UserError, one_line
 from panoptic_ros.study.faults.formats import FORMATS
 from panoptic_ros.study.faults.mutations import mutated
 
-LONGEST_S = 5.0  # for which a reader may work at a copy
-LONGEST_LINE = 2000  # characters of an error
+LONGEST_S = 5.0  # time limit of a reader per copy
+LONGEST_LINE = 2000  # limit of an error message, characters
 
 
 class TookTooLong(BaseException):
-    """A reader works for longer than it may; no reader catches it."""
+    """Raised when a reader exceeds its time limit; a `BaseException`, so that no reader catches it."""
 
 
 @dataclass
 class Trials:
-    """The outcomes of the copies of one format.
+    """Outcomes of the copies of one format.
 
     Args:
-        foreign: exceptions outside of the family, with the numbers of the copies. slowest_s: of all copies.
+        mutations, refused, accepted: number of copies tried, refused with an error, and read.
+        slowest_s: longest time (s) of a copy.
+        foreign: copy numbers by foreign exception.
     """
 
     mutations: int = 0
@@ -41,20 +47,22 @@ class Trials:
 
 
 def copy_of(name: str, sample: bytes, seed: int, number: int) -> bytes:
-    """Return the damaged copy of that number."""
+    """Return the damaged copy of this number."""
     return mutated(sample, random.Random(f"{seed} {name} {number}"))
 
 
 def try_copies(name: str, folder: Path, seed: int, numbers: Iterator[int]) -> Iterator[tuple[int, Trials]]:
-    """Read damaged copies of a format's sample one by one; yield each number and what came out so far.
+    """Read damaged copies of a format's sample one by one; yield each number and the outcomes so far.
 
     Args:
-        name: of `FORMATS`. folder: empty; the copy in work is in it. numbers: of the copies.
+        name: key of `FORMATS`.
+        folder: empty folder; it holds the current copy.
+        numbers: numbers of the copies.
     """
     form = FORMATS[name]
     path = form.sample(folder)
     sample = path.read_bytes()
-    form.read(path)  # the sample itself can be read
+    form.read(path)  # the undamaged sample must be readable
     found = Trials()
     for number in numbers:
         path.write_bytes(copy_of(name, sample, seed, number))
@@ -70,7 +78,7 @@ def try_copies(name: str, folder: Path, seed: int, numbers: Iterator[int]) -> It
 
 
 def outcome(name: str, path: Path) -> str:
-    """Return "accepted", "refused", or what a reader raised that it must not."""
+    """Return "accepted", "refused", or a description of the foreign exception."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
@@ -92,7 +100,7 @@ def outcome(name: str, path: Path) -> str:
 
 
 def _place(error: BaseException) -> str:
-    """Return the file and line of this package that raised an exception."""
+    """Return the last file and line of this package in the traceback of an exception."""
     trace, found = error.__traceback__, ""
     while trace is not None:
         file = trace.tb_frame.f_code.co_filename
@@ -104,7 +112,7 @@ def _place(error: BaseException) -> str:
 
 @contextmanager
 def _alarm() -> Iterator[None]:
-    """Raise `TookTooLong` when the time is over."""
+    """Raise `TookTooLong` after `LONGEST_S`."""
 
     def over(number: int, frame: FrameType | None) -> None:
         raise TookTooLong

@@ -1,1 +1,1 @@
-"""Studies."""
+"""Studies of the fusion of 2D poses into skeletons."""

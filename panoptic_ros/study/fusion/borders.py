@@ -1,6 +1,7 @@
-"""The study `borders`: people whom image borders cut, with and without the model of borders, and an oracle.
+"""The study `borders`: persons cut by image borders, with and without the border model, and an oracle.
 
-The oracle solves without the model, but without every 2D joint that lies far from its true projection.
+The oracle solves without the border model, but with clean input: it removes every 2D joint far from the
+projection of its true joint.
 """
 
 from __future__ import annotations
@@ -29,9 +30,10 @@ from panoptic_ros.study.world import DETECTED, World, detected_sets, instants_of
 
 Array = np.ndarray
 OFF = next(m.off for m in MECHANISMS if m.name == "image-borders")
-FAR = 25.0  # px, from the true projection, beyond which the oracle leaves a 2D joint out
-SAME = 60.0  # px, largest median distance between a 2D person and the projection of a true person
-SEEN_SHARE, SEEN_BY = 1.0 / 3.0, 2  # share of joints in an image, and number of such cameras; fewer: ignored
+FAR = 25.0  # px, from the true projection; the oracle removes 2D joints beyond this
+SAME = 60.0  # px, limit of the median distance between a 2D pose and the projection of its true skeleton
+# a person counts if this number of cameras shows more than this share of the joints
+SEEN_SHARE, SEEN_BY = 1.0 / 3.0, 2
 FIGURES = ("MPJPE mm", "PCK 5 cm", "PCK 10 cm", "people found", "within 95 %")
 
 
@@ -99,7 +101,7 @@ class Borders(Study):
 
 
 def _figures(world: World, settings: dict[str, dict[str, Any]]) -> dict[str, float]:
-    assert world.truth is not None  # all cases have one
+    assert world.truth is not None  # true for all cases
     found = solve(world, settings).skeletons
     pairs = pair_sequences(world.truth, spelt_alike(found, world.truth))
     scores = report_of(pairs, world.truth.joint_names)
@@ -110,7 +112,7 @@ def _figures(world: World, settings: dict[str, dict[str, Any]]) -> dict[str, flo
 
 
 def _share(off: float, on: float, oracle: float) -> float:
-    """Return the share of the oracle's gain."""
+    """Return the gain of the model as a share of the oracle's gain."""
     return (on - off) / (oracle - off) if oracle != off else float("nan")
 
 
@@ -133,7 +135,11 @@ def without_far_joints(world: World) -> Iterator[DetectionSet]:
 
 
 def _cleaned(view: ViewDetections, camera: Camera, places: Array) -> ViewDetections:
-    """Return the view without 2D joints far from the projection of the true joints (P, J, 3) m they match."""
+    """Return the view without 2D joints far from the projection of the matched person's true joints.
+
+    Args:
+        places: true joints (P, J, 3), m.
+    """
     pixels, seen = camera.project(np.nan_to_num(places))
     inside = seen & camera.contains(pixels) & np.isfinite(places[..., 0])
     points, scores = view.points.copy(), view.scores.copy()
@@ -149,7 +155,7 @@ def _cleaned(view: ViewDetections, camera: Camera, places: Array) -> ViewDetecti
 
 
 def _cropped_world(take: Simulation, shares: tuple[float, float], model: str) -> World:
-    """Detect people in the middle windows of a take's images; people seen by few cameras are ignored."""
+    """Detect persons in the central windows of a take's images; ignore persons that few cameras see."""
     windows = {camera.name: _window(camera, shares) for camera in take.rig.cameras}
     rig = replace(take.rig, cameras=tuple(_cropped(c, windows[c.name]) for c in take.rig.cameras))
     skeleton, extras = detector_extras(model, DETECTED)
@@ -163,14 +169,14 @@ def _cropped_world(take: Simulation, shares: tuple[float, float], model: str) ->
 
 
 def _window(camera: Camera, shares: tuple[float, float]) -> tuple[int, int, int, int]:
-    """Left, top, width and height of the middle of an image, px."""
+    """Return left, top, width and height (px) of the central window of an image."""
     (width, height), (across, down) = camera.image_size, shares
     w, h = int(width * across) // 2 * 2, int(height * down) // 2 * 2
     return (width - w) // 2, (height - h) // 2, w, h
 
 
 def _cropped(camera: Camera, window: tuple[int, int, int, int]) -> Camera:
-    """Return the camera of a window (left, top, width, height) px of its images."""
+    """Return the camera of a window (left, top, width, height), px, of its images."""
     left, top, width, height = window
     matrix = camera.intrinsics.matrix.copy()
     matrix[:2, 2] -= left, top
@@ -183,7 +189,7 @@ def _cut(frame: ViewFrame, window: tuple[int, int, int, int]) -> ViewFrame:
 
 
 def _with_ignored(frame: SkeletonFrame, rig: Rig) -> SkeletonFrame:
-    """Mark true people as ignored if fewer than `SEEN_BY` cameras show a third of their joints."""
+    """Mark true skeletons as ignored if fewer than `SEEN_BY` cameras show a third of their joints."""
     shares = [camera.sees(np.nan_to_num(frame.positions)).mean(axis=1) for camera in rig.cameras]
     seldom = (np.array(shares) > SEEN_SHARE).sum(axis=0) < SEEN_BY
     return replace(frame, ignored=frame.ignored | seldom)

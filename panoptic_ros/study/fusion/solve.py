@@ -1,4 +1,7 @@
-"""The study `solve`: all stages from 2D people to skeletons, one thread: time of each, joints far off."""
+"""The study `solve`: run all stages from 2D poses to skeletons on one thread.
+
+It reports the time of each stage and the number of joints with a large error.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ from panoptic_ros.study.world import frames_of, recorded_world, simulated_world,
 
 SCENES = "three-views-2p,clean-4p5v,sitting-group-6p5v,noisy-8p5v,noisy-8p10v,noisy-8p31v"
 STAGES = ("association", "voting", "assembly", "tracking", "refinement")
-PASSES = 3  # the one that took least counts: others had more of the machine
+PASSES = 3  # the fastest pass counts, because other processes slow down the rest
 
 
 class Solve(Study):
@@ -85,18 +88,18 @@ class Solve(Study):
 
 
 def measure_case(request: dict[str, Any]) -> Row:
-    """Return the processor time per set of every stage (median), and how many joints are far off.
+    """Return the median processor time per set of every stage, and the number of joints with a large error.
 
     Args:
-        request: scene, seed, frames; or paths, of a recording.
+        request: keys scene, seed and frames; or key paths of a recording.
     """
     if "paths" in request:
         world = recorded_world(request["paths"])
     else:
         world = simulated_world(request["scene"], request["seed"], request["frames"])
     truth = world.truth
-    assert truth is not None  # all cases have one
-    solve(world, {})  # the first run has cold caches
+    assert truth is not None  # true for all cases
+    solve(world, {})  # warm up: the first run has cold caches
     passes = [solve(world, {}) for _ in range(PASSES)]
     best = min(passes, key=lambda solution: float(np.median(solution.spent_ms)))
     (figures,) = figures_of(truth, best)

@@ -1,4 +1,4 @@
-"""What known occluders and depth maps are worth: votes of true joints, nodes and people, with and without."""
+"""The study `visibility`: votes, nodes and persons with and without known occluders and depth maps."""
 
 from __future__ import annotations
 
@@ -26,8 +26,9 @@ from panoptic_ros.voting.votes import at_rest, vote_points
 
 Array = np.ndarray
 SIMULATED = "rooms-4p31v"
-NEAR = 0.1  # m, a node so near to a true joint of its kind is right
-# Every instant by itself, and all nodes: with guidance, a person who was found once is found again anyhow.
+NEAR = 0.1  # m, a node this close to a true joint of its type is correct
+# Solve every set independently and keep all nodes. With temporal guidance, a person who was detected once is
+# found again even without knowledge of the occlusion.
 ALONE = {
     "voting": {"explain_away": False, "without_maps": True},
     "association": {"temporal_guidance": False},
@@ -36,7 +37,10 @@ FIGURES = ("person_recall", "person_precision", "joint_recall", "mpjpe_mm")
 
 
 class Visibility(Study):
-    """The same views as they are, and as if nothing hid anything."""
+    """The same views as they are, and as if nothing hid anything.
+
+    The second case solves without the known occluders and without the visibility limits of the views.
+    """
 
     columns = (
         Column("occlusion", "what hides people is"),
@@ -96,7 +100,7 @@ def _row(world: World) -> dict[str, float]:
     proposals = records_of("proposals", world.sets, configs, context, ("association", "voting"))
     poses = records_of("poses", proposals, configs, context, ("assembly",))
     stamps = {item.stamp_ns for item in world.sets}
-    assert world.truth is not None  # both kinds of world have one
+    assert world.truth is not None  # true for both worlds
     names = world.skeleton.joint_names
     truth = SkeletonSequence(
         names, tuple(f for f in world.truth.with_joints(names).frames if f.stamp_ns in stamps)
@@ -116,15 +120,18 @@ def _row(world: World) -> dict[str, float]:
 
 
 def _joints(frame: SkeletonFrame) -> tuple[Array, Array]:
-    """Which joints (N,) are where (N, 3) m, of people who count."""
-    assert frame.ignored is not None  # the record fills it in
+    """Return joint indices (N,) and positions (N, 3) m of the true joints of persons who are not ignored."""
+    assert frame.ignored is not None  # the constructor fills it in
     positions = frame.positions[~frame.ignored]
     there = np.isfinite(positions[..., 0])
     return np.nonzero(there)[1], positions[there]
 
 
 def _votes(world: World, item: DetectionSet, frame: SkeletonFrame) -> Array:
-    """Eq. 1 at the true joints; association has set the views' limits."""
+    """Return the votes (eq. 1) at the true joints.
+
+    The association stage has already set the visibility limits of the views.
+    """
     cameras = [world.rig.camera(view.camera) for view in item.views]
     joints, places = _joints(frame)
     scene = build_scene(cameras, item.views, len(world.skeleton))
@@ -133,7 +140,11 @@ def _votes(world: World, item: DetectionSet, frame: SkeletonFrame) -> Array:
 
 
 def _hits(item: ProposalSet, frame: SkeletonFrame) -> tuple[Array, int]:
-    """Which true joints have a node near, and how many nodes have no true joint near."""
+    """Match true joints and nodes of the same type within `NEAR`.
+
+    Returns:
+        flags (N,) of true joints with a node, and the number of nodes without a true joint.
+    """
     joints, places = _joints(frame)
     gaps = np.linalg.norm(places[:, None] - item.nodes[None], axis=-1)
     near = (gaps < NEAR) & (joints[:, None] == item.node_joints[None])

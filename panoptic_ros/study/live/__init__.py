@@ -1,1 +1,1 @@
-"""Studies."""
+"""Studies of live runs: latency, losses, failures, recording and viewers."""

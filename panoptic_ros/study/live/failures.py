@@ -1,6 +1,6 @@
-"""A long live run in which cameras die and come back and processes are killed at random.
+"""A long live run in which cameras fail and processes are killed at random.
 
-What a long live run with failures comes to: lost instants by cause, identities, memory.
+Its figures are lost time steps by cause, identities and memory.
 """
 
 from __future__ import annotations
@@ -20,19 +20,21 @@ from panoptic_ros.study.live.graph_feed import Feed
 from panoptic_ros.study.live.player import LAST_WORDS_S, SETTLE_NS, Player, played
 
 SECOND = 1_000_000_000
-TOLD_NS = 2 * SECOND  # so long after an instant its loss is on /diagnostics
-AFTER_NS = SECOND  # so long after a camera went or came, what is lost is put down to that
-LOOKS = 20  # at the memory
-LEAST_VIEWS = 3  # cameras that stay alive
-AWAY_S = (1.0, 8.0)  # how long a camera is away
+TOLD_NS = 2 * SECOND  # limit of the delay from a time step to the report of its loss on /diagnostics
+AFTER_NS = SECOND  # a loss within this time after a camera left or returned is attributed to that event
+LOOKS = 20  # memory measurements per run
+LEAST_VIEWS = 3  # lower limit of active cameras
+AWAY_S = (1.0, 8.0)  # range of the time that a camera is off
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Something that was done to the graph; ns of the monotonic clock.
+    """A failure that the study caused; times are ns of the monotonic clock.
 
     Args:
-        cause: in words. ended_ns: when skeletons came again (a process), or the camera did.
+        cause: description.
+        begun_ns: time of the failure.
+        ended_ns: time of the first skeletons afterwards (killed process), or of the camera event.
     """
 
     cause: str
@@ -42,14 +44,18 @@ class Failure:
 
 @dataclass(frozen=True)
 class Soaked:
-    """One run.
+    """Observations of one run.
 
     Args:
-        sent: of every instant: stamp, and when it was sent. stamps: of /skeletons.
-        period_ns: between instants.
-        people: identities at the beginning. at_end: at the end. seen: in how many sets each identity was.
-        memory_mb: of all processes, time and again.
-        dropped: by stage and cause, as nodes counted. counted: when these counts went up, and which.
+        sent: (ns) timestamp and publication time of every time step.
+        stamps: (ns) timestamps on /skeletons.
+        period_ns: (ns) time between two time steps.
+        failures: failures in order.
+        people, at_end: identities at the beginning and at the end.
+        seen: number of sets per identity.
+        memory_mb: (MB) memory of all processes, at regular times.
+        dropped: drop counts of the nodes, by stage and cause.
+        counted: (ns) time, and name of the count, for every increase of these counts.
     """
 
     sent: Sequence[tuple[int, int]]
@@ -65,7 +71,7 @@ class Soaked:
 
 
 def soak_figures(run: Soaked) -> dict[str, Any]:
-    """The numbers, for JSON."""
+    """Return the figures of a run, for JSON."""
     lost: Counter[str] = Counter()
     stamps = np.sort(np.array(run.stamps, np.int64))
     for stamp, when in run.sent:
@@ -88,7 +94,7 @@ def soak_figures(run: Soaked) -> dict[str, Any]:
 
 
 def _cause(when_ns: int, run: Soaked) -> str:
-    """The newest failure that an instant falls into, else what nodes counted then."""
+    """Return the newest failure that can explain a lost time step, else the drop counts that rose then."""
     for failure in reversed(run.failures):
         if failure.begun_ns - SECOND // 10 <= when_ns <= failure.begun_ns + AFTER_NS:
             return failure.cause
@@ -101,13 +107,15 @@ def _cause(when_ns: int, run: Soaked) -> str:
 def run_soak(
     feed: Feed, seconds: float, node_per_stage: bool, kill_s: float, away_s: float, progress: Progress
 ) -> dict[str, Any]:
-    """Play for so long; see `soak_figures`.
+    """Run the graph for this time; see `soak_figures`.
 
     Args:
-        kill_s, away_s: on average between two kills, and between two cameras that die.
+        kill_s: mean time (s) between two kills.
+        away_s: mean time (s) between two camera failures.
 
     Raises:
-        UserError, EnvironmentProblem: as `player.played`.
+        UserError: with the output of a node that ended.
+        EnvironmentProblem: as `player.played`.
     """
     run: Soaked = played(feed, node_per_stage, lambda: _Soak(feed, seconds, kill_s, away_s, progress))
     return soak_figures(run)
@@ -121,8 +129,9 @@ class _Soak(Player):
         self._rng = np.random.default_rng(1)
         self._seen: Counter[int] = Counter()
         self._failures: list[Failure] = []
-        self._returns: dict[str, tuple[int, int]] = {}  # of cameras: when, and the number of the failure
-        self._killed: tuple[int, int] | None = None  # since when a process is away, and the failure
+        self._returns: dict[str, tuple[int, int]] = {}  # by camera: return time, index of its failure
+        # kill time, index of the failure; None = all processes run
+        self._killed: tuple[int, int] | None = None
 
     def took(self, stamp_ns: int, when_ns: int, ids: frozenset[int]) -> None:
         """See `Player`."""

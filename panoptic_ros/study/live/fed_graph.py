@@ -1,6 +1,6 @@
-"""The live graph after detection in processes of its own, fed from this one, and what is seen of it.
+"""Run the live graph after detection in child processes, feed it from this process, and observe it.
 
-Floods of bad messages on topics of the live graph, from a process of their own.
+It can also flood topics of the graph with bad messages from another process.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from panoptic_ros.study.live.graph_feed import Feed
 from panoptic_ros.study.live.graph_figures import Flooded, Observation, Restart, figures_of
 from panoptic_ros.study.live.player import LAST_WORDS_S, SETTLE_NS, Player, played
 
-RESTART_PATIENCE_S = 60.0  # for skeletons after a process was killed
+RESTART_PATIENCE_S = 60.0  # timeout for skeletons after a process was killed
 MODULE = "panoptic_ros.nodes.sources.flooding_node"
 
 
@@ -27,9 +27,12 @@ class Flood(NamedTuple):
     """Damaged messages on one topic.
 
     Args:
-        topic: key of `TOPICS`. owner: camera; "" for topics of the graph.
-        rate: messages a second. size: bytes of each, at least.
-        aside: on a topic that nobody takes in place of it: what the flood's own processor time costs.
+        topic: key of `TOPICS`.
+        owner: camera; "" for topics of the graph.
+        rate: (1/s) number of messages.
+        size: (bytes) lower limit of the message size.
+        aside: publish on a topic without subscribers instead; it measures the processor time of the flood
+            itself.
     """
 
     topic: str
@@ -40,14 +43,17 @@ class Flood(NamedTuple):
 
     @property
     def title(self) -> str:
-        """In words."""
+        """Return a description."""
         size = f"{self.size / 1e6:g} MB " if self.size else ""
         where = "a topic nobody takes" if self.aside else f"{self.owner} {self.topic}".strip()
         return f"{where}: {self.rate:g} bad {size}messages a second"
 
 
 def floods_of(camera: str, between_nodes: bool) -> list[Flood]:
-    """Large and many on a camera's topic, and many on each topic that crosses between nodes."""
+    """Return the floods of a run.
+
+    A camera's topic gets large messages and many messages. Each topic between nodes gets many messages.
+    """
     graph = ("detection_sets", "associations", "proposals", "poses", "skeletons_raw", "tracks")
     kinds = ((100.0, 1_000_000), (2400.0, 0))
     found = [Flood("detections", camera, *kind, aside) for kind in kinds for aside in (True, False)]
@@ -55,7 +61,7 @@ def floods_of(camera: str, between_nodes: bool) -> list[Flood]:
 
 
 class Flooder:
-    """One flood while it lasts; a context manager that leaves no process behind."""
+    """Child process of one flood; as a context manager, it kills the process on exit."""
 
     def __init__(self, flood: Flood, seconds: float):
         row = TOPICS[flood.topic]
@@ -72,14 +78,14 @@ class Flooder:
 
     @property
     def over(self) -> bool:
-        """Whether it has ended."""
+        """Return whether the process has ended."""
         return self._process.poll() is not None
 
     def sent(self) -> int:
-        """How many messages there were; only once it is over.
+        """Return the number of messages; call it only after the end of the process.
 
         Raises:
-            EnvironmentProblem: if it broke down.
+            EnvironmentProblem: if the process failed.
         """
         told, _ = self._process.communicate()
         if self._process.returncode or not told.strip():
@@ -100,15 +106,16 @@ class Flooder:
 def run_fed_graph(
     feed: Feed, seconds: float, node_per_stage: bool, kill: bool = False, flood_s: float = 0.0
 ) -> dict[str, Any]:
-    """Feed the graph until skeletons have come for so long; see `graph_figures.figures_of`.
+    """Feed the graph and return its figures; see `graph_figures.figures_of`.
 
     Args:
-        kill: afterwards kill each process in turn, to see how long it is silent and whom it still knows.
-        flood_s: afterwards send floods of bad messages, each for so long; 0: none.
+        seconds: (s) measured time, after the graph has settled.
+        kill: afterwards kill each process in turn, to measure its silence and the identities it keeps.
+        flood_s: (s) duration of each flood of bad messages afterwards; 0 = none.
 
     Raises:
-        UserError: as a node printed it, if one ended.
-        EnvironmentProblem: if another graph runs in this ROS domain, or no skeletons come.
+        UserError: with the output of a node that ended.
+        EnvironmentProblem: if another graph runs in this ROS domain, or no skeletons arrive.
     """
     floods = floods_of(feed.rig.names[0], node_per_stage) if flood_s else []
     observation: Observation = played(
@@ -118,7 +125,7 @@ def run_fed_graph(
 
 
 class _Run(Player):
-    """Plays, then kills and floods if that is asked for."""
+    """Player that then kills processes and floods topics on request."""
 
     def __init__(self, feed: Feed, seconds: float, kill: bool, floods: Sequence[Flood], flood_s: float):
         super().__init__(feed, kill)
@@ -156,7 +163,7 @@ class _Run(Player):
         )
 
     def _restart(self, processes: Processes, name: str) -> Restart:
-        """Kill a process, and play on until its successor has settled."""
+        """Kill a process, and play until its successor has settled."""
         self.play_until(time.monotonic_ns() + SETTLE_NS)
         _, before = self.newest
         killed = time.monotonic_ns()
@@ -172,7 +179,7 @@ class _Run(Player):
         return Restart(name, silence_s, before, self.newest[1])
 
     def _flood(self, processes: Processes, flood: Flood) -> Flooded:
-        """Play on while bad messages come."""
+        """Play during a flood of bad messages."""
         self.play_until(time.monotonic_ns() + SETTLE_NS)
         begun = time.monotonic_ns()
         with Flooder(flood, self._flood_s) as flooder:

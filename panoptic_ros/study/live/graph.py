@@ -1,4 +1,4 @@
-"""The study `graph`: the live graph after detection, fed with 2D people at their rate."""
+"""The study `graph`: the live graph after detection, fed with 2D poses at their frame rate."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Graph(Study):
 
 
 def add_load(parser: argparse.ArgumentParser, seconds: float = 20.0) -> None:
-    """Add options of the load of a live graph."""
+    """Add the options for the load of a live graph."""
     parser.add_argument(
         "--rate", type=within(float, 1.0, 240.0), default=30.0, metavar="HZ", help="default 30"
     )

@@ -1,4 +1,4 @@
-"""2D people for the live graph: simulated or recorded instants, played forth and back without an end."""
+"""2D poses for the live graph: simulated or recorded sets, played forward and backward without end."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from panoptic_ros.simulation import SKELETON, scene, simulate
 from panoptic_ros.study.stage1.layouts import layout_of
 from panoptic_ros.study.world import bag_world
 
-INSTANTS = 150  # that are simulated, or read of a recording
-PHASE_S = 0.004  # cameras that are not triggered together expose so much before and after
+INSTANTS = 150  # number of sets to simulate or to read from a recording
+PHASE_S = 0.004  # s, cameras start uniformly within +- this, as without a common trigger
 
 
 @dataclass(frozen=True, eq=False)
 class Feed:
-    """What cameras give.
+    """Data of the cameras.
 
     Args:
-        sets: the views of the instants, with stamps of their own.
-        rate: instants per second, Hz.
+        sets: detection sets; their views have timestamps of their own.
+        rate: sets per second, Hz.
     """
 
     title: str
@@ -35,28 +35,29 @@ class Feed:
 
     @property
     def period_ns(self) -> int:
-        """Between two instants."""
+        """Return the time between two sets (ns)."""
         return round(1e9 / self.rate)
 
     def number_of_set(self, number: int) -> int:
-        """Which set is played at an instant: forth, then back, so that nobody ever jumps."""
+        """Return the set to play at a time step: forward, then backward, so that no person jumps."""
         last = len(self.sets) - 1
         return last - abs(last - number % (2 * last)) if last else 0
 
     def views(self, number: int) -> list[tuple[int, ViewDetections]]:
-        """The views of a set, and when each comes, ns after the first; the earliest first."""
+        """Return the views of a set, each with its delay (ns) after the first, in order of time."""
         views = sorted(self.sets[number].views, key=lambda view: view.stamp_ns)
         return [(view.stamp_ns - views[0].stamp_ns, view) for view in views]
 
 
 def simulated_feed(name: str, people: int | None, views: int | None, rate: float, seed: int = 0) -> Feed:
-    """A scene of the simulation whose cameras are not quite in step.
+    """Simulate a scene with slightly unsynchronised cameras.
 
     Args:
-        people, views: in place of the scene's own.
+        people: number of persons instead of the scene's.
+        views: number of views instead of the scene's.
 
     Raises:
-        UsageError: if there is no such scene, or it has no such number of people or views.
+        UsageError: if the scene does not exist, or cannot have this number of persons or views.
     """
     item = scene(name)
     if people is not None:
@@ -72,7 +73,7 @@ def simulated_feed(name: str, people: int | None, views: int | None, rate: float
 
 
 def recorded_feed(bag: Path, rate: float) -> Feed:
-    """The 2D people of a bag that `panoptic run` wrote.
+    """Read the 2D poses of a bag that `panoptic run` wrote.
 
     Raises:
         DataError: if it has none, or is damaged.
@@ -82,10 +83,10 @@ def recorded_feed(bag: Path, rate: float) -> Feed:
 
 
 def _whole(sets: Sequence[DetectionSet], rate: float) -> tuple[DetectionSet, ...]:
-    """The sets that have views, all of which come within the period.
+    """Return the sets that have views, after a check that the views of a set lie within half a period.
 
     Raises:
-        UsageError: if cameras are too far apart for the rate.
+        UsageError: if the views of a set are too far apart in time for the rate.
     """
     found = tuple(item for item in sets if item.views)
     spread = max(max(v.stamp_ns for v in item.views) - min(v.stamp_ns for v in item.views) for item in found)

@@ -1,4 +1,4 @@
-"""From what a feeder of the live graph saw to numbers: what is lost, latencies, processor time, memory."""
+"""Compute the figures of a live graph from its observation: losses, latency, processor time, memory."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from panoptic_ros.running.processes.usage import Usage
 
 @dataclass(frozen=True)
 class Restart:
-    """A process that was killed and started anew.
+    """A process that was killed and restarted.
 
     Args:
-        silence_s: from then on until skeletons of a later instant came; None: none came.
-        before, after: identities in the last skeletons before, and some time after.
+        silence_s: time (s) from the kill to skeletons of a later time step; None = none arrived.
+        before: identities in the last skeletons before the kill.
+        after: identities some time after the restart.
     """
 
     process: str
@@ -28,10 +29,12 @@ class Restart:
 
 @dataclass(frozen=True)
 class Flooded:
-    """A flood of bad messages, in its words.
+    """A flood of bad messages.
 
     Args:
-        messages: bad ones that were sent. begun_ns, ended_ns: of the monotonic clock.
+        title: description.
+        messages: number of bad messages sent.
+        begun_ns, ended_ns: times of the monotonic clock.
     """
 
     title: str
@@ -42,16 +45,18 @@ class Flooded:
 
 @dataclass(frozen=True)
 class Observation:
-    """One run of the graph. Times are of one monotonic clock.
+    """One run of the graph; all times are of one monotonic clock.
 
     Args:
-        sent: of every instant: its stamp, and when its last view was published, ns.
-        received: of every message of /skeletons: its stamp, and when it came, ns.
-        period_ns: between instants.
-        started_ns: when the processes were started. measured_ns: since when latencies count.
-        before, after: what the processes had used at the beginning and at the end of the measured part.
-        stages: the last diagnostics of every stage.
-        restarts: of processes that were killed after the measured part. floods: after it, too.
+        sent: (ns) timestamp and publication time of the last view, for every time step.
+        received: (ns) timestamp and arrival time of every message on /skeletons.
+        period_ns: (ns) time between two time steps.
+        started_ns: (ns) start time of the processes.
+        measured_ns: (ns) time from which latencies count.
+        before, after: resource usage of the processes at the beginning and at the end of the measured part.
+        stages: last diagnostics of every stage.
+        restarts: restarts after the measured part.
+        floods: floods after the measured part.
     """
 
     sent: Sequence[tuple[int, int]]
@@ -67,7 +72,7 @@ class Observation:
 
 
 def figures_of(seen: Observation) -> dict[str, Any]:
-    """The numbers of one run, for JSON."""
+    """Return the figures of one run, for JSON."""
     came = arrivals(seen.sent, seen.received, seen.period_ns)
     measured = [k for k, (_, published) in enumerate(seen.sent) if published >= seen.measured_ns]
     latencies = np.array([1e-6 * (came[k] - seen.sent[k][1]) for k in measured if k in came])
@@ -106,7 +111,11 @@ def figures_of(seen: Observation) -> dict[str, Any]:
 
 
 def _flood_figures(flood: Flooded, seen: Observation, came: Mapping[int, int]) -> dict[str, Any]:
-    """What a flood cost: instants without skeletons, the longest time without any, stamps of no instant."""
+    """Return the cost of a flood.
+
+    It consists of time steps without skeletons, the longest time without any, and timestamps far from every
+    time step.
+    """
     meanwhile = [k for k, (_, sent) in enumerate(seen.sent) if flood.begun_ns <= sent <= flood.ended_ns]
     moments = [flood.begun_ns, *sorted(when for _, when in seen.received), flood.ended_ns]
     inside = [when for when in moments if flood.begun_ns <= when <= flood.ended_ns]
@@ -130,9 +139,9 @@ def _flood_figures(flood: Flooded, seen: Observation, came: Mapping[int, int]) -
 def arrivals(
     sent: Sequence[tuple[int, int]], received: Sequence[tuple[int, int]], period_ns: int
 ) -> dict[int, int]:
-    """When skeletons of an instant came first, by its number; arguments as in `Observation`.
+    """Return the first arrival time of skeletons by index of the time step; arguments as in `Observation`.
 
-    The stamp of a set is that of one of its views, so it belongs to the nearest instant.
+    The timestamp of a set is that of one of its views, so it is matched to the nearest time step.
     """
     stamps = np.array([stamp for stamp, _ in sent])
     middles = (stamps[1:] + stamps[:-1]) // 2
@@ -145,7 +154,7 @@ def arrivals(
 
 
 def _percentiles(values: np.ndarray) -> dict[str, float | None]:
-    """NaN is not JSON: None where there are no values."""
+    """Return the percentiles of the values; None without values, because JSON has no NaN."""
     names = {"p50": 50, "p90": 90, "p99": 99, "max": 100}
     if not len(values):
         return dict.fromkeys(names)

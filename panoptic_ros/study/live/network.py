@@ -1,4 +1,4 @@
-"""The study `network`: 2D people from one host to another while packets are lost."""
+"""The study `network`: 2D poses sent from one host to another with packet loss."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 CAMERAS = ("cam0", "cam1", "cam2")
 MODULE = "panoptic_ros.nodes.sources.network_probe"
-BEFORE_S, AFTER_S = 8.0, 6.0  # of sending: discovery, and what is repaired later
+# s of sending before and after the loss: for discovery, and for late retransmission
+BEFORE_S, AFTER_S = 8.0, 6.0
 
 
 class Network(Study):
@@ -97,8 +98,9 @@ def _run(loss: float, seconds: float, with_profile: bool) -> dict[str, Any]:
 
 
 def figures(came: list[list[Any]], begun: float, ended: float) -> dict[str, Any]:
-    """What was lost of the messages that were sent from `begun` to `ended`, how old the others were when they
-    came, and the longest time in which nothing came of a camera.
+    """Return the number of lost messages, the latency of the others, and the longest silence of a camera.
+
+    Only messages sent from `begun` to `ended` count.
     """
     sent = lost = 0
     latencies: list[float] = []

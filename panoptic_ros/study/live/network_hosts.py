@@ -1,4 +1,4 @@
-"""Two hosts on one machine: network namespaces with a cable between them that loses packets on demand."""
+"""Two hosts on one machine: network namespaces with a virtual cable that drops packets on demand."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from contextlib import contextmanager
 
 from panoptic_ros.errors import EnvironmentProblem
 
-ALONE = 'mount -t tmpfs -o size=256m none /dev/shm && exec "$@"'  # else shared memory joins the hosts
-TABLE = (  # on the device: rules further in see datagrams that are whole again
+# a private /dev/shm, because shared memory would connect the hosts
+ALONE = 'mount -t tmpfs -o size=256m none /dev/shm && exec "$@"'
+TABLE = (  # filter at the device, because later hooks see reassembled datagrams
     "add table netdev loss; add chain netdev loss c {{ type filter hook ingress device eth0 priority 0; }}; "
     "add rule netdev loss c numgen random mod 1000 < {share} drop"
 )
 
 
 class Hosts:
-    """The hosts by number, 0 and 1; see `two_hosts`."""
+    """The two hosts, with numbers 0 and 1; see `two_hosts`."""
 
     def __init__(self, names: Sequence[str]):
         self._names = names
@@ -31,7 +32,7 @@ class Hosts:
         return subprocess.Popen(inside, env=dict(environment), stderr=subprocess.DEVNULL)
 
     def lose(self, share: float) -> None:
-        """Lose this share of all packets from now on; 0: none."""
+        """Drop this share of all packets from now on; 0 = none."""
         for name in self._names:
             inside = ["ip", "netns", "exec", name, "nft"]
             if share:
@@ -42,10 +43,10 @@ class Hosts:
 
 @contextmanager
 def two_hosts() -> Iterator[Hosts]:
-    """Make them, and take them down in any case.
+    """Create the two hosts, and remove them on exit.
 
     Raises:
-        EnvironmentProblem: if this machine or this user cannot have network namespaces or lose packets.
+        EnvironmentProblem: if the machine or the user lacks support for network namespaces or packet loss.
     """
     missing = [name for name in ("ip", "nft") if shutil.which(name) is None]
     if missing:

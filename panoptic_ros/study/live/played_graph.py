@@ -1,4 +1,4 @@
-"""The whole live graph in processes of its own, with recordings played as cameras, and what is seen of it."""
+"""Run the whole live graph in child processes, with recordings played as cameras, and observe it."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from panoptic_ros.running.processes.usage import Usage, usage_of
 from panoptic_ros.running.runs.launch import write_launch_file
 from panoptic_ros.study.live.graph_figures import Observation, figures_of
 
-PATIENCE_S = 300.0  # for the first skeletons
-LOOK_S = 1.0  # whether all processes run
-LAST_WORDS_S = 1.5  # for the last skeletons, and for diagnostics, which come once a second
+PATIENCE_S = 300.0  # timeout for the first skeletons
+LOOK_S = 1.0  # interval of the check that all processes run
+LAST_WORDS_S = 1.5  # wait for the last skeletons, and for diagnostics, which are published once a second
 
 
 @dataclass(frozen=True)
 class _Measured:
-    """What had been used at a moment, in all and by stage and camera (s)."""
+    """Resource usage at a time: of all processes, and processor time (s) by stage and camera."""
 
     usage: Usage
     cpu_s: Mapping[str, float]
@@ -41,19 +41,21 @@ class _Measured:
 
 
 def run_played_graph(plan: Plan, seconds: float, settle_s: float) -> dict[str, Any]:
-    """Let the cameras of a live plan play; see `graph_figures.figures_of`. Latencies are from the stamp
-    of an instant to its skeletons in this process.
+    """Run a live plan and return its figures; see `graph_figures.figures_of`.
+
+    Latency is measured from the timestamp of a time step to the arrival of its skeletons in this process.
 
     Args:
-        seconds: that count, settle_s after the first skeletons.
+        seconds: measured time (s).
+        settle_s: time (s) from the first skeletons to the measured time.
 
     Returns:
-        the figures, and "cpu_ms": of each stage, of reading the cameras, and of the rest of each process, per
-        instant.
+        the figures and "cpu_ms". It has the processor time per time step of each stage, of reading the
+        cameras, and of the rest of all processes.
 
     Raises:
-        UserError: as a node printed it, if one ended.
-        EnvironmentProblem: if another graph runs in this ROS domain, or no skeletons come.
+        UserError: with the output of a node that ended.
+        EnvironmentProblem: if another graph runs in this ROS domain, or no skeletons arrive.
     """
     prepare_environment()
     with claim_domain(), tempfile.TemporaryDirectory(prefix="panoptic-bench-") as folder:
@@ -69,7 +71,7 @@ class _Listener:
     def __init__(self, plan: Plan):
         self._plan = plan
         self._received: list[tuple[int, int]] = []
-        self._people: list[tuple[int, int]] = []  # when, and how many
+        self._people: list[tuple[int, int]] = []  # arrival time (ns), number of persons
         self._node = FeedingNode((), self._take, time.time_ns)
         self._executor = SingleThreadedExecutor()
 

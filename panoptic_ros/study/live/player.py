@@ -1,4 +1,4 @@
-"""Playing 2D people to a live graph in other processes, each view at its time, and noting what comes back."""
+"""Play 2D poses to a live graph in other processes in real time, and record its skeletons."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from panoptic_ros.running.processes.children import Processes, prepare_environme
 from panoptic_ros.running.runs.launch import write_launch_file
 from panoptic_ros.study.live.graph_feed import Feed
 
-SETTLE_NS = 2_000_000_000  # from the first skeletons on, latencies do not count so long
-PATIENCE_S = 300.0  # for the first skeletons: kernels may be compiled
-LAST_WORDS_S = 1.2  # for the last skeletons, and for diagnostics, which come once a second
+SETTLE_NS = 2_000_000_000  # time after the first skeletons in which latency does not count
+PATIENCE_S = 300.0  # timeout for the first skeletons; it includes the compilation of kernels
+LAST_WORDS_S = 1.2  # wait for the last skeletons, and for diagnostics, which are published once a second
 
 
 def as_it_is(plan: Plan, folder: Path) -> Plan:
-    """The plan of every bench."""
+    """Return the plan unchanged; the default of `played`."""
     return plan
 
 
@@ -39,14 +39,14 @@ def played(
     make: Callable[[], Player],
     change: Callable[[Plan, Path], Plan] = as_it_is,
 ) -> Any:
-    """Play to a live graph of its own; gives what the player's `do` gives.
+    """Start a live graph, play to it, and return the result of the player's `do`.
 
     Args:
-        change: makes of the usual plan the one of the bench, with files in a folder.
+        change: changes the usual plan for a study; it may write files into the folder.
 
     Raises:
-        UserError: as a node printed it, if one ended.
-        EnvironmentProblem: if another graph runs in this ROS domain, or no skeletons come.
+        UserError: with the output of a node that ended.
+        EnvironmentProblem: if another graph runs in this ROS domain, or no skeletons arrive.
     """
     prepare_environment()
     configs = with_defaults({"refinement": {"lag": 0.0}}, {s: dict(v) for s, v in LIVE_DEFAULTS.items()})
@@ -62,19 +62,19 @@ def played(
 
 
 class Player:
-    """One run of a graph: the clock, and what was sent and received so far.
+    """One run of a graph: the clock, and the messages sent and received so far.
 
     Args:
-        revived: whether processes will be killed, and started anew.
+        revived: processes will be killed and restarted.
     """
 
     def __init__(self, feed: Feed, revived: bool):
         self.feed, self._revived = feed, revived
-        self.number = 0  # of the next instant
-        self.newest: tuple[int, frozenset[int]] = (0, frozenset())  # stamp and identities
-        self.sent: list[tuple[int, int]] = []  # of every instant: its stamp, when its last view went
+        self.number = 0  # index of the next time step
+        self.newest: tuple[int, frozenset[int]] = (0, frozenset())  # timestamp and identities
+        self.sent: list[tuple[int, int]] = []  # per time step: timestamp, publication time of the last view
         self.received: list[tuple[int, int]] = []
-        self.away: set[str] = set()  # cameras that give nothing
+        self.away: set[str] = set()  # cameras that publish nothing
         self.node = FeedingNode(feed.rig.names, self._take, time.monotonic_ns)
         self._views = [
             [(offset, self.node.message_of(view)) for offset, view in feed.views(k)]
@@ -83,7 +83,7 @@ class Player:
         self._executor = make_executor()
 
     def observe(self, launch: Path) -> Any:
-        """Start the processes, do what is to be done, and end them."""
+        """Start the processes, run `do`, and end the processes."""
         statics = StaticsNode(self.feed.rig, self.feed.skeleton)
         names = json.loads(launch.read_text())["processes"]
         try:
@@ -100,14 +100,14 @@ class Player:
             statics.destroy_node()
 
     def do(self, processes: Processes) -> Any:
-        """What is to be done while the processes run."""
+        """Run the study while the processes run."""
         raise NotImplementedError
 
     def is_settled(self) -> bool:
-        """Whether skeletons have come for some time.
+        """Return whether skeletons have arrived for `SETTLE_NS`.
 
         Raises:
-            EnvironmentProblem: if none come.
+            EnvironmentProblem: if none arrive.
         """
         now = time.monotonic_ns()
         if not self.received and now > self.started + 1e9 * PATIENCE_S:
@@ -115,7 +115,7 @@ class Player:
         return bool(self.received) and now > self.received[0][1] + SETTLE_NS
 
     def play(self) -> None:
-        """Publish the views of the next instant, each at its time."""
+        """Publish the views of the next time step, each at its time."""
         due_ns = self.started + self.number * self.feed.period_ns
         last = due_ns
         for offset, message in self.messages(self.number):
@@ -127,20 +127,20 @@ class Player:
         self.number += 1
 
     def messages(self, number: int) -> Sequence[tuple[int, Any]]:
-        """What comes at an instant: ns after it, and the message; the earliest first."""
+        """Return the messages of a time step with their delays (ns), in order of time."""
         return self._views[self.feed.number_of_set(number)]
 
     def publish(self, message: Any, stamp_ns: int) -> None:
-        """Publish a message of this instant."""
+        """Publish a message of this time step."""
         self.node.publish(message, stamp_ns, self.number)
 
     def play_until(self, moment_ns: int) -> None:
-        """Play on until then."""
+        """Play until this time of the monotonic clock (ns)."""
         while time.monotonic_ns() < moment_ns:
             self.play()
 
     def spin_until(self, moment_ns: int) -> None:
-        """Take what comes until then."""
+        """Process incoming messages until this time of the monotonic clock (ns)."""
         while (left := moment_ns - time.monotonic_ns()) > 0:
             self._executor.spin_once(timeout_sec=1e-9 * left)
 
@@ -150,4 +150,4 @@ class Player:
         self.took(stamp_ns, when_ns, ids)
 
     def took(self, stamp_ns: int, when_ns: int, ids: frozenset[int]) -> None:
-        """Skeletons have come."""
+        """Handle new skeletons; subclasses override it."""

@@ -1,4 +1,4 @@
-"""The study `recording`: the memory of a live run that records, with its time compressed."""
+"""The study `recording`: memory of a live run that records, with its time compressed."""
 
 from __future__ import annotations
 
@@ -23,12 +23,15 @@ from panoptic_ros.study.live.graph_feed import simulated_feed
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 SCENARIO = "noisy-8p5v"
-LOOKS = 10  # at the memory
+LOOKS = 10  # memory measurements per run
 BEGIN_NS = 1_700_000_000_000_000_000
 
 
 class Recording(Study):
-    """A live run's recorder gets the data of so many minutes as fast as it takes them."""
+    """A live run's recorder gets the data of so many minutes as fast as it takes them.
+
+    Each row has the memory after a part of the data.
+    """
 
     columns = (Column("minutes", "minutes", ".1f"), Column("resident_mb", "memory, MB", ".1f"))
 

@@ -1,6 +1,6 @@
-"""The studies `view` and `view-recording`: costs of viewers, and the age of shown data.
+"""The studies `view` and `view-recording`: cost of viewers, and age of the displayed data.
 
-A recording that somebody opens and looks at here and there: how long that takes, without a browser.
+`view-recording` measures the time to open a recording and to seek in it, without a browser.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ SEEKS = 40
 
 
 def open_and_seek(path: Path, seed: int = 0) -> dict[str, Any]:
-    """Open a recording, get the page and its first second, then seconds here and there.
+    """Open a recording, load the page and the first second of data, then random seconds.
 
     Returns:
-        s from the command to the address, and to the first second of data; ms of seeks; seconds that it has.
+        seconds from the command to the address, and to the first second of data; seek times (ms); length (s).
 
     Raises:
         EnvironmentProblem: if the viewer does not start.
@@ -88,7 +88,10 @@ async def _seek(address: str, begun: float, rng: np.random.Generator) -> dict[st
 
 
 class View(Study):
-    """A load is played before audiences in turn, each round in another order, with nobody between them."""
+    """A load is played before audiences in turn, each round in another order, with nobody between them.
+
+    An audience is a set of viewer clients. A phase without clients precedes each of them and is the baseline.
+    """
 
     columns = (
         Column("audience", ""),
@@ -154,7 +157,10 @@ class View(Study):
 
 
 class ViewRecording(Study):
-    """A recording is opened, and seconds of it are looked at here and there."""
+    """A recording is opened, and seconds of it are looked at here and there.
+
+    The row has the times to open the recording and to seek to random seconds.
+    """
 
     columns = (
         Column("seconds", "s", ".0f"),

@@ -1,4 +1,4 @@
-"""What a viewer is loaded with: people before cameras, and an image of each ten times a second."""
+"""Load of a viewer: 2D poses of several persons, and ten preview images per second and camera."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from panoptic_ros.study.live.graph_feed import Feed, simulated_feed
 
 SCENARIO = "noisy-8p10v"
 PEOPLE, VIEWS, RATE_HZ = 8, 8, 30.0
-PREVIEW_EVERY = 3  # instants: 10 Hz
+PREVIEW_EVERY = 3  # time steps; 10 Hz
 
 
 def view_load() -> Feed:
-    """The 2D people of eight people before eight cameras at 30 Hz, simulated, played forth and back."""
+    """Return the simulated 2D poses of eight persons in eight cameras at 30 Hz."""
     return simulated_feed(SCENARIO, PEOPLE, VIEWS, RATE_HZ)
 
 
 def moving_previews(rig: Rig, count: int = 20) -> list[dict[str, Preview]]:
-    """Images that move, by camera, as large as those of a real room (11 kB); stamps 0."""
+    """Return moving preview images by camera, 11 kB each like those of a real room; timestamps are 0."""
     rng = np.random.default_rng(0)
     pictures = {name: _picture(rng) for name in rig.names}
     return [
@@ -32,6 +32,6 @@ def moving_previews(rig: Rig, count: int = 20) -> list[dict[str, Preview]]:
 
 
 def _picture(rng: np.random.Generator) -> np.ndarray:
-    """An HD image whose preview is as large as one of a real room: 11 kB."""
+    """Return an HD image whose preview has 11 kB, like that of a real room."""
     coarse = rng.integers(96, 160, (27, 48, 3), dtype=np.uint8)
     return np.kron(coarse, np.ones((40, 40, 1), np.uint8))

@@ -1,7 +1,7 @@
-"""From what a live graph saw while people looked on to numbers: what an audience costs, and how sure that is.
+"""Compute the cost of viewers from observations of a live graph, with confidence intervals.
 
-Latencies come in bursts, so chance is told by resampling whole seconds (a block bootstrap, Künsch 1989), not
-single messages.
+Latencies come in bursts. The intervals therefore come from resampling whole seconds (block bootstrap, Künsch
+1989) instead of single messages.
 """
 
 from __future__ import annotations
@@ -14,21 +14,22 @@ import numpy as np
 
 Array = np.ndarray
 NOBODY = "nobody"
-RESAMPLED = 1000
-SURE = (2.5, 97.5)  # percentiles of what is resampled
+RESAMPLED = 1000  # bootstrap samples
+SURE = (2.5, 97.5)  # percentiles of the bootstrap samples
 
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """A while before one audience.
+    """A period with one audience, which is a set of viewer clients.
 
     Args:
-        audience: its name.
-        blocks: ms from the last view of an instant to its skeletons, an array for each second.
-        published: ms that each publication of a view took, with its preview where one is wanted.
-        lost: instants without skeletons.
-        cpu_percent: of a core, of the viewer. resident_mb: of the viewer, at the end.
-        clients: what each page got.
+        audience: name.
+        blocks: (ms) time from the last view of a time step to its skeletons, one array per second.
+        published: (ms) duration of each publication of a view, including its preview if one is due.
+        lost: time steps without skeletons.
+        cpu_percent: (% of a core) processor time of the viewer.
+        resident_mb: (MB) memory of the viewer at the end.
+        clients: figures of each client.
     """
 
     audience: str
@@ -41,10 +42,11 @@ class Phase:
 
 
 def table_of(phases: Sequence[Phase], seed: int = 0) -> list[dict[str, Any]]:
-    """A row for each audience over all of its phases, nobody first.
+    """Return a row for each audience over all of its phases; the row without an audience is first.
 
-    `p99_ratio` is the p99 of /skeletons over that before nobody, `ratio_low` and `ratio_high` its interval of
-    95 %. The row of nobody holds the ratio of its odd phases to its even ones: what chance does alone.
+    `p99_ratio` is the p99 latency of /skeletons divided by that without an audience. `ratio_low` and
+    `ratio_high` are its 95 % interval. The row without an audience has the ratio of its odd to its even
+    phases, which shows random variation alone.
     """
     names = dict.fromkeys((NOBODY, *(phase.audience for phase in phases)))
     by_name = {name: [phase for phase in phases if phase.audience == name] for name in names}
@@ -75,10 +77,11 @@ def table_of(phases: Sequence[Phase], seed: int = 0) -> list[dict[str, Any]]:
 
 
 def ages_of(client: Mapping[str, Any], published: Mapping[int, int]) -> dict[str, Any]:
-    """How old what a client got was.
+    """Return the age of the data that a client received.
 
     Args:
-        client: a row of `view.page.clients`. published: when skeletons were published by stamp, ns.
+        client: row of `view.page.clients`.
+        published: publication time (ns) of skeletons by timestamp.
     """
     ages = [1e-6 * (when - published[stamp]) for stamp, when in client["came"] if stamp in published]
     p50, p99, most = np.percentile(ages, (50, 99, 100)).tolist() if ages else (None, None, None)
@@ -96,8 +99,11 @@ def ages_of(client: Mapping[str, Any], published: Mapping[int, int]) -> dict[str
 def ratio_of_p99(
     blocks: Sequence[Array], others: Sequence[Array], rng: np.random.Generator
 ) -> tuple[float, float, float]:
-    """p99 of all values in blocks over that of others, and its interval of 95 % by resampling blocks; NaN
-    where there are none."""
+    """Return the ratio of two p99 values and its 95 % interval, by resampling blocks.
+
+    Returns:
+        p99 of `blocks` divided by that of `others`, and both ends of the interval; NaN without blocks.
+    """
     if not blocks or not others:
         return (float("nan"),) * 3
     ratio = _percentile(np.concatenate(blocks), 99) / _percentile(np.concatenate(others), 99)
@@ -121,7 +127,10 @@ def _percentile(values: Array, percent: float) -> float:
 
 
 def _clients(phases: Sequence[Phase]) -> list[dict[str, Any]]:
-    """For each kind of page, in each figure the worst of all its pages in all phases; packets in all."""
+    """Return, per kind of client, the sum of packets and the worst of each other figure.
+
+    It includes all clients of this kind in all phases.
+    """
     rows: dict[str, list[dict[str, Any]]] = {}
     for phase in phases:
         for client in phase.clients:

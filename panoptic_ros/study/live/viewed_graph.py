@@ -1,4 +1,4 @@
-"""A live graph that people look at: what that costs it, and what they get."""
+"""Run a live graph with viewers, and measure its cost and the data that the viewers receive."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from panoptic_ros.study.live.view_feed import PREVIEW_EVERY, moving_previews
 from panoptic_ros.study.live.view_figures import Phase, ages_of
 from panoptic_ros.view.page.clients import WARM_S
 
-Audience = tuple[str, Sequence[str]]  # its name, and kinds of clients as in `view.page.clients`
-LAST_WORDS_S = 0.5  # for skeletons of the last instants
-FIND_S = 2.0  # until the viewer and the graph have found each other
+Audience = tuple[str, Sequence[str]]  # name, kinds of clients as in `view.page.clients`
+LAST_WORDS_S = 0.5  # wait for skeletons of the last time steps
+FIND_S = 2.0  # time for discovery between the viewer and the graph
 
 
 def run_viewed_graph(
     feed: Feed, seconds: float, audiences: Sequence[Audience], progress: Progress = untold
 ) -> list[Phase]:
-    """Play people and previews to a live graph, in front of one audience after the other.
+    """Play 2D poses and previews to a live graph, with one audience after the other.
 
     Returns:
-        what came of each.
+        one phase per audience.
 
     Raises:
-        UserError: as a node printed it, if one ended.
+        UserError: with the output of a node that ended.
         EnvironmentProblem: if another graph runs in this ROS domain, or it or the viewer does not start.
     """
     phases: list[Phase] = played(feed, False, lambda: _Viewed(feed, seconds, audiences, progress))
@@ -46,7 +46,7 @@ def run_viewed_graph(
 
 
 class _Viewed(Player):
-    """Plays images besides, of every third instant."""
+    """Player that also publishes preview images at every third time step."""
 
     def __init__(self, feed: Feed, seconds: float, audiences: Sequence[Audience], progress: Progress):
         super().__init__(feed, revived=False)
@@ -57,7 +57,7 @@ class _Viewed(Player):
             {name: self._cameras.message_of(preview) for name, preview in previews.items()}
             for previews in moving_previews(feed.rig)
         ]
-        self._took: list[float] = []  # ms, each publication
+        self._took: list[float] = []  # ms, duration of each publication
 
     def do(self, processes: Processes) -> list[Phase]:
         """See `Player`."""
@@ -76,7 +76,7 @@ class _Viewed(Player):
             self._cameras.destroy_node()
 
     def publish(self, message: Any, stamp_ns: int) -> None:
-        """A view, and its image if that is due."""
+        """Publish a view, and its preview if one is due."""
         begun = time.perf_counter()
         if self.number % PREVIEW_EVERY == 0:
             images = self._previews[self.number // PREVIEW_EVERY % len(self._previews)]
@@ -89,9 +89,9 @@ class _Viewed(Player):
         self.play_until(time.monotonic_ns() + round(1e9 * seconds))
 
     def _phase(self, name: str, kinds: Sequence[str], process: int, address: str) -> Phase:
-        """Play before an audience, and tell what came of it."""
+        """Play with one audience and return its figures."""
         command = [sys.executable, "-m", "panoptic_ros.view.page.clients", address, str(self._seconds)]
-        with tempfile.TemporaryFile("w+") as told:  # a pipe holds less than ten of them say
+        with tempfile.TemporaryFile("w+") as told:  # the output of ten clients would fill a pipe
             clients = subprocess.Popen([*command, *kinds], stdout=told, env=child_environment())
             took, first, last, cpu_percent, memory_mb = self._watched(clients, process)
             told.seek(0)
@@ -112,8 +112,12 @@ class _Viewed(Player):
     def _watched(
         self, clients: subprocess.Popen[bytes], process: int
     ) -> tuple[np.ndarray, int, int, float, float]:
-        """Play until clients end: ms that each publication took, the first instant that counts and the one
-        behind the last, % of a core and MB of the viewer."""
+        """Play until the clients end.
+
+        Returns:
+            duration of each publication (ms); first measured time step and the one after the last; processor
+            time (% of a core) and memory (MB) of the viewer.
+        """
         self._play_for(WARM_S)
         self._took.clear()
         first, before = len(self.sent), usage_of([process])

@@ -1,1 +1,1 @@
-"""Studies."""
+"""Studies of persons with few views, occlusion and changes of identity."""

@@ -1,4 +1,4 @@
-"""2D people of a capture or of a run's results, with the truth if there is any, for studies."""
+"""2D poses of a capture or of a run's results, with the ground truth if there is any, for studies."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ TRUTH, DETECTIONS, BAG = "truth.json.gz", "detections.json.gz", "bag"
 
 @dataclass(frozen=True)
 class Detected:
-    """What the stages take, and the truth."""
+    """Inputs of the stages, and the ground truth."""
 
     context: StageContext
     configs: Mapping[str, Config]
@@ -48,27 +48,28 @@ class Detected:
 
 
 class _Kept:
-    """Detection sets of a run."""
+    """Sink of a run that keeps its detection sets."""
 
     def __init__(self) -> None:
         self.sets: list[DetectionSet] = []
 
     def take(self, key: str, item: Any) -> None:
-        """A record of the run."""
+        """Keep a record of the run if it is a detection set."""
         if key == "detection_sets":
             self.sets.append(item)
 
 
 def detected(folder: Path, cameras: Sequence[str], settings: Parameters, truth: Path | None) -> Detected:
-    """Read, or run, a capture.
+    """Read the 2D poses of a capture, or run the detector on it.
 
     Args:
-        folder: images, 2D people in detections.json.gz, or the results of a run, whose bag has them; with
-            imu.csv and subject*.json. cameras: only these; empty = all.
-        truth: in place of the folder's own, which need not be there.
+        folder: images, detections.json.gz, or the results of a run with a bag. It may have imu.csv and
+            subject*.json.
+        cameras: names of the cameras to use; empty = all.
+        truth: file to use instead of the folder's own truth, which is optional.
 
     Raises:
-        UsageError: if the truth that is named is not there, or the folder is no capture.
+        UsageError: if the named truth does not exist, or the folder is no capture.
     """
     if truth is None and (folder / TRUTH).is_file():
         truth = folder / TRUTH
@@ -105,7 +106,7 @@ def detected(folder: Path, cameras: Sequence[str], settings: Parameters, truth: 
 
 
 def _truth_of(path: Path, subjects: Sequence[Subject], names: Sequence[str]) -> SkeletonSequence:
-    """Joints as the detector has them, of true bodies."""
+    """Convert the ground truth of bodies to the joints of the detector."""
     _, states = read_bodies(path)
     keypoints = {subject.id: subject.body.keypoints for subject in subjects}
     at: dict[int, list[tuple[int, Array]]] = {}

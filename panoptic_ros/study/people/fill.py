@@ -1,6 +1,7 @@
-"""The study `fill`: how bodies fit, and their value for skeletons, by how many views see a joint.
+"""The study `fill`: fit of bodies and their value for skeletons, by the number of views that see a joint.
 
-Solved bodies at the instants of skeletons: how well they fit images, keep limits and hold still.
+It interpolates bodies to the timestamps of skeletons. It measures how well they fit the images, keep joint
+limits and hold still.
 """
 
 from __future__ import annotations
@@ -32,17 +33,17 @@ from panoptic_ros.study.options import add_capture, add_settings
 from panoptic_ros.study.people.detected import Detected, detected
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, grouped, table
 
-REACH_NS = 60_000_000  # between a skeleton and the bodies on both sides of it
-BEYOND = np.radians(5.0)  # limits, which are as soft as `limit_sd`
+REACH_NS = 60_000_000  # limit of the time from a skeleton to the bodies before and after it
+BEYOND = np.radians(5.0)  # tolerance of joint limits, which are as soft as `limit_sd`
 Array = np.ndarray
-FEW = 2  # views
+FEW = 2  # views; joints that at most this number of views sees have a row of their own
 CORNERS = ("lShoulder", "rShoulder", "lHip", "rHip")
 
 
 def both_at(
     skeletons: Sequence[TrackedPoseSet], bodies: Sequence[BodyStateSet]
 ) -> tuple[list[TrackedPoseSet], list[TrackedPoseSet]]:
-    """Skeletons of those who have a body, and the same with the joints of their bodies."""
+    """Return skeletons of persons who have a body, and the same with the joints of the bodies."""
     own: dict[int, tuple[list[int], list[Array]]] = {}
     for solved in bodies:
         for number, joints in zip(solved.ids.tolist(), solved.keypoints):
@@ -65,8 +66,12 @@ def body_summary(
     bodies: Sequence[BodyStateSet],
     both: tuple[Sequence[TrackedPoseSet], Sequence[TrackedPoseSet]],
 ) -> dict[str, Any]:
-    """Of skeletons and of bodies: reprojection errors, px, of joints that skeletons measured (median, 90 %),
-    and accelerations, m/s^2; of bodies, what is beyond their joint limits."""
+    """Return the fit of skeletons and of bodies.
+
+    Returns:
+        reprojection errors (px, median and 90th percentile) of the joints that skeletons measured;
+        accelerations, m/s^2; violations of joint limits, bodies only.
+    """
     pixels, accelerations = [], []
     for poses in both:
         errors = reprojection_errors(context.rig, context.skeleton, poses, sets).px
@@ -98,7 +103,7 @@ def _limits(model: SegmentModel, bodies: Sequence[BodyStateSet]) -> dict[str, fl
 
 
 def _between(stamps: Sequence[int], found: Sequence[Array], stamp_ns: int) -> Array | None:
-    """Joints (J, 3) m at an instant; None where there is no body about then."""
+    """Interpolate joints (J, 3) m at a timestamp; None if there is no body near it in time."""
     after = min(int(np.searchsorted(stamps, stamp_ns)), len(stamps) - 1)
     before = max(after - 1, 0) if stamps[after] > stamp_ns else after
     if max(abs(stamps[k] - stamp_ns) for k in (before, after)) > REACH_NS:
@@ -110,7 +115,7 @@ def _between(stamps: Sequence[int], found: Sequence[Array], stamp_ns: int) -> Ar
 
 
 def _chosen(item: TrackedPoseSet, rows: list[int], positions: Array) -> TrackedPoseSet:
-    """Some people of an instant, with these joints (P, J, 3) where they have any."""
+    """Return some persons of a pose set with these joints (P, J, 3), where the joints are present."""
     there = (item.states[rows] != JointState.MISSING) & np.isfinite(positions).all(-1)
     return TrackedPoseSet(
         item.index,
@@ -127,7 +132,10 @@ def _chosen(item: TrackedPoseSet, rows: list[int], positions: Array) -> TrackedP
 
 
 class Fill(Study):
-    """How bodies fit images, and errors of `/skeletons` with and without bodies, and of bodies."""
+    """How bodies fit images, and errors of `/skeletons` with and without bodies, and of bodies.
+
+    If the capture has no subject*.json, every person has a body.
+    """
 
     columns = (
         Column("joints", "joints that"),
@@ -202,7 +210,7 @@ class Fill(Study):
 
 
 def _only(truth: SkeletonSequence | None, people: Sequence[int]) -> SkeletonSequence:
-    """The truth of some people."""
+    """Return the ground truth of some persons."""
     found = set() if truth is None else {int(i) for frame in truth.frames for i in frame.ids}
     missing = [person for person in people if person not in found]
     if truth is None or missing:
@@ -216,7 +224,7 @@ def _only(truth: SkeletonSequence | None, people: Sequence[int]) -> SkeletonSequ
 
 
 def _solved(capture: Detected, bodies: bool) -> tuple[list[RefinedPoseSet], list[BodyStateSet]]:
-    """`/skeletons` and `/bodies`, by the stages after sync."""
+    """Return `/skeletons` and `/bodies` from the stages after sync."""
     found: dict[str, list[Any]] = {"skeletons": [], "bodies": []}
     refinement = replace(config_of(capture.configs, RefinementConfig), bodies=bodies)
     pipeline = Pipeline(
@@ -242,12 +250,15 @@ def _pairs(capture: Detected, items: Sequence[TrackedPoseSet]) -> list[FramePair
 def _scores(
     capture: Detected, plain: Sequence[TrackedPoseSet], filled: Sequence[TrackedPoseSet]
 ) -> list[dict[str, Any]]:
-    """Of joints by the views that measured them without bodies: errors without and with, mm; and of the
-    better one at each joint and instant, which no way to weigh both would go below by much."""
+    """Score joints by the number of views that measured them without bodies.
+
+    Errors (mm) are given without bodies, with bodies, and for the better of both at each joint and time step.
+    The latter is about the best that any weighting of both could reach.
+    """
     assert capture.truth is not None
     names = capture.truth.joint_names
     corners = [names.index(name) for name in CORNERS]
-    errors: dict[int, list[tuple[Array, Array, Array]]] = {}  # views (J,), of both (J, 3) m, by person
+    errors: dict[int, list[tuple[Array, Array, Array]]] = {}  # by person: views (J,), errors of both (J, 3) m
     for one, other in zip(_pairs(capture, plain), _pairs(capture, filled)):
         columns = {match: row for match, row in zip(other.match_ids, other.matches[:, 1].tolist())}
         for match, (t, r) in zip(one.match_ids, one.matches):

@@ -1,8 +1,7 @@
-"""The study `child`: how long a child whom adults hide is lost, whether it keeps its id, who loses it.
+"""The study `child`: time for which a child behind adults is lost, its identity, and the stage that loses it.
 
-Rendered takes of a child whom adults hide: bodies, doings, cameras and timing are drawn from the seed.
-
-A child stands in the middle of three adults. They stand, crouch, bend or reach, and for a while all at once.
+A child stands in the middle of three adults, in rendered takes. The adults stand, crouch, bend or reach. For
+a while, all who crouch or bend are down together. The seed determines bodies, actions, cameras and timing.
 """
 
 from __future__ import annotations
@@ -36,33 +35,33 @@ from panoptic_ros.study.options import add_seeds, add_settings
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.world import DETECTED, detected_sets
 
-CHILD, ADULTS = 0, 3  # number of the child, and how many adults
+CHILD, ADULTS = 0, 3  # index of the child, and number of adults
 DOINGS = ("stand", "crouch", "bend", "reach")
 IMAGES = ((640, 480), (640, 360), (800, 600), (512, 384))  # px
-GOING = 0.5  # s, to go down or up
-BENT, BACK = 0.9, 0.12  # rad, lean of who bends; m, the hips go back meanwhile
-TALLEST = 2.2  # m, that an image shows at the distance of the middle, at least
+GOING = 0.5  # s, duration of a movement down or up
+BENT, BACK = 0.9, 0.12  # forward lean of the trunk, rad; backward shift of the hips, m
+TALLEST = 2.2  # m, minimum visible height at the distance of the middle
 Array = np.ndarray
 Settings = Mapping[str, Mapping[str, Any]]
-SETTLED = 1.0  # s, at the beginning, that do not count
-ALLOWED = 0.2  # s, for which the child may be lost
-OWN = 0.12  # m, median distance of a 2D person's joints from those of the person whom it shows
+SETTLED = 1.0  # s at the beginning that do not count
+ALLOWED = 0.2  # s for which the child may be lost
+OWN = 0.12  # m, limit of the median joint distance between a 2D pose and its person
 RECORDS = ("associations", "poses", "skeletons_raw", "skeletons")
 LOSERS = ("detection", "association", "assembly", "tracking", "refinement")
 
 
 @dataclass(frozen=True)
 class ChildKind:
-    """From what takes are drawn: ranges (least, most), lengths in m."""
+    """Ranges (minimum, maximum) from which a take is drawn; lengths in m."""
 
     child: tuple[float, float] = (0.95, 1.25)  # statures
     adult: tuple[float, float] = (1.5, 1.95)
-    away: tuple[float, float] = (0.4, 0.6)  # adults from the middle
+    away: tuple[float, float] = (0.4, 0.6)  # distance of adults from the middle
     cameras: tuple[int, int] = (4, 8)
     radius: tuple[float, float] = (2.8, 4.0)
     low: tuple[float, float] = (0.7, 1.6)  # height of the lowest camera
     high: tuple[float, float] = (1.8, 3.2)
-    focal: tuple[float, float] = (0.6, 0.9)  # of the width of the image
+    focal: tuple[float, float] = (0.6, 0.9)  # relative to the image width
     rate: tuple[float, float] = (15.0, 30.0)  # Hz
     seconds: tuple[float, float] = (4.0, 4.6)
 
@@ -81,7 +80,7 @@ class Huddle:
     end: float
 
     def __call__(self, t: Array) -> Array:
-        """At times (T,) s."""
+        """Return the degree at times (T,) s."""
         together = ease((t - self.begin) / GOING) * ease((self.end - t) / GOING)
         down: Array = np.maximum(together, self.pulses(t))
         return down
@@ -89,13 +88,13 @@ class Huddle:
 
 @dataclass(frozen=True)
 class Bending:
-    """Bend the trunk forwards; the feet stay."""
+    """Motion that bends the trunk forward; the feet stay in place."""
 
     standing: Standing
     down: Callable[[Array], Array]
 
     def __call__(self, t: Array, body: Body) -> LowerBody:
-        """Legs and trunk at times (T,) s."""
+        """Return legs and trunk at times (T,) s."""
         upright, down = self.standing(t, body), self.down(t)
         back = np.stack([np.cos(upright.heading), np.sin(upright.heading), np.zeros(len(t))], axis=1)
         pelvis = upright.pelvis - BACK * down[:, None] * back
@@ -103,7 +102,7 @@ class Bending:
 
 
 def child_take(seed: int, kind: ChildKind = USUAL) -> Simulation:
-    """Draw a take of the kind from a seed."""
+    """Draw a take of this kind from a seed."""
     rng = np.random.default_rng([seed, 83])
     rate, size = float(rng.uniform(*kind.rate)), IMAGES[int(rng.integers(len(IMAGES)))]
     radius = float(rng.uniform(*kind.radius))
@@ -158,7 +157,7 @@ def _draw_people(rng: np.random.Generator, kind: ChildKind, doings: tuple[str, .
 
 
 def images_of(take: Simulation) -> Iterator[list[ViewFrame]]:
-    """Render the images of each set of a take, each at the exposure of its camera."""
+    """Yield the rendered images of each set of a take, each at the exposure time of its camera."""
     studio, schedule = Studio(take), take.schedule
     rendering = []
     for k, name in enumerate(take.rig.names):
@@ -176,15 +175,16 @@ def images_of(take: Simulation) -> Iterator[list[ViewFrame]]:
 
 @dataclass(frozen=True)
 class ChildInstant:
-    """One instant of a take.
+    """State of the child at one time step of a take.
 
     Args:
-        number: id of the child; None: lost.
-        gap: m, mean distance of its joints from the truth; NaN: lost.
-        shown: number of views with a 2D person of it.
-        loser: the stage that lost it; "": none.
+        seconds: true time, s.
+        number: id of the child; None = lost.
+        gap: m, mean distance of its joints from the truth; NaN = lost.
+        shown: number of views with a 2D pose of it.
+        loser: stage that lost it; "" = none.
         ghosts: number of skeletons without a person.
-        others: ids of the adults, by their number.
+        others: ids of the adults by their index.
     """
 
     seconds: float
@@ -199,7 +199,7 @@ class ChildInstant:
 def follow_child(
     take: Simulation, sets: Sequence[DetectionSet], skeleton: SkeletonModel, settings: Settings
 ) -> Iterator[ChildInstant]:
-    """Solve the 2D people of a take, and find the child after every stage."""
+    """Solve the 2D poses of a take, and search for the child after every stage."""
     records: dict[str, list[Any]] = {topic: [] for topic in RECORDS}
     pipeline = Pipeline(
         configure(settings),
@@ -229,7 +229,11 @@ def follow_child(
 
 
 def shown_people(view: ViewDetections, rig: Rig, truth: Array) -> list[int]:
-    """Return which (D,) of the people (P, J, 3) m, world, each 2D person of a view shows; -1: none."""
+    """Return the index (D,) of the person that each 2D pose of a view shows; -1 = none.
+
+    Args:
+        truth: true joints (P, J, 3) m, world frame.
+    """
     camera = rig.cameras[rig.index(view.camera)]
     pixels, seen = camera.project(truth)
     depth = camera.cam_from_world.apply(truth)[..., 2]
@@ -244,10 +248,10 @@ def shown_people(view: ViewDetections, rig: Rig, truth: Array) -> list[int]:
 
 
 def in_a_group(item: AssociationSet, shows: Sequence[Sequence[int]]) -> bool:
-    """Return whether at least half of the 2D people of some group are the child's.
+    """Return whether the child has at least half of the 2D poses in some group.
 
     Args:
-        shows: for each view of the set, the result of `shown_people`.
+        shows: result of `shown_people` for each view of the set.
     """
     evidence = item.evidence
     whom = np.array([shows[evidence.slots[v]][row] for v, row in zip(evidence.view, evidence.rows)], int)
@@ -259,7 +263,7 @@ def in_a_group(item: AssociationSet, shows: Sequence[Sequence[int]]) -> bool:
 
 
 def child_figures(instants: Sequence[ChildInstant]) -> dict[str, Any]:
-    """Sum up the instants after the first second: times at which the child was lost, ids, losers."""
+    """Summarise the time steps after the first second: time for which the child was lost, ids, stages."""
     period = (instants[-1].seconds - instants[0].seconds) / (len(instants) - 1)
     counted = [now for now in instants if now.seconds > SETTLED]
     longest = run = 0

@@ -1,4 +1,4 @@
-"""Who stays who: simulated people who are hidden, cross, come and go, and whom few views see."""
+"""Trials of identities: simulated persons who are hidden, cross, come and go, or are seen by few views."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ Array = np.ndarray
 Settings = Mapping[str, Mapping[str, Any]]
 Looks = Callable[[Simulation, Sequence[DetectionSet]], Mapping[int, Sequence[ViewAppearance]]]
 NO_SETTINGS: Settings = {}
-SETTLED = 1.0  # s after an event, within which people must have their ids again
+SETTLED = 1.0  # s after an event, within which persons must have their ids again
 VISITS_S, VISITORS, VISITS_HZ = 600.0, 5, 15.0
-STAYS, AWAY = (15.0, 60.0), (3.0, 30.0)  # s
+STAYS, AWAY = (15.0, 60.0), (3.0, 30.0)  # s, ranges of the time in and out of the room
 
 
 class Match(NamedTuple):
@@ -42,7 +42,7 @@ class Match(NamedTuple):
 
 @dataclass(frozen=True)
 class Instant:
-    """One instant: who is there and can be seen, and who of them was found."""
+    """Persons at one time step: those who are visible, and those who were found."""
 
     seconds: float
     there: frozenset[int]
@@ -52,7 +52,11 @@ class Instant:
 def follow(
     what: Scene, seed: int, settings: Settings = NO_SETTINGS, looks: Looks | None = None
 ) -> list[Instant]:
-    """Solve a take of a scene, and find its people among the results; looks: colours of clothes, if any."""
+    """Solve a take of a scene, and match its persons with the results.
+
+    Args:
+        looks: function that returns the clothing colours by index of the set; None = no appearance.
+    """
     take = simulate(what, seed)
     results: list[Any] = []
     pipeline = Pipeline(
@@ -93,23 +97,26 @@ def _match(result: Any, row: int, truth: Array) -> Match:
     return Match(int(result.ids[row]), np.linalg.norm(gaps, axis=-1), distances)
 
 
-# ------------------------------------------------------------------ what people went through
+# ------------------------------------------------------------------ trials of events
 
 
 def hidden_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
-    """Somebody whom nobody sees for a second, and the second."""
+    """Return a scene with a person who is invisible for one second, and this second."""
     base = scene("occluded")
     begin = 1.0 + 0.05 * (seed % 7)
     return replace(base, absences=(Absence(0, begin, begin + 1.0),), frames=105), (begin, begin + 1.0)
 
 
 def crossing_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
-    """Two who meet at half a metre, and the time in which they are near."""
+    """Return a scene with two persons who pass at half a metre, and the time in which they are near."""
     return replace(scene("crossing"), frames=90), (1.0, 2.0)
 
 
 def pause_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
-    """Everybody is unseen for 0.3 to 1.3 s, and by three of five cameras alone after it."""
+    """Return a scene in which all persons are invisible for 0.3 to 1.3 s, and this time.
+
+    After it, three of five cameras see them.
+    """
     base = scene("noisy-8p5v")
     rng = np.random.default_rng([seed, 78])
     begin, end = 1.0, 1.0 + float(rng.uniform(0.3, 1.3))
@@ -121,14 +128,21 @@ def pause_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
 
 
 def slow_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
-    """Eight people at 2 to 5 images/s, at which single joints can hardly be predicted."""
+    """Return a scene of eight persons at 2 to 5 images/s.
+
+    At this rate, single joints can hardly be predicted.
+    """
     rate = float(np.random.default_rng([seed, 79]).uniform(2.0, 5.0))
     base = scene("noisy-8p5v")
     return replace(base, timing=replace(base.timing, rate=rate), frames=round(7.0 * rate)), (1.5, 5.5)
 
 
 def stranger_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
-    """Somebody goes for good, and the one who is nearest comes for the first time 0.3 to 1.5 s later."""
+    """Return a scene in which a person leaves for good and another one comes, and the time between.
+
+    The newcomer is the person nearest to the one who leaves, and appears for the first time 0.3 to 1.5 s
+    later.
+    """
     base, rng = scene("noisy-8p5v"), np.random.default_rng([seed, 80])
     begin, end = 1.0, 1.0 + float(rng.uniform(0.3, 1.5))
     then = np.array([begin])
@@ -141,7 +155,13 @@ def stranger_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
 
 
 def told_apart(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
-    """Whether nobody has somebody else's id of before an event (from, until; s) when it is over for long."""
+    """Return whether no person takes over the id of another one.
+
+    The ids from before an event are compared with those from `SETTLED` after it.
+
+    Args:
+        event: (from, until), s.
+    """
     owners = {m.number: p for now in instants if now.seconds < event[0] for p, m in now.found.items()}
     return all(
         owners.get(match.number, person) == person
@@ -152,7 +172,11 @@ def told_apart(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
 
 
 def kept_ids(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
-    """Whether everybody who was there before an event (from, until; s) has the same id soon after it."""
+    """Return whether each person who was found before an event has the same id soon after it.
+
+    Args:
+        event: (from, until), s.
+    """
     before: dict[int, int] = {}
     after: dict[int, Counter[int]] = {}
     for now in instants:
@@ -169,7 +193,11 @@ def kept_ids(instants: Sequence[Instant], event: tuple[float, float]) -> bool:
 def trials(
     count: int, seed: int, settings: Settings = NO_SETTINGS, progress: Progress = untold
 ) -> dict[str, Any]:
-    """Shares of trials in which everybody kept the id, and nobody got somebody else's."""
+    """Return the share of successful trials of each kind.
+
+    In a successful trial, all persons keep their ids. After "somebody else comes", no person may take over
+    the id of another.
+    """
     kinds = {
         "hidden for 1 s": (hidden_trial, kept_ids),
         "crossing at 0.5 m": (crossing_trial, kept_ids),
@@ -191,13 +219,13 @@ def trials(
     return {"trials": count, "kept": {kind: kept[kind] / count for kind in kinds}, "lost": lost}
 
 
-# ------------------------------------------------------------------ people whom few views see
+# ------------------------------------------------------------------ persons in few views
 
 
 def few_views(
     count: int, seed: int, settings: Settings = NO_SETTINGS, progress: Progress = untold
 ) -> dict[str, Any]:
-    """Errors while two views, then one, see the upper half of somebody; and a child among adults."""
+    """Return errors while two views, then one, see the upper half of a person; and a child among adults."""
     phases = {"two views": (3.0, 4.5), "one view": (4.5, 6.0)}
     errors: dict[str, list[Array]] = {name: [] for name in phases}
     inside: dict[str, list[Array]] = {name: [] for name in phases}
@@ -239,11 +267,11 @@ def few_views(
     }
 
 
-# ------------------------------------------------------------------ people who come and go
+# ------------------------------------------------------------------ persons who come and go
 
 
 def visits_scene(seed: int, seconds: float = VISITS_S) -> Scene:
-    """Five people who walk about and are away now and then."""
+    """Return a scene of five persons who walk about and leave now and then."""
     rng = np.random.default_rng([seed, 77])
     absences = []
     for person in range(VISITORS):
@@ -264,15 +292,15 @@ def visits_scene(seed: int, seconds: float = VISITS_S) -> Scene:
 
 
 def visit_figures(instants: Sequence[Instant]) -> dict[str, Any]:
-    """What became of the ids of people who come and go.
+    """Count the ids that persons who come and go keep, change or take over.
 
-    A person who is there has changed id if two finds without an absence in between differ. A return counts at
-    the second find, when the first second is over.
+    A person in view has changed id if two successive finds without an absence in between differ. A return
+    counts 1 s after the first find since the absence.
     """
-    numbers: dict[int, int] = {}  # the newest id of each person
-    owners: dict[int, int] = {}  # who had an id first
+    numbers: dict[int, int] = {}  # newest id of each person
+    owners: dict[int, int] = {}  # first person with an id
     away: set[int] = set()
-    pending: dict[int, float] = {}  # since when somebody is back
+    pending: dict[int, float] = {}  # time (s) of the first find since the absence
     changes = returns = same = foreign = 0
     for now in instants:
         for person in list(numbers):
@@ -299,6 +327,9 @@ def visit_figures(instants: Sequence[Instant]) -> dict[str, Any]:
 
 
 def visits(seed: int, settings: Settings = NO_SETTINGS, seconds: float = VISITS_S) -> dict[str, Any]:
-    """Ids of five people who come and go for ten minutes, and are remembered for as long as they are away."""
+    """Return the id figures of five persons who come and go for ten minutes.
+
+    The tracker remembers them for the longest absence.
+    """
     settings = merged({"tracking": {"memory": AWAY[1]}}, settings)
     return {"seconds": seconds, **visit_figures(follow(visits_scene(seed, seconds), seed, settings))}

@@ -1,11 +1,9 @@
-"""The study `identity`: people who are hidden, cross, come and go, and whom few views see.
+"""The study `identity`: persons who are hidden, cross, come and go, or are seen by few views.
 
-Whether somebody who is designated is ever lost to a bystander: one of five who come and go.
-
-People in different clothes who come and go: what their colours add to bones and places.
-
-Images are rendered at every third instant and small, as colours need no more; the 2D people are those of a
-simulated detector, which misses, mistakes and melts them.
+It also measures how often a bystander takes the id of a designated person, one of five who come and go. A
+last part adds the colours of clothes to bone lengths and positions. Its images are small and rendered at
+every third time step, which is enough for colours. Its 2D poses come from a simulated detector with misses,
+errors and merged persons.
 """
 
 from __future__ import annotations
@@ -44,29 +42,30 @@ from panoptic_ros.study.people.identity import (
 )
 from panoptic_ros.study.study import Case, Result, Row, Study
 
-TRIALS_PER_TAKE = 10  # of the other scenes, which are longer
-DESIGNATED_S = 60.0  # of a take with a designated person; half as many as of the others
-PARTS = {"trials": 4.0, "few views": 2.0, "visits": 1.0, "designated": 1.0, "dressed": 2.0}  # costs
-SUBJECT = 100  # the id
+TRIALS_PER_TAKE = 10  # ratio of trials to takes of the other scenes, which are longer
+DESIGNATED_S = 60.0  # s, length of a take with a designated person; their number is half that of the others
+# relative cost by part
+PARTS = {"trials": 4.0, "few views": 2.0, "visits": 1.0, "designated": 1.0, "dressed": 2.0}
+SUBJECT = 100  # id of the designated person
 SMALL = Ring(5, radius=3.9, heights=(1.2, 2.6), lens=Lens((320, 240), (212.0, 220.0), distorted_every=0))
 Array = np.ndarray
-EVERY = 3  # instants, of which one is rendered
+EVERY = 3  # one image per this number of time steps
 Looks = Mapping[int, Sequence[ViewAppearance]]
 
 
 def dressed_scene(seed: int, seconds: float) -> Scene:
-    """Those who come and go, in front of cameras whose images are rendered."""
+    """Return the scene of persons who come and go, with cameras whose images are rendered."""
     return replace(visits_scene(seed, seconds), rig=SMALL, rendered=True)
 
 
 @dataclass(frozen=True)
 class Visitor(Person):
-    """Somebody who is not in the images while away."""
+    """Person who is not in the images during absences."""
 
     absences: tuple[Absence, ...] = ()
 
     def is_present(self, t: Array) -> Array:
-        """Whether the person is there (T,)."""
+        """Return whether the person is present at times t (T,)."""
         there = Person.is_present(self, t)
         for absence in self.absences:
             there = there & ~((t >= absence.start) & (t < absence.end))
@@ -74,7 +73,7 @@ class Visitor(Person):
 
 
 def visitors(take: Simulation) -> Simulation:
-    """The take with people who are not in the images while they are away."""
+    """Return the take with persons who are not in the images during their absences."""
     return replace(
         take,
         people=tuple(
@@ -93,7 +92,7 @@ def visitors(take: Simulation) -> Simulation:
 
 
 def looks_of(take: Simulation, sets: Sequence[DetectionSet]) -> Looks:
-    """What cameras see of clothes, by the number of the instant."""
+    """Return the appearance of clothes in all cameras, by index of the set."""
     studio, numbers = Studio(visitors(take)), np.arange(0, len(sets), EVERY)
     stage = make_stage("appearance", configure({})["appearance"], StageContext(take.rig, SKELETON))
     found: dict[int, list[ViewAppearance]] = {}
@@ -107,7 +106,10 @@ def looks_of(take: Simulation, sets: Sequence[DetectionSet]) -> Looks:
 
 
 def dressed_visits(seed: int, seconds: float, settings: Settings = NO_SETTINGS) -> dict[str, Any]:
-    """What became of the ids of five people who come and go, by bones and place alone and with appearance."""
+    """Return the id figures of five persons who come and go, without and with appearance.
+
+    Without appearance, re-identification uses bone lengths and positions alone.
+    """
     what, rows = dressed_scene(seed, seconds), {}
     for name, seen in (("bones", None), ("appearance", looks_of)):
         own = {"tracking": {"memory": AWAY[1], "appearance": seen is not None}}
@@ -116,7 +118,7 @@ def dressed_visits(seed: int, seconds: float, settings: Settings = NO_SETTINGS) 
 
 
 def designated_figures(instants: Sequence[Instant], person: int) -> dict[str, int]:
-    """How long the subject was there, was found, and how long a bystander had the id; in instants."""
+    """Count the time steps with the subject present, found, and with a bystander under its id."""
     there = [now for now in instants if person in now.there]
     return {
         "there": len(there),
@@ -135,7 +137,10 @@ def designated(
     seconds: float = VISITS_S,
     progress: Progress = untold,
 ) -> dict[str, Any]:
-    """`designated_figures` of several takes together; the subject is told by the place at the beginning."""
+    """Return the sums of `designated_figures` over several takes.
+
+    The subject is designated by its position at the beginning.
+    """
     total = {"there": 0, "followed": 0, "taken": 0}
     for k in range(takes):
         progress(k / takes, "a designated person")
@@ -152,7 +157,11 @@ def designated(
 
 
 class Identity(Study):
-    """Trials of each kind; a tenth of it of few views; 6 s of visits for each trial, 3 s of other visits."""
+    """Trials of each kind; a tenth of it of few views; 6 s of visits for each trial, 3 s of other visits.
+
+    With --trials N, there are N trials per event, N / 10 takes with few views and N / 20 takes with a
+    designated person. Persons come and go for 6 N s, and those in different clothes for 3 N s.
+    """
 
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""The study `walkout`: somebody walks out of the cameras: all of them, then two, then one."""
+"""The study `walkout`: a person walks out of view; all cameras see the person, then two, then one."""
 
 from __future__ import annotations
 
@@ -28,19 +28,20 @@ from panoptic_ros.study.options import add_capture, add_seeds, add_settings
 from panoptic_ros.study.people.detected import detected
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, grouped, table
 
-SCENE, LEAVING = "walk-out-3p8v", 0  # and who of it walks out
+SCENE, LEAVING = "walk-out-3p8v", 0  # scene, and index of the person who walks out
 EVERY, TWO, ONE = "every view", "two views", "one view"
-SECONDS = ((EVERY, 1.0), (TWO, 3.0), (ONE, 4.5), ("", 6.0))  # when phases of the scene begin
-FEWEST = 3  # cameras, of which two can be drawn
+# s, begin of each phase of the scene; "" = does not count
+SECONDS = ((EVERY, 1.0), (TWO, 3.0), (ONE, 4.5), ("", 6.0))
+FEWEST = 3  # lower limit of cameras, of which two are drawn
 
 
 @dataclass(frozen=True)
 class Leaving:
-    """2D people of a take, and its truth.
+    """2D poses of a take and its ground truth.
 
     Args:
-        phases: of the stamp of every set; "" = it does not count. people: true ids who leave; None =
-            everybody.
+        phases: phase by timestamp of the set; "" = does not count.
+        people: true ids of persons who leave; None = all.
     """
 
     context: StageContext
@@ -54,8 +55,8 @@ class Leaving:
 class Walkout(Study):
     """Errors and ellipsoids by phase and by how many views see a joint, over all takes.
 
-    Bodies are scored, too, where `kinematics.everybody` is set. Of a capture, everybody is left with two
-    cameras after a third of the time, and with one of them after two thirds.
+    It also scores bodies if `kinematics.everybody` is set. In a capture, all persons are limited to two
+    cameras after a third of the time, and to one of these after two thirds.
     """
 
     columns = (
@@ -114,7 +115,7 @@ class Walkout(Study):
 
 
 def simulated(take: Simulation, settings: Parameters) -> Leaving:
-    """A take of the scene."""
+    """Return a take of the scene with its phases."""
     ticks = take.schedule.ticks
     stamps = [take.master_ns(tick) for tick in ticks]
     begins = [begin for _, begin in SECONDS]
@@ -135,7 +136,7 @@ def simulated(take: Simulation, settings: Parameters) -> Leaving:
 
 
 def thinned(take: Leaving, seed: int) -> Leaving:
-    """A take of which two cameras are left for the second third, and one of them for the last."""
+    """Keep two cameras in the second third of a take, and one of these in the last third."""
     names, count = take.context.rig.names, len(take.sets)
     drawn = np.random.default_rng([seed, 81]).choice(len(names), 2, replace=False)
     left = {EVERY: set(names), TWO: {names[k] for k in drawn}, ONE: {names[drawn[0]]}}
@@ -164,8 +165,10 @@ def thinned(take: Leaving, seed: int) -> Leaving:
 
 
 def solved(take: Leaving, everybody: bool = False) -> tuple[list[SkeletonFrame], list[SkeletonFrame]]:
-    """`/skeletons` of a take; and the joints of `/bodies`, with the views of their skeletons, if everybody
-    has one."""
+    """Return `/skeletons` of a take and, if all persons have bodies, the joints of `/bodies`.
+
+    The joints of bodies have the view counts of their skeletons.
+    """
     found: dict[str, list[Any]] = {"skeletons": [], "bodies": []}
     pipeline = Pipeline(
         take.configs,
@@ -183,7 +186,7 @@ def solved(take: Leaving, everybody: bool = False) -> tuple[list[SkeletonFrame],
     views = {(item.stamp_ns, n): row for item in skeletons for n, row in zip(item.ids.tolist(), item.views)}
     bodies = []
     for item in found["bodies"]:
-        near = nearest_instant(take, item.stamp_ns)  # bodies have instants of their own
+        near = nearest_instant(take, item.stamp_ns)  # bodies have timestamps of their own
         rows = [k for k, n in enumerate(item.ids.tolist()) if (near, n) in views]
         own = np.array([views[near, n] for n in item.ids[rows].tolist()], np.int64)
         points, spreads = item.keypoints[rows], item.keypoint_covariances[rows]
@@ -194,12 +197,12 @@ def solved(take: Leaving, everybody: bool = False) -> tuple[list[SkeletonFrame],
 
 
 def nearest_instant(take: Leaving, stamp_ns: int) -> int:
-    """The stamp of the set that is nearest to an instant."""
+    """Return the timestamp of the set nearest to a timestamp."""
     return min(take.phases, key=lambda stamp: abs(stamp - stamp_ns))
 
 
 def tally(take: Leaving, frames: Sequence[SkeletonFrame], tallies: Mapping[str, EllipsoidTally]) -> None:
-    """Add results of a take to the tallies of its phases."""
+    """Add the results of a take to the tallies of its phases."""
     names = take.context.skeleton.joint_names
     for pair in pair_sequences(take.truth, SkeletonSequence(names, tuple(frames))):
         phase = take.phases[nearest_instant(take, pair.stamp_ns)]

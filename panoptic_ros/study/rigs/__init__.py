@@ -1,4 +1,4 @@
-"""Studies of rigs after Joo et al. 2017, 7.3, on simulated people.
+"""Studies of camera rigs after Joo et al. 2017, section 7.3, on simulated persons.
 
-The truth is exact, where the paper took the result of 480 cameras for it.
+The ground truth is exact. The paper used the result of 480 cameras as ground truth instead.
 """

@@ -1,6 +1,6 @@
-"""The studies `cameras` and `nodes`: the same people from fewer and fewer cameras of a rig.
+"""The studies `cameras` and `nodes`: the same persons seen by decreasing numbers of cameras of a rig.
 
-2D people are those of a simulated detector. Every camera is the farthest from those before it.
+2D poses come from a simulated detector. Cameras are ordered so that each is the farthest from all before it.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ from panoptic_ros.study.rigs.solving import Method, score, solve
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, grouped, shared_out
 from panoptic_ros.study.world import truth_of
 
-AREA = 1.6  # m
+AREA = 1.6  # m, radius of the area in which persons move
 PAPER, NOTHING = "panoptic-studio", "none"
 MODEL = "movenet-multipose"
-PCK = (0.01, 0.02, 0.05)  # m
+PCK = (0.01, 0.02, 0.05)  # m, distance thresholds in the table
 
 
 class RigStudy(Study):
     """Base of the studies of a rig: simulated people, the default and a preset beside it.
 
     Attributes:
-        people, frames: defaults of the options.
+        people: default of the option --people.
+        frames: default of the option --frames.
     """
 
     people = "2,3,4,5,6,7"
@@ -77,7 +78,7 @@ class RigStudy(Study):
 
     @property
     def methods(self) -> list[Method]:
-        """The default, and the preset beside it."""
+        """Return the default method, and the method of the preset if there is one."""
         settings = read_parameters(None, self.options.settings)
         preset = read_preset("" if self.options.preset == NOTHING else self.options.preset)
         if preset is NO_PRESET:
@@ -114,7 +115,7 @@ class Nodes(RigStudy):
     has_plot = True
 
     def counts(self, rig: Rig) -> list[int]:
-        """Return numbers of cameras, in falling order."""
+        """Return the numbers of cameras in decreasing order."""
         return [len(rig)]
 
     def measure(self, case: Case, progress: Progress) -> Iterator[Row]:
@@ -142,13 +143,14 @@ class Nodes(RigStudy):
 
     def plot(self, path: Path, result: Result) -> None:
         """See `Study`."""
-        from panoptic_ros.view.study_plots import write_study_plot  # matplotlib is slow to load
+        # imported here because matplotlib is slow to load
+        from panoptic_ros.view.study_plots import write_study_plot
 
         write_study_plot(path, result["rows"], f"PCK, {self.source}")
 
     @property
     def source(self) -> str:
-        """The origin of 2D people, for the title of the plot."""
+        """Return the source of the 2D poses, for the title of the plot."""
         return f"simulated detector, noise {100 * self.options.noise:g} % of the person's size"
 
 
@@ -168,18 +170,18 @@ class Cameras(Nodes):
         )
 
     def counts(self, rig: Rig) -> list[int]:
-        """Numbers above the rig's count as its own; see `Nodes`."""
+        """Return the requested numbers of cameras in decreasing order, limited to the cameras of the rig."""
         return sorted({min(count, len(rig)) for count in self.options.cameras}, reverse=True)
 
 
 def with_curve(row: Row) -> Row:
-    """Return a row with the PCK at the distances of the table."""
+    """Return the row with the PCK at the distances of the table."""
     at = {f"pck_{100 * limit:.0f}cm": int((THRESHOLDS < limit - 1e-9).sum()) for limit in PCK}
     return row | {key: row["pck"][index] for key, index in at.items()}
 
 
 def of_type(path: Path, kind: str) -> Rig:
-    """Return the cameras of a type, for files that know types; else all."""
+    """Return the cameras of one type, or all cameras if the file has no types."""
     try:
         return read_rig(path, types=(kind,))
     except UsageError:
@@ -187,12 +189,12 @@ def of_type(path: Path, kind: str) -> Rig:
 
 
 def _kind(row: Row) -> tuple[str, str]:
-    """Return which cameras, and which method."""
+    """Return the name of the camera group and the name of the method."""
     return f"{row['cameras']} {'cameras' if row['kind'] == 'given' else row['kind']}", row["method"]
 
 
 def _together(rows: list[dict[str, Any]]) -> str:
-    """Return the accuracy of nodes and skeletons over all numbers of people, as in Table 3."""
+    """Return one line with the accuracy of nodes and skeletons over all numbers of persons, as in Table 3."""
     nodes, skeletons = (sum(row[key] for row in rows) for key in ("nodes", "skeletons"))
     wrong = sum(row["outlier_nodes"] + row["missed_nodes"] for row in rows)
     right = sum(row["skeletons"] * row["skeleton_accuracy"] for row in rows)

@@ -1,4 +1,4 @@
-"""The study `resolution`: rendered images of as many HD, VGA and QVGA cameras at the same places."""
+"""The study `resolution`: rendered images of equal numbers of HD, VGA and QVGA cameras at the same places."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ from panoptic_ros.study.study import Case, Row, shared_out
 from panoptic_ros.study.world import DETECTED, detected_sets, truth_of
 
 Array = np.ndarray
-AREA = 1.4  # m
-COSTS = (4.0, 3.0, 2.0, 1.0)  # about, of rendering and of HD, VGA and QVGA
+AREA = 1.4  # m, radius of the area in which persons move
+# approximate time ratios: rendering, then detection and solving of HD, VGA and QVGA
+COSTS = (4.0, 3.0, 2.0, 1.0)
 
 
 class Resolution(Nodes):
@@ -64,7 +65,7 @@ class Resolution(Nodes):
 
 
 def _render(take: Simulation, progress: Progress) -> dict[str, list[Array]]:
-    """Images (H, W, 3) of every camera at all instants."""
+    """Return the images (H, W, 3) of every camera at all time steps."""
     studio = Studio(take)
     names = take.rig.names
     return {
@@ -84,7 +85,7 @@ def _kinds(
 
 
 def _halved(image: Array) -> Array:
-    """Means of 2 x 2 pixels."""
+    """Return the image at half size: means of 2 x 2 pixels."""
     height, width = (side // 2 * 2 for side in image.shape[:2])
     blocks = image[:height, :width].reshape(height // 2, 2, width // 2, 2, 3)
     halved: Array = np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8)
@@ -92,6 +93,6 @@ def _halved(image: Array) -> Array:
 
 
 def _instants(take: Simulation, rig: Rig, images: dict[str, list[Array]]) -> Iterator[list[ViewFrame]]:
-    """The images of the cameras of a rig, instant by instant."""
+    """Yield the images of the cameras of a rig, one list per time step."""
     for index, tick in enumerate(take.schedule.ticks):
         yield [ViewFrame(name, to_stamp(tick), index, images[name][index]) for name in rig.names]

@@ -1,4 +1,4 @@
-"""PCK over all joints of all people, and the accuracy of nodes and skeletons."""
+"""Scores of rig studies: PCK over all joints of all persons, and the accuracy of nodes and skeletons."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from panoptic_ros.evaluation.joint_scores import ratio
 from panoptic_ros.evaluation.pairing import FramePair
 
 Array = np.ndarray
-THRESHOLDS = np.linspace(0.0, 0.10, 101)  # m, of the curve
-OUTLIER = 0.05  # m, from which on a node is an outlier: about the radius of a limb
+THRESHOLDS = np.linspace(0.0, 0.10, 101)  # m, of the PCK curve
+OUTLIER = 0.05  # m, a node with a larger error is an outlier; about the radius of a limb
 
 
 @dataclass(frozen=True)
@@ -21,13 +21,16 @@ class StudyScore:
     """Accuracy of one set of cameras.
 
     Args:
-        skeletons, nodes: true people and joints of all frames.
-        outlier_nodes: farther than `outlier_m` from the truth; missed_nodes: not there at all.
-        ghosts: people of the result who are nobody's.
+        skeletons: number of true skeletons in all frames.
+        nodes: number of their joints.
+        outlier_nodes: number of nodes with an error above `outlier_m`.
+        missed_nodes: number of true joints without a node.
+        ghosts: number of skeletons in the result without a true person.
         node_accuracy: share of the nodes that are neither outliers nor missed (Table 3 counts both).
-        skeleton_accuracy: share of the people without any such node.
-        median_mm: error of the nodes that are there.
+        skeleton_accuracy: share of the skeletons without any such node.
+        median_mm: median error of the nodes that were found, mm.
         pck: share of all nodes within each of `THRESHOLDS`.
+        outlier_m: error (m) above which a node is an outlier.
     """
 
     skeletons: int
@@ -42,12 +45,17 @@ class StudyScore:
     outlier_m: float = OUTLIER
 
     def to_mapping(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the fields and the thresholds as a mapping for JSON."""
         return asdict(self) | {"pck_thresholds_m": THRESHOLDS.round(4).tolist()}
 
 
 def score_study(pairs: Sequence[FramePair], joints: Sequence[int], outlier_m: float = OUTLIER) -> StudyScore:
-    """The score over frames, on some of the joints (column indices)."""
+    """Score matched frames on some of the joints.
+
+    Args:
+        joints: column indices of the joints.
+        outlier_m: error (m) above which a node is an outlier.
+    """
     columns = list(joints)
     rows = [np.zeros((0, len(columns)))]
     ghosts = 0

@@ -1,4 +1,4 @@
-"""From detection sets to skeletons with stage one, how good they are and what they cost."""
+"""Run stage one from detection sets to skeletons, score the skeletons, and measure the time."""
 
 from __future__ import annotations
 
@@ -35,18 +35,20 @@ SCORED = (
     "rKnee",
     "rAnkle",
 )
-SETTLED = 2  # frames at the start that do not count: the noise of the detector is being learnt
+SETTLED = 2  # frames at the start without a score, while the detector's noise level is estimated
 STAGES = ("association", "voting", "assembly")
-ALONE = {"association": {"temporal_guidance": False}}  # every instant by itself, as the paper's first stage
+# each set is solved independently, as in the paper's first stage
+ALONE = {"association": {"temporal_guidance": False}}
 
 
 @dataclass(frozen=True)
 class Method:
-    """A way to solve.
+    """A configuration of stage one.
 
     Args:
-        settings: parameters; those of `ALONE` count where these are silent.
-        skeleton: its name or YAML file, "" = that of the recording.
+        name: name in the table.
+        settings: parameters; they override those of `ALONE`.
+        skeleton: name or YAML file of a skeleton; "" = that of the recording.
     """
 
     name: str = "default"
@@ -56,14 +58,23 @@ class Method:
 
 @dataclass(frozen=True)
 class Solved:
-    """What a method made of a recording. seconds: of one thread, per instant, by stage."""
+    """Result of a method on a recording.
+
+    Args:
+        skeletons: one frame per detection set.
+        seconds: processor time (s) of one thread per set, by stage.
+    """
 
     skeletons: SkeletonSequence
     seconds: Mapping[str, float]
 
 
 def solve(method: Method, rig: Rig, skeleton: SkeletonModel, sets: Iterable[DetectionSet]) -> Solved:
-    """The skeletons of the views of `rig`; skeleton: of the sets."""
+    """Solve the skeletons from the views of the cameras in `rig`.
+
+    Args:
+        skeleton: skeleton of the sets.
+    """
     working, change = _working(method, skeleton)
     names = set(rig.names)
     frames: list[SkeletonFrame] = []
@@ -92,7 +103,7 @@ def solve(method: Method, rig: Rig, skeleton: SkeletonModel, sets: Iterable[Dete
 def _working(
     method: Method, skeleton: SkeletonModel
 ) -> tuple[SkeletonModel, Callable[[DetectionSet], DetectionSet]]:
-    """The skeleton that a method works on, and what makes sets of another one fit it."""
+    """Return the skeleton of a method, and a function that maps detection sets to its joints."""
     if not method.skeleton:
         return skeleton, lambda item: item
     working, joint_map = map_joints(method.skeleton, skeleton.joint_names)
@@ -100,7 +111,7 @@ def _working(
 
 
 def score(truth: SkeletonSequence, result: SkeletonSequence) -> StudyScore:
-    """The 15 joints of the paper, in all frames but the first ones."""
+    """Score the 15 joints of the paper in all frames but the first ones."""
     pairs = pair_sequences(truth, result, _skipped(len(truth.frames)))
     return score_study(pairs, [truth.joint_names.index(name) for name in SCORED])
 

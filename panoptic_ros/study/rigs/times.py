@@ -16,9 +16,10 @@ from panoptic_ros.study.rigs.solving import solve
 from panoptic_ros.study.study import Case, Column, Result, Row, shared_out
 from panoptic_ros.study.world import DETECTED, VGA_MAPS, detected_sets, instants_of
 
-TIMED, SEEN_BY = 2, 3  # instants and cameras whose images are rendered and detected
+# number of timed images per camera, and number of cameras that are rendered and detected
+TIMED, SEEN_BY = 2, 3
 INSTANTS = round(60.0 * RATE)
-PROCEDURES = {  # of Table 2, by the stage that does it here
+PROCEDURES = {  # rows of Table 2, by the stage that does the same here
     "detection": "2D pose detection (5.1)",
     "association": "association of 2D people (not there)",
     "voting": "node and part proposals (5.1-5.2)",
@@ -59,7 +60,7 @@ class Time(RigStudy):
 
 
 def seconds_per_image(context: StageContext, instants: Sequence[Sequence[ViewFrame]]) -> float:
-    """Return the mean processor time (s) of the detector for an image; the first instant is left out."""
+    """Return the mean processor time (s) of the detector per image, without the first time step."""
     list(detected_sets(context, instants[:1]))
     begun = time.process_time()
     list(detected_sets(context, instants[1:]))
@@ -67,7 +68,7 @@ def seconds_per_image(context: StageContext, instants: Sequence[Sequence[ViewFra
 
 
 def _detection_s(rig: Rig, people: int, seed: int) -> float:
-    """Seconds for one image of the rig."""
+    """Return the detection time (s) of one image of the rig."""
     take = simulate(study_scene(rig, people, AREA, CLEAN), seed, 1 + TIMED)
     skeleton, extras = detector_extras(MODEL, DETECTED)
     instants = list(instants_of(take, farthest_first(rig, SEEN_BY).names))
@@ -75,7 +76,7 @@ def _detection_s(rig: Rig, people: int, seed: int) -> float:
 
 
 def duration(seconds: float) -> str:
-    """Return a time in the unit that suits it."""
+    """Return a time as text in seconds, minutes or hours."""
     if seconds < 120.0:
         return f"{seconds:.1f} s"
     return f"{seconds / 60.0:.0f} m" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"

@@ -1,6 +1,6 @@
-"""Times aniposelib's triangulation in whatever Python has it: a script that needs nothing of this project.
+"""Script that measures the time of aniposelib's triangulation; it imports nothing of this project.
 
-python aniposelib_child.py IN.npz OUT.npz
+It runs in any Python interpreter that has aniposelib: python aniposelib_child.py IN.npz OUT.npz
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Worlds of other skeletons: the growth of time with the number of joints, and recordings without some."""
+"""Worlds with other skeletons, for the growth of time with the number of joints.
+
+It also maps recordings to skeletons that lack some of the recorded joints.
+"""
 
 from __future__ import annotations
 
@@ -16,11 +19,11 @@ from panoptic_ros.simulation.whole_body import named_joints, project_joints
 from panoptic_ros.study.stage1.layouts import ACTIVITIES, layout_of
 from panoptic_ros.study.world import World
 
-NOISE_PX = 2.0
+NOISE_PX = 2.0  # standard deviation of the 2D joints, px
 
 
 def any_skeleton_world(name: str, people: int, views: int, frames: int, seed: int) -> World:
-    """People in the joints of a skeleton model, seen with noise, nobody hidden; with maps."""
+    """Simulate persons with the joints of a skeleton model, with pixel noise, score maps and no occlusion."""
     skeleton, layout = load_skeleton(name), layout_of(views, people)
     activities = tuple(np.resize(ACTIVITIES, people).tolist())
     take = simulate(Scene("bench", activities, layout.rig, area=layout.area, degradation=CLEAN), seed, frames)
@@ -42,10 +45,10 @@ def any_skeleton_world(name: str, people: int, views: int, frames: int, seed: in
 
 
 def in_joints_of(world: World, name: str) -> World:
-    """The world in the joints of another skeleton model.
+    """Map a world to the joints of another skeleton model.
 
     Raises:
-        ConfigError: if there is none of that name, or it has none of the world's joints.
+        ConfigError: if there is no model of this name, or it has none of the world's joints.
     """
     skeleton, joint_map = map_joints(name, world.skeleton.joint_names)
     sets = tuple(set_in_joints(item, skeleton, joint_map) for item in world.sets)
@@ -53,7 +56,11 @@ def in_joints_of(world: World, name: str) -> World:
 
 
 def set_in_joints(item: DetectionSet, skeleton: SkeletonModel, joint_map: JointMap) -> DetectionSet:
-    """A set in the joints of another skeleton model; joint_map: to its joints."""
+    """Map a detection set to the joints of another skeleton model.
+
+    Args:
+        joint_map: map from the set's joints to those of `skeleton`.
+    """
 
     def mapped(view: ViewDetections) -> ViewDetections:
         points, scores = joint_map.apply(view.points, view.scores)
@@ -65,7 +72,7 @@ def set_in_joints(item: DetectionSet, skeleton: SkeletonModel, joint_map: JointM
 
 
 def maps_of(maps: ScoreMaps, joint_map: JointMap) -> ScoreMaps:
-    """The maps of those joints that are taken as they are."""
+    """Return the score maps of those joints that the joint map copies from one source joint."""
     new = np.full(joint_map.source_count, -1)
     for joint, sources in enumerate(joint_map.sources):
         if len(sources) == 1:

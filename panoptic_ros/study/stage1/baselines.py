@@ -1,8 +1,8 @@
-"""Rows of named baselines on the same 2D people.
+"""Table rows of the baselines, from the same 2D poses as this project's stages.
 
-Baseline: greedy grouping by ray distance, linear triangulation, identity of the nearest.
-
-What a small script does that takes 2D people to 3D: no robust weights, no prediction, no model of noise.
+The greedy baseline groups 2D poses by ray distance, triangulates linearly and assigns the nearest identity.
+It stands for a small script that lifts 2D poses to 3D: no robust weights, no prediction, no noise model. The
+other rows triangulate with identities from the simulator.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from panoptic_ros.study.stage1 import aniposelib_child
 from panoptic_ros.study.stage1.rows import Rows, of_points
 from panoptic_ros.study.stopwatch import Times
 
-MOST_VIEWS = 31  # of larger rigs every n-th view is used
-LARGEST_GAP = 0.06  # m, median distance of the rays of two 2D people that are one person
-LARGEST_RESIDUAL = 20.0  # px, of the second triangulation
-FEWEST_JOINTS = 8  # that a person has, and that two 2D people share
-SAME_PERSON = 0.6  # m, mean distance to where a person was seen last
-MEMORY = 15  # frames
+MOST_VIEWS = 31  # limit of views; larger rigs use every n-th view
+LARGEST_GAP = 0.06  # m, limit of the median ray distance between two 2D poses of one person
+LARGEST_RESIDUAL = 20.0  # px, limit of the reprojection error in the second triangulation
+FEWEST_JOINTS = 8  # lower limit of joints of a person, and of joints that two 2D poses share
+SAME_PERSON = 0.6  # m, limit of the mean joint distance to the last position of a track
+MEMORY = 15  # frames after which a lost track is not continued
 Array = np.ndarray
 GIVEN = "identities given"
 MISSING = "not installed: pip install aniposelib (best in an environment of its own), --aniposelib PYTHON"
 
 
 class GreedyBaseline:
-    """2D people of one instant to skeletons with identity, frame after frame."""
+    """Greedy baseline: 2D poses of each set to skeletons with identity, set by set."""
 
     def __init__(self, rig: Rig):
         self._cameras = rig.cameras[:: -(-len(rig) // MOST_VIEWS)]
@@ -47,14 +47,14 @@ class GreedyBaseline:
         self._tracks: dict[int, tuple[int, Array]] = {}
 
     def step(self, item: DetectionSet) -> tuple[Array, Array]:
-        """Identities (P,) and joints (P, J, 3) m, NaN = missing."""
+        """Return identities (P,) and joints (P, J, 3) m of one set; NaN = missing."""
         views, plane, scores = self._gather(item)
         people = [self._solve(views, plane, scores, group) for group in self._groups(views, plane)]
         people = [p for p in people if np.isfinite(p[:, 0]).sum() >= FEWEST_JOINTS]
         return self._identify(item.index, people), np.array(people).reshape(len(people), plane.shape[1], 3)
 
     def _gather(self, item: DetectionSet) -> tuple[Array, Array, Array]:
-        """View (D,), undistorted joints (D, J, 2) and scores (D, J) of all 2D people."""
+        """Return view (D,), undistorted joints (D, J, 2) and scores (D, J) of all 2D poses."""
         records = [view for view in item.views if view.camera in self._index and len(view.points)]
         joints = item.views[0].points.shape[1] if item.views else 0
         views, plane, scores = [np.zeros(0, int)], [np.zeros((0, joints, 2))], [np.zeros((0, joints))]
@@ -66,14 +66,14 @@ class GreedyBaseline:
         return np.concatenate(views), np.concatenate(plane), np.concatenate(scores)
 
     def _groups(self, views: Array, plane: Array) -> list[list[int]]:
-        """2D people that belong together, the nearest pairs first, one per view."""
+        """Group 2D poses of one person, at most one per view; merge the nearest pairs first."""
         gaps = self._gaps(views, plane)
         near = np.argwhere(np.triu(gaps < LARGEST_GAP))
-        group = [[d] for d in range(len(views))]  # of each 2D person; merged ones share a list
+        group = [[d] for d in range(len(views))]  # group of each 2D pose; merged poses share one list
         for a, b in near[np.argsort(gaps[tuple(near.T)], kind="stable")]:
             mine, other = group[a], group[b]
             if mine is other or gaps[np.ix_(mine, other)].mean() > LARGEST_GAP:
-                continue  # the mean is infinite if the two groups have a view in common
+                continue  # two groups with a view in common have an infinite mean
             mine += other
             for d in other:
                 group[d] = mine
@@ -81,7 +81,7 @@ class GreedyBaseline:
         return [members for members in unique.values() if len(members) >= self._fewest_views]
 
     def _gaps(self, views: Array, plane: Array) -> Array:
-        """Median distance (D, D) m of the rays of common joints; infinite inside a view."""
+        """Return the median ray distance (D, D) m of common joints; infinite within one view."""
         rotations = self._stack.rotations[views]
         rays = np.einsum("djk,dki->dji", np.concatenate([plane, np.ones_like(plane[..., :1])], -1), rotations)
         rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
@@ -97,7 +97,7 @@ class GreedyBaseline:
         return gaps
 
     def _solve(self, views: Array, plane: Array, scores: Array, group: list[int]) -> Array:
-        """Joints (J, 3) m of one person, triangulated twice."""
+        """Triangulate the joints (J, 3) m of one person twice; the second time without outliers."""
         joints = plane.shape[1]
         seen, weights = np.zeros((joints, len(self._cameras), 2)), np.zeros((joints, len(self._cameras)))
         seen[:, views[group]] = plane[group].swapaxes(0, 1)
@@ -109,7 +109,7 @@ class GreedyBaseline:
         return triangulate_linear(self._stack, seen, kept)
 
     def _identify(self, index: int, people: list[Array]) -> Array:
-        """Identity (P,) of the nearest recent skeleton, nearest pairs first, else a new one."""
+        """Return the identity (P,) of the nearest recent skeleton, or a new one; nearest pairs come first."""
         pairs = []
         for number, (last, joints) in self._tracks.items():
             for k, person in enumerate(people if index - last <= MEMORY else []):
@@ -127,7 +127,7 @@ class GreedyBaseline:
 
 
 def greedy_rows(rows: Rows) -> None:
-    """The whole way from 2D people to identities."""
+    """Add the row of the greedy baseline, from 2D poses to identities."""
     baseline = GreedyBaseline(rows.world.rig)
 
     def step(item: DetectionSet) -> tuple[int, Array, Array]:
@@ -143,7 +143,7 @@ def greedy_rows(rows: Rows) -> None:
 
 
 def given_rows(rows: Rows, anipose: str | None) -> None:
-    """Triangulation alone, of the 2D joints that the simulator says are of one person's joint."""
+    """Add the rows of triangulation alone, with the true association of the simulator."""
     world = rows.world
     stack = world.rig.stack()
     stamps = [item.stamp_ns for item in world.sets]
@@ -175,7 +175,10 @@ def _numbered(result: tuple[int, Array]) -> Any:
 
 
 def _anipose_row(rows: Rows, python: str | None) -> None:
-    """aniposelib's triangulation, in its own interpreter: it brings large packages with it."""
+    """Add the row of aniposelib's triangulation.
+
+    It runs in a separate interpreter, because aniposelib depends on large packages.
+    """
     method, step = "aniposelib (baseline)", "triangulation"
     if python is None and importlib.util.find_spec("aniposelib") is None:
         rows.add(step, method, None, None, MISSING)

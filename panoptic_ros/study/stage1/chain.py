@@ -1,4 +1,4 @@
-"""Rows of this project's stages: voting on maps, assembly, tracking, refinement."""
+"""Table rows of this project's stages: voting on score maps, assembly, tracking, refinement."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.stage import VotingStage
 from panoptic_ros.voting.volume import Volume
 
-WANTED = Demands(0.1, 3, 0.1)  # of the searches of the whole volume
+# score threshold, views and view threshold of the searches over the whole volume
+WANTED = Demands(0.1, 3, 0.1)
 VOXEL = 0.04  # m
 
 
 def voting_rows(rows: Rows, dense: bool) -> None:
-    """Every way to vote, on the maps; `dense` and `exact` must find the same."""
+    """Add a row for every voting method on score maps; `dense` and `exact` must find the same nodes."""
     world = rows.world
     volume = Volume.between(world.bounds, VOXEL)
 
@@ -43,7 +44,7 @@ def voting_rows(rows: Rows, dense: bool) -> None:
     found = rows.run("voting", "exact, coarse to fine", exact, world.sets, note=note)
     if dense:
         little = Volume.between((0, 0, 0, 1, 1, 1), 0.25)
-        dense_nodes(scene(world.sets[0]), little, WANTED)  # compiles
+        dense_nodes(scene(world.sets[0]), little, WANTED)  # compile the kernels
         expected = rows.run("voting", "dense (baseline)", every_voxel, world.sets, note=note, warmed=True)
         same = (np.array_equal(a, b) for pair in zip(expected, found) for a, b in zip(*pair))
         rows.rows[-1]["equal_to_exact"] = all(same)
@@ -58,32 +59,32 @@ def voting_rows(rows: Rows, dense: bool) -> None:
 
 
 class WatchedVoting(VotingStage):
-    """The stage, which remembers what explaining away left to be searched."""
+    """Voting stage that stores the inputs of the search after explaining away."""
 
     def __init__(self, config: VotingConfig, context: StageContext):
         self.left: list[tuple[Any, ...]] = []
         super().__init__(config, context)
 
     def reset(self) -> None:
-        """As the stage's."""
+        """Reset the stage and forget the stored inputs."""
         super().reset()
         self.left.clear()
 
     def unexplained(self, *given: Any) -> Nodes:
-        """As the stage's."""
+        """Store the input, then search as the stage does."""
         self.left.append(given)
         return super().unexplained(*given)
 
     def again(self, given: tuple[Any, ...]) -> Nodes:
-        """The search of what was left, alone."""
+        """Repeat the search on a stored input, without the rest of the stage."""
         return super().unexplained(*given)
 
 
 class Fed:
-    """Association, voting and assembly of one instant, told by tracking who was where before.
+    """Association, voting and assembly of one set, with feedback from tracking.
 
     Args:
-        maps: with voting; else from 2D people alone.
+        maps: vote on score maps; False = use 2D poses alone.
     """
 
     def __init__(self, rows: Rows, settings: Settings, maps: bool):
@@ -94,7 +95,7 @@ class Fed:
         self._last: PoseSet | None = None
 
     def __call__(self, item: DetectionSet) -> PoseSet:
-        """The skeletons of an instant."""
+        """Return the skeletons of a set."""
         found: AssociationSet = only(self._association.step(item))
         proposals = ProposalSet.of_nothing(found)
         if self._voting is not None:
@@ -104,7 +105,10 @@ class Fed:
         return poses
 
     def following(self, sets: Sequence[DetectionSet]) -> Iterator[DetectionSet]:
-        """The sets, with tracking's answer to each before the next; that time is not measured."""
+        """Yield the sets; after each set, feed its tracks back to association.
+
+        Tracking runs outside the timed call.
+        """
         for item in sets:
             yield item
             if self._last is not None and self._last.stamp_ns == item.stamp_ns:
@@ -113,21 +117,21 @@ class Fed:
 
 
 def people_rows(rows: Rows) -> None:
-    """From 2D people to skeletons, without maps."""
+    """Add the rows from 2D poses to skeletons, without score maps."""
     poses = _assemble(rows, "from 2D people, guided", {})
     _follow(rows, poses)
     _assemble(rows, "every instant alone", {"association": {"temporal_guidance": False}})
 
 
 def _assemble(rows: Rows, method: str, settings: Settings, maps: bool = False, note: str = "") -> list[Any]:
-    """Association and assembly; the whole of stage one if there are maps."""
+    """Add a row of association and assembly, or of all stage one with score maps; return its results."""
     fed = Fed(rows, settings, maps)
     step = "whole stage" if maps else "assembly"
     return rows.run(step, method, fed, fed.following(rows.world.sets), of_poses, note)
 
 
 def _follow(rows: Rows, poses: Sequence[Any]) -> None:
-    """Tracking and refinement of what assembly gave."""
+    """Add the rows of tracking and refinement on the assembled poses."""
     tracking, stage = rows.stage("tracking", {}), rows.stage("refinement", {})
     tracked = rows.run("tracking", "default", lambda item: tracking.step(item).outputs[0], poses)
     results = rows.run("refinement", "default", stage.step, tracked)
@@ -136,7 +140,7 @@ def _follow(rows: Rows, poses: Sequence[Any]) -> None:
 
 
 def mapped_rows(rows: Rows) -> None:
-    """From score maps to skeletons: the whole of stage one, and the paper's dynamic programming."""
+    """Add the rows from score maps to skeletons: all of stage one, and the paper's dynamic programming."""
     _assemble(rows, "voting and assembly, from maps", {}, maps=True)
     paper = {"assembly": {"method": "dynamic_programming"}}
     seeds = {"voting": {"method": "seeds", "explain_away": False}}
@@ -144,6 +148,6 @@ def mapped_rows(rows: Rows) -> None:
 
 
 def _associations(rows: Rows) -> list[AssociationSet]:
-    """The people of all sets, as the graph associates them."""
+    """Return the associations of all sets from the association stage of the graph."""
     context = StageContext(rows.world.rig, rows.world.skeleton)
     return records_of("associations", rows.world.sets, configure({}), context)

@@ -1,4 +1,4 @@
-"""The baseline of the exact search: eq. 1 of Joo et al. 2017 at every voxel, and its local maxima."""
+"""Baseline of the exact search: eq. 1 of Joo et al. 2017 at every voxel, and its local maxima."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from panoptic_ros.voting.volume import Volume
 from panoptic_ros.voting.votes import COVERED, LANES, SIZE, place, score, see, strides
 
 Array = np.ndarray
-BLOCK_VALUES = 4_000_000  # votes that are held in memory at a time
+BLOCK_VALUES = 4_000_000  # limit of votes in memory at a time
 
 
 def dense_nodes(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
-    """What `exact.maxima` finds. Works slab by slab, so memory stays bounded."""
+    """Return the nodes that `exact.maxima` also finds; work in slabs, so that memory stays bounded."""
     nx, ny, nz = volume.shape
     joint_count = scene.map_start.shape[1]
     thick = max(1, BLOCK_VALUES // max(joint_count * ny * nz, 1))
@@ -38,7 +38,13 @@ def dense_nodes(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
 
 
 def is_maximum(rank: Array, at: Array) -> Array:
-    """Whether the places at (N, 4) of rank (J, nx, ny, nz) are local maxima (N,)."""
+    """Return which voxels are local maxima (N,).
+
+    Args:
+        rank: votes (J, nx, ny, nz).
+        at: indices (N, 4) of the voxels to test. Among equal neighbours, the first in index order is the
+            maximum.
+    """
     padded = np.pad(rank, ((0, 0), (1, 1), (1, 1), (1, 1)), constant_values=-1.0)
     joint, x, y, z = at.T
     own = rank[joint, x, y, z]
@@ -54,7 +60,7 @@ def is_maximum(rank: Array, at: Array) -> Array:
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def vote_block(scene, volume, view_threshold):
-    """Votes and supporting views (J, nx, ny, nz) at the centres of all voxels of a volume."""
+    """Compute votes and supporting views (J, nx, ny, nz) at the centres of all voxels of a volume."""
     (x0, y0, z0), (x1, y1, z1), side = volume
     shape = scene.map_start.shape[1], x1 - x0, y1 - y0, z1 - z0
     votes, support, lanes = np.zeros(shape), np.zeros(shape, np.int64), np.zeros(SIZE)

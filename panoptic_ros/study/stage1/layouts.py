@@ -1,4 +1,4 @@
-"""Simulated worlds of any number of people and views, with the simulator's own identities."""
+"""Simulated worlds for any number of persons and views, with the simulator's own identities."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ACTIVITIES = ("walk", "walk", "talk", "reach", "turn", "crouch", "wave", "sit-do
 
 @dataclass(frozen=True)
 class Layout:
-    """Cameras, the radius (m) that people use, and the working volume (m)."""
+    """Rig plan, radius (m) of the area of the persons, working volume (m), and size of the score maps."""
 
     rig: RigPlan
     area: float
@@ -39,7 +39,7 @@ class Layout:
 
 
 def layout_of(views: int, people: int) -> Layout:
-    """A room's corners, a ring, a dome of HD cameras, or the cameras of a studio's panels.
+    """Return a room's corners, a ring, a dome of HD cameras, or the cameras of a studio's panels.
 
     Raises:
         UsageError: for fewer than two views or more than 480.
@@ -59,17 +59,17 @@ def layout_of(views: int, people: int) -> Layout:
 
 @dataclass(frozen=True)
 class Spread:
-    """VGA cameras of the studio's 480, each the farthest from those before it."""
+    """VGA cameras of the studio's 480, each the farthest from all before it."""
 
     cameras: int
 
     def build(self, rng: np.random.Generator) -> Rig:
-        """The cameras."""
+        """Return the rig of these cameras."""
         return farthest_first(PanelDome(24).build(rng), self.cameras)
 
 
 def make_world(people: int, views: int, frames: int, seed: int, maps: bool) -> World:
-    """A take of a noisy detector."""
+    """Simulate a take with a noisy detector."""
     layout = layout_of(views, people)
     faults = NOISY if views <= 48 else replace(NOISY, noise_px=1.0, size_px=250.0, outlier_px=20.0)
     activities = tuple(np.resize(ACTIVITIES, people).tolist())
@@ -82,7 +82,7 @@ def make_world(people: int, views: int, frames: int, seed: int, maps: bool) -> W
 
 
 def _given(take: Simulation, frames: int) -> list[tuple[Array, Array]]:
-    """Pixels (P, J, C, 2) and scores (P, J, C) of all frames, see `World.given`."""
+    """Return pixels (P, J, C, 2) and scores (P, J, C) of all frames; see `World.given`."""
     rows = []
     for _, views in take.sightings():
         pixels = np.full((len(take.people), len(SKELETON), len(take.rig), 2), np.nan)

@@ -1,4 +1,4 @@
-"""One row of the table per method: its times and, where it gives skeletons, how good these are."""
+"""Table rows of one case: times of a method and, if it yields skeletons, their accuracy."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from panoptic_ros.study.world import World
 
 Array = np.ndarray
 Settings = dict[str, dict[str, Any]]
-SETTLED = 5  # frames that accuracy leaves out: temporal guidance and noise have to be learnt
+SETTLED = 5  # frames without a score, while temporal guidance and noise level settle
 
 
 class Rows:
-    """Collects the rows of one case.
+    """Collector of the rows of one case.
 
-    budget_s: of wall time per row.
+    Args:
+        world: detection sets and ground truth.
+        budget_s: processor time (s) per row.
     """
 
     def __init__(self, world: World, budget_s: float):
@@ -30,7 +32,7 @@ class Rows:
         self.rows: list[dict[str, Any]] = []
 
     def stage(self, name: str, settings: Settings) -> Stage[Any, Any]:
-        """A stage of the graph with these parameters."""
+        """Return a stage of the graph with these parameters."""
         context = StageContext(self.world.rig, self.world.skeleton)
         return make_stage(name, configure(settings)[name], context)
 
@@ -44,10 +46,10 @@ class Rows:
         note: str = "",
         warmed: bool = False,
     ) -> list[Any]:
-        """Time `call` on the items and add a row; returns what the calls gave.
+        """Time `call` on the items, add a row, and return the results of the calls.
 
         Args:
-            skeletons: from what a call gives, if its accuracy is to be measured.
+            skeletons: converts a result to a skeleton frame; None = do not measure accuracy.
         """
         results, times = timed(call, items, self.budget_s, warmed)
         frames = [skeletons(result) for result in results] if skeletons else None
@@ -62,14 +64,14 @@ class Rows:
         frames: Sequence[SkeletonFrame] | None,
         note: str = "",
     ) -> None:
-        """Add a row; `frames` are those of the first sets."""
+        """Add a row; `frames` belong to the first sets."""
         row: dict[str, Any] = {"step": step, "method": method, "note": note}
         row |= times.to_mapping() if times else {}
         row |= self.quality(frames) if frames else {}
         self.rows.append(row)
 
     def quality(self, frames: Sequence[SkeletonFrame]) -> dict[str, Any]:
-        """Scores of skeletons against the truth, if it is known."""
+        """Return the scores of skeletons against the ground truth; empty if it is unknown."""
         truth = self.world.truth
         if truth is None:
             return {}
@@ -85,18 +87,21 @@ class Rows:
 
 
 def only(result: Any) -> Any:
-    """The one output of a step."""
+    """Return the single output of a step."""
     (output,) = result.outputs
     return output
 
 
 def of_poses(poses: PoseSet) -> SkeletonFrame:
-    """For scoring; people without identity are numbered."""
+    """Convert a pose set to a skeleton frame for scoring; persons without identity get numbers."""
     ids = poses.ids if isinstance(poses, TrackedPoseSet) else np.arange(len(poses.positions))
     return SkeletonFrame(poses.stamp_ns, ids, poses.positions, poses.covariances)
 
 
 def of_points(stamp_ns: int, ids: Array, positions: Array) -> SkeletonFrame:
-    """For scoring, of people (P, J, 3) without covariances; those without any joint are left out."""
+    """Convert joints (P, J, 3) without covariances to a skeleton frame for scoring.
+
+    Persons without any joint are left out.
+    """
     there = np.isfinite(positions[..., 0]).any(axis=1)
     return SkeletonFrame(stamp_ns, np.asarray(ids)[there], positions[there])

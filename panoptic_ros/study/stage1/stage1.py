@@ -1,6 +1,6 @@
-"""The study `stage1`: every stage from 2D people or maps to skeletons beside named baselines.
+"""The study `stage1`: every stage from 2D poses or score maps to skeletons, next to named baselines.
 
-Each case is measured in a fresh process of one thread; see the package for data and baselines.
+Each case runs in a fresh process with one thread. The package docstring lists data and baselines.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study, grouped, 
 from panoptic_ros.study.world import World, bag_world
 
 ALL = ("people", "maps", "voting", "baselines")  # parts of a case
-DENSE_VIEWS = 31  # up to so many views the dense voter takes part
+DENSE_VIEWS = 31  # limit of views for the dense voter
 MANY_PEOPLE, MANY_FRAMES = 7, 8
 SKELETONS = "panoptic15,panoptic19,body25,blazepose33,wholebody133"
 GROWTH = (
@@ -159,7 +159,7 @@ def _case(kind: str, people: int, views: int, request: dict[str, Any]) -> Case:
 
 
 def growth(rows: Sequence[Row]) -> list[Row]:
-    """Return exponents of the median time of every method in views, people and joints, all else equal."""
+    """Fit the exponent of the median time of every method in views, persons and joints, all else equal."""
     grid = [row for row in rows if row["kind"] == "grid"]
     most = max((row["people"] for row in grid), default=0)
     sizes = sorted({row["views"] for row in grid})
@@ -190,8 +190,8 @@ def measure_case(request: dict[str, Any]) -> list[Row]:
     """Return the rows of a case.
 
     Args:
-        request: parts (of ALL, and dense), budget_s; people, views, frames, seed; or bag, cameras, truth; or
-            skeleton.
+        request: parts (of ALL, and dense) and budget_s. Source: people, views, frames and seed, with skeleton
+            as an option; or bag, cameras and truth.
     """
     parts = set(request["parts"])
     world = _world(request, bool(parts & {"maps", "voting"}))

@@ -1,4 +1,4 @@
-"""The study `patches`: time of every stage of the motion of the surface, by the number of views."""
+"""The study `patches`: processor time of every stage of surface motion, by number of views."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.world import instants_of
 
 VIEWS = "4,6,8,16"
-FEWEST = 20  # frames
+FEWEST = 20  # lower limit of frames
 SCENE = "rendered-4p6v"
-WARM = 8  # instants that are not counted
+WARM = 8  # warm-up time steps that do not count
 
 
 class Patches(Study):
@@ -81,7 +81,7 @@ class Patches(Study):
 
 
 def measure_case(request: dict[str, Any]) -> dict[str, Any]:
-    """Processor time per instant of each stage of stage two, and patches.
+    """Return the processor time per time step of each stage of stage two, and the number of patches.
 
     Args:
         request: views, seed, frames.
@@ -106,7 +106,7 @@ def measure_case(request: dict[str, Any]) -> dict[str, Any]:
 
 
 def _spent(rig: Any, instants: list[Any], active: bool) -> tuple[dict[str, float], float]:
-    """Milliseconds per instant of each stage, and the mean number of patches."""
+    """Return the processor time (ms per time step) of each stage, and the mean number of patches."""
     spent: Counter[str] = Counter()
     counts: list[int] = []
 

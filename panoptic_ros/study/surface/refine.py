@@ -1,4 +1,4 @@
-"""The study `refine`: the value of the motion of the surface on a capture with truth."""
+"""The study `refine`: the value of surface motion, on a capture with ground truth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.surface.refine_depth import free_space, transforms
 from panoptic_ros.study.surface.refine_ways import FILTERS, Played, Posed, offline, paper, play, smoothed
 
-LAGS = (0.0, 0.12, 1.0)  # s
+LAGS = (0.0, 0.12, 1.0)  # s, of the smoother
 
 
 class SurfaceStudy(Study):
@@ -42,14 +42,17 @@ class SurfaceStudy(Study):
         add_settings(parser)
 
     def played(self, progress: Progress) -> Played:
-        """Run the capture, with noise of depth sensors drawn by the first seed."""
+        """Run the capture; the first seed draws the noise of the depth sensors."""
         given = self.options
         settings, seed = read_parameters(None, given.settings), given.seeds.start
         return play(given.capture, given.cameras, settings, given.depth, seed, part_of(progress, 0.0, 0.9))
 
 
 class Refine(SurfaceStudy):
-    """A capture is run once and smoothed in every way; rows go without depth maps unless they say so."""
+    """A capture is run once and smoothed in every way; rows go without depth maps unless they say so.
+
+    Rows with depth maps have "depth" in their names.
+    """
 
     columns = (
         Column("method", "method"),
@@ -118,13 +121,15 @@ class Refine(SurfaceStudy):
 
 
 def lag_shown(lag: float | None) -> str:
-    """Of a row."""
+    """Return the lag (s) of a row as text; "all" = the whole recording."""
     return "all" if lag is None else f"{lag:.2f}"
 
 
 def patch_scores(folder: Path, played: Played, patches: Sequence[PatchTrajectories]) -> dict[str, float]:
-    """How well motions of parts carry true joints, and how many patches are on the right part if the folder
-    tells where the surface is."""
+    """Score the motions of body parts, and the association of patches if the folder has the true surface.
+
+    The motions are scored on the true joints that they propagate.
+    """
     context, pairs = StageContext(played.rig, played.skeleton), played.pairs(played.raw)
     found = transforms(patches, pairs, context, played.truth_order)
     surface = read_surface(folder)

@@ -1,4 +1,7 @@
-"""Depth maps of a capture folder as sensors of their own, for the study of refinement; and what they tell."""
+"""Depth maps of a capture folder as separate sensors, for the studies of refinement.
+
+It also scores the free-space test of depth maps and the propagation of joints by patches.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +24,11 @@ from panoptic_ros.simulation.kinect import kinect_like
 from panoptic_ros.stage import StageContext
 
 Array = np.ndarray
-OUTLIER = 0.15  # m
+OUTLIER = 0.15  # m, displacement of the simulated outliers
 
 
 def with_sensors(folder: Path, rig: Rig) -> Rig:
-    """The rig, whose cameras' registered depth maps are those of sensors of their own."""
+    """Return the rig with one depth sensor per camera that has registered depth maps."""
     own = {sensor.name: sensor for sensor in rig.depth_sensors}
     for camera in rig.cameras:
         files = depth_files(folder, camera.name)
@@ -39,10 +42,12 @@ def with_sensors(folder: Path, rig: Rig) -> Rig:
 def depth_frames(
     folder: Path, rig: Rig, stamps: Mapping[tuple[str, int], int], kinect: bool, seed: int
 ) -> Iterator[DepthFrame]:
-    """The maps of all sensors of such a rig.
+    """Yield the depth maps of all sensors of a rig from `with_sensors`.
 
     Args:
-        stamps: ns of the images, by camera and frame. kinect: with the noise of a sensor, drawn by the seed.
+        stamps: timestamps (ns) of the images, by camera and frame.
+        kinect: add the noise of a sensor.
+        seed: seed of this noise.
     """
     rng = np.random.default_rng(seed)
     registered = {sensor.name: sensor.colour_camera for sensor in rig.depth_sensors}
@@ -62,8 +67,10 @@ def depth_frames(
 def free_space(
     rig: Rig, frames: Sequence[DepthFrame], pairs: Sequence[FramePair], face: Array
 ) -> dict[str, float]:
-    """Shares of joints that a sensor sees through: true ones, measured ones that are within 5 cm, and true
-    ones that are moved by 15 cm in any direction.
+    """Return the shares of joints that a sensor sees as free space.
+
+    The joints are true ones, measured ones with an error below 5 cm, and true ones moved by 15 cm in a random
+    direction.
 
     Args:
         face: (J,) bool, joints that are not tested.
@@ -97,10 +104,13 @@ def transforms(
     context: StageContext,
     order: Sequence[int],
 ) -> dict[str, float]:
-    """How well motions of parts carry true joints from one instant to the next: T(t + 1 | t) of Joo et al.
-    2017, 6.3. Median and 90 % of the error in mm, and the share of joints that have a motion.
+    """Score the motions of body parts: T(t + 1 | t) of Joo et al. 2017, 6.3, applied to true joints.
 
-    order: the truth's number of each joint of the skeleton.
+    Args:
+        order: the truth's index of each joint of the skeleton.
+
+    Returns:
+        median and 90th percentile of the error (mm), and the share of joints with a motion.
     """
     parts = [list(part.joints) for part in rigid_parts(context.skeleton)]
     moved = sorted({joint for part in parts for joint in part})
@@ -129,7 +139,7 @@ def transforms(
 
 
 def _sized(camera: Camera, name: str, size: tuple[int, int]) -> Camera:
-    """The camera under another name, with images of another size."""
+    """Return the camera with another name and another image size."""
     scale = np.array(size) / np.array(camera.image_size)
     matrix = camera.intrinsics.matrix.copy()
     matrix[:2, :2] *= scale[:, None]

@@ -1,8 +1,8 @@
-"""The study `refine-faults`: true joints with noise, outliers and gaps, refined with the
-motion of the surface in a capture's images.
+"""The study `refine-faults`: refine true joints with noise, outliers and gaps, using surface motion.
 
-2D tracks and identities are those of a run on the capture; so are the views of a person, whose 2D people
-still show the wrists that are missing here.
+The surface motion comes from a capture's images. 2D tracks and identities are those of a run on the capture.
+The views of a person are those of the run too; their 2D poses still contain the wrists that are missing in
+the gaps.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from panoptic_ros.study.surface.refine_ways import FILTERS, Played, Posed, offli
 
 Array = np.ndarray
 LAGS = (0, 2, 5)  # frames
-Rows = dict[tuple[str, float | None], dict[str, float | None]]  # by method and lag
+Rows = dict[tuple[str, float | None], dict[str, float | None]]  # by method and lag (s)
 
 
 class RefineFaults(SurfaceStudy):
@@ -63,7 +63,7 @@ class RefineFaults(SurfaceStudy):
 
 
 def _one(played: Played, seed: int, kind: str, rows: Rows) -> None:
-    """Add the figures of a seed."""
+    """Add the figures of a seed to the rows."""
     faulty, played = _with_faults(played, seed)
     patches = played.patches()
     period = 1e-9 * float(np.median(np.diff([item.stamp_ns for item in played.raw])))
@@ -84,7 +84,7 @@ def _one(played: Played, seed: int, kind: str, rows: Rows) -> None:
 
 
 def _with_faults(played: Played, seed: int) -> tuple[Faulty, Played]:
-    """The run with true joints that have faults in place of those that were measured."""
+    """Return the faulty joints, and the run with these joints instead of the measured ones."""
     pairs, order = {pair.stamp_ns: pair for pair in played.pairs(played.raw)}, played.truth_order
     truth: list[Mapping[int, Array]] = []
     for item in played.raw:
@@ -99,7 +99,7 @@ def _with_faults(played: Played, seed: int) -> tuple[Faulty, Played]:
         truth.append({number: places for number, places in own.items() if number in item.ids.tolist()})
     faulty = with_faults(truth, played.skeleton.joint_names, seed)
     raw = [_posed(item, joints, faulty.covariance) for item, joints in zip(played.raw, faulty.joints)]
-    # the detector's biases are not those of true joints
+    # true joints do not have the detector's biases
     none = replace(config_of(played.plan.configs, RefinementConfig), bias_floor=0.0)
     plan = replace(played.plan, configs={**played.plan.configs, "refinement": none})
     return faulty, replace(played, raw=raw, plan=plan)
@@ -122,7 +122,11 @@ def _posed(item: TrackedPoseSet, joints: Mapping[int, Array], covariance: Array)
 
 
 def _scores(played: Played, faulty: Faulty, items: Posed) -> dict[str, float | None]:
-    """Errors in mm of joints of the body, of those in gaps, and the share of these that stay missing."""
+    """Score the joints of the body, and those in gaps separately.
+
+    Returns:
+        errors in mm, acceleration error in m/s^2, and the share of joints in gaps that stay missing.
+    """
     numbers = {item.stamp_ns: k for k, item in enumerate(played.raw)}
     names, true_names = played.skeleton.joint_names, played.truth.joint_names
     own_number = {name: joint for joint, name in enumerate(names)}
@@ -149,6 +153,6 @@ def _scores(played: Played, faulty: Faulty, items: Posed) -> dict[str, float | N
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
-    """Of those that are known; None if none is."""
+    """Return the mean of the known values; None if there is none."""
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None

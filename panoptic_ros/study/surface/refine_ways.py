@@ -1,4 +1,4 @@
-"""Ways to smooth a capture that was run once, for the studies of refinement."""
+"""Methods to smooth a capture that was run once, for the studies of refinement."""
 
 from __future__ import annotations
 
@@ -35,17 +35,18 @@ from panoptic_ros.stage import Progress, StageContext
 from panoptic_ros.study.surface.refine_depth import depth_frames, with_sensors
 
 TRUTHS = ("truth.json.gz", "truth.json")
-UNKNOWN = 0.1**2  # m^2, of joints that averaging filled: it does not tell
+UNKNOWN = 0.1**2  # m^2, variance of joints that averaging filled in, because averaging states none
 Array = np.ndarray
 Posed = Sequence[TrackedPoseSet | SkeletonFrame]
 
 
 @dataclass
 class Played:
-    """What refinement takes, of a run, and its truth.
+    """Inputs of refinement from a run, and its ground truth.
 
     Args:
-        rig: with depth sensors if their maps are used. raw, tracks, maps: in the order of their stamps.
+        rig: rig, with depth sensors if their maps are used.
+        raw, tracks, maps: unrefined skeletons, 2D patch tracks and depth maps, each in order of timestamps.
     """
 
     plan: Plan
@@ -57,32 +58,36 @@ class Played:
 
     @property
     def skeleton(self) -> SkeletonModel:
-        """Of all people."""
+        """Return the skeleton of all persons."""
         return self.plan.skeleton
 
     @property
     def truth_order(self) -> list[int]:
-        """The truth's number of each joint of the skeleton."""
+        """Return the truth's index of each joint of the skeleton."""
         return [list(self.truth.joint_names).index(name) for name in self.skeleton.joint_names]
 
     def without_maps(self) -> Played:
-        """By images alone."""
+        """Return the run without depth maps."""
         return replace(self, rig=self.plan.rig, maps=[])
 
     def pairs(self, items: Posed) -> list[FramePair]:
-        """Skeletons with those of the truth."""
+        """Match skeletons with those of the truth."""
         frames = tuple(SkeletonFrame(item.stamp_ns, item.ids, item.positions) for item in items)
         return pair_sequences(self.truth, SkeletonSequence(self.skeleton.joint_names, frames))
 
     def ordered(self, shown: Sequence[TrackedPoseSet]) -> list[Any]:
-        """Tracks, maps, and then the skeletons of each stamp."""
+        """Return all items by timestamp; at equal timestamps, skeletons come last."""
         items = [*self.tracks, *self.maps, *shown]
         return sorted(items, key=lambda item: (item.stamp_ns, isinstance(item, TrackedPoseSet)))
 
     def patches(
         self, shown: Sequence[TrackedPoseSet] | None = None, **parameters: Any
     ) -> list[PatchTrajectories]:
-        """Patches on these skeletons, the raw ones unless given."""
+        """Reconstruct patches on these skeletons; default: the unrefined ones.
+
+        Args:
+            parameters: overrides of the parameters of the stage.
+        """
         config = replace(self.plan.configs["patches"], **parameters)
         stage = make_stage("patches", config, StageContext(self.rig, self.skeleton))
         return [
@@ -95,11 +100,11 @@ class Played:
 def play(
     folder: Path, cameras: Sequence[str], settings: Parameters, depth: str, seed: int, progress: Progress
 ) -> Played:
-    """Run a capture.
+    """Run a capture and keep the inputs of refinement.
 
     Args:
-        depth: "given": with the folder's depth maps, as they are; "kinect": with the noise of a sensor, drawn
-            by the seed; "none".
+        depth: "given": use the folder's depth maps unchanged; "kinect": add the noise of a sensor; "none".
+        seed: seed of the sensor noise.
 
     Raises:
         UsageError: if the folder has no truth, or is no capture.
@@ -120,21 +125,25 @@ def play(
 def played_on(
     plan: Plan, rig: Rig, truth: SkeletonSequence, progress: Progress
 ) -> tuple[Played, dict[tuple[str, int], int]]:
-    """Run a plan; also the stamps of images, by camera and number."""
+    """Run a plan.
+
+    Returns:
+        the inputs of refinement, and the timestamps (ns) of the images by camera and frame number.
+    """
     kept = _Kept(Played(plan, rig, truth), progress, plan.instants or 1)
     run_in_process(plan, kept, lambda: False)
     return kept.played, kept.stamps
 
 
 class _Kept:
-    """Takes the records of a run."""
+    """Sink of a run that keeps the inputs of refinement and the timestamps of images."""
 
     def __init__(self, played: Played, progress: Progress, instants: int):
         self.played, self.stamps = played, dict[tuple[str, int], int]()
         self._progress, self._instants = progress, instants
 
     def take(self, key: str, item: Any) -> None:
-        """A record of the run."""
+        """Keep a record of the run."""
         if key == "patch_tracks":
             self.played.tracks.append(item)
         elif key == "detections":
@@ -145,10 +154,10 @@ class _Kept:
 
 
 def smoothed(played: Played, lag: float, patches: Sequence[PatchTrajectories]) -> list[RefinedPoseSet]:
-    """The smoother that is used online."""
+    """Run the online smoother with this lag (s)."""
     config = replace(config_of(played.plan.configs, RefinementConfig), lag=lag)
     stage = make_stage("refinement", config, StageContext(played.rig, played.skeleton))
-    # in the order of the graph: patches of a set come before it; a stage gives them after it
+    # The graph delivers the patches of a set before the set. The patches stage emits them after it.
     items: list[TrackedPoseSet | PatchTrajectories] = [*played.raw, *patches]
     items.sort(key=lambda item: (item.stamp_ns, isinstance(item, TrackedPoseSet)))
     given = [output for item in items for output in stage.step(item).outputs]
@@ -156,7 +165,7 @@ def smoothed(played: Played, lag: float, patches: Sequence[PatchTrajectories]) -
 
 
 def offline(played: Played) -> list[RefinedPoseSet]:
-    """Over the whole recording, with patches associated anew."""
+    """Refine the whole recording at once; patches are associated again."""
     configs: Mapping[str, Config] = played.plan.configs
     refinement = OfflineRefinement(configs, StageContext(played.rig, played.skeleton))
     found = [output for item in played.ordered(played.raw) for output in refinement.take(item)]
@@ -164,7 +173,11 @@ def offline(played: Played) -> list[RefinedPoseSet]:
 
 
 def paper(played: Played) -> tuple[list[RefinedPoseSet], int]:
-    """The paper's averaging after its free-space test, and its number of rounds."""
+    """Run the paper's averaging after its free-space test.
+
+    Returns:
+        refined skeletons, and the number of rounds.
+    """
     averaging = OfflineAveraging(played.plan.configs, StageContext(played.rig, played.skeleton))
     for item in played.ordered(played.raw):
         averaging.take(item)

@@ -1,4 +1,4 @@
-"""The study `steady`: the value of the motion of the surface where there is no truth."""
+"""The study `steady`: the value of surface motion on captures without ground truth."""
 
 from __future__ import annotations
 
@@ -25,12 +25,15 @@ from panoptic_ros.study.surface.refine_ways import Played, played_on, smoothed
 
 Array = np.ndarray
 DEMOS = {"demo": "multi", "demo-single": "single"}
-LAGS = (0.0, 0.12)  # s
-STEADIEST = 1.0  # s, lag of the motion that slow motion is taken of
+LAGS = (0.0, 0.12)  # s, of the smoother
+STEADIEST = 1.0  # s, lag of the tracks whose low-pass filtered motion is the reference
 
 
 class Steady(Study):
-    """Figures of everybody without and with patches, in a capture without truth."""
+    """Figures of everybody without and with patches, in a capture without truth.
+
+    Each person has one row per lag and method: length variation of limbs, acceleration and its noise.
+    """
 
     columns = (
         Column("person", "person"),
@@ -64,7 +67,7 @@ class Steady(Study):
 
 
 def with_changes(rows: list[Row]) -> list[Row]:
-    """Return the rows with the changes against the row without patches of the same person and lag."""
+    """Add the relative change against the row without patches of the same person and lag."""
     found: list[Row] = []
     before: Row = {}
     for row in rows:
@@ -77,7 +80,7 @@ def with_changes(rows: list[Row]) -> list[Row]:
 
 
 def steady_rows(played: Played) -> list[dict[str, Any]]:
-    """A row for each person, lag and method; who is there for fewer than `FEWEST` instants has none."""
+    """Return a row per person, lag and method, for persons with at least `FEWEST` time steps."""
     patches = played.patches()
     reference = tracks_of(smoothed(played, STEADIEST, patches))
     limbs = np.array([played.skeleton.bones[b] for b in limb_bones(played.skeleton)]).reshape(-1, 2)
@@ -94,7 +97,7 @@ def steady_rows(played: Played) -> list[dict[str, Any]]:
 
 
 def tracks_of(items: Sequence[RefinedPoseSet]) -> dict[int, tuple[Array, Array]]:
-    """Stamps (F,) ns and joints (F, J, 3) m of everybody, from first to last instant; NaN = missing."""
+    """Return timestamps (F,) ns and joints (F, J, 3) m of each person, first to last set; NaN = missing."""
     found: dict[int, tuple[Array, Array]] = {}
     for person in sorted({int(number) for item in items for number in item.ids}):
         there = [k for k, item in enumerate(items) if person in item.ids]

@@ -1,1 +1,1 @@
-"""Studies."""
+"""Studies of clocks, timecode and clock offsets."""

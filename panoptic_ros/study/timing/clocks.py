@@ -1,4 +1,4 @@
-"""How far corrected stamps are from the truth, over an hour and over what clocks do."""
+"""The study `clocks`: errors of timecode-corrected timestamps, over an hour and after clock events."""
 
 from __future__ import annotations
 
@@ -42,18 +42,22 @@ SECOND = 1_000_000_000
 PAL = FrameRate(25, Fraction(25))
 NTSC = FrameRate(30, Fraction(30000, 1001))
 SKELETON = SkeletonModel("dot", ("a", "b"), 0, ((0, 1),), 0)
-TELLING = ("clocks.timecode_jump",)  # information only, as the decoder warns of it
-WRONG_S = 1e-3  # a stamp that is farther off counts as wrong
+TELLING = ("clocks.timecode_jump",)  # information notices to count, because the decoder warns of the event
+WRONG_S = 1e-3  # s, a timestamp with a larger error counts as wrong
 
 
 @dataclass
 class Outcome:
-    """What the stages made of a world.
+    """Result of the clocks and sync stages on a simulated world.
 
     Args:
-        errors_s: of every view in a set: its stamp less its true master time.
-        ages_s: true time of these views.
-        sets: number of them; twice: frames that were used more than once.
+        errors_s: (s) timestamp minus true master time of every view in a set.
+        ages_s: (s) true time of these views.
+        cameras: cameras of these views.
+        sets: number of sets.
+        twice: frames that were used more than once.
+        frames: all frames.
+        notices: notices of both stages.
     """
 
     errors_s: list[float] = field(default_factory=list)
@@ -66,7 +70,7 @@ class Outcome:
 
 
 def run_world(world: ClockWorld, deadline_s: float = 1.5) -> Outcome:
-    """Readings through clocks, models and frames through sync."""
+    """Run timecode readings through the clocks stage, then its models and all frames through sync."""
     outcome = Outcome()
     truth: dict[tuple[str, int], int] = {}
     used: set[tuple[str, int]] = set()
@@ -123,7 +127,10 @@ def _view(frame: CameraFrame) -> ViewDetections:
 
 
 def mixed_world(seconds: float, seed: int = 0) -> ClockWorld:
-    """Two 25 fps cameras on one host, two of 29.97 fps on clocks of their own, +-50 ppm."""
+    """Return a rig of two 25 fps and two 29.97 fps cameras with clocks that drift by up to 50 ppm.
+
+    The 25 fps cameras share one host clock. The 29.97 fps cameras have a clock each.
+    """
 
     def clock(offset: int, drift: float) -> SimulatedClock:
         return SimulatedClock(offset, drift, wander=1e-6)
@@ -143,7 +150,7 @@ def mixed_world(seconds: float, seed: int = 0) -> ClockWorld:
 
 
 def events(seconds: float = 40.0, at: int = 20) -> dict[str, ClockWorld]:
-    """What clocks do, each at `at` s, in the mixed rig."""
+    """Return the mixed rig with one clock event each, at `at` s."""
     calm = mixed_world(seconds)
     host, one, two = calm.devices
     midnight = replace(calm, first_s=86_400 - at, devices=[replace(d, rate=PAL) for d in calm.devices])
@@ -178,7 +185,7 @@ def events(seconds: float = 40.0, at: int = 20) -> dict[str, ClockWorld]:
 
 
 def audio_error_s(seconds: float = 20.0) -> dict[str, float]:
-    """Real audio through the decoder: 25 and 29.97 fps at 20 dB, largest error of the models, s."""
+    """Return the largest error (s) of the clock models from decoded audio at 25 and 29.97 fps and 20 dB."""
     worst: dict[str, float] = {}
     for name, rate, ppm in (("25", PAL, 50.0), ("29.97", NTSC, -50.0)):
         start = Timecode.from_frame_count(100_000, rate)
@@ -203,7 +210,10 @@ def audio_error_s(seconds: float = 20.0) -> dict[str, float]:
 
 
 class Clocks(Study):
-    """An hour of mixed rates, everything that clocks do, and real audio."""
+    """An hour of mixed rates, everything that clocks do, and real audio.
+
+    The events are clock steps, dropouts, timecode jumps, midnight and swapped devices.
+    """
 
     columns = (
         Column("world", ""),
@@ -275,7 +285,7 @@ def _row(outcome: Outcome) -> dict[str, Any]:
 
 
 def recovery_s(outcome: Outcome, event_s: float = 20.0) -> float:
-    """From the event to where no camera has a gap of more than half a second any more, s."""
+    """Return the time (s) from the event to the end of the last gap above 0.5 s of any camera."""
     longest = 0.0
     ages, cameras = np.array(outcome.ages_s), np.array(outcome.cameras)
     for camera in set(outcome.cameras):

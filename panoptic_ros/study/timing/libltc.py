@@ -1,4 +1,7 @@
-"""A user's libltc through ctypes, to stand beside our decoder; nothing of it is part of this package."""
+"""Bindings to an installed libltc through ctypes, for comparison with this project's decoder.
+
+libltc is no part of this package.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ BLOCK, QUEUE = 1024, 64
 
 
 class _Frame(ctypes.Structure):
-    """LTCFrameExt of ltc.h, version 1.3."""
+    """Structure LTCFrameExt of ltc.h, version 1.3."""
 
     _fields_ = [
         ("bits", ctypes.c_uint8 * 12),
@@ -31,7 +34,7 @@ class _Frame(ctypes.Structure):
 
 
 def load_libltc() -> Callable[[Array, int], list[DecodedWord]] | None:
-    """Its decoder; None if it is not installed."""
+    """Return the decoder of libltc; None if it is not installed."""
     for name in (ctypes.util.find_library("ltc"), *NAMES):
         try:
             library = ctypes.CDLL(name) if name else None
@@ -62,7 +65,8 @@ def _decode(library: ctypes.CDLL, samples: Array, rate: int) -> list[DecodedWord
         for first in range(0, len(data), BLOCK):
             count = min(BLOCK, len(data) - first)
             library.ltc_decoder_write_float(decoder, data.ctypes.data + 4 * first, count, first)
-            while library.ltc_decoder_read(decoder, ctypes.byref(frame)) > 0:  # a full queue is lost
+            # libltc discards words when its queue is full
+            while library.ltc_decoder_read(decoder, ctypes.byref(frame)) > 0:
                 start = frame.last + 1 if frame.reverse else frame.first
                 words.append(DecodedWord(_label(bytes(frame.bits)), float(start)))
     finally:
@@ -71,6 +75,9 @@ def _decode(library: ctypes.CDLL, samples: Array, rate: int) -> list[DecodedWord
 
 
 def _label(data: bytes) -> str:
-    """Digits are units and tens of frames, seconds, minutes and hours in bytes 0 to 7, user bits above."""
+    """Return the label HH:MM:SS:FF of a word.
+
+    Bytes 0 to 7 hold units and tens of frames, seconds, minutes and hours. Their upper bits are user bits.
+    """
     pairs = [10 * (data[2 * k + 1] & mask) + (data[2 * k] & 15) for k, mask in enumerate((3, 7, 7, 3))]
     return ":".join(f"{value:02d}" for value in reversed(pairs))

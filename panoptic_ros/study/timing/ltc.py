@@ -1,8 +1,9 @@
-"""The studies of timecode: recall, wrong labels, errors of the starts, latency and speed, beside libltc.
+"""The studies of timecode: recall, wrong labels, start errors, latency and speed, next to libltc.
 
-Clips are made with exact truth (`simulation.ltc_channel`). Times are in microseconds unless named otherwise;
-`bound` is that of Cramer and Rao for one word, known bits and the noise of the clip; `honest` is the standard
-deviation of errors over stated deviations, without their mean, which a delay common to all words makes.
+The clips have exact ground truth (`simulation.ltc_channel`). Times are in microseconds unless named
+otherwise. `bound` is the Cramer-Rao bound for one word with known bits and the noise of the clip. `honest` is
+the standard deviation of errors divided by stated deviations. It excludes the mean error, which a delay
+common to all words causes.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recordin
 
 Array = np.ndarray
 BLOCK = 1024
-LIVE_SECONDS = 0.01  # of the blocks for which latency is measured
+LIVE_SECONDS = 0.01  # s, length of the blocks in the latency measurement
 CLIPS, WORDS = 4, 300
-SPEED_SECONDS = 60.0  # of timecode, so that finding it at the start counts little
-LINE_WORDS = 600  # of 20 s
+SPEED_SECONDS = 60.0  # s of timecode; long, so that the search at the start has little weight
+LINE_WORDS = 600  # words, 20 s
 
 
 class Ltc(Study):
@@ -87,7 +88,7 @@ class Ltc(Study):
         """See `Study`."""
         given, condition = self.options, case.request
         libltc = None if given.no_libltc else load_libltc()
-        _decode(clip(CONDITIONS[0], 0, 40).samples, 48000)  # compiles the decoder
+        _decode(clip(CONDITIONS[0], 0, 40).samples, 48000)  # compile the decoder
         signals = [clip(condition, given.seeds.start + k, given.words) for k in range(given.clips)]
         (row,) = timecode_table(_decode, [(condition.name, signals)])
         out = {**asdict(row), "recall": row.recall, "bound_us": noise_bound_us(condition)}
@@ -99,7 +100,7 @@ class Ltc(Study):
         return [out]
 
     def summary(self, rows: list[Row]) -> dict[str, Any]:
-        """Fit a line and measure the speed, if all conditions are measured; see `Study`."""
+        """Fit a line and measure the speed, unless --only selects conditions; see `Study`."""
         if self.options.only:
             return {}
         seed = self.options.seeds.start
@@ -214,7 +215,7 @@ def _word(reading: TimecodeReading) -> DecodedWord:
 
 
 def _readings(samples: Array, rate: int, block: int) -> Iterable[tuple[int, TimecodeReading]]:
-    """Readings, and how many samples had come by then."""
+    """Yield the number of samples fed so far and the reading."""
     stage = TimecodeStage(TimecodeConfig())
     for first in range(0, len(samples), block):
         stamp = first * 1_000_000_000 // rate
@@ -226,7 +227,11 @@ def _readings(samples: Array, rate: int, block: int) -> Iterable[tuple[int, Time
 
 
 def _line_fit(rate: int, seed: int) -> dict[str, Any]:
-    """Errors of the line through 20 s of words with 20 dB of noise: at its middle, us, and its slope."""
+    """Fit a line through 20 s of words with 20 dB of noise.
+
+    Returns:
+        error at the middle of the line (us), and slope error (ppm).
+    """
     signal = clip(Condition("line", rate, {"snr_db": 20.0}), seed, LINE_WORDS)
     readings = decode_recording(TimecodeConfig(), "clip", rate, signal.samples)
     starts = np.array([reading.start_sample for reading in readings])
@@ -237,7 +242,12 @@ def _line_fit(rate: int, seed: int) -> dict[str, Any]:
 
 
 def _latency(signal: TimedSignal) -> tuple[float, float]:
-    """Seconds from the signal's start to the first reading; the longest wait for a word that has ended."""
+    """Measure the latency of live decoding.
+
+    Returns:
+        seconds from the start of the signal to the first reading, and the longest delay (s) after the end of
+        a word.
+    """
     rate, starts = signal.sample_rate, np.sort(signal.starts)
     length = float(np.median(np.diff(starts)))
     come = list(_readings(signal.samples, rate, int(LIVE_SECONDS * rate)))
@@ -251,7 +261,12 @@ def _latency(signal: TimedSignal) -> tuple[float, float]:
 
 
 def _speed(rate: int) -> dict[str, Any]:
-    """By CPU time: times real time offline and searching in noise; percent of a core for two channels."""
+    """Measure the decoding speed by processor time.
+
+    Returns:
+        multiples of real time, offline and while searching in noise, and percent of a core for two live
+        channels.
+    """
     clean = clip(Condition("speed", rate, {"snr_db": 20.0}), 5, int(30 * SPEED_SECONDS)).samples
     noise = np.random.default_rng(1).normal(0.0, 0.1, int(0.2 * SPEED_SECONDS * rate)).astype(np.float32)
     offline = _cpu_share(lambda: decode_recording(TimecodeConfig(), "clip", rate, clean), len(clean) / rate)
@@ -266,7 +281,7 @@ def _speed(rate: int) -> dict[str, Any]:
 
 
 def _cpu_share(work: Callable[[], object], seconds: float) -> float:
-    """CPU seconds per second of audio, the least of some runs."""
+    """Return the processor seconds per second of audio, the minimum of three runs."""
     shares = []
     for _ in range(3):
         since = time.process_time()
@@ -276,7 +291,7 @@ def _cpu_share(work: Callable[[], object], seconds: float) -> float:
 
 
 def _starts(number: int, seed: int) -> dict[str, Any]:
-    """Timecode of 1.5 s after half a second of something else."""
+    """Decode 1.5 s of timecode after 0.5 s of noise, silence, tones or clicks; count failures."""
     dead, wrong = 0, 0
     for k in range(number):
         rng = np.random.default_rng([seed, k])

@@ -1,4 +1,4 @@
-"""The clips of the timecode bench: noise, and everything that lines, tapes and rooms do."""
+"""Conditions of the timecode benchmark: noise, and the impairments of lines, tapes and rooms."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, LtcSignal, timecode_rate
 
 FAULTS = set(AudioFaults.__dataclass_fields__)
-QUIET_DB = 50.0  # noise under the impairments
+QUIET_DB = 50.0  # signal-to-noise ratio of conditions without a noise level, dB
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A row of the table.
+    """One row of the table.
 
     Args:
         changes: fields of `Channel` and `AudioFaults`.
-        rate: of the frames; clips take turns where several are named.
+        rate: frame rate; clips alternate between several.
+        reverse: play the words in reverse.
     """
 
     name: str
@@ -32,13 +33,13 @@ class Condition:
     reverse: bool = False
 
     def rate_of(self, seed: int) -> FrameRate:
-        """The rate of the clip with a seed."""
+        """Return the frame rate of the clip with this seed."""
         names = (self.rate,) if isinstance(self.rate, str) else self.rate
         return timecode_rate(names[seed % len(names)])
 
 
 def clip(condition: Condition, seed: int, words: int) -> LtcSignal:
-    """A clip: labels, user bits, phase and a drift of some 40 ppm differ by the seed."""
+    """Return a clip; the seed sets labels, user bits, phase and a drift of up to 40 ppm."""
     rng = np.random.default_rng([seed, condition.sample_rate])
     changes = {"snr_db": QUIET_DB, **condition.changes}
     faults = {key: value for key, value in changes.items() if key in FAULTS}
@@ -55,7 +56,10 @@ def clip(condition: Condition, seed: int, words: int) -> LtcSignal:
 
 
 def noise_bound_us(condition: Condition) -> float:
-    """Standard deviation of a word's start by Cramer and Rao where white noise is all there is, else nan."""
+    """Return the Cramer-Rao bound (us) of a word's start.
+
+    It is NaN for conditions with anything but white noise.
+    """
     if set(condition.changes) != {"snr_db"}:
         return float("nan")
     rate = condition.sample_rate
@@ -90,7 +94,10 @@ def _table() -> tuple[Condition, ...]:
 
 
 def _fluttering() -> Iterator[Condition]:
-    """Speeds that swing by 0.5 %, at one rate and at two, and slightly: words are then nearly on a line."""
+    """Yield conditions with speed variation at one or two frequencies.
+
+    Most vary by 0.5 %. Slight ones vary by 0.02 %, so that the words lie nearly on a line.
+    """
     for rate in (48000, 16000):
         for swings in FLUTTERS:
             changes = {"snr_db": FLUTTER_DB, "flutter": FLUTTER, "flutter_hz": swings[-1]}

@@ -1,13 +1,13 @@
-"""Robustness of the decoder: exceptions, unusable deviations and wrong labels in randomly impaired clips.
+"""Robustness of the timecode decoder: exceptions, unusable deviations and wrong labels on impaired clips.
 
-Each clip is decoded as a recording and as a live stream of blocks. A reading is wrong unless a word of its
-label lies within half a word of its start, or a crosstalk of the clip has that label.
+Clips combine random impairments of a timecode signal, with the true labels and starts of their words. A clip
+is one to three pieces of tape, spliced with or without silence, or a sound without timecode. Each piece has a
+label, speed, direction, wow, flutter and channel of its own. Further impairments apply to the whole clip:
+noise, dropouts, gain control, crosstalk, sample rate conversion, clipping, quantisation and cuts.
 
-Random combinations of everything that happens to a timecode signal, with the labels and starts of words.
-
-A clip is one to three pieces of tape, spliced with or without silence, or a sound without timecode. Each
-piece has its own label, speed, direction, wow, flutter and channel. Noise, dropouts, gain control, crosstalk,
-conversion of the sample rate, clipping, resolution and cuts follow for the whole clip.
+Each clip is decoded as a recording and as a live stream of blocks. A reading is correct if a word with its
+label lies within half a word of its start. A reading with a label of the clip's crosstalk does not count as
+wrong.
 """
 
 from __future__ import annotations
@@ -30,29 +30,30 @@ from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recordin
 SAMPLE_RATES = (8000, 11025, 16000, 22050, 32000, 44100, 48000, 88200, 96000, 192000)  # Hz
 FRAME_RATES = ("23.976", "24", "25", "29.97", "29.97df", "30")
 LABELS = 2_000_000  # frames, range of the first label: less than a day at 24 frames/s
-NO_TIMECODE = 0.15  # share of the clips
+NO_TIMECODE = 0.15  # share of the clips without timecode
 LEVEL = 0.25  # peak of a piece before its impairments; full scale is 1
-SILENCE_SECONDS = 0.1  # around a sound without timecode
+SILENCE_SECONDS = 0.1  # s, around a sound without timecode
 Change = Callable[["Impaired", np.random.Generator], "Impaired"]
 Array = np.ndarray
-Decode = Callable[[Array, int], Sequence[TimecodeReading]]  # samples (N,) float32 and their rate
+# arguments: samples (N,) float32, sample rate in Hz
+Decode = Callable[[Array, int], Sequence[TimecodeReading]]
 BLOCK = 1024  # samples of a live block
-SECONDS = 2.0  # of timecode per clip
+SECONDS = 2.0  # s of timecode per clip
 COUNTS = ("clips", "exceptions", "unusable", "wrong", "right", "sent")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Impaired:
-    """A clip with its truth.
+    """A clip with its ground truth.
 
     Args:
         samples: (N,) float64, full scale is 1.
         sample_rate: Hz.
-        labels: one per word of which some part is in the clip.
+        labels: one per word that is at least partly in the clip.
         starts: (W,) samples, first edge of bit 0 of each word.
         lengths: (W,) samples, length of each word.
-        kinds: names of the impairments, in their order.
-        faint: labels of a crosstalk, which is read where the clip itself is silent.
+        kinds: names of the impairments, in order of application.
+        faint: labels of a crosstalk, which a decoder reads where the clip itself is silent.
     """
 
     samples: Array
@@ -65,10 +66,10 @@ class Impaired:
 
 
 def impaired_clip(seed: int, seconds: float = 4.0) -> Impaired:
-    """Make one clip; all choices follow from the seed.
+    """Make one clip; the seed determines all choices.
 
     Args:
-        seconds: about the length of the timecode in it.
+        seconds: approximate length of the timecode in it.
     """
     rng = np.random.default_rng([seed, 7])
     rate = int(rng.choice(SAMPLE_RATES))
@@ -85,7 +86,7 @@ def impaired_clip(seed: int, seconds: float = 4.0) -> Impaired:
 
 
 def _piece(rng: np.random.Generator, sample_rate: int, seconds: float) -> Impaired:
-    """Play a stretch of tape through a channel of its own."""
+    """Play a piece of tape through a separate channel."""
     rate = timecode_rate(str(rng.choice(FRAME_RATES)))
     kinds = [f"{sample_rate} Hz"]
     speed = 1.0 + 1e-4 * rng.uniform(-1.0, 1.0)
@@ -141,7 +142,7 @@ def _sound(rng: np.random.Generator, rate: int, seconds: float) -> Impaired:
 
 
 def _joined(pieces: list[Impaired], rng: np.random.Generator) -> Impaired:
-    """Join pieces; the splice is anywhere in a word, at the end, or after silence."""
+    """Join pieces; the splice is inside a word, at the end of the piece, or after silence."""
     parts: list[Array] = []
     starts: list[Array] = []
     place, kinds = 0, [*pieces[0].kinds]
@@ -183,7 +184,7 @@ def _noise(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _hum(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Add mains hum with harmonics, -20 to +6 dB."""
+    """Add mains hum with harmonics, -20 to +6 dB relative to the signal."""
     time = np.arange(len(clip.samples)) / clip.sample_rate
     level = _rms(clip.samples) * 10.0 ** (rng.uniform(-20.0, 6.0) / 20.0)
     base = float(rng.choice([50.0, 60.0]))
@@ -192,7 +193,7 @@ def _hum(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _dropouts(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Silence stretches of 1 to 300 ms, wholly or nearly."""
+    """Attenuate sections of 1 to 300 ms, fully or partly."""
     samples = clip.samples.copy()
     for _ in range(int(rng.integers(1, 9))):
         first = int(rng.integers(max(1, len(samples))))
@@ -202,7 +203,7 @@ def _dropouts(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _gain(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Swing the gain as a control that pumps, up to 12 dB either way, 0.2 to 8 Hz."""
+    """Vary the gain like a pumping gain control, up to 12 dB either way, 0.2 to 8 Hz."""
     time = np.arange(len(clip.samples)) / clip.sample_rate
     swing = rng.uniform(0.0, 12.0) * np.sin(2.0 * np.pi * rng.uniform(0.2, 8.0) * time)
     return _with(clip, clip.samples * 10.0 ** (swing / 20.0))
@@ -224,7 +225,7 @@ def _clicks(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _lost(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Delete one to three blocks of 1 to 4000 samples, as a recorder that loses them."""
+    """Delete one to three blocks of 1 to 4000 samples, like a recorder that drops samples."""
     for _ in range(int(rng.integers(1, 4))):
         if len(clip.samples) < 10_000:
             break
@@ -236,7 +237,7 @@ def _lost(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _converted(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Convert to another sample rate and back, or only there."""
+    """Convert to another sample rate, with or without conversion back."""
     factor = rng.choice([(1, 2), (2, 1), (147, 160), (160, 147), (2, 3), (3, 2)])
     up, down = int(factor[0]), int(factor[1])
     samples, rate = resample_poly(clip.samples, up, down), clip.sample_rate * up // down
@@ -255,7 +256,7 @@ def _level(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _offset(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Add a constant of up to the peak."""
+    """Add a constant offset of up to the peak, either sign."""
     return _with(clip, clip.samples + rng.uniform(-1.0, 1.0) * float(np.abs(clip.samples).max(initial=0.0)))
 
 
@@ -276,19 +277,19 @@ def _square(clip: Impaired, rng: np.random.Generator) -> Impaired:
 
 
 def _resolution(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Round to 8, 16 or 24 bits and clip at full scale."""
+    """Quantise to 8, 16 or 24 bits and clip at full scale."""
     scale = 2.0 ** (int(rng.choice([8, 8, 16, 24])) - 1)
     return _with(clip, np.clip(np.round(clip.samples * scale), -scale, scale - 1.0) / scale)
 
 
 def _cut(clip: Impaired, rng: np.random.Generator) -> Impaired:
-    """Cut both ends off, so that words lack a part."""
+    """Cut off both ends, so that the first and last words are incomplete."""
     count = len(clip.samples)
     first, last = int(rng.uniform(0.0, 0.4) * count), int(rng.uniform(0.6, 1.0) * count)
     return replace(clip, samples=clip.samples[first:last], starts=clip.starts - first)
 
 
-CHANGES: dict[str, tuple[float, Change]] = {  # by name: share of the clips, and what it does
+CHANGES: dict[str, tuple[float, Change]] = {  # value: (share of the clips, impairment)
     "gain": (0.15, _gain),
     "crosstalk": (0.15, _crosstalk),
     "dropouts": (0.2, _dropouts),
@@ -309,14 +310,14 @@ CHANGES: dict[str, tuple[float, Change]] = {  # by name: share of the clips, and
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The readings of one clip against its truth.
+    """Readings of one clip compared with its ground truth.
 
     Args:
-        sent: words of which some part is in the clip.
-        right: of them, words that were read.
-        wrong: readings with another label or where no word is.
+        sent: words that are at least partly in the clip.
+        right: number of these words that were read.
+        wrong: readings with another label, or at a place without a word.
         unusable: readings whose start or deviation is not finite, or whose deviation is not positive.
-        error: the exception with its place in the source; "" if there was none.
+        error: exception with its place in the source; "" = none.
     """
 
     sent: int
@@ -345,10 +346,10 @@ WAYS: dict[str, Decode] = {"recorded": recorded, "live": live}
 
 
 def outcome(clip: Impaired, decode: Decode) -> Outcome:
-    """Decode a clip and compare its readings with its truth; an exception is part of the outcome."""
+    """Decode a clip and compare its readings with the truth; an exception is part of the outcome."""
     try:
         readings = decode(clip.samples.astype(np.float32), clip.sample_rate)
-    except Exception as error:  # any exception is the finding here
+    except Exception as error:  # any exception is a finding here
         place = traceback.extract_tb(error.__traceback__)[-1]
         told = f"{type(error).__name__}: {error} ({place.filename.rpartition('/')[2]}:{place.lineno})"
         return Outcome(len(clip.labels), error=told)
@@ -356,7 +357,7 @@ def outcome(clip: Impaired, decode: Decode) -> Outcome:
 
 
 def judged(clip: Impaired, readings: Iterable[TimecodeReading]) -> Outcome:
-    """Compare readings with the truth of their clip."""
+    """Compare readings with the ground truth of their clip."""
     labels = [_plain(label) for label in clip.labels]
     faint = {_plain(label) for label in clip.faint}
     right: set[int] = set()
@@ -372,20 +373,22 @@ def judged(clip: Impaired, readings: Iterable[TimecodeReading]) -> Outcome:
 
 
 def _plain(label: object) -> str:
-    """Return a label without the mark of drop-frame."""
+    """Return a label without the drop-frame separator."""
     return str(label).replace(";", ":")
 
 
 def robustness(
     number: int, seed: int, seconds: float = SECONDS, progress: Progress = untold
 ) -> dict[str, Any]:
-    """Decode clips and sum their outcomes for each way of decoding.
+    """Decode clips and sum their outcomes for each decoding method.
 
     Args:
-        number: of the clips. seed: of the first; the others count on.
-        seconds: about the length of the timecode in a clip.
+        number: number of clips.
+        seed: seed of the first clip; the seeds of the others follow.
+        seconds: approximate length of the timecode in a clip.
 
-    Returns: by the way, the sums, and the clips with a finding by their seeds.
+    Returns:
+        by method: the sums, and the clips with a finding by their seeds.
     """
     sums: dict[str, dict[str, Any]] = {
         way: {**dict.fromkeys(COUNTS, 0), "clips": number, "findings": []} for way in WAYS

@@ -1,4 +1,4 @@
-"""Sounds without timecode, piece by piece: whatever a decoder reads there is false."""
+"""Sounds without timecode; every word that a decoder reads in them is false."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ import numpy as np
 from scipy.signal import lfilter
 
 Array = np.ndarray
-Sound = Callable[[np.random.Generator, int, int], Array]  # samples, their number and rate
+# arguments: generator, number of samples, sample rate in Hz
+Sound = Callable[[np.random.Generator, int, int], Array]
 PIECE_SECONDS = 20.0
 
 
 def sounds(seconds: float, sample_rate: int, seed: int) -> Iterator[tuple[str, Array]]:
-    """Pieces (N,) float32 of all kinds in turn, together as long as asked for."""
+    """Yield pieces (N,) float32 of all kinds in turn, of this total length."""
     rng = np.random.default_rng(seed)
     done, number = 0.0, 0
     while done < seconds:
@@ -29,13 +30,16 @@ def _white(rng: np.random.Generator, count: int, rate: int) -> Array:
 
 
 def _pink(rng: np.random.Generator, count: int, rate: int) -> Array:
-    """White noise through a chain of first-order sections, about -3 dB per octave."""
+    """Return white noise through a third-order filter, about -3 dB per octave."""
     noise = rng.standard_normal(count)
     return lfilter([0.04992, -0.09599, 0.05061, -0.00441], [1.0, -2.494956, 2.017266, -0.522190], noise)
 
 
 def _speech(rng: np.random.Generator, count: int, rate: int) -> Array:
-    """Pulses of a voice of changing pitch through formants that change with each syllable, and pauses."""
+    """Return speech-like sound with pauses.
+
+    Voice pulses of varying pitch pass through formants that change with each syllable.
+    """
     out = np.zeros(count)
     begin = 0
     while begin < count:
@@ -54,7 +58,7 @@ def _speech(rng: np.random.Generator, count: int, rate: int) -> Array:
 
 
 def _music(rng: np.random.Generator, count: int, rate: int) -> Array:
-    """Chords of plucked harmonic tones and drums, 120 beats a minute."""
+    """Return chords of plucked harmonic tones and drums, 120 beats per minute."""
     out = np.zeros(count)
     beat = rate // 2
     time = np.arange(2 * beat) / rate
@@ -72,13 +76,13 @@ def _music(rng: np.random.Generator, count: int, rate: int) -> Array:
 
 
 def _square_fm(rng: np.random.Generator, count: int, rate: int) -> Array:
-    """A square tone about as high as timecode, its frequency switched at random."""
+    """Return a square wave with about the frequency of timecode, switched at random."""
     tones = rng.choice([900.0, 1000.0, 1200.0, 2000.0, 2400.0], count // 200 + 1)
     return np.where(np.cumsum(np.repeat(tones, 200)[:count] / rate) % 1.0 < 0.5, 1.0, -1.0)
 
 
 def _biphase(rng: np.random.Generator, count: int, rate: int) -> Array:
-    """Biphase mark as in timecode, of random bits."""
+    """Return biphase mark code as in timecode, with random bits."""
     halves: list[float] = []
     sign = 1.0
     cell = rate / (80.0 * rng.choice([24.0, 25.0, 30.0]))

@@ -1,4 +1,7 @@
-"""The study `offsets`: clocks from motion against the truth: errors, stated deviations, poses."""
+"""The study `offsets`: clock offsets from motion.
+
+It reports errors, stated deviations and the effect on 3D poses.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +30,13 @@ from panoptic_ros.study.options import add_seeds, known_names, words
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 Array = np.ndarray
-LARGEST = 0.06  # s, of injected offsets
-DRIFT = 5e-5  # standard deviation of injected drifts
-POSES = ("off", "corrected", "right")  # by which stamps people are solved
+LARGEST = 0.06  # s, limit of the injected offsets
+DRIFT = 5e-5  # standard deviation of the injected drifts, s/s
+POSES = ("off", "corrected", "right")  # timestamps used for solving: wrong, corrected, true
 
 
 class _Statue(Person):
-    """Somebody who does not move at all."""
+    """Person without any motion."""
 
     def posture(self, t: Array) -> Any:
         return super().posture(np.zeros_like(t))
@@ -44,7 +47,7 @@ def _statue(person: Person) -> Person:
 
 
 def _calm(person: Person) -> Person:
-    """Somebody who sways and looks around, with hanging arms."""
+    """Return the person with hanging arms; only sway and head motion remain."""
     gesture = replace(person.gesture, move=lambda t, steps: np.zeros((len(t), 2, 3)))
     return replace(person, gesture=gesture)
 
@@ -53,7 +56,7 @@ def _calm(person: Person) -> Person:
 class _Case:
     scene: Scene
     about: str
-    change: Callable[[Person], Person] | None = None  # of all people
+    change: Callable[[Person], Person] | None = None  # applies to every person
 
 
 _STANDING = replace(SCENES["noisy-4p5v"], activities=("stand",) * 4)
@@ -77,7 +80,10 @@ CASES = {
 
 
 class Offsets(Study):
-    """Clocks from motion in simulated captures: errors in s up to the part that all cameras share."""
+    """Clocks from motion in simulated captures: errors in s up to the part that all cameras share.
+
+    The mean error of the cameras is subtracted if the clock of the first camera is known.
+    """
 
     columns = (
         Column("case", "case"),
@@ -123,7 +129,7 @@ class Offsets(Study):
 
 
 def _take(case: _Case, seed: int, frames: int, poses: bool) -> dict[str, Any]:
-    """One capture with clocks that are off by constants and drifts; the first camera is right."""
+    """Find the clocks of one capture with injected offsets and drifts; the first camera has none."""
     take = simulate(case.scene, seed, frames)
     if case.change is not None:
         take = replace(take, people=tuple(case.change(person) for person in take.people))
@@ -185,7 +191,7 @@ def _rms(values: Array) -> float:
 
 
 def sequence_of(take: Simulation) -> SkeletonSequence:
-    """The truth of a take."""
+    """Return the true skeletons of a take."""
     frames = []
     for frame in take.truth_document()["frames"]:
         people = frame["skeletons"]
@@ -199,7 +205,7 @@ def sequence_of(take: Simulation) -> SkeletonSequence:
 def mpjpe_of(
     truth: SkeletonSequence, sets: Sequence[DetectionSet], context: StageContext, configs: Any
 ) -> float:
-    """Mean error (m) of refined skeletons."""
+    """Return the mean joint error (m) of refined skeletons."""
     results = records_of("skeletons", sets, configs, context)
     frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions) for r in results]
     pairs = pair_sequences(truth, SkeletonSequence(context.skeleton.joint_names, tuple(frames)), 0)

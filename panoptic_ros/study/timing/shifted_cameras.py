@@ -1,4 +1,4 @@
-"""The study `offsets-shifted`: clocks from motion on a recording, two of whose cameras are shifted."""
+"""The study `offsets-shifted`: clock offsets from motion on a recording with two shifted cameras."""
 
 from __future__ import annotations
 
@@ -18,12 +18,16 @@ from panoptic_ros.stage import Progress, StageContext, each
 from panoptic_ros.study.study import Case, Column, Row, Study
 
 Array = np.ndarray
-FRAMES = (0.0, 0.5, 1.0, 2.0, 4.0)  # how far cameras are shifted
-REACH = 4  # frames on either side that shifted views may move to
+FRAMES = (0.0, 0.5, 1.0, 2.0, 4.0)  # shifts of cameras, frames
+REACH = 4  # limit of the shift of views, frames in either direction
 
 
 class OffsetsShifted(Study):
-    """Offsets of a recording as it is, and of shifted ones less the shifts and the offsets as it is."""
+    """Offsets of a recording as it is, and of shifted ones less the shifts and the offsets as it is.
+
+    The last column is the error of a found offset: offset plus shift, relative to the mean over the cameras,
+    minus the same of the unshifted recording.
+    """
 
     columns = (
         Column("camera", "camera"),
@@ -67,7 +71,10 @@ class OffsetsShifted(Study):
 
 
 def shifted(sets: Sequence[DetectionSet], rig: Rig, shifts: Array, period: int) -> list[DetectionSet]:
-    """The sets with cameras' stamps moved by so many frames (C,), and each view in the set nearest to it."""
+    """Shift the timestamps of each camera by a number of frames (C,) and regroup the views.
+
+    Each view moves to the nearest set.
+    """
     given = [item.stamp_ns for item in sets]
     instants = np.array(sorted({t + k * period for t in given for k in range(-REACH, REACH + 1)}), np.int64)
     places: list[dict[str, ViewDetections]] = [{} for _ in instants]

@@ -1,4 +1,4 @@
-"""The studies of clocks from sound: errors beside stated deviations, and controls."""
+"""The studies of clock offsets from sound: errors next to stated deviations, and controls."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from panoptic_ros.study.timing.offsets import LARGEST, mpjpe_of, sequence_of
 from panoptic_ros.study.timing.sound_rooms import CASES, make_room
 
 Array = np.ndarray
-ALLOWED_S = 0.005  # beside the way of the sound
+ALLOWED_S = 0.005  # s, limit of the error beyond the travel time of sound
 MOTION_SCENE = "own-clocks-3p5v"
 
 
 class Sound(Study):
     """Clocks from sound in rooms: errors beside stated deviations, and controls without a solution.
 
-    Errors are those of stamps against the first microphone's clock, the largest at the begin, middle and end
-    of the time that all recorded.
+    Errors are those of timestamps relative to the first microphone's clock. They are the maximum over the
+    begin, middle and end of the common recording time.
     """
 
     columns = (
@@ -101,7 +101,11 @@ class Sound(Study):
 
 
 class SoundMotion(Study):
-    """Cameras whose clocks are seconds apart: sound, motion after it, and motion of stamps 60 ms off."""
+    """Cameras whose clocks are seconds apart: sound, motion after it, and motion of stamps 60 ms off.
+
+    The last method starts from true clocks plus random offsets of up to 60 ms. A fourth row has the true
+    clocks.
+    """
 
     columns = (
         Column("clocks", f"{MOTION_SCENE}, clocks by"),
@@ -130,7 +134,7 @@ class SoundMotion(Study):
 
 
 def _room(name: str, count: int, seed: int, args: argparse.Namespace) -> dict[str, Any]:
-    """One room: errors of corrected stamps against the first microphone's clock, while all record."""
+    """Find the clocks of one room and return their errors relative to the first microphone's clock."""
     heard = make_room(CASES[name], count, seed, args.seconds, args.snr_db)
     names = list(heard.recorders)
     places = {} if args.unplaced else heard.places
@@ -186,7 +190,7 @@ def _summary(takes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 
 
 def _take(take: Simulation) -> dict[str, tuple[Array, float]]:
-    """Errors (C,) s of the clocks about their mean, and MPJPE, m, of each way to get them."""
+    """Return, per method, the clock errors (C,) s relative to their mean, and the MPJPE (m)."""
     context, configs = StageContext(take.rig, SKELETON), configure({})
     sets, truth = list(take.detection_sets()), sequence_of(take)
     names = take.rig.names
@@ -218,7 +222,7 @@ def _take(take: Simulation) -> dict[str, tuple[Array, float]]:
 
 
 def _right(take: Simulation) -> CameraClocks:
-    """The true clocks."""
+    """Return the true clocks."""
     middle = 0.5 * take.seconds
     reference = take.master_ns(middle)
     drifts = np.array([1.0 / (1.0 + clock.drift) - 1.0 for clock in take.clocks])
@@ -233,7 +237,7 @@ def _everywhere(clocks: CameraClocks) -> CameraClocks:
 
 
 def _errors(take: Simulation, clocks: CameraClocks) -> Array:
-    """By how much corrected stamps of one instant differ (C,) s, about their mean."""
+    """Return the differences (C,) s of corrected timestamps at one instant, relative to their mean."""
     middle = 0.5 * take.seconds
     stamps = np.array([clock.stamp_ns(middle) - clocks.reference_ns for clock in take.clocks]) * 1e-9
     used = clocks.applied

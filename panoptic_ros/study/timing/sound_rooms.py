@@ -1,4 +1,4 @@
-"""Rooms with microphones for `panoptic study sound`: recordings, and controls with nothing in common."""
+"""Simulated rooms with microphones for `panoptic study sound`, and controls without common sound."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from panoptic_ros.simulation.voices import RATE, clap, talk
 
 Array = np.ndarray
 Rng = np.random.Generator
-SIZE = (7.5, 6.5, 2.8)  # m
-REVERBERATION = (0.3, 0.8)  # s
-RADIUS = (1.8, 3.0)  # m, of microphones around the middle
+SIZE = (7.5, 6.5, 2.8)  # m, of a room
+REVERBERATION = (0.3, 0.8)  # s, range
+RADIUS = (1.8, 3.0)  # m, range of the distance of microphones from the middle
 RATES = (16_000, 22_050, 44_100, 48_000)  # Hz
-LOUD = 8.0  # a clap, in units of talk
-BEFORE_S, AFTER_S = 1.5, 6.0  # by which people go on before and after the recordings
-DRIFT, MOST_DRIFT = 5e-5, 1e-4
-BLOCK_S = 0.5
+LOUD = 8.0  # amplitude of a clap relative to speech
+BEFORE_S, AFTER_S = 1.5, 6.0  # s by which sounds extend before and after the recording
+DRIFT, MOST_DRIFT = 5e-5, 1e-4  # standard deviation and limit of clock drifts, s/s
+BLOCK_S = 0.5  # s, length of an audio block
 
 
 def _place(rng: Rng) -> Array:
-    """Where somebody may stand or sit."""
+    """Return a random place of a standing or sitting person."""
     return np.array([*rng.uniform([1.5, 1.2], [6.0, 5.3]), rng.uniform(1.1, 1.7)])
 
 
@@ -43,7 +43,7 @@ def _talkers(count: int) -> Callable[[Rng, float], list[DrySound]]:
 
 
 def _claps(rng: Rng, seconds: float) -> list[DrySound]:
-    """Two people clap in turn, ten times in all, somewhere in the recording."""
+    """Return claps of two persons in turn, ten in all, at a random time of the recording."""
     places, at, sounds = [_place(rng), _place(rng)], float(rng.uniform(7.0, 10.0)), []
     for k in range(10):
         sounds.append(DrySound(places[k % 2], [(at, LOUD * clap(rng))]))
@@ -58,7 +58,7 @@ def _ticks(rng: Rng, seconds: float) -> list[DrySound]:
 
 
 def _loop(rng: Rng, seconds: float) -> list[DrySound]:
-    """Music of one bar of two seconds, again and again."""
+    """Return a bar of two seconds of music, repeated over the recording."""
     bar = [(float(k) / 4.0 + 0.02 * rng.standard_normal(), talk(rng, 0.2)) for k in range(8)]
     starts = np.arange(-2.0, seconds + AFTER_S, 2.0)
     return [DrySound(_place(rng), [(float(begin) + at, sound) for begin in starts for at, sound in bar])]
@@ -76,10 +76,12 @@ def _nothing(rng: Rng, seconds: float) -> list[DrySound]:
 
 @dataclass(frozen=True)
 class Case:
-    """What is heard.
+    """Sound source of a room.
 
     Args:
-        apart: every microphone is in a room of its own. tells: whether clocks can be known from it.
+        sounds: function that makes the sounds of a recording of this length (s).
+        tells: True if the clocks can be estimated from the sounds.
+        apart: each microphone is in a separate room.
     """
 
     about: str
@@ -103,10 +105,12 @@ CASES = {
 
 @dataclass(frozen=True, eq=False)
 class Heard:
-    """A recording, and the truth about its devices.
+    """Recording and ground truth of its devices.
 
     Args:
-        recording: with the topic "audio" of each device. lengths: s.
+        recording: recording with the topic "audio" of each device.
+        recorders: true position, clock and sample rate of each device.
+        lengths: length (s) of each device's recording.
     """
 
     recording: HeldRecording
@@ -115,24 +119,24 @@ class Heard:
 
     @property
     def places(self) -> dict[str, Array]:
-        """(3,) m of the microphones."""
+        """Return the positions (3,) m of the microphones."""
         return {name: np.array(recorder.place) for name, recorder in self.recorders.items()}
 
     @property
     def shared(self) -> tuple[float, float]:
-        """Begin and end, true s, of what all record."""
+        """Return begin and end (true s) of the time in which all devices record."""
         ends = [self.recorders[name].begin_s + self.lengths[name] for name in self.recorders]
         return max(recorder.begin_s for recorder in self.recorders.values()), min(ends)
 
     def offset(self, name: str, base: str, stamp_ns: int) -> float:
-        """s, by which the clock of a base is ahead when the device's shows a stamp."""
+        """Return the time (s) by which the base clock is ahead of the device clock at a device timestamp."""
         one, other = self.recorders[name], self.recorders[base]
         true = one.begin_s + (1e-9 * stamp_ns - one.clock_s) / (1.0 + one.drift)
         return other.stamp_s(true) - 1e-9 * stamp_ns
 
 
 def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: float) -> Heard:
-    """Recordings that begin up to 5 s after each other, of clocks up to 100 s apart."""
+    """Simulate recordings that begin up to 5 s apart, with clock differences of up to 100 s."""
     rng = np.random.default_rng([seed, microphones, 11])
     room = Room(SIZE, float(rng.uniform(*REVERBERATION)))
     angles = rng.uniform(0.0, 6.3) + np.linspace(0.0, 2.0 * np.pi, microphones, endpoint=False)
