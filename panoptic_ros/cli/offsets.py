@@ -14,7 +14,7 @@ def add_saved_option(parser: argparse.ArgumentParser) -> None:
         "--offsets",
         type=Path,
         metavar="FILE",
-        help="add these offsets, found before, to the stamps; for latencies that last (see docs/offsets.md)",
+        help="add these offsets, found before, to the stamps; for latencies that last (see docs/time.md)",
     )
 
 

@@ -30,7 +30,7 @@ LARGEST = 10.0
 TORSO = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 HEADER = (
     "# From the detector's joints to the reference's: forward, left, up in the torso frame, torso lengths.\n"
-    "# The right side is the mirror image of the left. See docs/formats.md.\n"
+    "# The right side is the mirror image of the left. See docs/files.md.\n"
 )
 
 

@@ -1,6 +1,6 @@
 """Read and write solved bodies in `kinematics.json.gz`, as a whole or frame by frame.
 
-docs/formats.md lists every key.
+docs/bodies.md lists every key.
 """
 
 from __future__ import annotations

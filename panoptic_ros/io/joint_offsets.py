@@ -26,7 +26,7 @@ KEYS = keys("format detector measured_on source licence", offsets={EACH: keys("f
 LONGEST = 0.2  # m; limit of an offset, larger ones are refused
 HEADER = (
     "# Where the detector sees joints: m from where the skeleton of segments has them, in the frame of a\n"
-    "# segment: x forward, y left, z up in a T. The right side is the mirror image. See docs/formats.md.\n"
+    "# segment: x forward, y left, z up in a T. The right side is the mirror image. See docs/files.md.\n"
 )
 
 

@@ -1,6 +1,6 @@
 """Read and write IMU samples (`imu.csv`) and designated persons (`subject.json`).
 
-docs/formats.md lists every key.
+docs/bodies.md lists every key.
 """
 
 from __future__ import annotations

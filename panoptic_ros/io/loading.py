@@ -92,7 +92,7 @@ class _Parsing:
 
 def malformed(where: Path | str, error: Exception, kind: type[UserError] = DataError) -> UserError:
     """Return the error about a document whose keys or values do not follow its format."""
-    return kind(f"{where}: {_told(error)}; docs/formats.md says what must be there")
+    return kind(f"{where}: {_told(error)}; docs/files.md says what must be there")
 
 
 def _told(error: Exception) -> str:

@@ -1,7 +1,7 @@
 """Read and write the plain formats of 2D and 3D poses: `detections.json.gz` and `skeletons.json.gz`.
 
 Both are JSON, gzipped if the name ends in .gz, in metres, pixels and integer nanoseconds. A missing joint is
-null. docs/formats.md defines every key. `SkeletonStream` writes frame by frame, so memory does not grow with
+null. docs/files.md defines every key. `SkeletonStream` writes frame by frame, so memory does not grow with
 the duration of a run.
 """
 
@@ -42,7 +42,7 @@ FOREIGN = {  # keys that identify other programs' formats, in the document or in
     "annotations of COCO": {"images", "annotations"},
 }
 REMEDY = (
-    f"write it as {DETECTIONS}, with stamps and the names of cameras: docs/formats.md has a program for that"
+    f"write it as {DETECTIONS}, with stamps and the names of cameras: docs/files.md has a program for that"
 )
 
 

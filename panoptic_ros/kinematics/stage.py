@@ -135,7 +135,7 @@ class KinematicsStage(Stateful):
     """Bodies of designated people at a fixed rate.
 
     The output is delayed by the lag and at most one period of the slowest camera. The method is that of
-    Malleson et al. 2020, sections 3 and 4, with the additions in docs/kinematics.md.
+    Malleson et al. 2020, sections 3 and 4, with the additions in docs/bodies.md.
 
     The extras of the context hold `subjects`, the designated people; `segments`, the `SegmentModel` of their
     bodies; and `pose_prior`, `PoseStatistics`. A tracked person with the id of a subject is this subject. 2D

@@ -10,21 +10,8 @@ from typing import Any
 
 from panoptic_ros.study.names import STUDIES, parsed
 
-PAGE, RESULTS = "docs/results.md", "docs/results"  # paths relative to the repository root
-HEAD = """# Results of studies
-
-This page is generated. `panoptic study NAME [OPTION ...] --json docs/results/NAME.json` measures, and
-`panoptic config write` builds the page from the committed JSON. A test compares both.
-Times are those of two shared cores.
-
-`panoptic study` lists all studies, `panoptic study NAME --help` the options of one. Options that a study
-does not understand are refused. Error bars are half widths of the 95 % interval (Student's t).
-
-## All studies
-
-| name | subject |
-|---|---|
-"""
+PAGE, RESULTS = "docs/accuracy.md", "docs/results"  # in the repository
+HEAD = "head.md"  # in the folder of results: the hand-written part of the page
 
 
 def results_page(root: Path) -> str:
@@ -35,8 +22,10 @@ def results_page(root: Path) -> str:
     Args:
         root: root folder of the repository.
     """
+    head = (root / RESULTS / HEAD).read_text()
     rows = "".join(f"| `{name}` | {about} |\n" for name, (_, about) in STUDIES.items())
-    return HEAD + rows + "".join(_section(path) for path in sorted((root / RESULTS).glob("*.json")))
+    sections = (_section(path) for path in sorted((root / RESULTS).glob("*.json")))
+    return f"{head}\n## All studies\n\n| name | subject |\n|---|---|\n{rows}{''.join(sections)}"
 
 
 def _numbers(value: Any) -> Any:

@@ -80,7 +80,7 @@ class SyncConfig(Config):
         unit="ms",
         doc='How much later than its stamp a frame\'s mid-exposure is, as "camera=milliseconds" (half the '
         'exposure where stamps are of its start; negative where they are of arrivals); "*": all others.',
-        when="stamps are not of mid-exposure: half the exposure, or what `panoptic offsets` found.",
+        when="stamps are not of mid-exposure: half the exposure, or what `--offsets-from-motion` found.",
     )
 
     def __post_init__(self) -> None:

@@ -13,7 +13,7 @@ FORMAT = "panoptic-ltc-1"
 
 
 def readings_document(sample_rate: int, readings: Sequence[TimecodeReading]) -> dict[str, Any]:
-    """Return the document of `panoptic ltc decode --json`; see docs/formats.md."""
+    """Return the document of `panoptic ltc decode --json`; see docs/time.md."""
     rate = float(readings[-1].timecode.rate.exact) if readings else None
     frames = [
         {

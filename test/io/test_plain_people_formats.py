@@ -14,7 +14,7 @@ import pytest
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.plain_formats import read_detections
 
-DOCS = Path(__file__).parents[2] / "docs" / "formats.md"
+DOCS = Path(__file__).parents[2] / "docs" / "files.md"
 KEYPOINTS = [float(value) for k in range(17) for value in (10 + k, 20 + k, 0.5)]
 ALPHAPOSE = [
     {"image_id": f"{number}.jpg", "category_id": 1, "keypoints": KEYPOINTS, "score": 2.9}

@@ -10,7 +10,7 @@ from panoptic_ros.io.rigs.document import Document
 
 REMEDY = (
     "write its cameras as rig.json or as TOML of aniposelib, or as <camera>.yaml of ROS with poses.yaml: "
-    "docs/formats.md describes them"
+    "docs/files.md describes them"
 )
 Test = Callable[[Any], bool]
 
