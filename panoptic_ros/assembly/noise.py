@@ -56,7 +56,8 @@ class Marks(NamedTuple):
 class Shares(NamedTuple):
     """What is learnt: histograms of residuals, scores (B, LEVELS) by kind and score, and views (C, LEVELS) by
     camera; shares (B,) of the diagonal, factors (C,) and tails (B,) that follow from them. Of log residuals y
-    over log sizes x the sums (5,) of 1, x, y, x^2, x y; growth (2,), the mean of x and the slope."""
+    over log sizes x the sums (5,) of 1, x, y, x^2, x y; growth (2,), the mean of x and the slope.
+    """
 
     scores: Array
     views: Array

@@ -14,8 +14,10 @@ LEAST_NOISE = 1e-9  # s; timestamps are whole nanoseconds
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """Line y = offset + slope * x, with the covariance (2, 2) of offset and slope, and the noise std of one
-    point."""
+    """Line y = offset + slope * x.
+
+    It has the covariance (2, 2) of offset and slope, and the standard deviation of the noise of one point.
+    """
 
     offset: float
     slope: float

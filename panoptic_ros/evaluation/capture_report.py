@@ -178,8 +178,7 @@ def bone_lengths(skeleton: SkeletonModel, poses: Iterable[TrackedPoseSet], ident
 
 
 def typical_acceleration(stamps_ns: Array, positions: Array) -> float:
-    """Return the median acceleration (m/s^2) of joints (F, J, 3) m over three consecutive frames; NaN if
-    none.
+    """Return the median acceleration (m/s^2) of joints over three consecutive frames; NaN if none.
 
     Args:
         stamps_ns: Timestamps (F,), increasing.

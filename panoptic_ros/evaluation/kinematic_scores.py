@@ -84,11 +84,10 @@ def score_bodies(
 def score_joint_angles(
     truth: Sequence[BodyState], found: Sequence[BodyState], model: SegmentModel, skip_s: float
 ) -> dict[str, float]:
-    """Return the errors `angle_deg` of all joint angles at common timestamps, after the first `skip_s`
-    seconds.
+    """Return the errors `angle_deg` of all joint angles at common timestamps.
 
-    They are given as mean, median, standard deviation and MAD. Where the middle one of three angles is near
-    90 deg, the other two are hardly defined.
+    The first `skip_s` seconds are excluded. Errors are given as mean, median, standard deviation and MAD.
+    Where the middle one of three angles is near 90 deg, the other two are hardly defined.
     """
     begin, theirs = truth[0].stamp_ns + round(skip_s * 1e9), {state.stamp_ns: state for state in found}
     pairs = [(s, theirs[s.stamp_ns]) for s in truth if s.stamp_ns >= begin and s.stamp_ns in theirs]

@@ -11,8 +11,7 @@ from panoptic_ros.evaluation.pairing import FramePair
 
 
 def newcomers_waits(pairs: Sequence[FramePair]) -> dict[int, float]:
-    """Return the delay (s) by truth id from a person's first truth frame to the first frame in which it is
-    found.
+    """Return the delay (s) by truth id from a person's first truth frame to its first match.
 
     People in the first frame do not count as new. The delay is infinite for people who are never found. Pairs
     must be sorted by time.

@@ -80,8 +80,9 @@ class RigReport:
 
 
 def tolerance_px(camera: Camera, noise_px: float = np.inf) -> float:
-    """Return the largest residual (px) of a camera that agrees, allowing for detector noise and a slight
-    misfit.
+    """Return the largest residual (px) of a camera that agrees.
+
+    It allows for detector noise and a slight misfit.
 
     Args:
         noise_px: Standard deviation of the residuals in the data.

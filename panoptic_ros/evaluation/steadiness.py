@@ -1,5 +1,6 @@
-"""Smoothness of a person's motion without ground truth: constancy of limb lengths, and implausible
-accelerations.
+"""Smoothness of a person's motion without ground truth.
+
+It is measured by the constancy of limb lengths, and by implausible accelerations.
 
 Limbs do not change their lengths. Motion below 6 Hz counts as real; Winter 2009, 3.4.3, finds 99 % of the
 power of gait below it. The remaining part of the typical acceleration is noise. Squares are subtracted,

@@ -1,5 +1,4 @@
-"""Compiled undistortion of many points in one loop, for the lenses of `geometry.brown` and
-`geometry.fisheye`.
+"""Compiled undistortion of many points, for the lenses of `geometry.brown` and `geometry.fisheye`.
 
 A fisheye, and a Brown lens with radial terms only, map a point (x, y) to (x, y) * f(r^2). `fisheye_factor` is
 this f, and `fisheye_slope` is 2 df / d r^2, so that Jacobians of both have one form. Lenses with more than

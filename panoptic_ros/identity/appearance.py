@@ -28,7 +28,8 @@ OUTLIER, KNOWN = 3.0, 10.0  # standard deviations at which a look is cut, from s
 
 class Colours(NamedTuple):
     """Clothes of P people: mean colours (P, 2, 3), NaN = not seen, of how many looks counts (P, 2), and the
-    mean squares (P, 2, 3) of what one differs by. See `domain.ViewAppearance`."""
+    mean squares (P, 2, 3) of what one differs by. See `domain.ViewAppearance`.
+    """
 
     means: Array
     counts: Array

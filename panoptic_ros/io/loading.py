@@ -54,7 +54,7 @@ def file_error(path: Path | str, doing: str, error: OSError) -> UserError:
 
 
 def parsing(where: Path | str, kind: type[UserError] = DataError) -> _Parsing:
-    """Turn any exception of a parser into a one-line error: `with parsing(path): ...`.
+    """Turn any exception of a parser inside a `with` block into a one-line error.
 
     A parser meets any value at any place, so it can raise any exception. Errors of this package pass
     unchanged.

@@ -1,2 +1,1 @@
-"""Kinematics: poses of a skeleton of segments, from any combination of cameras and IMUs (Malleson et al.
-2020)."""
+"""Poses of a skeleton of segments, from any combination of cameras and IMUs (Malleson et al. 2020)."""

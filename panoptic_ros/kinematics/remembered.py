@@ -1,5 +1,7 @@
-"""Classes that the state of the kinematics stage may hold, with the attributes of those that do not declare
-them."""
+"""Classes that the state of the kinematics stage may hold.
+
+Classes that do not declare their attributes have them listed here.
+"""
 
 from __future__ import annotations
 

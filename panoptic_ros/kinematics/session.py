@@ -1,5 +1,7 @@
-"""Solver for a whole recording: bodies of its subjects in order of time, and assignment of 2D poses at each
-instant."""
+"""Solver for a whole recording.
+
+It solves the bodies of its subjects in order of time, and assigns 2D poses to them at each instant.
+"""
 
 from __future__ import annotations
 

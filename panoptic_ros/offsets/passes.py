@@ -86,8 +86,7 @@ def clocks_from_motion(
 
 
 class MotionClocks:
-    """Pass (`stage.Pass`) that estimates camera clocks from the 2D poses in the detection sets of a
-    recording.
+    """Pass (`stage.Pass`) that estimates camera clocks from the 2D poses of a recording.
 
     Pass 1 solves with the original timestamps. If cameras are 60 ms apart, the rays of a running person miss
     each other by 20 cm. Pass 1 therefore loses some views of fast persons. The estimate still uses every

@@ -20,7 +20,7 @@ from panoptic_ros.refinement.small_matrices import cholesky, solve, whiten, whit
 
 @njit(cache=True, error_model="numpy")
 def predict(sized, motion, transition, noise, ahead):
-    """ahead becomes the motion after a transition under process noise (P, J) m^2/s^3."""
+    """Ahead becomes the motion after a transition under process noise (P, J) m^2/s^3."""
     size, orders, forward, spread = len(sized), len(sized) // 3, transition.forward, transition.spread
     half = np.empty((size, size))
     for p, j in np.ndindex(noise.shape):
@@ -43,7 +43,7 @@ def predict(sized, motion, transition, noise, ahead):
 
 @njit(cache=True, error_model="numpy")
 def carried(sized, forward, matrix, result):
-    """result (S, S) = F matrix, for the upper triangle F that is `forward` (S / 3, S / 3) on each axis."""
+    """Result (S, S) = F matrix, for the upper triangle F that is `forward` (S / 3, S / 3) on each axis."""
     for a in range(len(sized) // 3):
         for i in range(3):
             for k in range(len(sized)):
@@ -165,7 +165,7 @@ def update_row(sized, state, covariance, row, innovation, cauchy, gain):
 
 @njit(cache=True, error_model="numpy")
 def smoother_gains(sized, motion, transition, ahead, gains):
-    """gains (P, J, S, S), transposed, become (covariance ahead)^-1 F P, from ahead back over a transition."""
+    """Gains (P, J, S, S), transposed, become (covariance ahead)^-1 F P, from ahead back over a transition."""
     lower = np.empty((len(sized), len(sized)))
     for p, j in np.ndindex(gains.shape[:2]):
         carried(sized, transition.forward, motion.covariances[p, j], gains[p, j])

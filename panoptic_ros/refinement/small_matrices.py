@@ -11,7 +11,7 @@ LEAST_PIVOT = 1e-16  # floor, for matrices that are singular but for rounding
 
 @njit(cache=True, error_model="numpy")
 def cholesky(matrix, lower, inverted):
-    """lower lower^T = matrix (S, S); nothing is written above the diagonal.
+    """Lower lower^T = matrix (S, S); nothing is written above the diagonal.
 
     inverted: the diagonal of lower is, for those who divide by it many times.
     """
@@ -29,7 +29,7 @@ def cholesky(matrix, lower, inverted):
 
 @njit(cache=True, error_model="numpy")
 def whiten(lower, vector, result):
-    """result = lower^-1 vector (S,)."""
+    """Result = lower^-1 vector (S,)."""
     for i in range(len(vector)):
         value = vector[i]
         for m in range(i):
@@ -39,7 +39,7 @@ def whiten(lower, vector, result):
 
 @njit(cache=True, error_model="numpy")
 def whitened_row(lower, k, row):
-    """row (S,) = row k of lower^-1, the solution r of lower^T r = e_k."""
+    """Row (S,) = row k of lower^-1, the solution r of lower^T r = e_k."""
     for i in range(len(row)):
         row[i] = 1.0 if i == k else 0.0
     for i in range(k, -1, -1):
@@ -51,7 +51,7 @@ def whitened_row(lower, k, row):
 
 @njit(cache=True, error_model="numpy")
 def solve(sized, matrix, columns, lower):
-    """columns (S, S) become matrix^-1 columns; sized: of length S; lower is scratch."""
+    """Columns (S, S) become matrix^-1 columns; sized: of length S; lower is scratch."""
     size = len(sized)
     cholesky(matrix, lower, True)
     for i in range(size):

@@ -55,7 +55,8 @@ Array = np.ndarray
 
 class Posed(NamedTuple):
     """Bodies of an instant: stamp; ids (B,); IMUs (B,) behind them; keypoints (B, J, 3) m, their covariances
-    (B, J, 3, 3) m^2; hips (B, 3, 3), world from segment."""
+    (B, J, 3, 3) m^2; hips (B, 3, 3), world from segment.
+    """
 
     stamp_ns: int
     ids: Array
@@ -121,7 +122,8 @@ class BodyFill:
 
     def _at(self, stamp_ns: int, number: int) -> tuple[Array, Array, Array, bool] | None:
         """Keypoints (J, 3), covariances and hips of a person at an instant, by the two bodies next to it, and
-        whether there were IMUs."""
+        whether there were IMUs.
+        """
         own = [(posed, rows[0]) for posed in self._kept if len(rows := np.flatnonzero(posed.ids == number))]
         if not own:
             return None

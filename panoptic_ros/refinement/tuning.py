@@ -161,7 +161,7 @@ def innovation_sums(now, before):
 
 @njit(cache=True, error_model="numpy")
 def process_noise(speeds, factors, states, least, growth, noise):
-    """noise (P, J) m^2/s^3, spectral density of acceleration: limbs that swing need more than the trunk.
+    """Noise (P, J) m^2/s^3, spectral density of acceleration: limbs that swing need more than the trunk.
 
     Args:
         speeds: (P, J) m/s of late; become at least those of the states (P, J, 6) against the body, which

@@ -153,8 +153,9 @@ def axes_of(heading: Array, pitch: Array) -> Array:
 
 
 def reach(start: Array, target: Array, pole: Array, first: float, second: float) -> tuple[Array, Array]:
-    """Return the middle and end joints (T, 3) of a limb from `start` to `target` with bones of `first` and
-    `second` m.
+    """Return the middle and end joints (T, 3) m of a limb from `start` to `target`.
+
+    Its bones have the lengths `first` and `second`, m.
 
     The middle joint bends towards `pole`. If the target is too far or too near, the limb ends at its reach
     limit in the direction of the target. The limit is smooth in time.

@@ -1,5 +1,6 @@
-"""Simulated clocks with exact truth: devices that receive timecode, cameras stamped by device clocks, and
-clock faults.
+"""Simulated clocks with exact truth.
+
+Devices receive timecode, device clocks stamp cameras, and clocks have faults.
 
 True time is in ns since the start. Master time is the first label of the timecode plus true time. Readings
 are generated without audio, so that hours of simulation are fast; `ltc_signal` generates the audio.

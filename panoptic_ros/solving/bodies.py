@@ -37,7 +37,8 @@ OUTWARDS = 2  # bones along which places are begun
 
 class Body(NamedTuple):
     """bones (B, 2) of the skeleton; others (B,), the same bone of the other side, -1 = none; trunk (K,), its
-    root and the joints next to it."""
+    root and the joints next to it.
+    """
 
     bones: Array
     others: Array

@@ -22,9 +22,9 @@ BESIDE = 0.09  # horizontal spacing of error bars that share a camera count, in 
 
 
 def body_study_plot(rows: Sequence[Mapping[str, Any]], ours: str, origin: str = "") -> bytes:
-    """Return a PNG with one colour per number of IMUs. Dashed: mean and standard deviation. Solid: median and
-    MAD.
+    """Return a PNG with one colour per number of IMUs.
 
+    Dashed lines show mean and standard deviation, solid lines median and MAD.
     Our method is in the upper row, the other method below, on the same scale. The global position error
     without cameras is left out because it drifts.
 

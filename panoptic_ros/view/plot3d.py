@@ -108,10 +108,10 @@ def head_paths(skeleton: SkeletonModel, poses: Sequence[TrackedPoseSet]) -> dict
 
 
 def frustum_lines(camera: Camera, length: float) -> Array:
-    """Return the camera frustum as eight lines (8, 2, 3) m, world: centre to image corners, and corner to
-    corner.
+    """Return the camera frustum as eight lines (8, 2, 3) m in the world frame.
 
-    The corners are at depth `length` (m). Corners of wide lenses are drawn closer to the optical axis.
+    Four lines lead from the centre to the image corners, and four from corner to corner. The corners are at
+    depth `length` (m). Corners of wide lenses are drawn closer to the optical axis.
     """
     width, height = camera.image_size
     corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)

@@ -18,8 +18,7 @@ Row = Mapping[str, Any]
 
 
 def term_study_plot(rows: Sequence[Row], full: str) -> bytes:
-    """Return a PNG: error increase of each method under each change, and errors against the acceleration
-    weight.
+    """Return a PNG of error increases by method and change, and of errors by the acceleration weight.
 
     Args:
         rows: Rows of the study, with method, change, mm and deg.

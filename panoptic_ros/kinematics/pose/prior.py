@@ -1,5 +1,7 @@
-"""Statistical prior of poses: a principal component analysis of recorded poses (Malleson et al. 2020, eq. 14,
-15)."""
+"""Statistical prior of poses: a principal component analysis of recorded poses.
+
+Source: Malleson et al. 2020, eq. 14 and 15.
+"""
 
 from __future__ import annotations
 

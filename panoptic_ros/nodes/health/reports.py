@@ -79,9 +79,7 @@ class ClockReports:
 
 
 def _observed(model: ClockModel) -> int:
-    """Return the device time (ns) of the last observation of the model; its reference time if that is not
-    set.
-    """
+    """Return the device time (ns) of the model's last observation, or else its reference time."""
     return model.until_ns if model.until_ns != FOREVER else model.reference_ns
 
 

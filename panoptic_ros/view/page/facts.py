@@ -116,8 +116,7 @@ def camera_document(camera: Camera) -> dict[str, Any]:
 
 
 def schemas(kinds: Iterable[str]) -> dict[str, list[list[Any]]]:
-    """Return definitions of message types and of the types nested in them: {type: [[field, type, count],
-    ...]}.
+    """Return definitions of message types and of their nested types: {type: [[field, type, count], ...]}.
 
     A count of -1 is a sequence, 0 is a single value, and any other number is an array of that length.
     """

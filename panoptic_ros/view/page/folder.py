@@ -27,9 +27,9 @@ MOST_KEPT = 4 * 10**9  # bytes of previews in the temporary file, enough for hal
 
 
 class FolderScene:
-    """Scene of videos and image folders, read once from the beginning. A page waits for seconds that are not
-    read yet.
+    """Scene of videos and image folders, read once from the beginning.
 
+    A page waits for seconds that are not read yet.
     Reading stops with an error when the previews fill `most` bytes or the disk.
 
     Args:
