@@ -25,7 +25,7 @@ PAIRS_PER_ROUND = 12  # number of pairs that are tried for each new person
 MAX_PAIR_VIEWS = 24  # greatest number of views that form pairs; of more, those spread over the rig
 REPEAT = 2  # repetitions of the triangulation and assignment of a new person
 MISSED_VIEW = 0.1  # additional agreement required per view that should see a new person and does not
-BODY = 1.4  # m, largest distance of two joints of a person who is mostly seen
+BODY = 1.4  # m, distance of the two farthest joints of a person who is mostly visible
 
 
 def assign(
@@ -108,7 +108,7 @@ def joints_of(precision):
 class NewcomerRules(NamedTuple):
     """Conditions for a new person; see `AssociationConfig`."""
 
-    agreement: float  # m
+    agreement: float  # m, standard deviation of the Gaussian
     person_agreement: float
     min_views: float
     view_share: float

@@ -12,7 +12,7 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 MARGIN = 0.05  # m, error of calibrations and of the objects' models
-MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
+MIN_DEPTH = 1e-3  # m, least depth in front of a camera, as in `geometry.pinhole`
 SLACK = 1e-9  # tolerance of borders on the plane at 1 m
 
 _jit = njit(cache=True, error_model="numpy")

@@ -1,4 +1,4 @@
-"""The association stage."""
+"""Association stage: assigns 2D poses to tracked people, and finds new people."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def learn_lengths(positions, covariances, states, bones, memory, lengths, counts
 
 @njit(cache=True, error_model="numpy")
 def distance(positions, a, b, offset):
-    """Return the distance m of joints a and b of positions (J, 3); offset (3,) m becomes b - a."""
+    """Return the distance, m, of joints a and b of positions (J, 3); offset (3,) m becomes b - a."""
     for k in range(3):
         offset[k] = positions[b, k] - positions[a, k]
     return np.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
