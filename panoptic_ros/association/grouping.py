@@ -63,8 +63,10 @@ def assign_greedily(positions, shifts, seen, mirror, free, scale, least):
         least: Agreement from which a 2D pose belongs to a skeleton.
 
     Returns:
-        member and mirrored (P, V), free (D,), the agreement of each skeleton with each 2D pose (P, D), and
-        the number of joints (P, D) that both have.
+        member, mirrored: (P, V), see `Groups`.
+        free: (D,) without the 2D poses that were assigned.
+        agreements: (P, D) of each skeleton with each 2D pose.
+        common: (P, D) number of joints that both have.
     """
     straight, mirrored, common = agreement_with_people(positions, shifts, seen, mirror, scale)
     view, views = seen.views, len(seen.starts) - 1

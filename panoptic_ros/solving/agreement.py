@@ -15,8 +15,8 @@ NOTHING = 50.0  # exponent from which an agreement counts as 0: exp(-50) = 2e-22
 def agreement_with_people(positions, shifts, seen, mirror, scale):
     """Return the mean agreement of every 2D pose with every skeleton, straight and with exchanged sides.
 
-    The agreement of a joint is the Gaussian affinity exp(-d^2 / (2 scale^2)). d is the residual on the plane
-    at 1 m times the depth of the joint, in metres. So near and far views count alike.
+    The agreement of a joint is the Gaussian affinity exp(-d^2 / (2 scale^2)). The distance d in m is the
+    residual on the plane at 1 m times the depth of the joint. So near and far views count alike.
 
     Args:
         positions: (P, J, 3) m, world, NaN = unknown.

@@ -167,7 +167,7 @@ def _begin_beside(j, v, end, b, known, rays, expected):
     """Place joint j on the ray of view v, near the other end of bone b, in place.
 
     The joint stays unknown if the other end is behind the camera. It also stays unknown if the ray passes
-    that end at more than STRETCH bone lengths, or at more than CLOSE if the length is unknown.
+    that end at more than STRETCH bone lengths. If the length is unknown, the limit is CLOSE.
 
     Args:
         end: (3,) m, world, position of the other end.

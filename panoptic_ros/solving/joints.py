@@ -98,8 +98,8 @@ def pick_observations(x, joint, claims, seen, rules, picks):
         seen: `Observations`.
         rules: `SolverRules`.
         picks: (V, 2) output, row of the 2D pose and index of its joint. The row is -1 where the view has
-            none, or where x projects outside the image and the view's own 2D joint is more likely an
-            artefact.
+            none. It is also -1 where x projects outside the image and the view's own 2D joint is more likely
+            an artefact.
     """
     member, source, owner = claims
     plane, precision, p, j = seen.plane, seen.precision, joint.person, joint.number

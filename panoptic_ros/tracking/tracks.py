@@ -227,8 +227,8 @@ def joint_distances(states, variances, positions, covariances):
 
     Both are means over the common joints, infinite if there are none. The distance serves for gating. The
     cost is the negative logarithm, up to a constant, of a density that falls off with the truncated
-    Mahalanobis distance. It grows with the uncertainty of the prediction: a person who was not seen for a
-    while may be anywhere, and is less likely to be here.
+    Mahalanobis distance. The cost grows with the uncertainty of the prediction. A person who was not seen for
+    a while may be anywhere, and is less likely to be here.
 
     Args:
         states: (T, J, 6) of the tracks, see `JointMotion`.
