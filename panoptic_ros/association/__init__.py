@@ -1,11 +1,10 @@
-"""Association: which 2D people of several views are one person, and who that was an instant before.
+"""Association: groups 2D poses of several views into people, and continues people of the previous instant.
 
-The evidence of an instant, its 2D people flattened and undistorted, is gathered once for all stages that
-follow. Association is in two steps (`grouping`): 2D people are assigned to those who are followed, where they
-should be now, best agreement first; then new people are found where pairs of 2D people agree and further
-views support them. Agreement is a Gaussian of distances in metres, so no threshold depends on a camera's
-resolution.
+The 2D poses of an instant are flattened and undistorted once for all later stages. Association has two steps
+(`grouping`). First, 2D poses are assigned to tracked people at their predicted positions, best agreement
+first. Then new people are found where pairs of 2D poses agree and further views support them. Agreement is a
+Gaussian of distances in metres, so no threshold depends on the resolution of a camera.
 
-In: `DetectionSet`, and the `TrackSet` that tracking feeds back. Out: `AssociationSet`. Limits: a person needs
-2D people in two views.
+Input: `DetectionSet`, and the `TrackSet` that tracking feeds back. Output: `AssociationSet`. Limits: a new
+person needs 2D poses in two views, a tracked person in `guided_views` (default one).
 """

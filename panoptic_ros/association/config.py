@@ -9,7 +9,7 @@ from panoptic_ros.params import Config, param
 
 @dataclass(frozen=True, kw_only=True)
 class AssociationConfig(Config):
-    """Which 2D people of several views are one person."""
+    """Parameters for grouping the 2D poses of several views into people."""
 
     temporal_guidance: bool = param(
         True, doc="Let the people of the instant before guide association and choices; never pulls positions."

@@ -1,7 +1,7 @@
-"""2D people given to those who are followed, and new people from pairs of 2D people that agree.
+"""Assigns 2D poses to tracked people, and finds new people from pairs of 2D poses that agree.
 
-Pairs of free 2D people whose rays meet are triangulated, and the support of all views is counted. The best
-supported pair becomes a person. This repeats until no pair is left.
+Pairs of free 2D poses whose rays meet are triangulated, and the support of all views is counted. The pair
+with the best support becomes a person. This repeats until no pair is left.
 """
 
 from __future__ import annotations
@@ -19,28 +19,30 @@ from panoptic_ros.solving.triangulation import spread_views, triangulate_linear
 
 Array = np.ndarray
 
-MIRROR_MARGIN = 1.15  # exchanged sides must agree this much better
-MIN_COMMON = 4  # joints that a 2D person shares with a skeleton or with another
-PAIRS_PER_ROUND = 12  # pairs that are tried for each new person
-MAX_PAIR_VIEWS = 24  # views that pairs are taken from; of more, those that are spread over the rig
-REPEAT = 2  # how often the association of a new person is repeated
-MISSED_VIEW = 0.1  # agreement wanted in addition for each view that should see a new person and does not
-BODY = 1.4  # m, largest distance of two joints of a person who is mostly seen
+MIRROR_MARGIN = 1.15  # minimum ratio of the agreement with exchanged sides to that without, to exchange them
+MIN_COMMON = 4  # minimum number of joints that a 2D pose shares with a skeleton or with another 2D pose
+PAIRS_PER_ROUND = 12  # number of pairs that are tried for each new person
+MAX_PAIR_VIEWS = 24  # greatest number of views that form pairs; of more, those spread over the rig
+REPEAT = 2  # repetitions of the triangulation and assignment of a new person
+MISSED_VIEW = 0.1  # additional agreement required per view that should see a new person and does not
+BODY = 1.4  # m, distance of the two farthest joints of a person who is mostly visible
 
 
 def assign(
     scene: Scene, positions: Array, shifts: Array, free: Array, config: AssociationConfig, scale: float
 ) -> tuple[Groups, Array]:
-    """Assign free 2D people to skeletons, greedily by agreement, at most one per view and skeleton.
+    """Assign free 2D poses to skeletons, greedily by agreement, at most one per view and skeleton.
 
     Args:
-        positions: (P, J, 3) m, measured or predicted; shifts: (P, J, 3) m/s, their velocities.
-        free: (D,) bool, which may be assigned. scale: m, of the agreement.
+        positions: (P, J, 3) m, world, measured or predicted.
+        shifts: (P, J, 3) m/s, their velocities.
+        free: (D,) bool, 2D poses that may be assigned.
+        scale: m, standard deviation of the agreement.
 
     Returns:
-        their 2D people, and free (D,) without those that were assigned.
+        the 2D poses of the skeletons, and free (D,) without those that were assigned.
     """
-    # read-only arrays are a type of their own: kernels are compiled for the other alone
+    # copies: the kernels are compiled for writable arrays, and read-only ones are another type in numba
     member, mirrored, left, _, _ = assign_greedily(
         positions.copy(),
         shifts.copy(),
@@ -55,11 +57,16 @@ def assign(
 
 @njit(cache=True, error_model="numpy")
 def assign_greedily(positions, shifts, seen, mirror, free, scale, least):
-    """The loops of `assign`; least: agreement of a member.
+    """Return the result of `assign` as arrays.
+
+    Args:
+        least: Agreement from which a 2D pose belongs to a skeleton.
 
     Returns:
-        member and mirrored (P, V), free (D,), the agreement of each skeleton with each 2D person (P, D), and
-        the number of joints (P, D) that both have.
+        member, mirrored: (P, V), see `Groups`.
+        free: (D,) without the 2D poses that were assigned.
+        agreements: (P, D) of each skeleton with each 2D pose.
+        common: (P, D) number of joints that both have.
     """
     straight, mirrored, common = agreement_with_people(positions, shifts, seen, mirror, scale)
     view, views = seen.views, len(seen.starts) - 1
@@ -93,7 +100,7 @@ def assign_greedily(positions, shifts, seen, mirror, free, scale, least):
 
 @njit(cache=True, error_model="numpy")
 def joints_of(precision):
-    """Number of joints of a 2D person, from the precisions (J,) of which those that are missing are 0."""
+    """Return the number of joints of a 2D pose with the precisions (J,), which are 0 for missing joints."""
     count = 0
     for j in range(len(precision)):
         count += precision[j] > 0.0
@@ -101,9 +108,9 @@ def joints_of(precision):
 
 
 class NewcomerRules(NamedTuple):
-    """What makes a new person; see `AssociationConfig`."""
+    """Conditions for a new person; see `AssociationConfig`."""
 
-    agreement: float  # m
+    agreement: float  # m, standard deviation of the Gaussian
     person_agreement: float
     min_views: float
     view_share: float
@@ -112,7 +119,7 @@ class NewcomerRules(NamedTuple):
 
     @classmethod
     def of(cls, config: AssociationConfig) -> NewcomerRules:
-        """Those of a configuration."""
+        """Return the conditions in a configuration."""
         return cls(
             config.agreement,
             config.person_agreement,
@@ -124,7 +131,13 @@ class NewcomerRules(NamedTuple):
 
 
 class Room(NamedTuple):
-    """What the search knows besides 2D people: centres (V, 3) m of the cameras, `Sight`, mirror (J,)."""
+    """Inputs of the search in addition to the 2D poses.
+
+    Args:
+        centres: (V, 3) m, world, optical centres of the cameras.
+        sight: Fields of view and visibility limits of the views.
+        mirror: (J,) joint on the other side.
+    """
 
     centres: Array
     sight: Sight
@@ -132,10 +145,10 @@ class Room(NamedTuple):
 
 
 def find_people(scene: Scene, free: Array, config: AssociationConfig) -> tuple[Groups, Array]:
-    """New people among the free 2D people (D,).
+    """Find new people among the free 2D poses (D,).
 
     Returns:
-        their 2D people, and positions (P, J, 3) m of a first estimate.
+        their 2D poses, and a first estimate (P, J, 3) m, world, of their joints.
     """
     if not free.any():
         return Groups.empty(0, len(scene.centres)), np.empty((0, len(scene.mirror), 3))
@@ -147,11 +160,11 @@ def find_people(scene: Scene, free: Array, config: AssociationConfig) -> tuple[G
 
 @njit(cache=True, error_model="numpy")
 def search_people(free, seen, room, rules):
-    """The loops of `find_people`: member and mirrored (P, V), places (P, J, 3)."""
+    """Return the result of `find_people` as arrays: member and mirrored (P, V), positions (P, J, 3) m."""
     precision, views, joints = seen.precision, len(room.centres), len(room.mirror)
     least = rules.person_agreement
     chosen, left = _candidates(free, precision, seen.views, room.centres)
-    members = np.empty((len(free) // 2, views), np.int64)  # a person takes two 2D people at least
+    members = np.empty((len(free) // 2, views), np.int64)  # a person has at least two 2D poses
     mirrors = np.empty(members.shape, np.bool_)
     places = np.empty((len(members), joints, 3))
     found = 0
@@ -161,7 +174,7 @@ def search_people(free, seen, room, rules):
             for k in range(len(chosen)):
                 alike = common[i, k] >= MIN_COMMON and value[i, k] >= least
                 value[i, k] = value[i, k] * np.sqrt(common[i, k]) if alike else 0.0
-        open_precision = precision.copy()  # 0 for the 2D people that are assigned
+        open_precision = precision.copy()  # 0 for the 2D poses that are assigned
         still_free = Observations(
             seen.plane, open_precision, seen.views, seen.starts, seen.cams, seen.lenses, seen.sizes
         )
@@ -191,7 +204,7 @@ def search_people(free, seen, room, rules):
 
 @njit(cache=True, error_model="numpy")
 def _candidates(free, precision, view, centres):
-    """Rows (L,) of the 2D people that form pairs, and which of all (D,) are free and have joints."""
+    """Return the rows (L,) of 2D poses that form pairs, and which of all (D,) are free and have joints."""
     used = np.zeros(len(centres), np.bool_)
     for d in range(len(view)):
         used[view[d]] = True
@@ -212,7 +225,16 @@ def _candidates(free, precision, view, centres):
 
 @njit(cache=True, error_model="numpy")
 def best_pairs(rank, chosen, left):
-    """The PAIRS_PER_ROUND highest positive ranks (K, 2) of i < k of chosen (N,) that are left, best first."""
+    """Return the PAIRS_PER_ROUND pairs of free 2D poses with the highest positive ranks, best first.
+
+    Args:
+        rank: (L, L) rank of each pair of `chosen`; only i < k counts.
+        chosen: (L,) rows of 2D poses.
+        left: (D,) bool, 2D poses that are still free.
+
+    Returns:
+        (K, 2) pairs i < k of indices into `chosen`.
+    """
     top = np.zeros(PAIRS_PER_ROUND)
     pairs = np.empty((PAIRS_PER_ROUND, 2), np.int64)
     count = 0
@@ -233,7 +255,17 @@ def best_pairs(rank, chosen, left):
 
 @njit(cache=True, error_model="numpy")
 def _best_supported(chosen, pairs, free, seen, room, rules):
-    """The best supported pair: whether there is one; member and mirrored (V,), place (J, 3) m, free (D,)."""
+    """Return the best supported of the given pairs, as a person.
+
+    Args:
+        chosen: (L,) rows of 2D poses.
+        pairs: (K, 2) indices into `chosen`.
+        free: (D,) bool, 2D poses that may be assigned.
+
+    Returns:
+        whether a pair has enough support; member and mirrored (V,), positions (J, 3) m, world, and free (D,)
+        without the 2D poses of that person.
+    """
     views, mirror, view = len(room.centres), room.mirror, seen.views
     best_score, good = 0.0, False
     best_member, best_flipped = np.full(views, -1, np.int64), np.zeros(views, np.bool_)
@@ -251,7 +283,7 @@ def _best_supported(chosen, pairs, free, seen, room, rules):
             member, flipped = members[0], mirrors[0]
         found = look_at(place, seen.cams, room.sight)
         score, agreement, supporters = _support(member, found, value[0], common[0], seen.precision)
-        seeing = np.int64(0)  # no literal, which would be a type of its own
+        seeing = np.int64(0)  # a literal would be another type in numba
         for v in range(views):
             seeing += found[v] == SEEN
         if not enough_support(supporters, seeing, agreement, place, rules):
@@ -264,10 +296,17 @@ def _best_supported(chosen, pairs, free, seen, room, rules):
 
 @njit(cache=True, error_model="numpy")
 def _support(member, found, value, common, precision):
-    """Score, mean agreement and number of the 2D people that support a new person.
+    """Return the score, the mean agreement and the number of the 2D poses that support a new person.
 
-    The score is the sum of agreements, weighted by the root of the number of joints. Views from which the
-    person is hidden give no support.
+    The score is the sum of the agreements, weighted by the square roots of the numbers of joints. In the mean
+    agreement, each 2D pose counts by the share of its joints that are common. Views from which the person is
+    hidden give no support.
+
+    Args:
+        member: (V,) row of the person's 2D pose in each view, -1 = none.
+        found: (V,) visibility of the person, see `look_at`.
+        value, common: (D,) agreement and number of common joints of each 2D pose.
+        precision: (D, J) of the 2D joints, 0 = missing.
     """
     score, agreement, supporters = 0.0, 0.0, 0
     for v in range(len(member)):
@@ -281,9 +320,17 @@ def _support(member, found, value, common, precision):
 
 @njit(cache=True, error_model="numpy")
 def enough_support(supporters, seeing, agreement, place, rules):
-    """Whether this number of supporting views, of those `seeing`, is enough for a new person (J, 3) m.
+    """Return whether the number of supporting views is enough for a new person.
 
-    Fewer are enough if they agree well. The more views miss the person, the better the others must agree.
+    `min_views` and `view_share` of the views that should see the person are enough. Fewer views are enough if
+    they agree well. The more views miss the person, the better the others must agree.
+
+    Args:
+        supporters: Number of supporting views.
+        seeing: Number of views that should see the person.
+        agreement: Mean agreement of the supporting views.
+        place: (J, 3) m, positions of the joints.
+        rules: `NewcomerRules`.
     """
     if supporters >= max(rules.min_views, np.ceil(rules.view_share * seeing)):
         return True
@@ -295,10 +342,10 @@ def enough_support(supporters, seeing, agreement, place, rules):
 
 @njit(cache=True, error_model="numpy")
 def worth_by_size(agreement, place):
-    """An agreement with distances relative to the size of the person (J, 3) m.
+    """Return an agreement with distances between rays taken relative to the size of the person (J, 3) m.
 
-    Rays of two people meet by chance most easily near a camera. A person put there is small, and so are the
-    distances between its rays.
+    Rays of two people meet by chance most easily near a camera. Such a false person is small, and so are the
+    distances between its rays. So the agreement of a person smaller than BODY is reduced.
     """
     square = 0.0
     for i in range(len(place)):
@@ -306,6 +353,6 @@ def worth_by_size(agreement, place):
             apart = 0.0
             for axis in range(3):
                 apart += (place[i, axis] - place[j, axis]) ** 2
-            if apart > square:  # false if one is unknown
+            if apart > square:  # false for NaN
                 square = apart
     return agreement ** max(1.0, BODY**2 / max(square, 1e-6))

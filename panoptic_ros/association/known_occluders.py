@@ -1,4 +1,4 @@
-"""How far the cameras of a rig see past the fixed things in the room."""
+"""Visibility limits of cameras from the fixed objects in the room."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from panoptic_ros.domain.visibility import LONGER_SIDE
 from panoptic_ros.kernels import njit
 
 Array = np.ndarray
-MARGIN = 0.05  # m, how far calibrations and models of things are off
-MIN_DEPTH = 1e-3  # m, as in the pinhole camera of `geometry`
-SLACK = 1e-9  # of borders in the plane at 1 m
+MARGIN = 0.05  # m, error of calibrations and of the objects' models
+MIN_DEPTH = 1e-3  # m, least depth in front of a camera, as in `geometry.pinhole`
+SLACK = 1e-9  # tolerance of borders on the plane at 1 m
 
 _jit = njit(cache=True, error_model="numpy")
 
 
 def occluded_depths(camera: Camera, occluders: Occluders) -> Array:
-    """Depths (H, W) m beyond which things hide all of a cell of the image; infinite where they do not.
+    """Return the depths (H, W) m beyond which objects hide all of an image cell; infinite where they do not.
 
-    Rays through the corners of a cell tell: the farthest of their first surfaces counts, so cells across an
-    edge see on, and things that are smaller than cells hide nothing.
+    The limit of a cell is the farthest first hit of the rays through its corners. So a cell across an edge is
+    limited only by the surface behind. Objects smaller than a cell hide nothing.
     """
     size = np.array(camera.image_size)
     columns, rows = np.maximum(1, np.round(size * min(1.0, LONGER_SIDE / size.max())).astype(int))
@@ -37,7 +37,7 @@ def occluded_depths(camera: Camera, occluders: Occluders) -> Array:
 
 
 def limits_of_rig(rig: Rig) -> dict[str, VisibilityLimit]:
-    """The limits that the occluders of a rig set, by the names of its cameras; none of those who see all."""
+    """Return the limits that a rig's occluders set, by camera name; a camera without limits has no entry."""
     if rig.occluders is None:
         return {}
     depths = {camera.name: occluded_depths(camera, rig.occluders) for camera in rig.cameras}
@@ -45,7 +45,7 @@ def limits_of_rig(rig: Rig) -> dict[str, VisibilityLimit]:
 
 
 def limited(item: DetectionSet, limits: dict[str, VisibilityLimit]) -> DetectionSet:
-    """The set with views that see no farther than these limits let them."""
+    """Return the set with these limits added to the limits of its views."""
     views = []
     for view in item.views:
         known = limits.get(view.camera)
@@ -57,10 +57,11 @@ def limited(item: DetectionSet, limits: dict[str, VisibilityLimit]) -> Detection
 
 @_jit
 def nearest_depths(plane, corners):
-    """Depth (R, C) m of the first triangle that the rays (x, y, 1) of plane (R, C, 2) hit; inf where none.
+    """Return the depth (R, C) m of the nearest triangle on each ray; infinite where there is none.
 
     Args:
-        plane: a grid, bent by a lens; NaN = no ray. corners: (M, 3, 3) m, of triangles in the camera's frame.
+        plane: (R, C, 2) rays (x, y, 1), a grid that a lens distorts; NaN = no ray.
+        corners: (M, 3, 3) m, corners of the triangles in the camera's frame.
     """
     nearest = np.full(plane.shape[:2], np.inf)
     for m in range(len(corners)):
@@ -77,7 +78,11 @@ def nearest_depths(plane, corners):
 
 @_jit
 def _box(triangle):
-    """Least and largest x and y of a triangle (3, 3) in the plane at 1 m; any if it is not all in front."""
+    """Return the bounds of a triangle (3, 3) m on the plane at 1 m; infinite unless it is all in front.
+
+    Returns:
+        least x, greatest x, least y, greatest y.
+    """
     left = top = np.inf
     right = bottom = -np.inf
     for k in range(3):
@@ -91,17 +96,17 @@ def _box(triangle):
 
 @_jit
 def _hit(triangle, x, y):
-    """Depth at which the ray (x, y, 1) meets a triangle (3, 3); inf if it does not."""
+    """Return the depth at which the ray (x, y, 1) meets a triangle (3, 3) m; infinite if it does not."""
     a, b, c = triangle
     p, q, r = _volume(a, b, x, y), _volume(b, c, x, y), _volume(c, a, x, y)
     if not ((p >= 0.0 and q >= 0.0 and r >= 0.0) or (p <= 0.0 and q <= 0.0 and r <= 0.0)):
         return np.inf
-    total = p + q + r  # weights of the corners opposite to the edges; the ray meets their mean
+    total = p + q + r  # p, q and r are the weights of c, a and b in the point that the ray meets
     depth = (p * c[2] + q * a[2] + r * b[2]) / total
     return depth if depth > MIN_DEPTH else np.inf
 
 
 @_jit
 def _volume(a, b, x, y):
-    """(a x b) . (x, y, 1): on which side of the plane through the camera, a and b a ray is."""
+    """Return (a x b) . (x, y, 1), whose sign is the ray's side of the plane through the camera, a and b."""
     return (a[1] * b[2] - a[2] * b[1]) * x + (a[2] * b[0] - a[0] * b[2]) * y + a[0] * b[1] - a[1] * b[0]

@@ -1,4 +1,4 @@
-"""The association stage."""
+"""Association stage: assigns 2D poses to tracked people, and finds new people."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 Array = np.ndarray
-NOISE = 0.005  # standard deviation of a 2D joint, as a share of the image's diagonal; relative weights only
-# of new people; no joint is taken from another 2D person
+NOISE = 0.005  # standard deviation of a 2D joint, as a share of the image diagonal; relative weights only
+# for new people; foreign_penalty is truncation^2, so no joint comes from another 2D pose
 ROUGH = SolverRules(truncation=4.0, cauchy=2.0, gate=4.0, foreign_penalty=16.0, max_pairs=15)
 
 
 class AssociationStage(Stateful):
-    """`DetectionSet`, guided by the `TrackSet` fed back, to `AssociationSet`.
+    """Stage that makes an `AssociationSet` of a `DetectionSet`, guided by the `TrackSet` that is fed back.
 
-    The constructor compiles the kernels, or takes them from the cache.
+    The constructor compiles the kernels, or loads them from the cache.
     """
 
     LAYOUT = StateLayout(
@@ -43,7 +43,7 @@ class AssociationStage(Stateful):
 
     def __init__(self, config: AssociationConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton
-        self._hash = context.skeleton.hash  # computed at each call
+        self._hash = context.skeleton.hash  # kept, as the property computes it at each call
         self._rig, self._names = RigArrays.of(context.rig), context.rig.names
         self._limits = limits_of_rig(context.rig)
         self._mirror = np.array(context.skeleton.mirror, np.int64)
@@ -55,20 +55,21 @@ class AssociationStage(Stateful):
         self.reset()
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Forget all tracks and the last timestamp."""
         self._tracks: TrackSet | None = None
         self._last_ns: int | None = None
 
     def flush(self) -> StepResult[AssociationSet]:
-        """Nothing is buffered."""
+        """Reset the stage. It has no buffered records."""
         self.reset()
         return StepResult()
 
     def step(self, item: DetectionSet | TrackSet) -> StepResult[AssociationSet]:
-        """The people of an instant; sets from the past are dropped with a notice.
+        """Return the people of an instant, or store a `TrackSet`; drop sets from the past with a notice.
 
         Raises:
-            DataError: if the detections do not fit the rig or the skeleton.
+            DataError: if the detections do not fit the rig or the skeleton, or the tracks are of another
+                skeleton.
         """
         if isinstance(item, TrackSet):
             if item.skeleton_hash != self._hash or item.ages.shape[1] != len(self._mirror):
@@ -90,12 +91,12 @@ class AssociationStage(Stateful):
         return StepResult((self._associate(item, evidence),))
 
     def _associate(self, item: DetectionSet, evidence: Evidence) -> AssociationSet:
-        """Those who are followed first, then new people among the 2D people that are left."""
+        """Find the tracked people first, then new people among the 2D poses that remain."""
         precision = even_precision(evidence, self._rig, NOISE)
         scene = scene_of(item, evidence, precision, self._mirror, self._rig, self._config.image_borders)
         prediction = self._predict(item.stamp_ns)
         known, who, free = self._known(scene, prediction)
-        free &= carried_ages(item, evidence) == 0.0  # who is only carried is nobody new
+        free &= carried_ages(item, evidence) == 0.0  # a 2D pose from optical flow alone starts no new person
         fresh, places = self._new(scene, free)
         return AssociationSet(
             item,
@@ -107,13 +108,17 @@ class AssociationStage(Stateful):
         )
 
     def _predict(self, stamp_ns: int) -> Prediction:
-        """Where those should be now who were seen lately."""
+        """Return the predicted positions of the tracked people; without temporal guidance, of no person."""
         if self._tracks is None or not self._config.temporal_guidance:
             return Prediction.of_nobody(len(self._mirror))
         return predicted(self._tracks, stamp_ns, self._config.track_memory)
 
     def _known(self, scene: Scene, prediction: Prediction) -> tuple[Groups, Array, Array]:
-        """2D people of those predicted whom enough views show, who they are, and what is left (D,)."""
+        """Assign 2D poses to the predicted people, and keep the people that enough views show.
+
+        Returns:
+            their 2D poses, their rows in the prediction, and the 2D poses (D,) that remain free.
+        """
         config, free = self._config, np.ones(len(scene.evidence.view), bool)
         groups, left = assign(
             scene, prediction.positions, prediction.velocities, free, config, config.guided_agreement
@@ -124,11 +129,12 @@ class AssociationStage(Stateful):
         return groups.rows(seen), np.flatnonzero(seen), left
 
     def _new(self, scene: Scene, free: Array) -> tuple[Groups, Array]:
-        """New people among the free 2D people, the right way round, and a first estimate of their joints:
-        where most of their views support them, at least two.
+        """Find new people among the free 2D poses, correct exchanged sides, and estimate their joints.
+
+        A joint is placed where most of the person's views, and at least two, agree.
         """
         groups, places = find_people(scene, free, self._config)
-        if len(places):  # seldom
+        if len(places):  # rarely true, so the solver seldom runs
             views = np.where(groups.member >= 0, np.where(groups.mirrored, 1.0, -1.0), 0.0).sum(axis=1)
             wrong = views > ANATOMY_VOTES * self._sides.of_body(places)
             groups = Groups(groups.member, groups.mirrored ^ wrong[:, None])
@@ -140,7 +146,7 @@ class AssociationStage(Stateful):
 
 
 def _followed(item: AssociationSet) -> TrackSet:
-    """The people of a set as if they were followed, to compile with."""
+    """Return the people of a set as tracks, for compiling."""
     people, joints = item.places.shape[:2]
     states = np.concatenate([item.places, np.zeros((people, joints, 3))], axis=-1)
     numbers = np.zeros((people, joints))

@@ -1,8 +1,9 @@
-"""How likely two people are one, by the colours of their clothes.
+"""Re-identification score: log-odds that two tracks are one person, from the colours of their clothes.
 
-The median over the views of an instant is one look at somebody. Looks at one person differ by the light,
-which no mean removes; strangers also by what they wear, or by nothing at all: some wear the same. So the same
-colours tell no more than how rare they are, other colours nearly all.
+A *look* at a person is the median colour over the views of one instant. Looks at one person differ by the
+light, which no averaging removes. Looks at strangers also differ by the clothes, but some strangers wear the
+same. So the evidence of equal colours is limited by the share of strangers who wear them. Different colours
+are nearly conclusive.
 """
 
 from __future__ import annotations
@@ -16,19 +17,25 @@ from panoptic_ros.domain.appearance import CHANNELS, REGIONS
 from panoptic_ros.identity.likeness import log_normal
 
 Array = np.ndarray
-MEMORY = 200.0  # looks over which colours are averaged
-LASTING = np.array([0.12, 0.03, 0.03])  # standard deviation of means at other times, by the light
-LOOK, LOOKS = np.array([0.1, 0.04, 0.04]), 5.0  # of one look, before as many have told it
-CORRELATED = 10.0  # looks that err alike
-PEOPLE = np.array([[0.4, 0.4, 0.4], [0.3, 0.15, 0.15]])  # by which clothes of people differ: torso, legs
-ALIKE = np.array([0.1, 0.25])  # share of strangers who wear the same there
-MISTAKEN = 0.03  # share of colours that are not the person's, or are other ones than before
-OUTLIER, KNOWN = 3.0, 10.0  # standard deviations at which a look is cut, from so many looks on
+MEMORY = 200.0  # looks, over which colours are averaged
+# standard deviation per channel of means at different times: by the light, which no averaging removes
+LASTING = np.array([0.12, 0.03, 0.03])
+LOOK, LOOKS = np.array([0.1, 0.04, 0.04]), 5.0  # prior standard deviation of one look; its weight in looks
+CORRELATED = 10.0  # number of successive looks with the same error
+# standard deviation of clothing colours over people, per channel: torso, legs
+PEOPLE = np.array([[0.4, 0.4, 0.4], [0.3, 0.15, 0.15]])
+ALIKE = np.array([0.1, 0.25])  # share of strangers who wear the same colour: torso, legs
+MISTAKEN = 0.03  # share of colours that belong to another person, or that have changed
+OUTLIER, KNOWN = 3.0, 10.0  # standard deviations at which a look is clipped; looks after which this begins
 
 
 class Colours(NamedTuple):
-    """Clothes of P people: mean colours (P, 2, 3), NaN = not seen, of how many looks counts (P, 2), and the
-    mean squares (P, 2, 3) of what one differs by. See `domain.ViewAppearance`.
+    """Clothing colours of P people, in the channels of `domain.ViewAppearance`.
+
+    Args:
+        means: (P, 2, 3) mean colours of torso and legs, NaN = not seen.
+        counts: (P, 2) number of looks behind each mean.
+        squares: (P, 2, 3) mean squared deviation of single looks from the mean.
     """
 
     means: Array
@@ -37,24 +44,28 @@ class Colours(NamedTuple):
 
     @classmethod
     def of_new(cls, people: int) -> Colours:
-        """Of people who were not seen yet."""
+        """Return the record of people who were not seen yet."""
         shape = people, len(REGIONS), CHANNELS
         return cls(np.full(shape, np.nan), np.zeros(shape[:2]), np.zeros(shape))
 
     @classmethod
     def of_looks(cls, looks: Array) -> Colours:
-        """Of one look (P, 2, 3) at each."""
+        """Return the record of people with one look (P, 2, 3) each."""
         return cls(looks, np.isfinite(looks[..., 0]).astype(float), np.zeros_like(looks))
 
     def noises(self) -> Array:
-        """Variances (P, 2, 3) of the means."""
+        """Return the variances (P, 2, 3) of the means."""
         counts = self.counts[..., None]
         look = (LOOKS * LOOK**2 + counts * self.squares) / (LOOKS + counts)
         variances: Array = LASTING**2 + look * np.minimum(CORRELATED / np.maximum(counts, 1.0), 1.0)
         return variances
 
     def learn(self, rows: Array, looks: Array) -> None:
-        """Take looks (R, 2, 3), NaN = none, at the people of these rows (R,), in place."""
+        """Update the people of the given rows (R,) with one look each, in place.
+
+        Args:
+            looks: (R, 2, 3), NaN = none.
+        """
         person, region = np.nonzero(np.isfinite(looks[..., 0]))
         rows, seen = rows[person], looks[person, region]
         counts = self.counts[rows, region] = np.minimum(self.counts[rows, region] + 1.0, MEMORY)
@@ -67,7 +78,11 @@ class Colours(NamedTuple):
         self.squares[rows, region] += (gaps**2 - squares) / np.maximum(counts - 1.0, 1.0)[:, None]
 
     def take_over(self, lost: int, fresh: int) -> None:
-        """Let a fresh row know, in place, of the clothes of a lost one that is the same person."""
+        """Merge the colours of a lost track into a new track of the same person, in place.
+
+        Args:
+            lost, fresh: rows of the two tracks.
+        """
         counts = self.counts[lost] + self.counts[fresh]
         shares = (self.counts[lost] / np.maximum(counts, 1.0))[:, None]
         means = shares * np.nan_to_num(self.means[lost]) + (1.0 - shares) * np.nan_to_num(self.means[fresh])
@@ -77,10 +92,12 @@ class Colours(NamedTuple):
 
 
 def looks_at(sources: ViewSources | None, views: dict[str, ViewAppearance], people: int) -> Array:
-    """Colours (P, 2, 3) of the people of an instant, the median over its views, NaN = not seen.
+    """Return the looks (P, 2, 3) at the people of an instant, medians over its views, NaN = not seen.
 
     Args:
+        sources: 2D pose of each person in each view; None = unknown.
         views: by camera, of the frames of the sources.
+        people: number of people.
     """
     nothing = np.full((people, len(REGIONS), CHANNELS), np.nan)
     if sources is None or not views:
@@ -99,7 +116,7 @@ def looks_at(sources: ViewSources | None, views: dict[str, ViewAppearance], peop
 
 
 def colour_evidence(people: Colours, others: Colours) -> Array:
-    """Log-odds (T, P) that T people and P others are the same, by their clothes; 0 = these are not known."""
+    """Return the log-odds (T, P) that T people and P others are the same, by clothes; 0 = colours unknown."""
     gaps = people.means[:, None] - others.means[None]  # (T, P, 2, 3)
     known = np.isfinite(gaps[..., 0])
     gaps, noise = np.nan_to_num(gaps), people.noises()[:, None] + others.noises()[None]

@@ -1,4 +1,4 @@
-"""Who is who at an instant: the best pairs of all that may be."""
+"""Optimal one-to-one assignment of rows to columns, with a gate."""
 
 from __future__ import annotations
 
@@ -19,6 +19,6 @@ def best_pairs(cost: Array, gate: float) -> list[tuple[int, int]]:
     """
     if not cost.size:
         return []
-    worth = np.where(cost < gate, cost - gate, 0.0)  # 0 = both stay alone
+    worth = np.where(cost < gate, cost - gate, 0.0)  # 0 = row and column stay without a partner
     rows, columns = linear_sum_assignment(worth)
     return [(int(i), int(k)) for i, k in zip(rows, columns) if worth[i, k] < 0.0]

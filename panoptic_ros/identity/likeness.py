@@ -1,10 +1,10 @@
-"""How likely somebody who comes is somebody who left, by the body and the place.
+"""Re-identification score: log-odds that a new track is a lost track, from bone lengths and position.
 
-Each cue is a log-odds: the logarithm of how much better what is seen fits one person than two strangers,
-so cues add up. Bones: what was learnt of two visits of one person differs by the noise of these means; of
-strangers also as people differ, who are of another stature first, and of other proportions besides. Place:
-where somebody can have gone to since, against anywhere. With the log-odds of all who are away, and of
-somebody new, Bayes' rule tells how sure it is who has come.
+Each cue is a log-odds: the log-likelihood ratio of the observation for one person against two strangers. So
+cues add up. Learnt bone lengths of two visits of one person differ only by the noise of the means. Those of
+strangers also differ by stature, which scales all bones, and by the proportions of single bones. The position
+cue compares two densities: that of a person who has walked from the last position, and a uniform one over the
+room. Bayes' rule over all lost people and a new person gives the probability of each identity.
 """
 
 from __future__ import annotations
@@ -17,29 +17,39 @@ from panoptic_ros.identity.assignment import best_pairs
 
 Array = np.ndarray
 
-FRAME_SIGMA, FRAME_FRAMES = 0.02, 5.0  # m, of a length in a frame, before as many frames have told it
-LASTING, CORRELATED = 0.1, 2.0  # share of that variance that no mean removes; frames that err alike
-STATURE_SHARE, PEOPLE_SHARE = 0.06, 0.04  # of a length, by which people differ: all bones alike, each
-MISTAKEN, MISTAKEN_SHARE = 0.02, 0.3  # share of the bones that were mistaken, and how long these may be
-WORST = 3.0  # standard deviations of strangers, from which on differences tell no stature
-SHORTEST = 0.01  # m, of a bone
-ROOM = 20.0  # m^2, in which strangers appear
-WALKING, STANDING = 1.0, 0.3  # m/s and m, standard deviation of where somebody is after an absence
-RUNNING, AROUND = 3.0, 1.0  # m/s and m, which nobody exceeds
+# m, prior standard deviation of a bone length in one frame; its weight in frames
+FRAME_SIGMA, FRAME_FRAMES = 0.02, 5.0
+# share of that variance that no averaging removes; number of successive frames with the same error
+LASTING, CORRELATED = 0.1, 2.0
+# standard deviations over people, as shares of a length: of stature (all bones alike), of single bones
+STATURE_SHARE, PEOPLE_SHARE = 0.06, 0.04
+# share of bones with a wrong length; standard deviation of their differences, as a share of the length
+MISTAKEN, MISTAKEN_SHARE = 0.02, 0.3
+WORST = 3.0  # standard deviations of strangers; larger differences do not count in the estimate of stature
+SHORTEST = 0.01  # m, least length of a bone in divisions
+ROOM = 20.0  # m^2, floor area in which strangers appear
+# m/s and m: after an absence t, the standard deviation of a position is sqrt(STANDING^2 + (WALKING t)^2)
+WALKING, STANDING = 1.0, 0.3
+RUNNING, AROUND = 3.0, 1.0  # m/s and m: no person moves farther than AROUND + RUNNING t
 
 
 class Bones(NamedTuple):
-    """Lengths (P, B) m of the bones of P people, NaN = not known, and their variances (P, B) m^2."""
+    """Bone lengths of P people.
+
+    Args:
+        lengths: (P, B) m, NaN = unknown.
+        variances: (P, B) m^2 of the lengths.
+    """
 
     lengths: Array
     variances: Array
 
 
 def learnt_bones(lengths: Array, counts: Array, squares: Array) -> Bones:
-    """Bones by mean lengths (P, B) m of counts (P, B) frames.
+    """Return bones from mean lengths (P, B) m over `counts` (P, B) frames.
 
     Args:
-        squares: (P, B) m^2, the mean square of what one frame differs by.
+        squares: (P, B) m^2, mean squared deviation of single frames from the mean.
     """
     total = FRAME_FRAMES * FRAME_SIGMA**2 + counts * squares
     frame = total / (FRAME_FRAMES + counts)
@@ -47,10 +57,12 @@ def learnt_bones(lengths: Array, counts: Array, squares: Array) -> Bones:
 
 
 def seen_bones(positions: Array, covariances: Array, bones: Array) -> Bones:
-    """Bones (B, 2) of skeletons of one instant.
+    """Return the bones (B, 2) of skeletons of one instant.
 
     Args:
-        positions: (P, J, 3) m, NaN = no joint. covariances: (P, J, 3, 3) m^2.
+        positions: (P, J, 3) m, NaN = no joint.
+        covariances: (P, J, 3, 3) m^2.
+        bones: (B, 2) joints at the ends.
     """
     a, b = bones.T
     gaps = positions[:, a] - positions[:, b]
@@ -61,10 +73,12 @@ def seen_bones(positions: Array, covariances: Array, bones: Array) -> Bones:
 
 
 def paired(bones: Array, mirror: Array) -> Array:
-    """Groups (B,) of bones (B, 2): left and right ones of a body are of one length and tell it once.
+    """Return the group (B,) of each bone (B, 2). A left bone and its right counterpart form one group.
+
+    Both have the same length in a body, so they count as one measurement.
 
     Args:
-        mirror: (J,) the joint on the other side of each.
+        mirror: (J,) joint on the other side of each joint.
     """
     ends = [sorted({(a, b), (int(mirror[a]), int(mirror[b]))}) for a, b in bones.tolist()]
     names = {name: number for number, name in enumerate(dict.fromkeys(map(tuple, ends)))}
@@ -72,34 +86,38 @@ def paired(bones: Array, mirror: Array) -> Array:
 
 
 def bone_evidence(people: Bones, others: Bones, groups: Array) -> Array:
-    """Log-odds (T, P) that T people and P others have the same bones; groups: see `paired`."""
+    """Return the log-odds (T, P) that T people and P others are the same, by bone lengths.
+
+    Args:
+        groups: (B,) see `paired`.
+    """
     lengths, noises = _grouped(people, groups)
     other_lengths, other_noises = _grouped(others, groups)
     known = np.isfinite(lengths)[:, None] & np.isfinite(other_lengths)[None]
     a, b = np.nan_to_num(lengths)[:, None], np.nan_to_num(other_lengths)[None]
     mean = np.where(known, np.maximum(0.5 * (a + b), SHORTEST), 1.0)
-    gaps = np.where(known, a - b, 0.0) / mean  # as shares of the length
+    gaps = np.where(known, a - b, 0.0) / mean  # relative differences
     noise = np.where(known, (noises[:, None] + other_noises[None]) / mean**2, 1.0)
     strange, stature = noise + 2.0 * PEOPLE_SHARE**2, 2.0 * STATURE_SHARE**2
     weight = np.where(known & (np.abs(gaps) < WORST * np.sqrt(strange + stature)), 1.0 / strange, 0.0)
     spread = 1.0 / (weight.sum(axis=-1) + 1.0 / stature)
-    taller = (weight * gaps).sum(axis=-1) * spread  # if they are strangers, most likely
+    taller = (weight * gaps).sum(axis=-1) * spread  # most likely difference of stature, if they are strangers
     wrong = np.log(MISTAKEN) + log_normal(gaps, MISTAKEN_SHARE**2)
     one = np.logaddexp(np.log1p(-MISTAKEN) + log_normal(gaps, noise), wrong)
     two = np.logaddexp(np.log1p(-MISTAKEN) + log_normal(gaps - taller[..., None], strange), wrong)
     odds: Array = np.where(known, one - two, 0.0).sum(axis=-1)
-    odds -= log_normal(taller, stature) + 0.5 * np.log(2.0 * np.pi * spread)  # the integral over the stature
+    odds -= log_normal(taller, stature) + 0.5 * np.log(2.0 * np.pi * spread)  # marginalise stature
     return odds
 
 
 def log_normal(gaps: Array, variances: Array | float) -> Array:
-    """Logarithms of the densities of normal variables."""
+    """Return the log-densities of normal variables with mean 0."""
     densities: Array = -0.5 * (gaps**2 / variances + np.log(2.0 * np.pi * np.asarray(variances)))
     return densities
 
 
 def _grouped(bones: Bones, groups: Array) -> tuple[Array, Array]:
-    """Mean lengths (P, G) m of groups of bones, NaN = not known, and their variances (P, G) m^2."""
+    """Return the mean lengths (P, G) m of groups of bones, NaN = unknown, and their variances (P, G) m^2."""
     known = np.isfinite(bones.lengths)
     member = np.eye(int(groups.max(initial=-1)) + 1)[groups]
     number = known @ member
@@ -109,10 +127,14 @@ def _grouped(bones: Bones, groups: Array) -> tuple[Array, Array]:
 
 
 def place_evidence(distances: Array, unseen: Array) -> Array:
-    """Log-odds (T, P) of distances (T, P) m on the ground from where people were lost (T,) s ago.
+    """Return the log-odds (T, P) that T lost people have moved to the positions of P others.
 
-    -inf if nobody gets so far.
-    With time the place tells less and less, until it tells nothing.
+    They fall towards 0 with the time of absence, because the position then contains less and less
+    information. They are -inf where the person cannot have got so far.
+
+    Args:
+        distances: (T, P) m on the ground, from the positions at which people were lost.
+        unseen: (T,) s, time since they were lost.
     """
     spread = (STANDING**2 + (WALKING * unseen) ** 2)[:, None]
     near = ROOM / (2.0 * np.pi * spread) * np.exp(-0.5 * distances**2 / spread)
@@ -121,18 +143,19 @@ def place_evidence(distances: Array, unseen: Array) -> Array:
     return odds
 
 
-NEW, WAIT = -1, -2  # in place of a person who is recognised
-SURE = 0.99  # probability from which somebody is recognised, or is somebody new before the time is over
+NEW, WAIT = -1, -2  # results for tracks that are not recognised: a new person, undecided
+SURE = 0.99  # probability from which a track is recognised, or is a new person before the time is over
 
 
 def recognised(odds: Array, seconds: Array, patience: float) -> Array:
-    """Who each of P people is that have come: row of one of the T who are away, `NEW` or `WAIT`.
+    """Return the identity (P,) of new tracks: the row of one of T lost people, `NEW` or `WAIT`.
 
-    Before anything is seen of somebody it is each of the T, or somebody new, with the same probability.
+    Before any observation, all T lost people and a new person have the same probability.
 
     Args:
-        odds: (T, P) log-odds that they are one. seconds: (P,) for which those who came were seen.
-        patience: s, after which it is decided with what is known: who is not recognised is new.
+        odds: (T, P) log-odds that they are one person.
+        seconds: (P,) s, duration of the new tracks.
+        patience: s, duration after which the decision is final: a person who is not recognised is new.
     """
     found = np.full(odds.shape[1], NEW)
     if not odds.size:
@@ -141,6 +164,6 @@ def recognised(odds: Array, seconds: Array, patience: float) -> Array:
     sure = odds - total >= np.log(SURE)
     unsure = ~sure.any(axis=0) & (-total < np.log(SURE))
     found[unsure & (seconds < patience)] = WAIT
-    for t, p in best_pairs(np.where(sure, -odds, np.inf), 0.0):  # nobody is sure at odds of 1 to 1
+    for t, p in best_pairs(np.where(sure, -odds, np.inf), 0.0):  # gate at even odds, below all certain pairs
         found[p] = t
     return found

@@ -1,7 +1,7 @@
-"""The constant-velocity filter of all joints of everybody who is followed, compiled.
+"""Constant-velocity filter for all joints of the tracked people; compiled.
 
-Predictions serve for choices only: association, starting points, sides, time shifts, identity. The positions
-of skeletons are functions of the present images.
+Its predictions serve choices only: association, starting points, sides, time shifts, identity. The positions
+of measured joints come from the present images.
 """
 
 from __future__ import annotations
@@ -15,21 +15,24 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-ACCELERATION = 10.0**2 / 25.0  # m^2/s^3, spectral density of a joint's acceleration: 10 m/s^2 over 1/25 s
+ACCELERATION = 10.0**2 / 25.0  # m^2/s^3, spectral density of a joint's acceleration: 10 m/s^2 for 1/25 s
 START_SPEED = 1.5  # m/s, standard deviation of the velocity of a new joint
-FADE_TIME = 0.15  # s, over which the predicted velocity of an unseen joint fades
-LOST_SIGMA = 0.35  # m, joints whose prediction is less certain are forgotten
+FADE_TIME = 0.15  # s, time constant with which the velocity of an unmeasured joint decays
+LOST_SIGMA = 0.35  # m, standard deviation per axis beyond which a predicted joint is dropped
 FILLED = int(JointState.FILLED)
-FIRM_VIEWS = 3  # views that must agree on a joint to make its position firm
-FIRM_TIME = 0.08  # s, how long it stays firm
+FIRM_VIEWS = 3  # views that must agree on a joint for its position to be firm
+FIRM_TIME = 0.08  # s, time for which the position stays firm
 
 
 class JointMotion(NamedTuple):
     """Filters of T people's J joints.
 
-    states (T, J, 6) m and m/s, NaN = unknown; variances (T, J, 3) of position, of position with velocity, of
-    velocity, per axis; ages (T, J) s since measured; unagreed (T, J) s since FIRM_VIEWS views agreed on the
-    joint, infinite if never.
+    Args:
+        states: (T, J, 6) position m and velocity m/s, world, NaN = unknown.
+        variances: (T, J, 3) per axis: position variance m^2, position-velocity covariance m^2/s, velocity
+            variance m^2/s^2.
+        ages: (T, J) s since the joint was measured.
+        unagreed: (T, J) s since FIRM_VIEWS views agreed on the joint, infinite if never.
     """
 
     states: Array
@@ -39,7 +42,7 @@ class JointMotion(NamedTuple):
 
     @classmethod
     def of_new(cls, people: int, joints: int) -> JointMotion:
-        """Filters of people before their first measurement."""
+        """Return the filters of people before their first measurement."""
         return cls(
             np.full((people, joints, 6), np.nan),
             np.zeros((people, joints, 3)),
@@ -49,7 +52,7 @@ class JointMotion(NamedTuple):
 
 
 def predicted(tracks: TrackSet, stamp_ns: int, memory: float) -> Prediction:
-    """Where those should be at an instant who were seen within `memory` s before it."""
+    """Return the prediction for an instant, for tracks that were seen within the last `memory` s."""
     dt = 1e-9 * max(stamp_ns - tracks.stamp_ns, 0)
     motion = JointMotion(
         tracks.states.copy(), tracks.variances.copy(), tracks.ages.copy(), tracks.unagreed.copy()
@@ -70,9 +73,11 @@ def predicted(tracks: TrackSet, stamp_ns: int, memory: float) -> Prediction:
 
 @njit(cache=True, error_model="numpy")
 def predict(motion, dt):
-    """Predict in place to dt >= 0 s later: of joints that were not measured last the velocity fades.
+    """Predict the filters by dt >= 0 s, in place.
 
-    Acceleration is white noise, so variances grow by the time that passes and not by the number of steps.
+    The velocity of a joint decays unless the joint was measured at the last step. Acceleration is white
+    noise, so variances depend on the elapsed time and not on the number of steps. A joint less certain than
+    LOST_SIGMA becomes unknown.
     """
     fade = np.exp(-dt / FADE_TIME)
     growth = (ACCELERATION * dt**3 / 3.0, ACCELERATION * dt**2 / 2.0, ACCELERATION * dt)
@@ -96,9 +101,16 @@ def predict(motion, dt):
 
 @njit(cache=True, error_model="numpy")
 def update_joints(motion, t, positions, covariances, views, states):
-    """Update person t in place with a skeleton: (J, 3) m, (J, 3, 3) m^2, number of inlier views, states (J,).
+    """Update the filters of person t with a skeleton, in place.
 
-    Joints that are filled from the prediction and bones are what the filter comes to, not a measurement.
+    A joint that was filled with the help of the prediction and bones is no independent measurement. It
+    replaces the position of its filter.
+
+    Args:
+        positions: (J, 3) m, NaN = missing.
+        covariances: (J, 3, 3) m^2.
+        views: (J,) number of inlier views.
+        states: (J,) of `JointState`.
     """
     for j in range(len(positions)):
         if views[j] >= FIRM_VIEWS:
@@ -116,16 +128,16 @@ def update_joints(motion, t, positions, covariances, views, states):
 
 @njit(cache=True, error_model="numpy")
 def _replace_joint(state, variance, point, covariance):
-    """Set one joint to where it was found with the help of its prediction, in place.
+    """Set one joint to a position that was estimated with the help of its prediction, in place.
 
-    The filter has one variance for all axes: it takes that of the least certain one, which are those that no
-    view shows.
+    The filter has one variance for all axes. It takes the variance of the least certain axis, along which no
+    view measures.
     """
     worst = 0.0
     for k in range(3):
         for m in range(3):
             worst += covariance[k, m] ** 2
-    share = min(1.0, np.sqrt(worst) / max(variance[0], 1e-12))  # the Frobenius norm bounds the largest one
+    share = min(1.0, np.sqrt(worst) / max(variance[0], 1e-12))  # Frobenius norm >= largest eigenvalue
     slope = variance[1] / max(variance[0], 1e-12)
     for k in range(3):
         state[3 + k] += slope * (point[k] - state[k])
@@ -137,7 +149,14 @@ def _replace_joint(state, variance, point, covariance):
 
 @njit(cache=True, error_model="numpy")
 def _update_joint(state, variance, point, noise):
-    """Update one joint with a measurement, in place: a Kalman filter with one variance for all axes."""
+    """Update one joint with a measurement, in place: a Kalman filter with one variance for all axes.
+
+    Args:
+        state: (6,) m and m/s.
+        variance: (3,) see `JointMotion`.
+        point: (3,) m, measured position.
+        noise: m^2, variance of the measurement per axis.
+    """
     if not np.isfinite(state[0]):
         for k in range(3):
             state[k], state[3 + k] = point[k], 0.0

@@ -1,4 +1,7 @@
-"""Designated people: as words of a parameter ("3" or "3=0.4 -1.2 0.95"), and found among people in view."""
+"""Designated people (subjects): parses the words that designate them, and finds them among people in view.
+
+A word is an id, such as "3", or an id with a position in m, such as "3=0.4 -1.2 0.95".
+"""
 
 from __future__ import annotations
 
@@ -16,19 +19,23 @@ Array = np.ndarray
 
 
 def subject_word(number: int, place: Array | None) -> str:
-    """The word that designates somebody by id and, if it is known, by place, m."""
+    """Return the word that designates a subject by id and, if it is known, by position.
+
+    Args:
+        place: (3,) m, None = unknown.
+    """
     where = "" if place is None else "=" + " ".join(f"{value:.4g}" for value in place)
     return f"{number}{where}"
 
 
 def subjects_of(words: Sequence[str], where: str = "subjects") -> SubjectSet:
-    """Who is designated by these words; places count when the first people are seen.
+    """Return the subjects that words designate. Positions apply when the first people are seen.
 
     Args:
-        where: the parameter, for the message.
+        where: name of the parameter, for the error message.
 
     Raises:
-        ConfigError: for a word of another form, or an id that stands twice.
+        ConfigError: for a word of another form, or an id that occurs twice.
     """
     ids, places = [], []
     for word in words:
@@ -48,15 +55,19 @@ def subjects_of(words: Sequence[str], where: str = "subjects") -> SubjectSet:
         raise ConfigError(f"{where}: {error}") from None
 
 
-REACH = 0.75  # m on the ground, from the place that is said: people are given by hand, or move already
-WAIT = 5.0  # s, for which somebody may come late to it
-BACK = 1.0  # s, how far the way of somebody is followed back to the time that is said
+# m on the ground, from the stated position: it is entered by hand, and the person may already move
+REACH = 0.75
+WAIT = 5.0  # s, longest delay after the stated time with which a person may reach the position
+BACK = 1.0  # s, longest time over which a person's motion is extrapolated back to the stated time
 
 
 class Seen(NamedTuple):
-    """People who are seen at an instant and have an identity.
+    """People with an identity who are seen at an instant.
 
-    ids (T,); middles (T, 3) m of the bodies and their velocities drifts (T, 3) m/s.
+    Args:
+        ids: (T,) identities.
+        middles: (T, 3) m, world, centres of the bodies.
+        drifts: (T, 3) m/s, velocities of the centres.
     """
 
     ids: Array
@@ -67,13 +78,15 @@ class Seen(NamedTuple):
 def found_subjects(
     subjects: SubjectSet, missing: Array, seen: Seen, stamp_ns: int, begun_ns: int
 ) -> dict[int, int]:
-    """Which of the people are subjects that nobody is yet: {row of the people: row of the subjects}.
+    """Return the people who become subjects: {row of the people: row of the subjects}.
 
-    Places choose first, nearest pairs together (Hungarian); who has none is whoever came first.
+    Subjects with a position choose first, by optimal assignment of the distances (Hungarian). Subjects
+    without a position and without a stated track are the people who came first.
 
     Args:
-        missing: rows (M,) of the subjects.
-        begun_ns: when the first people were seen.
+        missing: (M,) rows of subjects that are assigned to no person yet.
+        stamp_ns: time of the instant.
+        begun_ns: time at which the first people were seen.
     """
     found: dict[int, int] = {}
     times = np.where(subjects.times[missing] == FIRST, begun_ns, subjects.times[missing])

@@ -1,4 +1,4 @@
-"""How well 2D people agree with skeletons, and with each other, in metres."""
+"""Agreement of 2D poses with skeletons and with each other: Gaussian affinities of distances in metres."""
 
 from __future__ import annotations
 
@@ -8,23 +8,27 @@ from panoptic_ros.kernels import njit
 from panoptic_ros.solving.scene import MIN_DEPTH, seen_at
 from panoptic_ros.solving.triangulation import viewing_ray
 
-NOTHING = 50.0  # exponent beyond which an agreement counts as 0
+NOTHING = 50.0  # exponent from which an agreement counts as 0: exp(-50) = 2e-22
 
 
 @njit(cache=True, error_model="numpy")
 def agreement_with_people(positions, shifts, seen, mirror, scale):
-    """Mean agreement of every 2D person with every skeleton, as it is and with sides exchanged.
+    """Return the mean agreement of every 2D pose with every skeleton, straight and with exchanged sides.
 
-    The agreement of a joint is the Gaussian affinity exp(-d^2 / 2 scale^2). d is the residual times the
-    depth, in metres, so near and far views count alike.
+    The agreement of a joint is the Gaussian affinity exp(-d^2 / (2 scale^2)). The distance d in m is the
+    residual on the plane at 1 m times the depth of the joint. So near and far views count alike.
 
     Args:
-        positions: (P, J, 3) m, NaN = unknown. shifts: (P, J, 3) m/s. seen: `Observations`.
-        mirror: (J,) the joint on the other side. scale: m.
+        positions: (P, J, 3) m, world, NaN = unknown.
+        shifts: (P, J, 3) m/s, velocities of the joints.
+        seen: `Observations` with D 2D poses.
+        mirror: (J,) joint on the other side.
+        scale: m, standard deviation of the Gaussian.
 
     Returns:
-        straight, mirrored: (P, D) in 0..1, mean over the joints that both have;
-        common: (P, D) number of such joints.
+        straight, mirrored: (P, D) in 0..1, mean over the joints that both have. `mirrored` compares a 2D
+            joint with the projection of the joint on the other side.
+        common: (P, D) number of these joints.
     """
     plane, precision, view = seen.plane, seen.precision, seen.views
     people, joints = positions.shape[:2]
@@ -61,16 +65,25 @@ def agreement_with_people(positions, shifts, seen, mirror, scale):
 
 @njit(cache=True, error_model="numpy")
 def _agreement(exponent):
-    """exp(-exponent), or 0 where it is negligible; most people are far from most others."""
+    """Return exp(-exponent), or 0 where it is negligible. Most people are far from most others."""
     return np.exp(-exponent) if exponent < NOTHING else 0.0
 
 
 @njit(cache=True, error_model="numpy")
 def agreement_of_pairs(chosen, seen, centres, scale):
-    """Mean agreement (L, L) of the rays of 2D people `chosen` (L,), 0 inside a view; common (L, L).
+    """Return the mean agreement of the rays of every two 2D poses, and the number of their common joints.
 
-    The agreement of a joint is exp(-d^2 / 2 scale^2) with the distance d of the two rays, and 0 if they meet
-    behind a camera.
+    The agreement of a joint is exp(-d^2 / (2 scale^2)) with the distance d of its two rays in m. It is 0 if
+    the rays are nearly parallel or meet behind a camera.
+
+    Args:
+        chosen: (L,) rows of the 2D poses.
+        seen: `Observations`.
+        centres: (V, 3) m, optical centres of the views, world.
+        scale: m, standard deviation of the Gaussian.
+
+    Returns:
+        agreements (L, L) in 0..1, and numbers of common joints (L, L); both are 0 for 2D poses of one view.
     """
     plane, precision, view = seen.plane, seen.precision, seen.views
     joints, count = plane.shape[1], len(chosen)

@@ -1,15 +1,16 @@
-"""The joints of one body together, from what is known of it and the rays of a few views; compiled.
+"""Joint estimation of all joints of one person from prior knowledge and the rays of a few views; compiled.
 
-A joint needs two views to be solved alone. With bones of known length a single ray places it. All joints of a
-person are estimated together, as the maximum a posteriori under
+A joint that is solved alone needs two views. With a bone of known length, one view is enough. This module
+estimates all joints of a person together. The result is the maximum a posteriori estimate under these terms:
 
-* where joints are known to be, each with its information: solved by views that agree, or predicted;
-* vectors along bones, where these are predicted: parts that no view shows move with the rest;
-* lengths of bones;
-* how far the trunk as a whole can have moved up or down: with the rays that tells depth;
-* the rays of the joints that are seen, with Cauchy weights.
+* positions of joints with their information matrices: solved by views that agree, or predicted;
+* vectors along bones, where they are predicted: parts that no view sees then move with the rest;
+* bone lengths;
+* the vertical motion of the trunk as a whole: together with the rays it determines depth;
+* the rays of the observed joints, with Cauchy weights.
 
-Gauss-Newton on the normal equations of all joints; covariances are blocks of the inverse of their matrix.
+The solver is Gauss-Newton on the normal equations of all joints. Covariances are blocks of the inverse of the
+normal matrix.
 """
 
 from __future__ import annotations
@@ -27,17 +28,21 @@ from panoptic_ros.solving.triangulation import SETTLED, intersect, viewing_ray
 
 Array = np.ndarray
 
-TRUSTED = 2.0  # standard deviations; scale of the Cauchy weights of rays
-STEPS = 6  # of Gauss-Newton, at most
-WIDEST_GAP = 0.25  # m, between two rays that may be of one joint
-CLOSE = 0.15  # m, between joints of a head, whose bones have no other side
-STRETCH = 1.3  # a ray may pass a neighbour this much farther away than the bone is long
-OUTWARDS = 2  # bones along which places are begun
+TRUSTED = 2.0  # standard deviations, scale of the Cauchy weights of rays
+STEPS = 6  # maximum number of Gauss-Newton steps
+WIDEST_GAP = 0.25  # m, largest distance between two rays that may belong to one joint
+CLOSE = 0.15  # m, used for unknown bone lengths: bones of the head have no counterpart on the other side
+STRETCH = 1.3  # bone lengths, largest distance at which a ray may pass the neighbouring joint
+OUTWARDS = 2  # passes over the bones that start joints beside neighbours with a position
 
 
 class Body(NamedTuple):
-    """bones (B, 2) of the skeleton; others (B,), the same bone of the other side, -1 = none; trunk (K,), its
-    root and the joints next to it.
+    """Bones and trunk of a skeleton, as arrays for kernels.
+
+    Args:
+        bones: (B, 2) joints at the two ends of each bone.
+        others: (B,) index of the same bone on the other side, -1 = none.
+        trunk: (K,) the root joint and its child joints.
     """
 
     bones: Array
@@ -46,7 +51,7 @@ class Body(NamedTuple):
 
     @classmethod
     def of(cls, skeleton: SkeletonModel) -> Body:
-        """That of a skeleton."""
+        """Return the arrays of a skeleton."""
         bones, mirror = list(skeleton.bones), skeleton.mirror
         pairs = [(mirror[a], mirror[b]) for a, b in bones]
         others = [bones.index(q) if q != p and q in bones else -1 for p, q in zip(bones, pairs)]
@@ -57,12 +62,19 @@ class Body(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known of a person besides images.
+    """Prior knowledge about one person, without the images.
 
-    places (J, 3) m, NaN = nothing; information (J, 3, 3) 1/m^2 of them; vectors (B, 3) m along bones and
-    their standard deviations slack (B,) m; lengths (B,) m, NaN = not known, and their standard deviations
-    spreads (B,) m; still (J, 3) m where joints were a moment ago, up (3,), and rise m, the standard deviation
-    of how far the trunk moves upwards. What is not known of vectors and rise has infinite deviations.
+    Args:
+        places: (J, 3) m, world, prior positions of the joints, NaN = unknown.
+        information: (J, 3, 3) 1/m^2, inverse covariances of `places`.
+        vectors: (B, 3) m, world, predicted vectors along the bones.
+        slack: (B,) m, standard deviations of `vectors`, infinite where they are unknown.
+        lengths: (B,) m, bone lengths, NaN = unknown.
+        spreads: (B,) m, standard deviations of `lengths`.
+        still: (J, 3) m, world, positions of the joints a moment ago, reference of `rise`.
+        up: (3,) unit vector, upward direction in the world.
+        rise: m, standard deviation of the trunk's mean vertical displacement since `still`; infinite if
+            unknown.
     """
 
     places: Array
@@ -77,10 +89,14 @@ class Known(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """What the views show of a person's J joints.
+    """Observations of one person's J joints in V views.
 
-    member (V,) the 2D person, -1 = none; source (V, J) which of its joints stands for joint j; shifts (J, 3)
-    m/s, velocities; growth (J,), by which the standard deviations of the rays of a joint grow.
+    Args:
+        member: (V,) row of the person's 2D pose in each view, -1 = none.
+        source: (V, J) joint of that 2D pose that stands for joint j.
+        shifts: (J, 3) m/s, velocities of the joints.
+        growth: (J,) factor on the standard deviations of all rays of a joint.
+        seen: All 2D poses of the instant.
     """
 
     member: Array
@@ -92,14 +108,24 @@ class Rays(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def begin(known, rays, body, expected):
-    """Let the noise of two rays of a joint be no less than their gap, and begin joints anew, in place.
+    """Initialise the positions of joints that have none, and enlarge the noise of disputed joints, in place.
 
-    Two views that dispute a joint do not tell which of them errs. A joint that one view shows begins on its
-    ray where the bone to a neighbour is as long as that of the other side, of two such places at that nearer
-    to the expected one; without that in their middle, and it may be at either.
+    If two views dispute a joint, it is unclear which of them is wrong. So the noise of both rays grows until
+    it covers their gap, and the joint starts midway between them. Two rays more than WIDEST_GAP apart start
+    no joint.
+
+    A joint that one view observes starts on its ray, beside a neighbouring joint. The distance to the
+    neighbour is the length of the bone, which is known or taken from the other side. Two points of the ray
+    have that distance, and the one nearer to the expected position is used. Without an expected position, the
+    joint starts midway between the two points, with a standard deviation that covers both points. If no
+    length is known, it starts at the point of the ray nearest to the neighbour, with a standard deviation of
+    about CLOSE.
 
     Args:
-        expected: (J, 3) m, NaN = none.
+        known: `Known`; positions, information and bone lengths are added.
+        rays: `Rays`; `growth` increases.
+        body: `Body`.
+        expected: (J, 3) m, world, NaN = none.
     """
     views, joints = rays.source.shape
     own, pair = np.empty((views, 2), np.int64), np.empty(2, np.int64)
@@ -128,7 +154,7 @@ def begin(known, rays, body, expected):
             for i in range(3):
                 square += (known.places[end, i] - known.places[start, i]) ** 2
             known.lengths[b] = np.sqrt(square)
-    for step in range(2 * OUTWARDS):  # bones of known length first
+    for step in range(2 * OUTWARDS):  # in each pass, bones of known length come first
         for b in range(len(body.bones)):
             for k in range(2 if np.isfinite(known.lengths[b]) == (step % 2 == 0) else 0):
                 j, end = body.bones[b, k], body.bones[b, 1 - k]
@@ -138,7 +164,15 @@ def begin(known, rays, body, expected):
 
 @njit(cache=True, error_model="numpy")
 def _begin_beside(j, v, end, b, known, rays, expected):
-    """Put joint j, in place, where the ray of view v passes the other end (3,) m of bone b, if it is near."""
+    """Place joint j on the ray of view v, near the other end of bone b, in place.
+
+    The joint stays unknown if the other end is behind the camera. It also stays unknown if the ray passes
+    that end at more than STRETCH bone lengths. If the length is unknown, the limit is CLOSE.
+
+    Args:
+        end: (3,) m, world, position of the other end.
+        known, rays, expected: See `begin`.
+    """
     ray, centre, place = np.empty(3), np.empty(3), np.empty(3)
     viewing_ray(rays.seen.cams, v, rays.seen.plane[rays.member[v], rays.source[v, j]], ray, centre)
     depth = passing = 0.0
@@ -163,7 +197,18 @@ def _begin_beside(j, v, end, b, known, rays, expected):
 
 @njit(cache=True, error_model="numpy")
 def estimate(known, rays, body):
-    """Places (J, 3) m, covariances (J, 3, 3) m^2, NaN = not known; residuals (V, J) in deviations."""
+    """Estimate all joints of one person by Gauss-Newton.
+
+    Args:
+        known: `Known`, after `begin` if joints without a prior position shall be placed.
+        rays: `Rays`.
+        body: `Body`.
+
+    Returns:
+        positions: (J, 3) m, world, NaN = unknown.
+        covariances: (J, 3, 3) m^2, NaN = unknown.
+        residuals: (V, J) in standard deviations, NaN where no ray was used.
+    """
     x = known.places.copy()
     joints = len(x)
     normal, step = np.zeros((3 * joints, 3 * joints)), np.zeros(3 * joints)
@@ -199,7 +244,13 @@ def estimate(known, rays, body):
 
 @njit(cache=True, error_model="numpy")
 def _add_what_is_known(known, body, x, normal, right):
-    """Add all but the rays at x (J, 3) m to the normal equations (3J, 3J) and (3J,), in place."""
+    """Add all terms except the rays to the normal equations, in place.
+
+    Args:
+        x: (J, 3) m, world, positions at which the terms are linearised; NaN = unknown.
+        normal: (3J, 3J) 1/m^2, normal matrix.
+        right: (3J,) 1/m, right-hand side.
+    """
     for j in range(len(x)):
         for i in range(3):
             if np.isnan(x[j, 0]):
@@ -241,7 +292,10 @@ def _add_what_is_known(known, body, x, normal, right):
 
 @njit(cache=True, error_model="numpy")
 def _add_trunk(known, body, x, normal, right):
-    """Add that the trunk as a whole hardly rises or sinks, in place."""
+    """Add the term that the trunk as a whole hardly moves up or down, in place.
+
+    It is one constraint on the mean over the trunk's joints, not one per joint. See `_add_what_is_known`.
+    """
     count, risen = 0, 0.0
     for j in body.trunk:
         if np.isfinite(x[j, 0] - known.still[j, 0]):
@@ -261,7 +315,12 @@ def _add_trunk(known, body, x, normal, right):
 
 @njit(cache=True, error_model="numpy")
 def _add_rays(rays, x, normal, right, residuals):
-    """Add the rays at x (J, 3) m, with Cauchy weights, and write their residuals (V, J), in place."""
+    """Add the rays with Cauchy weights to the normal equations and write their residuals, in place.
+
+    Args:
+        x, normal, right: See `_add_what_is_known`.
+        residuals: (V, J) output, in standard deviations; entries without a ray stay unchanged.
+    """
     slopes = np.empty((2, 3))
     for v, j in np.ndindex(rays.source.shape):
         d, s = rays.member[v], rays.source[v, j]
@@ -287,7 +346,16 @@ def _add_rays(rays, x, normal, right, residuals):
 
 @njit(cache=True, error_model="numpy")
 def _look(x, j, v, rays):
-    """What view v shows of joint j less where it sees x (3,) m, on the plane; where that is; its depth m."""
+    """Return the residual of joint j in view v, its projection and its depth.
+
+    Args:
+        x: (3,) m, world, position of the joint.
+
+    Returns:
+        du, dw: observed minus projected point, on the plane at 1 m.
+        u, w: projected point, on the plane at 1 m.
+        depth: m.
+    """
     seen = rays.seen.plane[rays.member[v], rays.source[v, j]]
     u, w, depth = seen_at(rays.seen.cams, v, x, rays.shifts[j])
     return seen[0] - u, seen[1] - w, u, w, depth

@@ -1,4 +1,4 @@
-"""Two easy instants to compile kernels with, so that the first real one does not wait for it."""
+"""Two simple instants that compile kernels in advance, so that the first real instant does not wait."""
 
 from __future__ import annotations
 
@@ -20,14 +20,17 @@ from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.solving.scene import gather
 
 Array = np.ndarray
-VIEWS = 4  # at most
-STEP_NS = 33_000_000
-SPREAD = 0.4  # m, of the joints of a person's size to both sides of their middle, along each axis
-INSIDE = 0.25  # share of half an image that smaller clouds take, so that small rigs see them too
+VIEWS = 4  # maximum number of views
+STEP_NS = 33_000_000  # ns, time between the two instants
+SPREAD = 0.4  # m, half the extent of a cloud of a person's size along each axis
+INSIDE = 0.25  # share of half an image that a smaller cloud covers, so that small rigs see all of it
 
 
 def cloud_of_joints(rig: Rig, skeleton: SkeletonModel) -> Array:
-    """Joints (J, 3) m where the first cameras look, of a person's size or as large as the cameras can see."""
+    """Return joints (J, 3) m, world, at the point where the first cameras look.
+
+    The cloud has the size of a person, or less if the cameras see less.
+    """
     middle, spread = _place(rig)
     cloud: Array = middle + np.random.default_rng(0).uniform(-spread, spread, (len(skeleton), 3))
     return cloud
@@ -39,13 +42,16 @@ def beside(rig: Rig) -> float:
 
 
 def _place(rig: Rig) -> tuple[Array, float]:
-    """The middle (3,) m of the cloud, and how far, m, it spreads to both sides of it."""
+    """Return the centre (3,) m, world, of the cloud and half its extent along each axis, m.
+
+    The centre is the point nearest to the optical axes of the first cameras (least squares).
+    """
     cameras = rig.cameras[:VIEWS]
     axes = np.stack([camera.cam_from_world.rotation[2] for camera in cameras])
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
     centres = np.stack([camera.centre for camera in cameras])
     ahead = across.sum(axis=0) + 0.01 * np.eye(3)
-    pull = 0.01 * (centres + 4.0 * axes).mean(axis=0)  # for cameras that look the same way
+    pull = 0.01 * (centres + 4.0 * axes).mean(axis=0)  # prior 4 m ahead: parallel axes have no nearest point
     middle = np.linalg.solve(ahead, np.einsum("cij,cj->i", across, centres) + pull)
     depths = ((middle - centres) * axes).sum(axis=1)
     halves = [0.5 * min(c.image_size) / c.intrinsics.matrix[:2, :2].diagonal().max() for c in cameras]
@@ -53,14 +59,14 @@ def _place(rig: Rig) -> tuple[Array, float]:
 
 
 def easy_instants(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Iterator[DetectionSet]:
-    """What the first cameras see of the cloud and of a joint beside it, and the same a moment later.
+    """Yield two detection sets that show a cloud of joints and one joint beside it in the first cameras.
 
-    Only what lies in their images counts, so an instant is one that the cameras of any rig could give.
-
-    The joint alone is no person, so its 2D joints stay unexplained.
+    Both sets show the same joints, STEP_NS apart. Only joints inside an image are detected, so the cameras of
+    any rig could produce these sets. The joint beside the cloud is no person, so its 2D joints stay
+    unexplained.
 
     Args:
-        delay_ns: by which each view comes after the one before it.
+        delay_ns: ns, delay of the timestamp of each view after that of the view before, in the second set.
     """
     people = np.full((2, len(skeleton), 3), np.nan)
     people[0] = cloud_of_joints(rig, skeleton)
@@ -69,7 +75,7 @@ def easy_instants(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Itera
         views = []
         for number, camera in enumerate(rig.cameras[:VIEWS]):
             pixels, seen = camera.project(people.reshape(-1, 3))
-            seen &= camera.contains(pixels)  # far outside, lenses bend pixels to anywhere
+            seen &= camera.contains(pixels)  # distortion may move points far outside into the image
             scores = np.where(seen, 0.9, 0.0).reshape(2, -1)
             pixels = np.where(seen[:, None], pixels, np.nan).reshape(2, -1, 2)
             views.append(
@@ -88,7 +94,11 @@ def easy_instants(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Itera
 
 
 def easy_associations(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Iterator[AssociationSet]:
-    """The same with the cloud associated over the views: somebody new, who is then followed."""
+    """Yield the same two instants with the cloud associated over the views: first a new person, then a track.
+
+    Args:
+        delay_ns: See `easy_instants`.
+    """
     arrays, cloud = RigArrays.of(rig), cloud_of_joints(rig, skeleton)[None]
     ages, still = np.zeros(cloud.shape[:2]), np.zeros_like(cloud)
     for item in easy_instants(rig, skeleton, delay_ns):

@@ -1,4 +1,4 @@
-"""What the solver of joints is given and what it gives, as kernels take it."""
+"""Input and output records of the joint solver, in the form that kernels take."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-CHOICE_SPREAD = 0.03  # m, standard deviation of a prediction of a joint that was just measured
-CHOICE_SPEED = 0.6  # m/s, its growth with the time since the measurement
+CHOICE_SPREAD = 0.03  # m, standard deviation of the prediction of a joint that was just measured
+CHOICE_SPEED = 0.6  # m/s, growth of that standard deviation with the time since the measurement
 
 
 class Claims(NamedTuple):
-    """Which observations are whose: P people, V views.
+    """Assignment of 2D joints to the joints of P people in V views.
 
-    member: (P, V) the 2D person of each view, -1 = none. source: (P, V, J) its joint that stands for joint j.
-    owner: (D, J) person that has claimed an observation, -1 = free; others may not use it.
+    Args:
+        member: (P, V) row of the person's 2D pose in each view, -1 = none.
+        source: (P, V, J) joint of that 2D pose that stands for joint j.
+        owner: (D, J) person that has claimed a 2D joint, -1 = free. Other people must not use it.
     """
 
     member: Array
@@ -28,10 +30,13 @@ class Claims(NamedTuple):
 
 
 class Guides(NamedTuple):
-    """Predictions of P people's J joints, which are used in choices and never in positions.
+    """Predictions of the J joints of P people. They influence choices, but never positions.
 
-    positions: (P, J, 3) m, NaN = none. spreads: (P, J) m, standard deviations. shifts: (P, J, 3) m/s,
-    velocities. firm: (P, J) whether the position is certain enough to reject what two views say.
+    Args:
+        positions: (P, J, 3) m, world, NaN = none.
+        spreads: (P, J) m, standard deviations of `positions`.
+        shifts: (P, J, 3) m/s, velocities.
+        firm: (P, J) whether the prediction is certain enough to reject a joint that only two views support.
     """
 
     positions: Array
@@ -41,7 +46,11 @@ class Guides(NamedTuple):
 
     @classmethod
     def of_nobody_known(cls, people: int, joints: int, spread: float) -> Guides:
-        """People without predictions."""
+        """Return guides of people without predictions.
+
+        Args:
+            spread: m, standard deviation that is entered for every joint.
+        """
         shape = (people, joints, 3)
         return cls(
             np.full(shape, np.nan), np.full(shape[:2], spread), np.zeros(shape), np.zeros(shape[:2], bool)
@@ -51,9 +60,12 @@ class Guides(NamedTuple):
 class Candidates(NamedTuple):
     """P people for the final solve.
 
-    member: (P, V) the 2D person of each view, -1 = none. source: (P, V, J) which of its joints stands for
-    joint j. guide: their predictions. who: (P,) index of the prediction, -1 = new. places: (P, J, 3) m,
-    first estimate of their joints, NaN = unknown.
+    Args:
+        member: (P, V) row of the person's 2D pose in each view, -1 = none.
+        source: (P, V, J) joint of that 2D pose that stands for joint j.
+        guide: Predictions of the people.
+        who: (P,) row of the person in the `Prediction`, -1 = new.
+        places: (P, J, 3) m, world, first estimate of the joints, NaN = unknown.
     """
 
     member: Array
@@ -64,28 +76,37 @@ class Candidates(NamedTuple):
 
     @classmethod
     def of(cls, item: AssociationSet, mirror: Array) -> Candidates:
-        """The people of an association: those who were predicted are guided, new ones are not.
+        """Return the people of an association. People with a prediction are guided, new people are not.
 
         Args:
-            mirror: (J,) the joint on the other side.
+            mirror: (J,) joint on the other side.
         """
         return cls.new(item.groups, item.places, mirror)._replace(guide=guides_of(item), who=item.who)
 
     @classmethod
     def new(cls, groups: Groups, places: Array, mirror: Array) -> Candidates:
-        """People whom nobody predicted, with first estimates (P, J, 3) m of their joints."""
-        member, mirrored = groups.member.copy(), groups.mirrored  # kernels take what can be changed
+        """Return new people, who have no prediction.
+
+        Args:
+            groups: Their 2D poses.
+            places: (P, J, 3) m, world, first estimates of their joints.
+            mirror: (J,) joint on the other side.
+        """
+        member, mirrored = groups.member.copy(), groups.mirrored  # kernels need a writable array
         source = np.where(mirrored[..., None], mirror, np.arange(len(mirror))).astype(np.int64)
         guide = Guides.of_nobody_known(len(places), places.shape[1], CHOICE_SPREAD)
         return cls(member, source, guide, np.full(len(member), -1), places)
 
 
 class SolvedJoints(NamedTuple):
-    """Joints of P people in V views.
+    """Solved joints of P people in V views.
 
-    positions (P, J, 3) m, NaN where fewer than two views agree. normals (P, J, 3, 3) 1/m^2, lower triangles.
-    residuals (P, J, V) in standard deviations, -1 = unused. picks (P, J, V, 2) 2D person and joint of it,
-    -1 = none.
+    Args:
+        positions: (P, J, 3) m, world. NaN where fewer than two views agree, or where only two views agree and
+            contradict a firm prediction.
+        normals: (P, J, 3, 3) 1/m^2, normal matrices, lower triangles.
+        residuals: (P, J, V) in standard deviations, -1 = view unused.
+        picks: (P, J, V, 2) row of the chosen 2D pose and index of its joint, -1 = none.
     """
 
     positions: Array
@@ -95,7 +116,7 @@ class SolvedJoints(NamedTuple):
 
     @classmethod
     def nothing(cls, people: int, joints: int, views: int) -> SolvedJoints:
-        """Before anything is solved."""
+        """Return the record before any joint is solved."""
         shape = (people, joints, views)
         return cls(
             np.full((people, joints, 3), np.nan),
@@ -106,13 +127,13 @@ class SolvedJoints(NamedTuple):
 
     @property
     def views(self) -> Array:
-        """Number of views (P, J) behind each joint."""
+        """Return the number of views (P, J) behind each joint."""
         counts: Array = (self.residuals >= 0.0).sum(axis=-1)
         return counts
 
 
 def guides_of(item: AssociationSet) -> Guides:
-    """The predictions of the people of an association; new ones have none."""
+    """Return the predictions of the people of an association; new people have none."""
     known = item.who >= 0
     guide = Guides.of_nobody_known(len(known), item.places.shape[1], CHOICE_SPREAD)
     rows, prediction = item.who[known], item.prediction
@@ -123,7 +144,11 @@ def guides_of(item: AssociationSet) -> Guides:
 
 
 def observed_views(found: Candidates, precision: Array) -> Array:
-    """(P, V, J) whether the 2D person of each view shows joint j, from the precisions (D, J) of 2D joints."""
+    """Return whether each person's 2D pose in each view shows each joint (P, V, J).
+
+    Args:
+        precision: (D, J) of the 2D joints, 0 = missing.
+    """
     member = found.member[..., None]
     if not len(precision):
         return np.zeros(found.source.shape, bool)
@@ -134,28 +159,34 @@ def observed_views(found: Candidates, precision: Array) -> Array:
 def view_sources(
     detections: DetectionSet, evidence: Evidence, found: Candidates, solved: SolvedJoints, kept: Array
 ) -> ViewSources:
-    """The record for those of the people solved that were kept (P,)."""
+    """Return the record of the views and 2D poses behind the people that were kept.
+
+    Args:
+        kept: (K,) rows of these people in `found` and `solved`.
+    """
     views = [detections.views[slot] for slot in evidence.slots]
     rows = main_people(evidence.starts, found.member[kept], solved.residuals[kept], solved.picks[kept])
-    known = np.concatenate([evidence.rows, [-1]])  # -1 stays -1
+    known = np.concatenate([evidence.rows, [-1]])  # so that row -1 gives -1
     frames = np.array([view.frame_number for view in views], np.int64)
     return ViewSources(tuple(view.camera for view in views), frames, known[rows])
 
 
 @njit(cache=True, error_model="numpy")
 def main_people(starts, member, residuals, picks):
-    """Row (P, V) of the 2D person of each view that gave most joints to each skeleton, -1 = none.
+    """Return the row (P, V) of the 2D pose that gave most joints to each person in each view, -1 = none.
 
-    Detectors mix people up where they overlap, so that somebody's joints can come from two 2D people of one
-    view. A view where association found no 2D person has none, even if single joints of others were used.
+    Detectors confuse people who overlap, so the joints of a person can come from two 2D poses of one view. A
+    view in which association found no 2D pose has none, even if single joints of other poses were used.
 
     Args:
-        starts: (V + 1,) first row of each view. member: (P, V) row that association gave, -1 = none; it
-            wins where another gave as many, and where no joint of the view was used.
-        residuals: (P, J, V), -1 = unused. picks: (P, J, V, 2) row and joint. See `SolvedJoints`.
+        starts: (V + 1,) first row of each view.
+        member: (P, V) row that association gave, -1 = none. It wins if another row gave the same number of
+            joints. It also wins if no joint of the view was used.
+        residuals: (P, J, V), -1 = unused, see `SolvedJoints`.
+        picks: (P, J, V, 2) row and joint index, see `SolvedJoints`.
     """
     people, joints, views = residuals.shape
-    given = np.zeros(starts[-1])  # joints, by each 2D person
+    given = np.zeros(starts[-1])  # number of joints that each 2D pose gave to the person
     main = np.full((people, views), -1, np.int64)
     for p in range(people):
         for d in range(len(given)):

@@ -1,13 +1,14 @@
-"""Joints from the 2D people of a person: choice of observations, then robust least squares.
+"""Solves joints from the 2D poses of each person: choice of observations, then robust least squares.
 
-For every joint, each view offers the joint of the 2D person that association gave to this person, and, at
-a penalty, the same joint of other 2D people (detectors mix people up where they overlap). Starting
-points are the prediction and intersections of pairs of views; the one with the lowest truncated
-cost wins. From there Gauss-Newton with Cauchy weights on the reprojection error (the objective of
-Joo et al. 2017, 5.3, made robust), gated in the last steps. A prediction enters the choice of the
-start, never the estimate; but a joint that two views place far from where three agreed a moment ago is
-missing, as one of the two must be wrong. `geometry.triangulate_robust` is the numpy reference of the
-last step.
+For every joint, each view offers the 2D joint of the 2D pose that association gave to this person. At a
+penalty, it also offers the same joint of other 2D poses, because detectors confuse people who overlap.
+Starting points are the prediction and intersections of pairs of views. The one with the lowest truncated cost
+is used. Then Gauss-Newton minimises the reprojection error, which is the objective of Joo et al. 2017, 5.3.
+Cauchy weights and a gate in the last steps make it robust.
+
+A prediction influences the choice of the start, never the estimate. But a joint that only two views support,
+far from a position on which three views agreed recently, counts as missing: one of the two views must be
+wrong. `geometry.triangulate_robust` is the numpy reference of the last step.
 """
 
 from __future__ import annotations
@@ -24,16 +25,25 @@ from panoptic_ros.solving.triangulation import TABLE, Result, SolverRules, Steps
 
 Array = np.ndarray
 
-GOOD_COST = 3.0  # truncated cost per view (2 is expected) up to which the prediction is taken as the start
-DENIED = 2.0  # standard deviations; gate of two views about a firm prediction
-MANY_VIEWS = 8  # from here on a wrong place cannot be that cheap, and twice the cost is good enough
-MISPLACED = 0.15  # of a 2D person's size, deviation of border artefacts: medians .09-.15, rms .15-.23
-FITS = 4.0  # squared standard deviations of a 2D joint up to which it is no artefact
-GUIDED_STEPS, ROUGH_STEPS, LAST_STEPS = 3, 4, 6  # of Gauss-Newton, at most
+GOOD_COST = 3.0  # truncated cost per view (2 is expected) below which the prediction is the start
+DENIED = 2.0  # standard deviations of a firm prediction, gate for joints that only two views support
+MANY_VIEWS = 8  # views from which twice GOOD_COST is accepted: no wrong position is that cheap in all of them
+# share of a 2D pose's size, standard deviation of border artefacts; measured medians .09-.15, rms .15-.23
+MISPLACED = 0.15
+FITS = 4.0  # squared standard deviations, residual up to which a 2D joint is no artefact
+GUIDED_STEPS, ROUGH_STEPS, LAST_STEPS = 3, 4, 6  # greatest numbers of Gauss-Newton steps
 
 
 class _Joint(NamedTuple):
-    """One joint of one person: where it should be, how exactly, and how it moves."""
+    """One joint of one person, with its prediction.
+
+    Args:
+        person: Row of the person.
+        number: Index of the joint.
+        expected: (3,) m, world, predicted position, NaN = none.
+        spread: m, standard deviation of `expected`.
+        shift: (3,) m/s, velocity.
+    """
 
     person: int
     number: int
@@ -43,10 +53,14 @@ class _Joint(NamedTuple):
 
 
 class _Room(NamedTuple):
-    """Arrays to work in.
+    """Work arrays for one joint.
 
-    x: (3,) m, the joint. picks: (V, 2) its observations. own: (V, 2) those of the own 2D people.
-    have: (V,) views that have one. trial: (3,) m.
+    Args:
+        x: (3,) m, world, position of the joint.
+        picks: (V, 2) chosen observations: row of the 2D pose and index of its joint, -1 = none.
+        own: (V, 2) the same for the person's own 2D poses.
+        have: (V,) views in which the person's own 2D pose shows the joint.
+        trial: (3,) m, world, position that is being tried.
     """
 
     x: Array
@@ -58,25 +72,34 @@ class _Room(NamedTuple):
 
 @inlined
 def artefact_cost(squared, precision, size):
-    """Cost of a 2D joint that a detector reports although the joint lies outside of the image.
+    """Return the cost of a 2D joint that a detector reports although the joint lies outside the image.
 
-    -2 log likelihood relative to that of an observation without error: artefacts lie around the joint with a
-    standard deviation of MISPLACED times the size of the 2D person.
+    The cost is -2 log likelihood, relative to that of an observation without error. Artefacts scatter about
+    the projection of the joint with a standard deviation of MISPLACED times the size of the 2D pose. All
+    quantities refer to the plane at 1 m.
 
     Args:
-        squared: distance to the projection, squared. precision: 1 / standard deviation of observations.
-        size: of the 2D person; all on the plane at 1 m. inf: there are no artefacts.
+        squared: Squared distance from the projection.
+        precision: 1 / standard deviation of observations.
+        size: Size of the 2D pose; infinite = artefacts are excluded.
     """
-    spread = max(MISPLACED * size * precision, 1.0)  # in standard deviations of observations
+    spread = max(MISPLACED * size * precision, 1.0)  # in standard deviations of an observation
     return 4.0 * np.log(spread) + squared * (precision / spread) ** 2
 
 
 @njit(cache=True, error_model="numpy")
 def pick_observations(x, joint, claims, seen, rules, picks):
-    """Observation of least cost in every view for the point x; returns the sum of their truncated costs.
+    """Choose the observation of least cost in every view for the point x; return the sum of truncated costs.
 
-    picks (V, 2): 2D person and joint of it, -1 where the view has none, or where the point lies outside of
-    the image and the view's own 2D joint is rather an artefact.
+    Args:
+        x: (3,) m, world.
+        joint: `_Joint`.
+        claims: `Claims`.
+        seen: `Observations`.
+        rules: `SolverRules`.
+        picks: (V, 2) output, row of the 2D pose and index of its joint. The row is -1 where the view has
+            none. It is also -1 where x projects outside the image and the view's own 2D joint is more likely
+            an artefact.
     """
     member, source, owner = claims
     plane, precision, p, j = seen.plane, seen.precision, joint.person, joint.number
@@ -102,7 +125,7 @@ def pick_observations(x, joint, claims, seen, rules, picks):
                         total += min(cost, limit)
                         continue
                 picks[v, 0], picks[v, 1] = own, s
-        least = min(best, limit) - penalty  # what others must stay below
+        least = min(best, limit) - penalty  # the cost of other 2D poses, without the penalty, must be lower
         if least <= 0.0:
             total += truncated(best, limit)
             continue
@@ -121,7 +144,14 @@ def pick_observations(x, joint, claims, seen, rules, picks):
 
 @njit(cache=True, error_model="numpy")
 def start_from_prediction(joint, claims, seen, rules, room, result):
-    """Refine the predicted place and pick observations there; the cost, infinite if too few views."""
+    """Refine the predicted position, choose observations there, and return the cost.
+
+    The position and the observations are written to the room.
+
+    Returns:
+        the cost over the views plus the truncated distance to the prediction; infinite with fewer than two
+        views.
+    """
     x, picks = room.x, room.picks
     for i in range(3):
         x[i] = joint.expected[i]
@@ -134,9 +164,14 @@ def start_from_prediction(joint, claims, seen, rules, room, result):
 
 @njit(cache=True, error_model="numpy")
 def start_from_pairs(joint, claims, seen, rules, room, best):
-    """The intersection of two of the own views that costs less than `best`, into `room.x`; the least cost.
+    """Find the cheapest intersection of two of the person's own rays, and return its cost.
 
-    Pairs are taken from all over the rig, at most `rules.max_pairs` of them.
+    Pairs of distant entries in the list of views come first, so that they cover the whole rig. At most
+    `rules.max_pairs` pairs are tried. If a pair costs less than `best`, its intersection is written to
+    `room.x`.
+
+    Returns:
+        the least cost, which is `best` if no pair costs less.
     """
     count = _own_views(joint, claims, seen, room)
     step, tried = max(1, count // 2), 0
@@ -161,7 +196,7 @@ def start_from_pairs(joint, claims, seen, rules, room, best):
 
 @njit(cache=True, error_model="numpy")
 def _own_views(joint, claims, seen, room):
-    """Write the own 2D people that have the joint, and their views, into the room; their number."""
+    """Write the person's own 2D joints and their views to the room, and return the number of views."""
     count = 0
     for v in range(len(room.own)):
         d = claims.member[joint.person, v]
@@ -176,14 +211,14 @@ def _own_views(joint, claims, seen, room):
 
 @njit(cache=True, error_model="numpy")
 def _prior_cost(x, joint, limit):
-    """Truncated squared distance to the prediction in units of its spread."""
+    """Return the squared distance of x to the prediction in units of its variance, truncated at `limit`."""
     expected = joint.expected
     squared = (x[0] - expected[0]) ** 2 + (x[1] - expected[1]) ** 2 + (x[2] - expected[2]) ** 2
     return truncated(squared / (joint.spread * joint.spread), limit)
 
 
 def solve_joints(found: Candidates, seen: Observations, rules: SolverRules) -> SolvedJoints:
-    """Solve all joints of all people; each 2D joint is given to one of them."""
+    """Solve all joints of all people, and assign each 2D joint to at most one person."""
     people, joints = found.guide.spreads.shape
     solved = SolvedJoints.nothing(people, joints, len(seen.starts) - 1)
     claims = Claims(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
@@ -194,10 +229,13 @@ def solve_joints(found: Candidates, seen: Observations, rules: SolverRules) -> S
 def solve_without(
     wrong: Array, solved: SolvedJoints, found: Candidates, seen: Observations, rules: SolverRules
 ) -> None:
-    """Solve again, in place, the joints of which 2D joints are wrong (D, J).
+    """Solve the joints that depend on wrong 2D joints again, in place.
 
-    The precision of these 2D joints becomes 0, in place. All other joints keep their 2D joints unless one of
-    the new joints fits them better.
+    The precision of the wrong 2D joints becomes 0, in place. All other joints keep their 2D joints, unless a
+    newly solved joint fits them better.
+
+    Args:
+        wrong: (D, J) 2D joints to exclude.
     """
     seen.precision[wrong] = 0.0
     claims = Claims(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
@@ -207,7 +245,10 @@ def solve_without(
 
 @njit(cache=True, error_model="numpy")
 def claim_right(wrong, claims, solved):
-    """Mark the joints (P, J) with wrong 2D joints (D, J); give the others their 2D joints, in place."""
+    """Mark the joints (P, J) that depend on wrong 2D joints (D, J); let the others claim theirs, in place.
+
+    A joint depends on a wrong 2D joint if the person's own 2D pose offers it, or if the solution used it.
+    """
     member, source, owner = claims
     people, joints, views = solved.residuals.shape
     todo = np.zeros((people, joints), np.bool_)
@@ -226,7 +267,7 @@ def claim_right(wrong, claims, solved):
 
 
 def compile_claims() -> None:
-    """Compile `claim_right`, which only cut people need."""
+    """Compile `claim_right`, which runs only for people whom an image border cuts."""
     member, source = np.full((1, 1), -1, np.int64), np.zeros((1, 1, 1), np.int64)
     claims = Claims(member, source, np.full((1, 1), -1, np.int64))
     claim_right(np.zeros((1, 1), bool), claims, SolvedJoints.nothing(1, 1, 1))
@@ -240,7 +281,7 @@ def _solve_and_settle(
     rules: SolverRules,
     solved: SolvedJoints,
 ) -> None:
-    """Solve the joints `todo` (P, J) in place, then again those that lose a 2D joint to another person."""
+    """Solve the joints `todo` (P, J), then again those that lose a 2D joint to another person, in place."""
     solve_again(todo, found.guide, claims, seen, rules, solved, False)
     losers = settle(solved, claims, rules.foreign_penalty)
     if losers.any():
@@ -249,7 +290,7 @@ def _solve_and_settle(
 
 @njit(cache=True, error_model="numpy")
 def solve_again(todo, guides, claims, seen, rules, solved, claiming):
-    """Replace, in place, the results of the joints `todo` (P, J).
+    """Replace the results of the joints `todo` (P, J), in place.
 
     Args:
         claiming: whether each joint claims its 2D joints before the next one is solved.
@@ -286,11 +327,15 @@ def solve_again(todo, guides, claims, seen, rules, solved, claiming):
 
 @njit(cache=True, error_model="numpy")
 def _start(joint, claims, seen, rules, room, result):
-    """Choose the starting point and the observations of a joint, into the room; the cost, inf if none.
+    """Write the starting point and the observations of a joint to the room, and return the cost.
 
-    Candidates: the prediction (if any) after a few steps, and intersections of pairs of own views, of which
-    the best one is refined, too. The cost is truncated over the views, plus the truncated distance to the
-    prediction.
+    Candidates are the prediction (if any), refined by a few steps, and intersections of pairs of the person's
+    own rays. They are compared by the truncated cost over the views, plus the truncated distance to the
+    prediction. A prediction with a low cost is accepted without trying pairs. Otherwise the best candidate is
+    refined.
+
+    Returns:
+        the cost, infinite if there is no start.
     """
     x, picks, best = room.x, room.picks, np.inf
     if np.isfinite(joint.expected[0]):
@@ -308,7 +353,7 @@ def _start(joint, claims, seen, rules, room, result):
 
 @njit(cache=True, error_model="numpy")
 def _forget(picks, result):
-    """Write that nothing was found."""
+    """Clear the observations, residuals and normal matrix of a joint that could not be solved."""
     for v in range(len(picks)):
         picks[v, 0] = picks[v, 1] = -1
         result.residuals[v] = -1.0
@@ -319,15 +364,17 @@ def _forget(picks, result):
 
 @njit(cache=True, error_model="numpy")
 def settle(solved, claims, penalty):
-    """Assign every 2D joint to the skeleton that it fits best, in `claims.owner`.
+    """Assign every 2D joint to the person whose joint fits it best, in `claims.owner`.
 
-    The paper (5.3) demands that a 2D detection supports a single skeleton.
+    A 2D detection may support only one skeleton (Joo et al. 2017, 5.3).
 
     Args:
-        solved: `SolvedJoints`. claims: `Claims`. penalty: of foreign joints.
+        solved: `SolvedJoints`.
+        claims: `Claims`; `owner` is updated.
+        penalty: Cost of a 2D joint of another person's 2D pose, in squared standard deviations.
 
     Returns:
-        (P, J) which joints lost a 2D joint.
+        (P, J) joints that lost a 2D joint to another person.
     """
     residuals, picks, owner = solved.residuals, solved.picks, claims.owner
     people, joints, views = residuals.shape

@@ -1,4 +1,4 @@
-"""Limbs that a detector exchanges as a whole, and which joints belong to them."""
+"""Limbs that a detector may exchange as a whole, left for right, and tests of their sides."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-ANATOMY_VOTES = 2.0  # weight of the position of the nose in the vote about sides, in views
-NOSE_AHEAD = 0.08  # m in front of the shoulders, from which on anatomy is sure
+ANATOMY_VOTES = 2.0  # views, weight of the nose's position in the vote about exchanged sides
+NOSE_AHEAD = 0.08  # m, distance of the nose in front of the shoulders from which the test is certain
 
 
 class Limbs(NamedTuple):
-    """The limbs that a detector exchanges.
+    """Limbs that a detector may exchange with their counterpart on the other side.
 
-    groups (J,) the limb of each joint, -1 = none; mirror (J,) the joint on the other side; number of limbs.
+    Args:
+        groups: (J,) limb of each joint, -1 = none.
+        mirror: (J,) joint on the other side.
+        number: Number of limbs.
     """
 
     groups: Array
@@ -27,11 +30,11 @@ class Limbs(NamedTuple):
 
 
 def limbs_of(skeleton: SkeletonModel) -> Limbs:
-    """The limbs of a skeleton.
+    """Return the limbs of a skeleton.
 
-    Joints of one side that hang together by bones form a limb; its partner on the other side has
-    the same group: arms, legs, eyes with ears. A bone between two branching joints (hip to
-    shoulder) joins two limbs and is cut.
+    Joints of one side that bones connect form a limb: an arm, a leg, or an eye with an ear. Its counterpart
+    on the other side has the same group. A bone between two branching joints (hip to shoulder) would join two
+    limbs, so it is cut.
     """
     mirror = skeleton.mirror
     degree = np.bincount(np.array(skeleton.bones).ravel(), minlength=len(skeleton))
@@ -51,12 +54,14 @@ def limbs_of(skeleton: SkeletonModel) -> Limbs:
 
 @njit(cache=True, error_model="numpy")
 def exchanged_views(source, observed, groups):
-    """(P, G) number of views that see each limb with its sides exchanged, minus those that do not.
+    """Return the number (P, G) of views that see each limb exchanged, minus the number that do not.
 
     A view counts by the share of the limb's joints that it sees.
 
     Args:
-        source: (P, V, J) joint of the 2D person that stands for joint j. observed: (P, V, J) is it seen.
+        source: (P, V, J) joint of the 2D pose that stands for joint j.
+        observed: (P, V, J) whether the 2D pose shows that joint.
+        groups: (J,) limb of each joint, -1 = none.
     """
     (people, views, joints), count = source.shape, groups.max() + 1
     votes, sizes = np.zeros((people, count)), np.zeros(count)
@@ -72,15 +77,15 @@ def exchanged_views(source, observed, groups):
 
 
 class Sides:
-    """Which way round a skeleton's sides are, by anatomy: the nose is in front of the shoulders.
+    """Anatomical test for exchanged sides: the nose is in front of the shoulders.
 
-    Detectors exchange left and right, often for people seen from behind, and where they do so in half
-    of the views the images cannot say which half is right.
+    Detectors exchange left and right, often for people seen from behind. Where half of the views do so, the
+    images alone cannot decide which half is right.
     """
 
     def __init__(self, skeleton: SkeletonModel, groups: Array):
         self._head = skeleton.head
-        self._pairs: list[tuple[int, int, int]] = []  # group, left and right joint at its top
+        self._pairs: list[tuple[int, int, int]] = []  # limb, left and right joint at its upper end
         depth, away = _bones_to(skeleton, skeleton.root), _bones_to(skeleton, skeleton.head)
         for group in range(groups.max(initial=-1) + 1):
             pairs = [pair for pair in skeleton.left_right if groups[pair[0]] == group]
@@ -88,14 +93,16 @@ class Sides:
             self._pairs.append((group, left, right))
         limbs = [pair for pair in self._pairs if (groups == pair[0]).sum() >= 6]
         limbs.sort(key=lambda pair: int(away[pair[1]]))
-        self.torso = (limbs[0][1:], limbs[1][1:]) if len(limbs) >= 2 else None  # shoulders, hips
+        # left and right joints of the shoulders and of the hips
+        self.torso = (limbs[0][1:], limbs[1][1:]) if len(limbs) >= 2 else None
 
     def right_way(self, positions: Array, views: Array | None = None) -> Array:
-        """(P, G) in -1..1 for skeletons (P, J, 3): 1 = as anatomy has it, -1 = exchanged, 0 = cannot say.
+        """Return a value (P, G) in -1..1 for each limb: 1 = correct sides, -1 = exchanged, 0 = undecided.
 
         Args:
-            views: (P, J) behind each joint. Where one view alone has placed a joint it says nothing: a
-                shoulder somewhere on its ray turns the torso round.
+            positions: (P, J, 3) m, world.
+            views: (P, J) number of views behind each joint. Joints of a single view are ignored: a shoulder
+                at any position on its ray would turn the torso round.
         """
         if self.torso is None:
             return np.zeros((len(positions), len(self._pairs)))
@@ -105,14 +112,24 @@ class Sides:
         return sides
 
     def of_body(self, positions: Array) -> Array:
-        """Mean (P,) of `right_way` over the limbs."""
+        """Return the mean (P,) of `right_way` over the limbs."""
         shares: Array = self.right_way(positions).sum(axis=1) / max(len(self._pairs), 1)
         return shares
 
 
 @njit(cache=True, error_model="numpy")
 def sides_of_nose(positions, pairs, torso, head):
-    """The loops of `Sides.right_way`; pairs (G, 3): group, left, right; torso: shoulders and hips (2, 2)."""
+    """Return the values (P, G) of `Sides.right_way`.
+
+    The forward direction is the cross product of the vectors from right to left and from hips to shoulders.
+    The value is the distance of the nose in front of the shoulders in units of NOSE_AHEAD, clipped to -1..1.
+
+    Args:
+        positions: (P, J, 3) m, world, NaN = unknown.
+        pairs: (G, 3) limb, left and right joint at its upper end.
+        torso: (2, 2) left and right shoulder, left and right hip.
+        head: Joint of the nose.
+    """
     signs = np.zeros((len(positions), len(pairs)))
     up, ahead, across = np.empty(3), np.empty(3), np.empty(3)
     for p in range(len(positions)):
@@ -137,7 +154,7 @@ def sides_of_nose(positions, pairs, torso, head):
 
 
 def _bones_to(skeleton: SkeletonModel, joint: int) -> Array:
-    """Number of bones (J,) between a joint and each."""
+    """Return the number of bones (J,) between a joint and every joint."""
     count = np.full(len(skeleton), len(skeleton))
     count[joint] = 0
     for _ in range(len(skeleton)):

@@ -1,6 +1,6 @@
-"""One instant, ready for the kernels: where the cameras were, what they saw, and how far they see.
+"""Scene of one instant as arrays for kernels: camera poses, 2D poses and visibility limits.
 
-Its 2D people are gathered once, as flat arrays, and undistorted.
+The 2D poses are gathered once, as flat arrays, and undistorted.
 """
 
 from __future__ import annotations
@@ -26,15 +26,18 @@ from panoptic_ros.geometry.lens_kernels import bent, bent_by_many, undistort_poi
 from panoptic_ros.kernels import inlined, njit
 
 Array = np.ndarray
-MIN_DEPTH = 0.05  # m
-OUTSIDE, HIDDEN, SEEN = 0, 1, 2  # of a place and a view
+MIN_DEPTH = 0.05  # m, least depth of a point in front of a camera
+OUTSIDE, HIDDEN, SEEN = 0, 1, 2  # visibility of a position in a view
 
 
 class Cameras(NamedTuple):
-    """Where V cameras are, and when each of them looked.
+    """Poses and delays of V cameras.
 
-    rotations (V, 3, 3) and translations (V, 3) m: cam_from_world. delays (V,) s: stamp of the view less that
-    of the instant, 0 where motion between them is not allowed for.
+    Args:
+        rotations: (V, 3, 3) of cam_from_world.
+        translations: (V, 3) m of cam_from_world.
+        delays: (V,) s, timestamp of the view minus that of the instant; 0 where motion in between is
+            neglected.
     """
 
     rotations: Array
@@ -43,12 +46,18 @@ class Cameras(NamedTuple):
 
 
 class Observations(NamedTuple):
-    """All 2D joints of one instant: V views, D 2D people ordered by view.
+    """All 2D joints of one instant: V views, D 2D poses ordered by view.
 
-    plane (D, J, 2) undistorted normalised points. precision (D, J) 1 / standard deviation on that plane, 0 =
-    missing. views (D,) of each 2D person. starts (V + 1,) first 2D person of each view. cams: of the views.
-    lenses (V,), see `camera_records`. sizes (D,) of the 2D people, diagonals of their boxes on the plane; inf
-    where 2D joints are taken for observations even if the joint lies outside of the image.
+    Args:
+        plane: (D, J, 2) undistorted normalised points.
+        precision: (D, J) 1 / standard deviation on that plane, 0 = missing.
+        views: (D,) view of each 2D pose.
+        starts: (V + 1,) first 2D pose of each view.
+        cams: Cameras of the views.
+        lenses: (V,) records, see `camera_records`.
+        sizes: (D,) sizes of the 2D poses: diagonals of their bounding boxes on the plane. Infinite where
+            artefacts of image borders are excluded: 2D joints then count as observations even if the joint
+            lies outside the image.
     """
 
     plane: Array
@@ -61,7 +70,12 @@ class Observations(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """What V views see: their cameras (V,), see `camera_records`, and limits, see `limits_of`."""
+    """Fields of view and visibility limits of V views.
+
+    Args:
+        cameras: (V,) records, see `camera_records`.
+        limits: See `limits_of`.
+    """
 
     cameras: Array
     limits: Array
@@ -69,14 +83,17 @@ class Sight(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """The 2D people of one instant and the V cameras that saw them.
+    """The 2D poses of one instant and the V cameras that observed them.
 
     Args:
-        evidence: the 2D people.
+        evidence: The 2D poses.
         precision: (D, J) 1 / standard deviation on the normalised plane, 0 = missing.
-        mirror: (J,) the joint on the other side.
-        cams: where the views were. centres: (V, 3) m, of the cameras in the world.
-        focals: (V,) px. sight: how far the views see. sizes: (D,) of the 2D people, see `Observations`.
+        mirror: (J,) joint on the other side.
+        cams: Poses and delays of the views.
+        centres: (V, 3) m, world, optical centres.
+        focals: (V,) px.
+        sight: Fields of view and visibility limits.
+        sizes: (D,) sizes of the 2D poses, see `Observations`.
     """
 
     evidence: Evidence
@@ -90,7 +107,7 @@ class Scene:
 
     @property
     def observations(self) -> Observations:
-        """The same for kernels that solve joints."""
+        """Return the scene in the form that the joint solver's kernels take."""
         evidence = self.evidence
         return Observations(
             evidence.plane,
@@ -106,14 +123,14 @@ class Scene:
 def gather(
     detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel, skeleton_hash: str, min_score: float
 ) -> Evidence:
-    """Flatten, order and undistort the 2D people of a set.
+    """Flatten, order and undistort the 2D poses of a set.
 
-    Views are in the order of the rig. The people of a view are in an order that depends on their joints
-    alone. So the order of the input does not matter. Derived joints are left out: their 2D points are no
+    Views follow the order of the rig. The 2D poses of a view are sorted by a key from their joints alone, so
+    the order of the input does not matter. Derived joints are left out, because their 2D points are no
     observations.
 
     Args:
-        min_score: joints of a lower score count as missing.
+        min_score: joints with a lower score count as missing.
 
     Raises:
         DataError: on another skeleton, a camera that the rig lacks, or other image sizes.
@@ -150,7 +167,7 @@ def gather(
 
 
 def carried_ages(detections: DetectionSet, evidence: Evidence) -> Array:
-    """For how long (D,) s each 2D person was carried by motion; 0 = seen in its image."""
+    """Return the time (D,) s for which optical flow propagated each 2D pose; 0 = detected in its image."""
     ages = np.zeros(len(evidence.rows))
     for v, slot in enumerate(evidence.slots.tolist()):
         carried = detections.views[slot].carried
@@ -219,9 +236,11 @@ def scene_of(
     arrays: RigArrays,
     borders: bool = False,
 ) -> Scene:
-    """The scene of a detection set and its evidence.
+    """Return the scene of a detection set and its evidence.
 
     Args:
+        precision: (D, J) 1 / standard deviation on the normalised plane, 0 = missing.
+        mirror: (J,) joint on the other side.
         borders: whether 2D joints may be artefacts of image borders.
     """
     rows, cams = evidence.cameras, cameras_of(evidence, arrays)
@@ -232,14 +251,14 @@ def scene_of(
 
 
 def cameras_of(evidence: Evidence, arrays: RigArrays) -> Cameras:
-    """The cameras of the views."""
+    """Return the poses and delays of the views."""
     rows = evidence.cameras
     return Cameras(arrays.rotations[rows], arrays.translations[rows], evidence.delays)
 
 
 @njit(cache=True, error_model="numpy")
 def box_sizes(plane, scores):
-    """Return the diagonals (D,) of the boxes of 2D people on the plane; joints of score 0 do not count."""
+    """Return the diagonals (D,) of 2D poses' bounding boxes on the plane, without joints of score 0."""
     sizes = np.zeros(len(plane))
     for d in range(len(plane)):
         left = top = np.inf
@@ -254,7 +273,11 @@ def box_sizes(plane, scores):
 
 
 def even_precision(evidence: Evidence, arrays: RigArrays, noise: float) -> Array:
-    """Precisions (D, J) of 2D joints that all have one noise, as a share of the image's diagonal."""
+    """Return precisions (D, J) on the plane for 2D joints with a common pixel noise.
+
+    Args:
+        noise: standard deviation of 2D joints, as a share of the image diagonal.
+    """
     cameras = evidence.cameras[evidence.view]
     scale = arrays.focals[cameras] / (noise * arrays.diagonals[cameras])
     precision: Array = np.where(evidence.scores > 0.0, scale[:, None] * evidence.magnification, 0.0)
@@ -262,9 +285,10 @@ def even_precision(evidence: Evidence, arrays: RigArrays, noise: float) -> Array
 
 
 def limits_of(views: Sequence[ViewDetections]) -> Array:
-    """How far V views see, in one array (V * 3 + cells,).
+    """Return the visibility limits of V views in one array (V * 3 + cells,).
 
-    Of each view the first cell of its limit (0 = none), columns, rows; then the cells of all, m, row by row.
+    The array begins with three numbers per view: index of the first cell of its limit (0 = none), columns,
+    rows. Then come the cells of all views, m, row by row.
     """
     parts, end = [np.zeros(3 * len(views))], 3 * len(views)
     for v, view in enumerate(views):
@@ -276,14 +300,14 @@ def limits_of(views: Sequence[ViewDetections]) -> Array:
     return np.concatenate(parts)
 
 
-@lru_cache(maxsize=256)  # the limits of occluders stay the same from instant to instant
+@lru_cache(maxsize=256)  # limits of fixed occluders are the same at every instant
 def _metres(limit: VisibilityLimit) -> Array:
     return limit.metres.ravel()
 
 
 @inlined
 def within(camera, limits, v, u, w, depth):
-    """Whether view v, which has a limit, sees as far as a depth in m at a pixel of its image."""
+    """Return whether a depth in m at a pixel of view v, which has a limit, is within that limit."""
     start, columns, rows = int(limits[3 * v]), int(limits[3 * v + 1]), int(limits[3 * v + 2])
     i = min(int((u + 0.5) * (columns / camera.width)), columns - 1)
     k = min(int((w + 0.5) * (rows / camera.height)), rows - 1)
@@ -292,7 +316,7 @@ def within(camera, limits, v, u, w, depth):
 
 @inlined
 def pixel(camera, x, y):
-    """Where a point of the plane at 1 m lies in the image, px, and whether the lens shows it."""
+    """Return the pixel, px, of a point of the plane at 1 m, and whether the lens shows the point."""
     if camera.many > 0.0:
         dx, dy, r2 = bent_by_many(camera, x, y)
     else:
@@ -315,7 +339,7 @@ def inside_by(camera, x, y):
 
 @njit(cache=True, error_model="numpy")
 def is_outside(camera, x, y):
-    """Whether a point of the plane at 1 m lies outside of the image."""
+    """Return whether a point of the plane at 1 m lies outside the image."""
     if camera.left < x < camera.right and camera.top < y < camera.bottom:
         return False
     return inside_by(camera, x, y) < 0.0
@@ -323,7 +347,12 @@ def is_outside(camera, x, y):
 
 @njit(cache=True, error_model="numpy")
 def look(sight, v, x, y, depth):
-    """Whether a point at x, y of the plane at 1 m, and a depth in m, is OUTSIDE of view v, HIDDEN or SEEN."""
+    """Return whether a point is OUTSIDE of view v, HIDDEN from it or SEEN by it.
+
+    Args:
+        x, y: Point on the plane at 1 m.
+        depth: m.
+    """
     camera = sight.cameras[v]
     u, w, seen = pixel(camera, x, y)
     if not (seen and -0.5 <= u <= camera.width - 0.5 and -0.5 <= w <= camera.height - 0.5):
@@ -335,9 +364,15 @@ def look(sight, v, x, y, depth):
 
 @inlined
 def seen_at(cams, v, x, shift):
-    """Where view v sees a point (3,) m that moves by (3,) m/s: on the plane at 1 m; its depth, m.
+    """Project a moving point into view v, at the timestamp of the view.
 
-    Of what is not in front of the camera, or not known, the depth is `MIN_DEPTH`.
+    Args:
+        x: (3,) m, world, position at the instant.
+        shift: (3,) m/s, velocity.
+
+    Returns:
+        u, w: point on the plane at 1 m.
+        depth: m; `MIN_DEPTH` for points that are unknown or not in front of the camera.
     """
     r, t, late = cams.rotations, cams.translations, cams.delays[v]
     a, b, c = x[0] + shift[0] * late, x[1] + shift[1] * late, x[2] + shift[2] * late
@@ -350,9 +385,10 @@ def seen_at(cams, v, x, shift):
 
 @njit(cache=True, error_model="numpy")
 def look_at(position, cams, sight):
-    """How each view (V,) sees a person (J, 3) m at the instant.
+    """Return the visibility (V,) of a person (J, 3) m in each view, without motion.
 
-    SEEN if at least half of the known joints are in sight, HIDDEN if so many are in the image, else OUTSIDE.
+    The result is SEEN if the view sees at least half of the known joints. It is HIDDEN if at least half are
+    in the image, but fewer than half are seen. Otherwise it is OUTSIDE.
     """
     found, still = np.full(len(cams.delays), OUTSIDE, np.int64), np.zeros(3)
     known = 0

@@ -1,4 +1,7 @@
-"""Points from the rays of views: of which, linear, of two, and by Gauss-Newton on the reprojection error."""
+"""Triangulation of points: linear, from two rays, and by Gauss-Newton on the reprojection error.
+
+`spread_views` chooses views that are far from each other.
+"""
 
 from __future__ import annotations
 
@@ -13,21 +16,26 @@ from panoptic_ros.solving.scene import MIN_DEPTH
 
 Array = np.ndarray
 
-MAX_STEP = 0.5  # m, of one step
-SETTLED = 1e-5  # m; a shorter step ends the iteration, or the part of it without gating
-FEW = 3  # views; with so few the gate is wider, as it would soon leave none
-FEW_FACTOR = 1.25
-# Columns of a table of observations. The first twelve are cam_from_world at the view's instant: rotation, row
-# by row, and translation. Then the point on the normalised plane, its information, and the view.
+MAX_STEP = 0.5  # m, greatest length of one step
+SETTLED = 1e-5  # m, a shorter step ends the iteration, or its part without the gate
+FEW = 3  # views, up to which the gate is wider: otherwise it would soon leave no view
+FEW_FACTOR = 1.25  # factor on the gate with few views
+# Columns of a table of observations. The first twelve hold cam_from_world: the rotation, row by row, and the
+# translation, which includes the joint's motion up to the timestamp of the view. Then follow the point on the
+# normalised plane, its information (1 / variance), and the view.
 X, Y, INFORMATION, VIEW = 12, 13, 14, 15
 TABLE = 16
 
 
 class SolverRules(NamedTuple):
-    """How observations count; see `AssemblyConfig`.
+    """Weights and limits of observations; see `AssemblyConfig`.
 
-    truncation, cauchy, gate: standard deviations. foreign_penalty: of the joint of another 2D person.
-    max_pairs: pairs of views that may give a start.
+    Args:
+        truncation: Residual, in standard deviations, from which the cost of an observation stays constant.
+        cauchy: Scale of the Cauchy weights, in standard deviations.
+        gate: Greatest residual of a view that is used, in standard deviations.
+        foreign_penalty: Cost of using a joint of another person's 2D pose, in squared standard deviations.
+        max_pairs: Greatest number of pairs of views that are tried as a start.
     """
 
     truncation: float
@@ -38,7 +46,12 @@ class SolverRules(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """How many steps at most, and whether the last two leave out what is beyond the gate."""
+    """Limit of an iteration.
+
+    Args:
+        most: maximum number of steps.
+        gated: whether the last step and the final evaluation leave out residuals beyond the gate.
+    """
 
     most: int
     gated: bool
@@ -47,8 +60,10 @@ class Steps(NamedTuple):
 class Result(NamedTuple):
     """Arrays that `refine_point` writes.
 
-    normal: (3, 3) 1/m^2, lower triangle. residuals: (V,) in standard deviations, -1 where a view has no pick
-    or is outside of the gate. table: (V, TABLE) to work in, see `_tabulate`.
+    Args:
+        normal: (3, 3) 1/m^2, normal matrix, lower triangle.
+        residuals: (V,) in standard deviations, -1 where a view has no pick or is beyond the gate.
+        table: (V, TABLE) work array, see `_tabulate`.
     """
 
     normal: Array
@@ -58,7 +73,12 @@ class Result(NamedTuple):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def spread_views(centres, used, most):
-    """Up to `most` of the used views (V,) that are far from each other; centres (V, 3) m of the cameras."""
+    """Return up to `most` of the used views (V,) that are far from each other, as a mask.
+
+    Args:
+        centres: (V, 3) m, optical centres of the cameras.
+        used: (V,) bool.
+    """
     if used.sum() <= most:
         return used
     distance, picked = np.where(used, np.inf, -1.0), np.zeros(len(used), np.bool_)
@@ -75,7 +95,12 @@ def spread_views(centres, used, most):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def middle_of_cameras(member, rotations, translations):
-    """Mean (3,) m of the centres of the cameras that have a 2D person in member (V,); 0 if none has."""
+    """Return the mean centre (3,) m, world, of the cameras that have a 2D pose; 0 if none has.
+
+    Args:
+        member: (V,) row of the 2D pose of each view, -1 = none.
+        rotations, translations: (V, 3, 3) and (V, 3) m, cam_from_world.
+    """
     middle, count = np.zeros(3), 0
     for v in range(len(member)):
         if member[v] >= 0:
@@ -88,10 +113,16 @@ def middle_of_cameras(member, rotations, translations):
 
 @njit(cache=True, error_model="numpy")
 def triangulate_linear(member, mirrored, seen, mirror):
-    """Linear triangulation (J, 3) m of the 2D people member (V,), NaN with fewer than two views.
+    """Return the joints (J, 3) m, world, of 2D poses by linear triangulation; NaN with fewer than two views.
 
-    It is solved relative to the mean centre of their cameras. Damping then pulls towards that centre,
+    The equations are relative to the mean centre of the cameras. So the damping pulls towards that centre,
     wherever the world has its origin.
+
+    Args:
+        member: (V,) row of the 2D pose of each view, -1 = none.
+        mirrored: (V,) whether left and right of that 2D pose are exchanged.
+        seen: `Observations`.
+        mirror: (J,) joint on the other side.
     """
     plane, precision, joints = seen.plane, seen.precision, len(mirror)
     rotations, translations, _ = seen.cams
@@ -142,7 +173,12 @@ def triangulate_linear(member, mirrored, seen, mirror):
 
 @njit(cache=True, error_model="numpy")
 def viewing_ray(cams, v, point, ray, centre):
-    """Unit direction (3,) of a point (2,) of view v, and the centre (3,) m of its camera, in place."""
+    """Write the unit direction (3,) of a ray and the centre (3,) m of its camera, world, in place.
+
+    Args:
+        point: (2,) point of view v on the plane at 1 m.
+        ray, centre: outputs.
+    """
     r, length = cams.rotations[v], 0.0
     for i in range(3):
         ray[i] = r[0, i] * point[0] + r[1, i] * point[1] + r[2, i]
@@ -157,7 +193,16 @@ def viewing_ray(cams, v, point, ray, centre):
 
 @njit(cache=True, error_model="numpy")
 def intersect(first, second, own, seen, x):
-    """Middle of the shortest connection of two views' rays into x; False behind a camera or parallel."""
+    """Write the middle of the shortest connection of two rays to x (3,) m, world.
+
+    Args:
+        first, second: views of the rays.
+        own: (V, 2) row of the 2D pose of each view and index of its joint.
+
+    Returns:
+        False if the rays are nearly parallel, or meet behind a camera or closer than MIN_DEPTH; x is then
+        unchanged.
+    """
     rays, centres = np.empty((2, 3)), np.empty((2, 3))
     for k in range(2):
         v = first if k == 0 else second
@@ -182,11 +227,16 @@ def intersect(first, second, own, seen, x):
 
 @njit(cache=True, error_model="numpy")
 def refine_point(x, shift, picks, seen, rules, limit, result):
-    """Gauss-Newton with Cauchy weights and a gate on the picked observations; x and result in place.
+    """Refine a point by Gauss-Newton with Cauchy weights and a gate; x and result are updated in place.
 
     Args:
-        x: (3,) m. shift: (3,) m/s, its velocity. picks: (V, 2) 2D person and joint of it, -1 = none.
-        seen: `Observations`. rules: `SolverRules`. limit: `Steps`. result: `Result`.
+        x: (3,) m, world.
+        shift: (3,) m/s, its velocity.
+        picks: (V, 2) row of the 2D pose and index of its joint, -1 = none.
+        seen: `Observations`.
+        rules: `SolverRules`.
+        limit: `Steps`.
+        result: `Result`.
 
     Returns:
         the number of views in the last normal matrix.
@@ -250,7 +300,7 @@ def refine_point(x, shift, picks, seen, rules, limit, result):
 
 @njit(cache=True, error_model="numpy")
 def _tabulate(shift, picks, seen, residuals, table):
-    """Write the picked observations into the rows of the table; returns their number."""
+    """Write the picked observations to the rows of the table, and return their number."""
     rotations, translations, delays = seen.cams
     used = 0
     for v in range(len(picks)):
@@ -273,7 +323,7 @@ def _tabulate(shift, picks, seen, residuals, table):
 
 @njit(cache=True, error_model="numpy")
 def _take_roots(residuals, views):
-    """Residuals from the squared residuals of these views, in place."""
+    """Replace the squared residuals of these views by residuals, in place."""
     for k in range(len(views)):
         view = int(views[k])
         if residuals[view] >= 0.0:
@@ -282,7 +332,7 @@ def _take_roots(residuals, views):
 
 @njit(cache=True, error_model="numpy")
 def newton_step(lower, right):
-    """Whether the solution exists, and its three components, damped and at most MAX_STEP long.
+    """Return whether the step exists, and its three components in m, damped and at most MAX_STEP long.
 
     Args:
         lower, right: see `solve_symmetric`.

@@ -1,16 +1,20 @@
-"""Tracking: skeletons of single instants become people with identity.
+"""Tracking: gives identities over time to the skeletons of single instants.
 
-Joo et al. 2017 (5.3) give a skeleton the identity of the nearest one of the frame before, by the
-distance of the head node, and look further back where it is missing. Made robust here: all joints
-that two skeletons share take part, each against a constant-velocity prediction and its uncertainty;
-the assignment is optimal per frame (Hungarian) instead of nearest; after a gap the middle of the
-body and the lengths of the bones decide,
-after longer ones `identity.likeness`; and a skeleton of few views must be seen repeatedly
-before it gets an identity. `tracking.method=head` is the paper's way.
+Joo et al. 2017 (5.3) give a skeleton the identity of the nearest skeleton of the previous frame, by the
+distance of the head node. They search further back where the head is missing. The default method is more
+robust:
 
-In: `PoseSet`, and `ViewAppearance` with `tracking.appearance`. Out: one `TrackedPoseSet` for each,
-measured skeletons only, ids counting from 0 in the order of appearance and never used twice; and one
-`TrackSet`, all who are followed with the motion of their joints as images show them, which goes back to
-association. Limits: without appearance, people who change places unseen may change ids when their
-bodies have the same size.
+* All common joints count, each compared with a constant-velocity prediction and its uncertainty.
+* The assignment is optimal per frame (Hungarian) instead of nearest.
+* After a gap, position, bone lengths and clothes decide: at once within 2 s, later by the probabilities of
+  `identity.likeness`.
+* A skeleton of few views gets an identity only after it was seen repeatedly.
+
+The parameter `tracking.method=head` selects the method of the paper.
+
+Input: `PoseSet`, and `ViewAppearance` if `tracking.appearance` is set. Output per `PoseSet`: one
+`TrackedPoseSet` and one `TrackSet`. The `TrackedPoseSet` holds measured skeletons only. Ids count from 0 in
+the order of appearance, and no id is used twice. The `TrackSet` holds all tracks with the motion of their
+joints, without bias corrections, and goes back to association. Limits: without appearance, people of the same
+size may exchange ids if they change places unseen.
 """

@@ -10,7 +10,7 @@ from panoptic_ros.params import Config, param
 
 @dataclass(frozen=True, kw_only=True)
 class TrackingConfig(Config):
-    """How skeletons get an identity over time."""
+    """Parameters for giving identities to skeletons over time."""
 
     method: str = param(
         "joints",

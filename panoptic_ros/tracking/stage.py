@@ -1,7 +1,4 @@
-"""The tracking stage.
-
-Whether somebody who comes is one who was lost.
-"""
+"""Tracking stage: assigns skeletons to tracks, and re-identifies people who return."""
 
 from __future__ import annotations
 
@@ -36,18 +33,24 @@ from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
 from panoptic_ros.tracking.tracks import ALONE, Bodies, Tracks, head_distances, joint_distances
 
-RETURN_S = 2.0  # of absence, in which somebody who is near and alike has come back at once
-UNLIKE = -3.0  # log-odds below which nobody is taken for somebody at once
-CLEAR = float(np.log(SURE / (1.0 - SURE)))  # log-odds, by which one is meant and no other
+RETURN_S = 2.0  # s, absence up to which a similar person nearby is re-identified at once
+UNLIKE = -3.0  # log-odds below which no person is re-identified at once
+CLEAR = float(np.log(SURE / (1.0 - SURE)))  # log-odds by which one person must exceed all others
 Array = np.ndarray
-BLIND_S = (0.5, 15.0)  # between two sets: shorter is a slow camera, longer another scene
-KEPT = 16  # newest colours of a camera that wait for their instant
+BLIND_S = (0.5, 15.0)  # s between two sets, limits of a pause: shorter = slow camera, longer = another scene
+KEPT = 16  # size of each camera's buffer of newest `ViewAppearance` records that wait for their instant
 OF_INSTANT = ("index", "stamp_ns", "skeleton_hash", "newest_ns")
 OF_PEOPLE = ("positions", "covariances", "scores", "views", "states", "person_scores")
 
 
 class Arrivals(NamedTuple):
-    """P people who have come: where, (P, 3) m, with which bones, in which clothes."""
+    """P people who have appeared.
+
+    Args:
+        middles: (P, 3) m, world, centres of the bodies.
+        bones: Bone lengths.
+        clothes: Colours of the clothes.
+    """
 
     middles: Array
     bones: Bones
@@ -55,10 +58,12 @@ class Arrivals(NamedTuple):
 
     @classmethod
     def of_instant(cls, poses: PoseSet, rows: Array, looks: Array, bones: Array) -> Arrivals:
-        """Some skeletons of an instant.
+        """Return the record of some skeletons of an instant.
 
         Args:
-            looks: (P, 2, 3) colours of clothes, NaN = not seen. bones: (B, 2).
+            rows: (K,) rows of these skeletons.
+            looks: (P, 2, 3) colours of clothes of all skeletons, NaN = not seen.
+            bones: (B, 2) joints at the ends of the bones.
         """
         positions = poses.positions[rows]
         known = seen_bones(positions, poses.covariances[rows], bones)
@@ -66,15 +71,15 @@ class Arrivals(NamedTuple):
 
     @classmethod
     def of_tracks(cls, tracks: Tracks) -> Arrivals:
-        """People who have been followed since they came."""
+        """Return the record of people who were tracked since they appeared."""
         return cls(tracks.bodies.middles, tracks.bones, tracks.clothes)
 
 
 def return_odds(lost: Tracks, came: Arrivals, groups: Array) -> Array:
-    """Log-odds (T, P) that T people who were lost are those who have come, by bones, place and clothes.
+    """Return the log-odds (T, P) that T lost people are P new people, by bones, position and clothes.
 
     Args:
-        groups: of bones, see `identity.likeness.paired`.
+        groups: (B,) of bones, see `identity.likeness.paired`.
     """
     odds: Array = bone_evidence(lost.bones, came.bones, groups)
     odds += place_evidence(ground_distances(lost, came), lost.unseen)
@@ -83,13 +88,14 @@ def return_odds(lost: Tracks, came: Arrivals, groups: Array) -> Array:
 
 
 def returned_at_once(lost: Tracks, came: Arrivals, groups: Array, reach: Array) -> list[tuple[int, int]]:
-    """Pairs (lost, come) of people who were lost a moment ago and have come again, not far from there.
+    """Return pairs (lost, new) of people who were lost at most RETURN_S ago and have reappeared nearby.
 
-    Of all ways to pair them the most likely one. Somebody who may as well be one who was lost long ago is in
-    no pair: that is decided when more was seen.
+    The pairs are the optimal assignment by the log-odds. A person who may as well be one lost longer ago is
+    in no pair: that is decided after more observations.
 
     Args:
-        reach: (T,) m, how far each may have come.
+        groups: (B,) of bones, see `identity.likeness.paired`.
+        reach: (T,) m, distance that each lost person may have moved.
     """
     odds = return_odds(lost, came, groups)
     soon = lost.missed <= RETURN_S
@@ -100,13 +106,13 @@ def returned_at_once(lost: Tracks, came: Arrivals, groups: Array, reach: Array) 
 
 
 def ground_distances(lost: Tracks, came: Arrivals) -> Array:
-    """Distances (T, P) m on the ground of those who have come from where others must be."""
+    """Return the distances (T, P) m on the ground from predicted positions of lost people to new people."""
     distances: Array = np.linalg.norm((lost.bodies.middles[:, None] - came.middles[None])[..., :2], axis=-1)
     return distances
 
 
 class TrackingStage(Stateful):
-    """Identities for the skeletons of a `PoseSet`; what is known of everybody goes back to association."""
+    """Stage that gives identities to the skeletons of a `PoseSet`, and reports all tracks to association."""
 
     LAYOUT = StateLayout(
         "tracking",
@@ -118,7 +124,7 @@ class TrackingStage(Stateful):
 
     def __init__(self, config: TrackingConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton
-        self._hash = context.skeleton.hash  # computed at each call
+        self._hash = context.skeleton.hash  # kept, as the property computes it at each call
         self._bones = np.array(context.skeleton.bones, np.int64).reshape(-1, 2)
         self._limbs = limbs_of(context.skeleton)
         self._pairs = paired(self._bones, np.array(context.skeleton.mirror, np.int64))
@@ -127,7 +133,7 @@ class TrackingStage(Stateful):
         self.reset()
 
     def reset(self) -> None:
-        """Forget everybody; ids start from 0."""
+        """Forget all tracks; ids start from 0."""
         self._tracks = self._new(0)
         self._next = 0
         self._last_ns: int | None = None
@@ -136,15 +142,15 @@ class TrackingStage(Stateful):
         self._say_subjects(subjects_of(self._config.subjects))
 
     def flush(self) -> StepResult[TrackedPoseSet | TrackSet]:
-        """Nothing is buffered."""
+        """Reset the stage. It has no buffered records."""
         self.reset()
         return StepResult()
 
     def step(self, item: PoseSet | SubjectSet | ViewAppearance) -> StepResult[TrackedPoseSet | TrackSet]:
-        """The skeletons that have an identity, and all tracks; sets from the past are dropped with a notice.
+        """Return the skeletons that have an identity, and all tracks; drop sets from the past with a notice.
 
-        A `SubjectSet` says anew who is designated. What the people of an image wear comes before the
-        skeletons that rest on that image.
+        A `SubjectSet` replaces the designation of subjects. A `ViewAppearance` must come before the skeletons
+        that are made from its image. Both give no output.
 
         Raises:
             DataError: if the poses are of another skeleton.
@@ -185,13 +191,14 @@ class TrackingStage(Stateful):
         return StepResult((tracked(item, rows, ids[rows]), self._tracks.record(item)), notices)
 
     def _new(self, people: int) -> Tracks:
-        """Tracks before their first measurement."""
+        """Return tracks before their first measurement."""
         return Tracks.of_new(people, len(self._skeleton), len(self._bones), self._limbs.number)
 
     def _advance(self, stamp_ns: int) -> None:
         """Predict all tracks to the instant, and drop those that were unseen for too long.
 
-        Time in which no set came is not held against anybody: cameras paused, or a node was started anew.
+        A track with an identity is dropped after `memory` s, a track without one after `joint_memory` s. A
+        pause without sets (BLIND_S) does not count: cameras paused, or a node was restarted.
         """
         dt = 0.0 if self._last_ns is None else 1e-9 * (stamp_ns - self._last_ns)
         self._last_ns = stamp_ns
@@ -199,11 +206,14 @@ class TrackingStage(Stateful):
         tracks.predict(dt, blind=BLIND_S[0] < dt <= BLIND_S[1])
         kept = tracks.missed <= np.where(tracks.ids >= 0, config.memory, config.joint_memory)
         if not kept.all():
-            kept |= np.isin(tracks.ids, self._subjects.ids)  # for them there is no end
+            kept |= np.isin(tracks.ids, self._subjects.ids)  # tracks of subjects never end
             self._tracks = selected(tracks, kept)
 
     def _assign(self, item: PoseSet, looks: Array) -> Array:
-        """The track (P,) of each skeleton, -1 = none: first by joints, then of people who come back.
+        """Return the track (P,) of each skeleton, -1 = none.
+
+        The distances of all joints decide first. The remaining skeletons may be lost people who reappear.
+        With `method=head` the distance of the heads decides alone.
 
         Args:
             looks: (P, 2, 3) colours of clothes, NaN = not seen.
@@ -222,7 +232,7 @@ class TrackingStage(Stateful):
         away[owners[owners >= 0]] = False
         lost = np.flatnonzero(away)
         open_rows = np.flatnonzero((owners < 0) & np.isfinite(item.positions[..., 0]).any(axis=1))
-        if len(lost) and len(open_rows):  # somebody may have come back
+        if len(lost) and len(open_rows):  # a lost person may have reappeared
             gone = selected(tracks, lost)
             reach = config.return_distance + config.return_speed * gone.unseen
             came = Arrivals.of_instant(item, open_rows, looks, self._bones)
@@ -231,14 +241,18 @@ class TrackingStage(Stateful):
         return owners
 
     def _with_new(self, item: PoseSet, owners: Array) -> Array:
-        """The owners, with new tracks for skeletons that are nobody's."""
+        """Return the owners, with new tracks for skeletons that have no track."""
         for k in np.flatnonzero((owners < 0) & np.isfinite(item.positions[..., 0]).any(axis=1)):
             owners[k] = len(self._tracks.ids)
             self._tracks = joined(self._tracks, self._new(1))
         return owners
 
     def _confirm(self, item: PoseSet, owners: Array) -> tuple[Notice, ...]:
-        """Give an identity to new tracks with enough evidence: of somebody who was lost, or a new one."""
+        """Give identities to new tracks with enough evidence: those of lost people, or new ones.
+
+        Returns:
+            a notice for each identity.
+        """
         ready = [
             t
             for k, t in enumerate(owners.tolist())
@@ -251,7 +265,7 @@ class TrackingStage(Stateful):
         tracks, notices, fresh = self._tracks, [], np.array(ready)
         away = (tracks.ids >= 0) & (tracks.missed > RETURN_S)
         lost = np.flatnonzero((tracks.ids >= 0) & (tracks.missed > 0.0) & away.any())
-        if self._config.method == "head":  # the head alone tells
+        if self._config.method == "head":  # this method uses the head alone
             lost = lost[:0]
         came = Arrivals.of_tracks(selected(tracks, fresh))
         odds = return_odds(selected(tracks, lost), came, self._pairs)
@@ -276,7 +290,7 @@ class TrackingStage(Stateful):
         return tuple(notices)
 
     def _new_id(self) -> int:
-        """A number that nobody has had, and that is no subject's."""
+        """Return an id that no person has had, and that is no subject's."""
         while self._next in self._subjects.ids:
             self._next += 1
         self._next += 1
@@ -286,20 +300,24 @@ class TrackingStage(Stateful):
         self._subjects, self._begun_ns = subjects, None
 
     def _is_reported(self, ids: Array) -> Array:
-        """Which of these people (P,) are no bystanders."""
+        """Return which of the people (P,) are reported: all, or only the subjects."""
         if self._config.bystanders or not len(self._subjects.ids):
             return np.ones(len(ids), bool)
         return np.isin(ids, self._subjects.ids)
 
     def _find_subjects(self, stamp_ns: int) -> tuple[Notice, ...]:
-        """Give the ids of subjects to the people who are meant."""
+        """Give the subjects' ids to the people who are designated.
+
+        Returns:
+            a notice for each subject that was found.
+        """
         subjects, tracks, notices = self._subjects, self._tracks, []
         if not len(subjects.ids):
             return ()
         found: dict[int, int] = {}
         for s in np.flatnonzero(np.isin(subjects.tracks, tracks.ids[tracks.ids >= 0])).tolist():
             found |= {int(row): s for row in np.flatnonzero(tracks.ids == subjects.tracks[s])}
-        if found:  # that name is taken once
+        if found:  # each stated track is used once
             left = subjects.tracks.copy()
             left[list(found.values())] = -1
             self._subjects = replace(subjects, tracks=left)
@@ -321,15 +339,15 @@ class TrackingStage(Stateful):
         return tuple(notices)
 
     def _convinces(self, item: PoseSet, k: int) -> bool:
-        """Whether a skeleton has enough views and joints to be confirmed at once."""
+        """Return whether a skeleton has enough views and joints to be confirmed at once."""
         measured = np.isfinite(item.positions[k, :, 0])
-        agreed = measured & (item.views[k] >= 2)  # the others were inferred from these
+        agreed = measured & (item.views[k] >= 2)  # other joints were inferred from these
         wanted = min(self._config.confirm_views, float(item.views.max()))
         enough = agreed.any() and item.views[k][agreed].mean() >= wanted
         return bool(enough and measured.mean() >= self._config.confirm_joints)
 
     def _compile(self) -> None:
-        """Two instants of two people."""
+        """Compile the kernels with two instants of two people."""
         joints = len(self._skeleton)
         positions = np.random.default_rng(0).uniform(0.0, 1.0, (2, joints, 3))
         positions[1] += 9.0
@@ -342,21 +360,24 @@ class TrackingStage(Stateful):
 
 
 def _take(owners: Array, rows: Array, cost: Array, gate: float) -> None:
-    """Fill `owners` (P,) with those of the rows (N,) that the best pairs of a cost (N, P) give."""
+    """Write the rows (N,) that the best pairs of a cost (N, P) contain to `owners` (P,), in place."""
     for i, k in best_pairs(cost, gate):
         owners[k] = rows[i]
 
 
 def as_images_show(item: PoseSet) -> PoseSet:
-    """The skeletons with known biases of the detector: predictions are compared with images."""
+    """Return the skeletons without corrections of known detector biases.
+
+    Predictions are compared with images, which have these biases.
+    """
     if item.corrections is None:
         return item
     return replace(item, positions=item.positions - item.corrections)
 
 
 def tracked(item: PoseSet, rows: Array, ids: Array) -> TrackedPoseSet:
-    """The chosen skeletons (K,), each once, with their ids; without votes about sides and corrections."""
-    everybody = np.array_equal(rows, np.arange(len(item.positions)))  # no need to copy then
+    """Return the chosen skeletons (K,), each once, with their ids, but without side votes and corrections."""
+    everybody = np.array_equal(rows, np.arange(len(item.positions)))  # then the arrays need no copy
     values = {name: getattr(item, name) for name in OF_INSTANT}
     for name in OF_PEOPLE:
         array = getattr(item, name)

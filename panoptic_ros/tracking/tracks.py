@@ -1,4 +1,4 @@
-"""Tracks: everybody who is followed, as arrays."""
+"""Tracks of all people, as arrays, and their distances to the skeletons of an instant."""
 
 from __future__ import annotations
 
@@ -16,25 +16,28 @@ from panoptic_ros.solving.limbs import Limbs
 
 Array = np.ndarray
 
-KNOWN_AFTER = 10  # measurements of a bone, from which on its length counts as known
-# Measurements over which a bone length is averaged. It is no time: a bone does not change, and the mean is as
-# certain as the number of its measurements tells. The limit lets errors of the first ones fade.
+KNOWN_AFTER = 10  # number of measurements of a bone from which its length counts as known
+# Number of measurements over which a bone length is averaged. It is no time: a bone does not change, and the
+# certainty of the mean depends on the number of measurements. The limit lets errors of the first ones fade.
 LENGTH_MEMORY = 60.0
 DRIFT_FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
-BALANCE_TIME = 0.316  # s, time constant of the balance of exchanged and straight views, 0.9 in 1/30 s
-FLOOR = 0.03  # m, added to the uncertainty of every joint: biases, time offsets
-WORST = 10.0  # sigmas, at which distances of joints are truncated
-# Cost of a track or skeleton without a partner. A new person is anywhere in a room of 40 m^3: with a density
-# that falls off as exp(-distance / sigma), that costs ln(40 / (8 pi FLOOR^3)).
+BALANCE_TIME = 0.316  # s, time constant of the balance of exchanged and straight views: factor 0.9 per 1/30 s
+FLOOR = 0.03  # m, standard deviation of every joint's biases and time offsets, added to its covariance
+WORST = 10.0  # standard deviations at which distances of joints are truncated
+# Cost of a track or skeleton without a partner. A new person may be anywhere in a room of 40 m^3. Relative to
+# a density that falls off as exp(-distance / sigma), that costs ln(40 / (8 pi FLOOR^3)).
 ALONE = 11.0
 
 
 class Bodies(NamedTuple):
-    """What is known of T people besides the motion of their joints.
+    """Bone lengths and body motion of T people.
 
-    lengths (T, B) m, mean bone lengths, NaN = unknown, counts (T, B), measurements of each, and squares
-    (T, B) m^2, the mean square of what one differs by; middles (T, 3) m of the bodies, and their velocities
-    drifts (T, 3) m/s.
+    Args:
+        lengths: (T, B) m, mean bone lengths, NaN = unknown.
+        counts: (T, B) number of measurements of each length.
+        squares: (T, B) m^2, mean squared deviation of single measurements from the mean.
+        middles: (T, 3) m, world, centres of the bodies.
+        drifts: (T, 3) m/s, velocities of the centres.
     """
 
     lengths: Array
@@ -48,11 +51,17 @@ class Tracks(NamedTuple):
     """T people over time.
 
     Args:
-        ids: (T,) identities, -1 = not confirmed yet. clothes: their colours.
-        heads: (T, 3) m, where the head was seen last, NaN = nowhere.
-        unseen: (T,) s since the person was seen; missed: (T,) those of them in which there were sets.
-        hits: (T,) how often it was seen; seconds: (T,) since when there is a track.
-        balance: (T, G) exchanged minus straight views of each limb, with forgetting.
+        ids: (T,) identities, -1 = not confirmed yet.
+        motion: Filters of the joints.
+        bodies: Bone lengths and body motion.
+        clothes: Colours of the clothes.
+        heads: (T, 3) m, world, last measured position of the head, NaN = none.
+        unseen: (T,) s since the person was last seen.
+        missed: (T,) s, the part of `unseen` in which sets arrived.
+        hits: (T,) number of instants in which the person was seen.
+        seconds: (T,) s since the track began.
+        balance: (T, G) views that see each limb exchanged minus views that see it straight, with exponential
+            forgetting.
     """
 
     ids: Array
@@ -68,7 +77,7 @@ class Tracks(NamedTuple):
 
     @classmethod
     def of_new(cls, people: int, joints: int, bones: int, limbs: int) -> Tracks:
-        """People before their first measurement."""
+        """Return the tracks of people before their first measurement."""
         numbers, unknown = np.zeros((4, people, bones)), np.full((2, people, 3), np.nan)
         return cls(
             np.full(people, -1),
@@ -85,24 +94,29 @@ class Tracks(NamedTuple):
 
     @property
     def bones(self) -> Bones:
-        """What is known of the bones."""
+        """Return the learnt bone lengths with their variances."""
         return learnt_bones(*self.bodies[:3])
 
     def predict(self, dt: float, blind: bool = False) -> None:
-        """Predict in place to dt s later.
+        """Predict the tracks by dt s, in place.
 
         Args:
-            blind: nobody looked meanwhile.
+            blind: whether capture paused meanwhile, so that the time does not count as missed.
         """
         predict(self.motion, dt)
         self.unseen[:] += dt
         self.seconds[:] += dt
         self.missed[:] += 0.0 if blind else dt
-        self.bodies.middles[:] += min(dt, DRIFT_FADE_TIME) * self.bodies.drifts  # as far as fading speeds get
+        # upper limit of the distance at a decaying velocity
+        self.bodies.middles[:] += min(dt, DRIFT_FADE_TIME) * self.bodies.drifts
         self.bodies.drifts[:] *= np.exp(-dt / DRIFT_FADE_TIME)
 
     def take_over(self, lost: int, fresh: int) -> None:
-        """Let a fresh row know, in place, of the body of a lost one that is the same person."""
+        """Merge bone lengths and clothes of a lost track into a new track of the same person, in place.
+
+        Args:
+            lost, fresh: rows of the two tracks.
+        """
         lengths, measured, squares = self.bodies[:3]
         counts = measured[lost] + measured[fresh]
         both = sum(np.nan_to_num(lengths[row]) * measured[row] for row in (lost, fresh))
@@ -113,7 +127,13 @@ class Tracks(NamedTuple):
         self.clothes.take_over(lost, fresh)
 
     def update(self, owners: Array, poses: PoseSet, bones: Array, head: int) -> None:
-        """Update in place with skeletons, of which each has the row `owners` (P,) here, -1 = none."""
+        """Update the tracks with skeletons, in place.
+
+        Args:
+            owners: (P,) row of the track of each skeleton, -1 = none.
+            bones: (B, 2) joints at the ends of the bones.
+            head: joint of the head.
+        """
         update_tracks(
             self.motion,
             self.bodies,
@@ -134,7 +154,10 @@ class Tracks(NamedTuple):
             self.balance[owners[k]] = memory * self.balance[owners[k]] + poses.side_votes[k]
 
     def exchange_sides(self, limbs: Limbs) -> None:
-        """Exchange, in place, left and right of limbs that most views have seen exchanged for long."""
+        """Exchange left and right of limbs with a positive balance, in place.
+
+        Most recent views see these limbs exchanged.
+        """
         wrong = self.balance > 0.0
         if not wrong.any():
             return
@@ -146,7 +169,7 @@ class Tracks(NamedTuple):
         self.balance[wrong] *= -1.0
 
     def record(self, poses: PoseSet) -> TrackSet:
-        """The record that is fed back."""
+        """Return the record that is fed back to association."""
         return TrackSet(
             poses.index,
             poses.stamp_ns,
@@ -160,7 +183,11 @@ class Tracks(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def update_tracks(motion, bodies, owners, positions, covariances, views, states, bones):
-    """The loops of `Tracks.update`; bones: (B, 2)."""
+    """Update filters, bone lengths and centres of the tracks with skeletons, in place; see `Tracks.update`.
+
+    Args:
+        bones: (B, 2) joints at the ends of the bones.
+    """
     joints = positions.shape[1]
     places, speeds = np.empty(joints), np.empty(joints)
     for k in range(len(owners)):
@@ -196,14 +223,18 @@ def _distance(a, b):
 
 @njit(cache=True, error_model="numpy")
 def joint_distances(states, variances, positions, covariances):
-    """Mean distances (T, P) m of predicted and measured joints, and costs (T, P) of the assignment.
+    """Return the mean distances (T, P) m of predicted and measured joints, and assignment costs (T, P).
 
-    Both are means over the joints, inf without common ones. The first is for gating. A cost is the negative
-    logarithm of a density that falls off with the Mahalanobis distance, which is truncated, up to a constant:
-    somebody who has not been seen for a while may be anywhere, and so is the less likely to be here.
+    Both are means over the common joints, infinite if there are none. The distance serves for gating. The
+    cost is the negative logarithm, up to a constant, of a density that falls off with the truncated
+    Mahalanobis distance. The cost grows with the uncertainty of the prediction. A person who was not seen for
+    a while may be anywhere, and is less likely to be here.
 
     Args:
-        states (T, J, 6), variances (T, J, 3): of the tracks. positions (P, J, 3), covariances (P, J, 3, 3).
+        states: (T, J, 6) of the tracks, see `JointMotion`.
+        variances: (T, J, 3) of the tracks, see `JointMotion`.
+        positions: (P, J, 3) m, world, of the skeletons.
+        covariances: (P, J, 3, 3) m^2 of the skeletons.
     """
     distance = np.full((len(states), len(positions)), np.inf)
     cost = np.full(distance.shape, np.inf)
@@ -218,7 +249,7 @@ def joint_distances(states, variances, positions, covariances):
                     x = positions[p, j, 0] - states[t, j, 0]
                     y = positions[p, j, 1] - states[t, j, 1]
                     z = positions[p, j, 2] - states[t, j, 2]
-                    xx = np.sqrt(c[0, 0] + extra)  # the Cholesky factor of the covariance of the difference
+                    xx = np.sqrt(c[0, 0] + extra)  # Cholesky factor of the difference's covariance
                     yx, zx = c[1, 0] / xx, c[2, 0] / xx
                     yy = np.sqrt(c[1, 1] + extra - yx**2)
                     zy = (c[2, 1] - zx * yx) / yy
@@ -235,6 +266,14 @@ def joint_distances(states, variances, positions, covariances):
 
 
 def head_distances(heads: Array, positions: Array, head: int) -> Array:
-    """Distances (T, P) m of the heads of skeletons (P, J, 3) from the last ones (T, 3); inf where unknown."""
+    """Return the distances (T, P) m from the last heads of tracks to the heads of skeletons.
+
+    They are infinite where a head is unknown.
+
+    Args:
+        heads: (T, 3) m, last positions of the heads of tracks.
+        positions: (P, J, 3) m, world, of the skeletons.
+        head: joint of the head.
+    """
     distances = np.linalg.norm(heads[:, None] - positions[None, :, head], axis=-1)
     return np.where(np.isfinite(distances), distances, np.inf)
