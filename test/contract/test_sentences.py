@@ -6,7 +6,25 @@ import pytest
 from sentences import faults, flagged
 
 ROOT = Path(__file__).parents[2]
-MOST = {}  # flagged texts of a room where there are any; only fewer are allowed
+MOST = {
+    "assembly": 91,
+    "capture": 14,
+    "detection": 1,
+    "docs": 62,
+    "domain": 2,
+    "export": 1,
+    "io": 15,
+    "kinematics": 5,
+    "offsets": 1,
+    "patches": 2,
+    "refinement": 75,
+    "running": 1,
+    "state": 1,
+    "study": 16,
+    "sync": 1,
+    "timecode": 2,
+    "view": 1,
+}
 ROOMS = sorted(path.name for path in (ROOT / "panoptic_ros").iterdir() if (path / "__init__.py").is_file())
 
 
