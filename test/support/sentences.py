@@ -11,19 +11,19 @@ from collections.abc import Iterator
 from pathlib import Path
 
 OPENING = re.compile(
-    r"^(what|whatever|whoever|whose|whom|who|of|by which|by how|by what|with which|from which|in which|to which|"
-    r"as far as|how (?:much|many|far|long|often|large|well)|where it|so (?:much|many))\b",
+    r"^(what|whatever|whoever|whose|whom|who|of|by which|by how|by what|with which|from which|in which|"
+    r"to which|as far as|how (?:much|many|far|long|often|large|well)|where it|so (?:much|many))\b",
     re.IGNORECASE,
 )
 MOST_WORDS = 30
 WORDS = (  # private or vague, where the field has a term
-    "somebody|nobody|everybody|whoever|anew|of late|besides|so many|tells|told|lasts|by itself|takes for|gives up|"
-    "what is left|comes back|as it is|news|in place of|goes on|at most so|all that"
+    "somebody|nobody|everybody|whoever|anew|of late|besides|so many|tells|told|lasts|by itself|takes for|"
+    "gives up|what is left|comes back|as it is|news|in place of|goes on|at most so|all that"
 )
 WORD = re.compile(rf"\b({WORDS})\b", re.IGNORECASE)
 NO_VERB = set(  # first words of function docstrings that are no imperative
-    "the a an what whether how of where which who whom whose when by in on all every one its their as and from for "
-    "to if that those this these some no nothing both each".split()
+    "the a an what whether how of where which who whom whose when by in on all every one its their as and "
+    "from for to if that those this these some no nothing both each".split()
 )
 
 
