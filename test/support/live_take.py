@@ -52,6 +52,7 @@ def load():
     from panoptic_ros.graph.build import configure, make_stage
     from panoptic_ros.graph.nodes import FUSION
     from panoptic_ros.running.plans import bag_plan  # noqa: F401
+    from panoptic_ros.running.runs import listening  # noqa: F401
     from panoptic_ros.simulation import SCENES, SKELETON, simulate
     from panoptic_ros.stage import StageContext
 
