@@ -13,6 +13,7 @@ import live_take
 import pytest
 from fork_server import ForkServer
 from recordings import write_bag
+from repeated_bag import repeat
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.io.bags import BagReader
@@ -26,7 +27,8 @@ SECOND = 1_000_000_000
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
-    return write_bag(tmp_path_factory.mktemp("people") / "bag", captures.views(450))
+    folder = tmp_path_factory.mktemp("people")
+    return repeat(write_bag(folder / "short", captures.views(60)), folder / "bag", 15.0)
 
 
 @pytest.fixture(scope="module")
