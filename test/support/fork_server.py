@@ -7,6 +7,7 @@ for each request. Requests and answers are JSON, one a line:
     {"ended": pid, "wait": bool} -> its exit code, as `subprocess` has it, or null
 """
 
+import gc
 import json
 import os
 import resource
@@ -113,6 +114,7 @@ def ended(pid, wait):
 def serve(module):
     """Answer requests until there are no more."""
     module.load()
+    gc.freeze()  # memory that is not touched is not copied
     for line in sys.stdin:
         request = json.loads(line)
         if "ended" in request:
