@@ -136,7 +136,7 @@ def passed(stages: list[Any], items: list[Any]) -> list[Any]:
 
 def offsets() -> set[tuple[str, str, str]]:
     """Clocks from motion, of more cameras than let every frame be used; every other clock is wrong."""
-    take = simulate(Scene("test", ("walk", "talk"), Ring(12), area=1.8), 3, 120)
+    take = simulate(Scene("test", ("walk", "talk"), Ring(12), area=1.8), 3, 80)
     context = StageContext(take.rig, SKELETON)
     configs = configure({"offsets": {"active": True, "block_s": 1.0}})
     sets = list(take.detection_sets())
