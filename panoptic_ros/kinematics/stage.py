@@ -65,6 +65,8 @@ def step_examples(
             segment, offset = body.keypoints[name]
             joints[j] = places[0, segment] + pose.turns[segment] @ offset
     spread = np.tile(1e-4 * np.eye(3), (len(joint_names), 1, 1))
+    of_record = spread.copy()
+    of_record.flags.writeable = False  # kernels are compiled for both
     level = from_quaternions(np.array([1.0, 0.0, 0.0, 0.0]))
     measured = Measured(np.ones(1, bool), level[None], np.array([[0.0, 0.0, 9.81]]))
     period = round(1e9 / rate_hz)
@@ -76,7 +78,7 @@ def step_examples(
     for k in range(round(SECONDS * rate_hz)):
         stamp = k * period
         if k <= 1:
-            person.seen.take_joints(SeenJoints(stamp, joints, spread))
+            person.seen.take_joints(SeenJoints(stamp, joints, (spread, of_record)[k]))
         if k > 1:
             for c, view in views.items():
                 person.see(SeenPoints(stamp, view.points[0], view.scores[0]), c, of_track=True)

@@ -15,6 +15,8 @@ import captures
 import cv2
 import numpy as np
 import pytest
+from recordings import write_bag
+from repeated_bag import repeat
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.io.bags import BagWriter
@@ -345,6 +347,5 @@ def recorded_bag(tmp_path):
 
 @pytest.fixture(scope="module")
 def long_bag(tmp_path_factory):
-    topics = [(f"/{v.camera}/detections", v) for v in captures.views(1500)]
-    path = tmp_path_factory.mktemp("long") / "b"
-    return bag_of(path, ("/rig", captures.RIG), ("/skeleton_model", captures.SKELETON), *topics)
+    folder = tmp_path_factory.mktemp("long")
+    return repeat(write_bag(folder / "short", captures.views(50)), folder / "b", 50.0)

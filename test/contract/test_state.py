@@ -27,6 +27,7 @@ from panoptic_ros.stage import StageContext
 
 def test_every_stage_of_the_table_has_a_case():
     assert {case.name for case in cases().values()} == set(NODES) and set(cases()) == set(NAMES)
+    assert all(case.name == name.split("-")[0] for name, case in cases().items())
 
 
 @pytest.mark.parametrize("name", NAMES)

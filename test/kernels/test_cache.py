@@ -8,11 +8,13 @@ import time
 from pathlib import Path
 
 import pytest
+from fork_server import ForkServer
 
 import panoptic_ros
 from panoptic_ros.kernels import cache, damaged_files, remove_damaged
 
 ROOT = Path(panoptic_ros.__file__).parent
+SERVER: list[ForkServer] = []
 SAMPLE = {
     "__init__.py": "",
     "numbers.py": "FACTOR = 2.0\n",
@@ -77,24 +79,41 @@ def used(compiled, tmp_path):
     return tmp_path / "a" / "panoptic_ros"
 
 
-def run(package: Path, program: str = PROGRAM) -> tuple[str, str]:
-    """What a program prints with a package: its result, and which kernels it compiled."""
-    kept = str(package.parent.parent / "kept")
-    environment = {
-        **os.environ,
-        "PYTHONPATH": str(package.parent),
-        "NUMBA_CACHE_DIR": kept,
-        "PYTHONDONTWRITEBYTECODE": "1",  # Python's own files go by the time of a source, which a test keeps
-    }
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=environment,
-        cwd=package.parent,
-    )
-    result, compiled = done.stdout.splitlines()
+@pytest.fixture(scope="module", autouse=True)
+def server():
+    """A process with numba and its compiler, of which programs are forked."""
+    with ForkServer("kernel_programs") as server:
+        SERVER.append(server)
+        yield
+        SERVER.clear()
+
+
+def run(package: Path, program: str = PROGRAM, apart: bool = False) -> tuple[str, str]:
+    """What a program prints with a package: its result, and which kernels it compiled.
+
+    It runs in a process that is forked, or apart in one that begins from nothing.
+    """
+    variables = {"NUMBA_CACHE_DIR": str(package.parent.parent / "kept")}
+    if not apart:
+        printed = package.parent.parent / "printed"
+        printed.touch()
+        process = SERVER[0].start(program, package.parent, output=printed, variables=variables)
+        assert process.wait() == 0, printed.read_text()
+        text = printed.read_text()
+        printed.unlink()
+    else:
+        # Python's own files go by the time of a source, which a test keeps
+        more = {"PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, **variables, **more},
+            cwd=package.parent,
+        )
+        text = done.stdout
+    result, compiled = text.splitlines()
     return result, compiled
 
 
@@ -138,8 +157,8 @@ def test_copies_of_the_whole_package_share_what_is_compiled(tmp_path):
     first, second = (tmp_path / name / "panoptic_ros" for name in "ab")
     for package in (first, second):
         shutil.copytree(ROOT, package, ignore=shutil.ignore_patterns("__pycache__"))
-    assert run(first, program) == ("True", "factor")
-    assert run(second, program) == ("True", "")
+    assert run(first, program, apart=True) == ("True", "factor")
+    assert run(second, program, apart=True) == ("True", "")
 
 
 def test_nothing_is_kept_of_sources_that_were_edited_meanwhile(copy):
@@ -210,10 +229,10 @@ def test_what_is_compiled_already_is_used_without_the_compiler(copy):
     package = copy("a")
     loaded = PROGRAM.replace("from panoptic_ros.kernels", "import sys\nfrom panoptic_ros.kernels", 1)
     loaded = loaded.replace("print(*[", "print('numba.np.arraymath' in sys.modules, *[")
-    assert run(package, loaded) == ("7.0 1.0", "True shifted scaled height")
-    assert run(package, loaded) == ("7.0 1.0", "False")
+    assert run(package, loaded, apart=True) == ("7.0 1.0", "True shifted scaled height")
+    assert run(package, loaded, apart=True) == ("7.0 1.0", "False")
     new = loaded.replace("shifted(3.0)", "shifted(3.0), shifted(3)")
-    assert run(package, new) == ("7.0 7.0 1.0", "True shifted scaled")
+    assert run(package, new, apart=True) == ("7.0 7.0 1.0", "True shifted scaled")
 
 
 def cut(data: bytes) -> bytes:

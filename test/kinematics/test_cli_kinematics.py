@@ -28,7 +28,7 @@ def capture(tmp_path_factory):
 
     folder = tmp_path_factory.mktemp("body") / "capture"
     scene = simulated_bodies.body_scene
-    simulated_bodies.body_scene = lambda name: BodyScene(("02_05",), seconds=6.0, cameras=4)
+    simulated_bodies.body_scene = lambda name: BodyScene(("02_05",), seconds=5.0, cameras=4)
     try:
         assert main(["simulate", "body-punch", "--seed", "3", "--out", str(folder)]) == 0
     finally:

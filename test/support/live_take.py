@@ -1,4 +1,4 @@
-"""A live run as a process of its own, whose bag stands for cameras: `live_take.py BAG OUT [ARGUMENTS]`.
+"""A live run whose bag stands for cameras: `live_take.py BAG OUT [ARGUMENTS]`, or forked by `fork_server`.
 
 It takes views at 30 Hz and appends the stamp of each instant to the file that the variable TOLD names.
 """
@@ -36,11 +36,30 @@ def over_dds(plan, results, stop, *how):
     return {}
 
 
-if __name__ == "__main__":
+def begin(bag, out, *more):
+    """Run the program, which ends the process."""
     plan_of = source.make_plan
     source.make_plan = lambda args: replace(plan_of(args), live=True)
     running_run._over_dds = over_dds
-    bag, out, *more = sys.argv[1:]
     sys.argv[1:] = ["run", "--bag", bag, "--out", out, *more]
     os.chdir(Path(out).parent)
     program()
+
+
+def load():
+    """Load modules and compiled code, as every run would."""
+    from panoptic_ros.cli.run import beginning, watch  # noqa: F401
+    from panoptic_ros.graph.build import configure, make_stage
+    from panoptic_ros.graph.nodes import FUSION
+    from panoptic_ros.running.plans import bag_plan  # noqa: F401
+    from panoptic_ros.running.runs import listening  # noqa: F401
+    from panoptic_ros.simulation import SCENES, SKELETON, simulate
+    from panoptic_ros.stage import StageContext
+
+    context, configs = StageContext(simulate(SCENES["clean-4p5v"], 0, 1).rig, SKELETON), configure({})
+    for name in ("sync", *FUSION):
+        make_stage(name, configs[name], context)
+
+
+if __name__ == "__main__":
+    begin(*sys.argv[1:])

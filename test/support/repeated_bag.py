@@ -48,16 +48,22 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--without-maps", action="store_true", help="2D people without their score maps")
     args = parser.parse_args()
+    repeat(args.bag, args.out, 60.0 * args.minutes, args.without_maps)
+    return 0
+
+
+def repeat(short: Path, long: Path, seconds: float, without_maps: bool = False) -> Path:
+    """Write a bag as often as it takes to last so long; the long one."""
     latched = {topic.name for topic in TOPICS.values() if topic.latched}
-    with BagReader(args.bag) as bag, BagWriter(args.out) as out:
-        rows = [_template(*row, args.without_maps) for row in bag.raw()]
+    with BagReader(short) as bag, BagWriter(long) as out:
+        rows = [_template(*row, without_maps) for row in bag.raw()]
         length = bag.end_ns - bag.begin_ns + SECOND // 25
-        for turn in range(int(-(-args.minutes * 60 * SECOND // length))):
+        for turn in range(int(-(-seconds * SECOND // length))):
             later = turn * length
             for row in rows:
                 if turn == 0 or row.name.strip("/") not in latched:
                     out.write_raw(row.name, row.kind, row.stamp_ns + later, _at(row, turn, later))
-    return 0
+    return long
 
 
 def _template(name: str, stamp_ns: int, data: bytes, kind: str, without_maps: bool) -> Template:

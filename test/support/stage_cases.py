@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
@@ -48,7 +48,6 @@ from panoptic_ros.timecode.signal.stream import Buffer
 
 SECOND = 10**9
 OTHERS = SubjectSet(SECOND, [3, 7], [[np.nan] * 3, [0.0, 0.0, 1.0]], [-1, SECOND], [-1, 1])
-RNG = np.random.default_rng(5)
 VALUES: dict[str, dict[str, Any]] = {"voting": {"without_maps": True, "parts": True}}  # all that it can do
 MEMORY_TO_WORK_IN = {("voting", "_boxes")}  # is emptied, or holds what any stage would
 
@@ -184,13 +183,13 @@ def motion(start=0, instants=11):
 
 def readings(first=1000, devices=("left", "right"), words=44):
     """Two devices, one of which jumps; the timecode jumps, too; another device falls silent."""
-    rate = timecode_rate("25")
+    rate, rng = timecode_rate("25"), np.random.default_rng([5, first])
     items = []
     for k in range(words):
         for d, device in enumerate((*devices, "short")):
             if device == "short" and k > 12:
                 continue
-            stamp = SECOND + d * 777 + k * 40_000_000 + int(20_000 * RNG.standard_normal())
+            stamp = SECOND + d * 777 + k * 40_000_000 + int(20_000 * rng.standard_normal())
             stamp += 400_000_000 if d == 1 and k > 26 else 0
             label = Timecode.from_frame_count(first + k + (50 if k > 36 else 0), rate)
             items.append(TimecodeReading(device, stamp, label, 1920.0 * k, 0.01))
@@ -199,13 +198,13 @@ def readings(first=1000, devices=("left", "right"), words=44):
 
 def named_readings(first=1000, clocks=("A", "B"), words=44):
     """Two timecodes that one recorder hears and one of them another; one jumps, and sound is lost."""
-    items = []
+    items, rng = [], np.random.default_rng([5, first])
     for k in range(words):
         for d, (clock, recorder) in enumerate(((clocks[0], "tc"), (clocks[1], "tc"), (clocks[1], "far"))):
             rate = timecode_rate("25" if clock == "A" else "29.97df")
             sample = 48_000 * (k / float(rate.exact) + 0.3 * d) - (4800 if k > 20 else 0)
             label = Timecode.from_frame_count(first + k + (75 if d and k > 34 else 0), rate)
-            stamp = SECOND + round(SECOND * k / rate.exact) + int(20_000 * RNG.standard_normal())
+            stamp = SECOND + round(SECOND * k / rate.exact) + int(20_000 * rng.standard_normal())
             items.append(TimecodeReading(recorder, stamp, label, sample, 0.01, False, 0, clock, 48_000))
     return items
 
@@ -419,10 +418,11 @@ def walked(camera, count=9, start=0):
 def dressed(poses):
     """Skeletons, and before each what the people of its views wear, all but some."""
     found: list[Any] = []
+    rng = np.random.default_rng([5, len(poses)])
     for k, item in enumerate(poses):
         for c, (camera, number) in enumerate(zip(item.sources.cameras, item.sources.frames.tolist())):
             if (k + c) % 4:
-                colours = RNG.normal(0.3, 0.05, (2, 2, 3))
+                colours = rng.normal(0.3, 0.05, (2, 2, 3))
                 found.append(ViewAppearance(camera, item.stamp_ns, number, colours))
         found.append(item)
     return found
@@ -434,6 +434,25 @@ def small_images():
     return StageContext(rig, captures.SKELETON)
 
 
+class Cases(Mapping[str, Case]):
+    """Cases by their names, each made when it is first asked for."""
+
+    def __init__(self, makers: dict[str, Callable[[], Case]]):
+        self._makers = makers
+        self._made: dict[str, Case] = {}
+
+    def __getitem__(self, name: str) -> Case:
+        if name not in self._made:
+            self._made[name] = self._makers[name]()
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+
 @cache
 def cases():
     ways = {
@@ -443,72 +462,84 @@ def cases():
         "interpolated": {"resampling": "interpolate", "clocks": ["cam0=cam0"], "delays_ms": ["cam3=-7.5"]},
     }
     sizes = {"input_side": 0, "smallest_input": 64, "largest_input": 512}
-    return {
-        "timecode": Case(
+    makers = {
+        "timecode": lambda: Case(
             "timecode",
             {},
             merged(audio("mic", 20, 1), audio("line", 16, 2, 48_000, 2500)),
             audio("mic", 12, 7),
         ),
-        "clocks": Case(
+        "clocks": lambda: Case(
             "clocks", {"window_s": 2.0, "period_s": 0.1}, readings(), readings(5000, ("up", "left"))
         ),
-        "clocks-named": Case(
+        "clocks-named": lambda: Case(
             "clocks",
             {"window_s": 2.0, "period_s": 0.1, "least_span_s": 0.4},
             named_readings(),
             named_readings(5000, ("B", "A")),
         ),
-        "detection": Case("detection", sizes, frames(), frames("right", "third", 12)[::-1], detector()),
-        "detection-looks": Case(
+        "detection": lambda: Case(
+            "detection", sizes, frames(), frames("right", "third", 12)[::-1], detector()
+        ),
+        "detection-looks": lambda: Case(
             "detection",
             {**sizes, "looks_per_s": 9.0, "region_height": 64},
             watched(),
             watched(("third", "left"), 9, 50),
             watcher(),
         ),
-        "offsets": Case("offsets", {"active": True, "block_s": 0.5}, motion(), motion(20)),
+        "offsets": lambda: Case("offsets", {"active": True, "block_s": 0.5}, motion(), motion(20)),
         **{
-            f"sync-{kind}": Case("sync", values, disturbed(), views(9, start=300)[::-1])
+            f"sync-{kind}": lambda values=values: Case("sync", values, disturbed(), views(9, start=300)[::-1])
             for kind, values in ways.items()
         },
-        **{name: Case(name, VALUES.get(name, {}), chain()[name], chain(7, 200)[name]) for name in FUSION},
-        "tracking-subjects": Case(
+        **{
+            name: lambda name=name: Case(name, VALUES.get(name, {}), chain()[name], chain(7, 200)[name])
+            for name in FUSION
+        },
+        "tracking-subjects": lambda: Case(
             "tracking",
             {"subjects": ["7"]},
             [*chain()["tracking"][:6], OTHERS, *chain()["tracking"][6:]],
             chain(7, 200)["tracking"],
         ),
-        "kinematics": Case("kinematics", {"rate_hz": 40.0, "lag": 0.05}, worn(), worn(7, 200), wearer()),
-        "kinematics-everybody": Case(
+        "kinematics": lambda: Case(
+            "kinematics", {"rate_hz": 40.0, "lag": 0.05}, worn(), worn(7, 200), wearer()
+        ),
+        "kinematics-everybody": lambda: Case(
             "kinematics",
             {"rate_hz": 15.0, "lag": 0.0, "everybody": True},
             chain()["refinement"],
             chain(7, 200)["refinement"],
             wearer(),
         ),
-        "flow": Case(
+        "flow": lambda: Case(
             "flow", {}, merged(walked("cam0"), walked("cam1", 5)), walked("cam1", 4, 30), small_images()
         ),
-        "appearance": Case(
+        "appearance": lambda: Case(
             "appearance", {}, merged(walked("cam0"), walked("cam1", 5)), walked("cam1", 4, 30), small_images()
         ),
-        "tracking-appearance": Case(
+        "tracking-appearance": lambda: Case(
             "tracking", {"appearance": True}, dressed(chain()["tracking"]), dressed(chain(7, 200)["tracking"])
         ),
-        "patches": Case(
+        "patches": lambda: Case(
             "patches",
             {"per_part": 4, "life": 4},
             patch_scene.recording(8),
             patch_scene.recording(4, start=90),
         ),
-        "patches-depth": Case("patches", {"per_part": 4, "life": 4}, sensed(8), sensed(4, 90), SENSED),
-        "refinement-patches": Case("refinement", {"lag": 0.08}, with_patches(0), with_patches(90)),
-        "refinement-bodies": Case("refinement", {"bodies": True}, with_bodies(14), with_bodies(7, 200)),
-        "refinement-lag": Case(
+        "patches-depth": lambda: Case(
+            "patches", {"per_part": 4, "life": 4}, sensed(8), sensed(4, 90), SENSED
+        ),
+        "refinement-patches": lambda: Case("refinement", {"lag": 0.08}, with_patches(0), with_patches(90)),
+        "refinement-bodies": lambda: Case(
+            "refinement", {"bodies": True}, with_bodies(14), with_bodies(7, 200)
+        ),
+        "refinement-lag": lambda: Case(
             "refinement", {"lag": 0.12}, chain()["refinement"], chain(7, 200)["refinement"]
         ),
     }
+    return Cases(makers)
 
 
 NAMES = (

@@ -21,7 +21,7 @@ OURS, FIXED = KinematicsConfig(clocks=False), KinematicsConfig(clocks=False, mou
 
 
 def capture(**changes):
-    return simulate_body(BodyScene(("02_05",), seconds=8.0, cameras=6, **changes), 9, MODEL, CLIPS)
+    return simulate_body(BodyScene(("02_05",), seconds=8.0, cameras=4, **changes), 9, MODEL, CLIPS)
 
 
 def score(take, config):

@@ -53,84 +53,79 @@ def line_of(process, pattern):
     raise AssertionError(f"it ended without {pattern!r}")
 
 
-@pytest.fixture
-def graph(recorded_people):
+@pytest.fixture(scope="class")
+def graph(tmp_path_factory):
     """A graph that publishes people, as long as it is needed."""
-    process = panoptic("replay", recorded_people, "--loops", 0)
+    bag = write_bag(tmp_path_factory.mktemp("people") / "bag", captures.views(60))
+    process = panoptic("replay", bag, "--loops", 0)
     yield process
     process.send_signal(signal.SIGINT)
     process.wait(20)
-
-
-@pytest.fixture(scope="module")
-def recorded_people(tmp_path_factory):
-    return write_bag(tmp_path_factory.mktemp("people") / "bag", captures.views(60))
 
 
 def cdr(message):
     return bytes(bag_typestore().serialize_cdr(message, message.__msgtype__))
 
 
-def test_a_recording_runs_by_itself_and_tells_of_itself(graph, tmp_path):
-    recorder = panoptic("record", "--out", tmp_path / "take", "--duration", 2)
-    told = recorder.communicate(timeout=60)[0]
-    assert recorder.returncode == 0, told
-    assert "GB" in told and re.search(r"/cam0/detections +\d+ +30", told)
-    plan = plan_bags([tmp_path / "take"])
-    assert plan.rig.names == captures.RIG.names and plan.skeleton.hash == captures.SKELETON.hash
-    with BagReader(tmp_path / "take") as bag:
-        rows = [(topic, message) for topic, _, message in bag.messages(FACTS, COUNTERS)]
-        quality = bag.connection("/rig").qualities[0]
-    facts, counters = json.loads(rows[0][1].data), json.loads(rows[-1][1].data)
-    assert (rows[0][0], rows[-1][0]) == (FACTS, COUNTERS) and facts["versions"]["panoptic_ros"]
-    assert "/replay" in facts["nodes"] and facts["format"] == "panoptic-recording-1"
-    assert counters["/cam0/detections"]["count"] > 30
-    assert counters["/cam0/detections"]["missing"] == 0
-    assert quality.durability.name == "TRANSIENT_LOCAL"
+@pytest.mark.usefixtures("graph")
+class TestGraph:
+    def test_a_recording_runs_by_itself_and_tells_of_itself(self, tmp_path):
+        recorder = panoptic("record", "--out", tmp_path / "take", "--duration", 2)
+        told = recorder.communicate(timeout=60)[0]
+        assert recorder.returncode == 0, told
+        assert "GB" in told and re.search(r"/cam0/detections +\d+ +30", told)
+        plan = plan_bags([tmp_path / "take"])
+        assert plan.rig.names == captures.RIG.names and plan.skeleton.hash == captures.SKELETON.hash
+        with BagReader(tmp_path / "take") as bag:
+            rows = [(topic, message) for topic, _, message in bag.messages(FACTS, COUNTERS)]
+            quality = bag.connection("/rig").qualities[0]
+        facts, counters = json.loads(rows[0][1].data), json.loads(rows[-1][1].data)
+        assert (rows[0][0], rows[-1][0]) == (FACTS, COUNTERS) and facts["versions"]["panoptic_ros"]
+        assert "/replay" in facts["nodes"] and facts["format"] == "panoptic-recording-1"
+        assert counters["/cam0/detections"]["count"] > 30
+        assert counters["/cam0/detections"]["missing"] == 0
+        assert quality.durability.name == "TRANSIENT_LOCAL"
 
+    def test_parts_of_a_recording_have_what_a_run_needs(self, tmp_path):
+        recorder = panoptic("record", "--out", tmp_path / "day", "--split", "1s", "--duration", 2.5)
+        told = recorder.communicate(timeout=60)[0]
+        assert recorder.returncode == 0, told
+        parts = sorted((tmp_path / "day").iterdir())
+        assert len(parts) >= 2 and plan_bags([parts[1]]).rig.names == captures.RIG.names
+        with BagReader(parts[1]) as bag:
+            assert bag.counts[FACTS] >= 1 and bag.counts["/cam0/detections"] > 5
 
-def test_parts_of_a_recording_have_what_a_run_needs(graph, tmp_path):
-    recorder = panoptic("record", "--out", tmp_path / "day", "--split", "1s", "--duration", 2.5)
-    told = recorder.communicate(timeout=60)[0]
-    assert recorder.returncode == 0, told
-    parts = sorted((tmp_path / "day").iterdir())
-    assert len(parts) >= 2 and plan_bags([parts[1]]).rig.names == captures.RIG.names
-    with BagReader(parts[1]) as bag:
-        assert bag.counts[FACTS] >= 1 and bag.counts["/cam0/detections"] > 5
+    def test_a_killed_recorder_leaves_what_repairs(self, tmp_path):
+        recorder = panoptic("record", "--out", tmp_path / "take")
+        file = tmp_path / "take" / "take.mcap"
+        end = time.monotonic() + 40
+        while time.monotonic() < end and not (file.exists() and file.stat().st_size > 60_000):
+            time.sleep(0.1)
+        recorder.send_signal(signal.SIGKILL)
+        recorder.wait()
+        made = repair(tmp_path / "take", tmp_path / "whole")
+        assert made.counts["/rig"] >= 1 and made.counts["/cam0/detections"] > 10
+        assert plan_bags([tmp_path / "whole"]).rig.names == captures.RIG.names
 
-
-def test_a_killed_recorder_leaves_what_repairs(graph, tmp_path):
-    recorder = panoptic("record", "--out", tmp_path / "take")
-    file = tmp_path / "take" / "take.mcap"
-    end = time.monotonic() + 40
-    while time.monotonic() < end and not (file.exists() and file.stat().st_size > 60_000):
-        time.sleep(0.1)
-    recorder.send_signal(signal.SIGKILL)
-    recorder.wait()
-    made = repair(tmp_path / "take", tmp_path / "whole")
-    assert made.counts["/rig"] >= 1 and made.counts["/cam0/detections"] > 10
-    assert plan_bags([tmp_path / "whole"]).rig.names == captures.RIG.names
-
-
-def test_recorders_start_and_stop_on_demand(graph, tmp_path):
-    recorder = panoptic("record", "--standby", "--out", tmp_path / "takes")
-    try:
-        line_of(recorder, "^waiting")
-        ((host, done, text),) = ask_all(True, 2.0)
-        assert host.startswith("recorder_") and done and text.startswith("recording /"), text
-        ((_, done, text),) = ask_all(True, 2.0)
-        assert done and "already" in text
-        ((_, done, text),) = ask_all(False, 2.0)
-        assert done and re.search(r"\d+ messages, 0 did not", text), text
-        assert ask_all(False, 2.0) == [(host, True, text)]
-        (take,) = (tmp_path / "takes").iterdir()
-        with BagReader(take) as bag:
-            assert bag.counts["/cam0/detections"] > 10 and bag.counts["/rig"] >= 1
-    finally:
-        recorder.send_signal(signal.SIGINT)
-        told = recorder.communicate(timeout=20)[0]
-        print(told)
-    assert recorder.returncode == 0, told
+    def test_recorders_start_and_stop_on_demand(self, tmp_path):
+        recorder = panoptic("record", "--standby", "--out", tmp_path / "takes")
+        try:
+            line_of(recorder, "^waiting")
+            ((host, done, text),) = ask_all(True, 2.0)
+            assert host.startswith("recorder_") and done and text.startswith("recording /"), text
+            ((_, done, text),) = ask_all(True, 2.0)
+            assert done and "already" in text
+            ((_, done, text),) = ask_all(False, 2.0)
+            assert done and re.search(r"\d+ messages, 0 did not", text), text
+            assert ask_all(False, 2.0) == [(host, True, text)]
+            (take,) = (tmp_path / "takes").iterdir()
+            with BagReader(take) as bag:
+                assert bag.counts["/cam0/detections"] > 10 and bag.counts["/rig"] >= 1
+        finally:
+            recorder.send_signal(signal.SIGINT)
+            told = recorder.communicate(timeout=20)[0]
+            print(told)
+        assert recorder.returncode == 0, told
 
 
 class Started:

@@ -2,17 +2,18 @@
 
 import json
 import os
-import resource
 import signal
 import subprocess
 import sys
 import time
 import warnings
-from pathlib import Path
 
 import captures
+import live_take
 import pytest
+from fork_server import ForkServer
 from recordings import write_bag
+from repeated_bag import repeat
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.io.bags import BagReader
@@ -21,25 +22,48 @@ from panoptic_ros.io.plain_formats import read_skeletons
 from panoptic_ros.io.takes import OPEN, unclosed_take
 from panoptic_ros.running.takes import save_take
 
-SCRIPT = Path(__file__).parents[2] / "support" / "live_take.py"
 SECOND = 1_000_000_000
 
 
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
-    return write_bag(tmp_path_factory.mktemp("people") / "bag", captures.views(900))
+    folder = tmp_path_factory.mktemp("people")
+    return repeat(write_bag(folder / "short", captures.views(60)), folder / "bag", 15.0)
+
+
+@pytest.fixture(scope="module")
+def server():
+    with ForkServer("live_take") as server:
+        yield server
+
+
+@pytest.fixture
+def take(server, bag, tmp_path):
+    """Starts a live take that is forked from the server."""
+    return lambda *more, **how: Take(bag, tmp_path, *more, server=server, **how)
 
 
 class Take:
-    """A live take in a process of its own."""
+    """A live take in a process that is forked from a server, or in one of its own.
 
-    def __init__(self, bag, folder, *more, **how):
+    Args:
+        output: a pipe or a terminal, in place of the file that tells what was said.
+    """
+
+    def __init__(self, bag, folder, *more, server=None, variables=None, output=None, largest_file=None):
         self.out, self.told = folder / "live", folder / "told"
         self.told.touch()
-        command = [sys.executable, "-W", "ignore", str(SCRIPT), str(bag), str(self.out), *more]
-        environment = {**os.environ, "TOLD": str(self.told), **how.pop("variables", {})}
-        how = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, **how}
-        self.process = subprocess.Popen(command, env=environment, start_new_session=True, **how)
+        self._said = folder / f"said{len(list(folder.iterdir()))}"
+        self._said.touch()
+        words, variables = [str(bag), str(self.out), *more], {"TOLD": str(self.told), **(variables or {})}
+        if server is not None:
+            how = {"variables": variables, "largest_file": largest_file}
+            self.process = server.start(*words, output=output or self._said, **how)
+        else:
+            command = [sys.executable, "-W", "ignore", live_take.__file__, *words]
+            with self._said.open("w") as said:
+                how = {"stdout": said, "stderr": said, "start_new_session": True}
+                self.process = subprocess.Popen(command, env={**os.environ, **variables}, **how)
 
     def taken(self):
         """Stamps of the instants that were taken so far."""
@@ -48,12 +72,11 @@ class Take:
     def wait(self, count):
         end = time.monotonic() + 60
         while len(self.taken()) < count:
-            assert time.monotonic() < end and self.process.poll() is None, self.process.communicate()
+            assert time.monotonic() < end and self.process.poll() is None, self._said.read_text()
             time.sleep(0.01)
 
     def end(self):
-        said = self.process.communicate(timeout=60)[0]
-        return self.process.returncode, (said or b"").decode()
+        return self.process.wait(), self._said.read_text()
 
 
 def stamps_in(out, name="bag"):
@@ -71,11 +94,11 @@ def check(found, taken, lost_s):
         assert not taken or taken[-1] - stamps[-1] <= lost_s * SECOND
 
 
-def test_a_killed_take_is_named_and_saved_up_to_the_last_second(bag, tmp_path, capsys):
-    take = Take(bag, tmp_path)
+def test_a_killed_take_is_named_and_saved_up_to_the_last_second(take, capsys):
+    take = take()
     take.wait(75)
     os.killpg(take.process.pid, signal.SIGKILL)
-    take.end()
+    assert take.end()[0] == -signal.SIGKILL
     taken = take.taken()
     named = unclosed_take(take.out)
     assert named is not None and main(["view", str(take.out), "--no-browser"]) == 2
@@ -114,8 +137,8 @@ def test_a_power_cut_costs_what_came_after_the_last_sync(bag, tmp_path, monkeypa
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
-def test_a_request_to_end_closes_the_take(bag, tmp_path, number):
-    take = Take(bag, tmp_path, "--no-pictures")
+def test_a_request_to_end_closes_the_take(take, number):
+    take = take("--no-pictures")
     take.wait(20)
     take.process.send_signal(number)
     code, said = take.end()
@@ -124,22 +147,22 @@ def test_a_request_to_end_closes_the_take(bag, tmp_path, number):
     assert "results in" in said and not (take.out / OPEN).exists()
 
 
-def test_a_second_take_does_not_replace_the_first(bag, tmp_path):
-    first = Take(bag, tmp_path, "--no-pictures")
+def test_a_second_take_does_not_replace_the_first(take):
+    first = take("--no-pictures")
     first.wait(10)
-    second = Take(bag, tmp_path, "--no-pictures")
+    second = take("--no-pictures")
     code, said = second.end()
     assert code == 2 and "is being recorded now" in said and len(said.strip().splitlines()) == 1
     first.process.send_signal(signal.SIGINT)
     assert first.end()[0] == 0
-    code, said = Take(bag, tmp_path, "--no-pictures").end()
+    code, said = take("--no-pictures").end()
     assert code == 2 and "a live take replaces nothing" in said
     check(stamps_in(first.out), first.taken(), 0.0)
 
 
-def test_a_terminal_that_is_closed_ends_the_printing(bag, tmp_path):
+def test_a_terminal_that_is_closed_ends_the_printing(take):
     master, slave = os.openpty()
-    take = Take(bag, tmp_path, stdout=slave, stderr=slave, stdin=slave)
+    take = take(output=os.ttyname(slave))
     os.close(slave)
     take.wait(10)
     os.close(master)
@@ -151,10 +174,10 @@ def test_a_terminal_that_is_closed_ends_the_printing(bag, tmp_path):
     assert json.loads((take.out / "report.json").read_text())["frames"]["out"] == len(take.taken())
 
 
-def test_a_reader_of_the_output_that_ends_first_harms_nothing(bag, tmp_path):
+def test_a_reader_of_the_output_that_ends_first_harms_nothing(take):
     """`panoptic run ... 2>&1 | tee log`, and Ctrl-C, which ends tee at once."""
     tee = subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)
-    take = Take(bag, tmp_path, "--no-pictures", stdout=tee.stdin, stderr=tee.stdin)
+    take = take("--no-pictures", output=f"/proc/{os.getpid()}/fd/{tee.stdin.fileno()}")
     tee.stdin.close()
     take.wait(20)
     tee.kill()
@@ -164,14 +187,8 @@ def test_a_reader_of_the_output_that_ends_first_harms_nothing(bag, tmp_path):
     check(stamps_in(take.out), take.taken(), 0.0)
 
 
-def test_a_full_disk_ends_the_take_in_a_line_and_keeps_what_was_written(bag, tmp_path):
-    limit = 400_000  # bytes of one file, in place of a small disk
-
-    def little_room():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
-    take = Take(bag, tmp_path, preexec_fn=little_room)
+def test_a_full_disk_ends_the_take_in_a_line_and_keeps_what_was_written(take, tmp_path):
+    take = take(largest_file=400_000)  # bytes, in place of a small disk
     code, said = take.end()
     assert code == 2 and "File too large" in said and "panoptic bag repair" in said, said
     assert "Traceback" not in said

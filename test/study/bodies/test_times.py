@@ -1,14 +1,16 @@
 """The bench of bodies: every mix is solved, and the table has its figures."""
 
+from study_runs import run_named
+
 from panoptic_ros.cli.main import main
 from panoptic_ros.study.bodies import times
 from panoptic_ros.study.names import parsed
 
 
-def test_costs_are_told_for_every_mix(monkeypatch, capsys):
+def test_costs_are_told_for_every_mix(monkeypatch):
     monkeypatch.setattr(times, "KINDS", ((2, 6), (0, 13)))
-    assert main(["study", "kinematics-time", "--seconds", "2"]) == 0
-    rows = capsys.readouterr().out.splitlines()
+    result = run_named("kinematics-time", "--seconds 2")
+    rows = list(parsed("kinematics-time", []).lines(result))
     assert [row.split()[:2] for row in rows[3:5]] == [["2", "6"], ["0", "13"]]
     assert rows[5].endswith("% of a core")
 

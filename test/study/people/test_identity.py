@@ -1,11 +1,12 @@
 """The study of identities."""
 
 import numpy as np
+from study_runs import run_named
 
 from panoptic_ros.simulation import simulate
 from panoptic_ros.study.names import parsed
-from panoptic_ros.study.people import identity
-from panoptic_ros.study.people.identity import Instant, Match, few_views, kept_ids, told_apart, visit_figures
+from panoptic_ros.study.people import identity, identity_study
+from panoptic_ros.study.people.identity import Instant, Match, kept_ids, told_apart, visit_figures
 from panoptic_ros.study.people.identity_study import designated, designated_figures, dressed_scene, looks_of
 
 NOWHERE = np.full(19, np.nan)
@@ -49,8 +50,12 @@ def test_somebody_else_must_not_have_the_id_of_who_has_gone():
     assert not told_apart(instants(*before, {1: 2}, *[{1: 2, 2: 1}] * 2), (3.0, 4.0))
 
 
-def test_one_view_holds_somebody_who_was_seen_well():
-    found = few_views(1, 7)
+def test_the_study_runs_and_one_view_holds_somebody_who_was_seen_well(monkeypatch):
+    monkeypatch.setattr(identity_study, "DESIGNATED_S", 4.0)
+    monkeypatch.setattr(identity_study, "VISITS_S", 300.0)  # of which a trial takes a hundredth
+    rows = run_named("identity", "--trials 1 --seeds 7")["rows"]
+    assert [row["part"] for row in rows] == list(identity_study.PARTS)
+    (found,) = (row for row in rows if row["part"] == "few views")
     one, two = found["phases"]["one view"], found["phases"]["two views"]
     assert two["mean_mm"] < 40.0 and one["mean_mm"] < 150.0 and one["joints_given"] > 0.4
     assert found["child"]["lost_s"] <= 0.2 and found["child"]["kept"] == 1.0

@@ -1,6 +1,7 @@
 """People walk out of the cameras: who sees them when."""
 
 import numpy as np
+from study_runs import run_whole
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.graph.build import configure
@@ -17,7 +18,6 @@ from panoptic_ros.study.people.walk_out import (
     simulated,
     thinned,
 )
-from panoptic_ros.study.study import run_study
 
 
 def showing(item):
@@ -57,7 +57,7 @@ def test_phases_of_a_simulated_take_begin_when_its_views_end():
 
 def test_somebody_is_held_while_views_see_the_upper_half():
     study = parsed("walkout", ["--seeds", "7"])
-    result = run_study(study)
+    result = run_whole(study)
     rows = {row["phase"]: row for row in result["rows"] if row["joints"] == "all"}
     assert rows[EVERY]["given"] == 1.0 and rows[EVERY]["mean_mm"] < 5.0
     assert rows[TWO]["mean_mm"] < 40.0 and rows[ONE]["mean_mm"] < 150.0 and rows[ONE]["given"] > 0.4
@@ -69,7 +69,7 @@ def test_somebody_is_held_while_views_see_the_upper_half():
 
 def test_bodies_of_everybody_are_told_too_if_they_are_asked_for():
     study = parsed("walkout", ["--seeds", "7", "--set", "kinematics.everybody=true"])
-    result = run_study(study)
+    result = run_whole(study)
     bodies = [row for row in result["rows"] if row["of"] == "bodies"]
     rows = {row["phase"]: row for row in bodies if row["joints"] == "all"}
     assert rows[EVERY]["mean_mm"] < 20.0 and rows[ONE]["mean_mm"] < 200.0

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from study_runs import in_this_process, run_whole
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.errors import UsageError
@@ -19,17 +20,13 @@ from panoptic_ros.study.stage1.layouts import Spread, layout_of, make_world
 from panoptic_ros.voting.config import VotingConfig
 
 
-def test_a_case_measures_every_method_and_dense_voting_agrees_with_exact():
-    request = {
-        "kind": "grid",
-        "people": 2,
-        "views": 4,
-        "frames": 3,
-        "seed": 1,
-        "budget_s": 0.01,
-        "parts": [*stage1.ALL, "dense"],
-    }
-    found = stage1.measure_case(request)
+def test_a_case_measures_every_method_and_dense_voting_agrees_with_exact(monkeypatch):
+    few = "--people 2 --views 4 --many-views 0 --skeletons panoptic15 --frames 3 --budget 0.01 --seeds 1"
+    study = parsed("stage1", few.split())
+    in_this_process(monkeypatch, study)
+    measured = run_whole(study)["rows"]
+    assert {row["kind"] for row in measured} == {"grid", "joints"}
+    found = [row for row in measured if row["kind"] == "grid"]
     rows = {(row["step"], row["method"]): row for row in found}
     assert {step for step, _ in rows} == {
         "assembly",
@@ -45,7 +42,7 @@ def test_a_case_measures_every_method_and_dense_voting_agrees_with_exact():
         assert row.get("calls", 0) >= 1 or method.startswith("aniposelib")
     whole = rows["whole stage", "voting and assembly, from maps"]
     assert whole["person_recall"] == 1.0 and whole["mpjpe_mm"] < 40.0
-    own = [{"case": "2 people", "kind": "grid"} | row for row in found]
+    own = [row | {"case": "2 people"} for row in found]
     result = json.loads(json.dumps({"rows": own, "growth": []}))
     text = "\n".join(parsed("stage1", []).lines(result))
     assert "2 people (maps 128x72)" in text and "exact voting gives what dense voting gives: yes" in text
