@@ -1,4 +1,4 @@
-"""Refinement stage, and correction of joints that few views see by solved bodies.
+"""Refinement stage, with a correction by solved bodies for joints that few views see.
 
 Solved bodies keep their bone lengths, and their poses stay human. The joints of a body differ from those of
 the detector by an offset that is nearly constant in the frame of the hips. Offset and variance are learnt per
@@ -142,7 +142,8 @@ class BodyFill:
     def _at(self, stamp_ns: int, number: int) -> tuple[Array, Array, Array, bool] | None:
         """Return the body of a person at an instant, or None if no body is within `REACH_NS`.
 
-        The keypoints are interpolated or extrapolated from two bodies. All else is of the nearer body.
+        The keypoints are interpolated or extrapolated from two bodies. Other values are those of the nearer
+        body.
 
         Returns:
             keypoints: (J, 3) m.
