@@ -1,9 +1,9 @@
 """People without 2D poses, from voted nodes that no known person explains.
 
-A detector may miss a person although its score maps show every joint, for example large people or people in a
-heap. Such a person is a set of nodes that three or more views show, and that bones of human length connect.
-The dynamic program of the paper (5.3) joins these nodes. Votes replace its part scores, because parts need 2D
-poses. The final solve has no 2D joints for these people, so they stay at their nodes.
+The person head of a detector may fail although the score maps still show every joint, for example for large
+people or people in a heap. Such a person is a set of nodes that three or more views show, and that bones of
+human length connect. The dynamic program of the paper (5.3) joins these nodes. Votes replace its part scores,
+because parts need 2D poses. The final solve has no 2D joints for these people, so they stay at their nodes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Array = np.ndarray
 
 MIN_VIEWS = 3  # minimum number of views of a node; two views of an empty place can agree by chance
 MIN_SHARE = 0.5  # minimum share of joints that nodes show
-MIN_VOTE = 0.3  # smallest mean vote of the joints: most views show them; fewer views give votes up to 0.2
+MIN_VOTE = 0.3  # smallest mean vote of the joints, which most views show; joints of fewer views reach 0.2
 EXPLAINED = 0.15  # m, nodes nearer to a known person's joint, or its mirror joint, are explained
 LENGTH_SHARE = 0.25  # relative standard deviation of bone lengths between people
 SKIP_WEIGHT = 0.5  # weight of a part that skips a joint

@@ -5,8 +5,8 @@ the wrist of the other side. The maps contain more information. The soft vote of
 (`voting.soft_vote`) weights every cell, and is 5 to 15 % closer to the joint than the cell of one view. If
 the 2D poses of the views disagree, a node with many votes near the expected joint is the better choice.
 
-The error of a vote includes errors that the network makes in all views, however many there are. So a vote has
-a standard deviation of its own. It counts more where few views show the joint, because the triangulated
+A vote contains errors that the network makes in all views, and more views do not reduce them. So a vote has a
+standard deviation of its own. It counts more where few views show the joint, because the triangulated
 position is then less certain. The deviation is larger in the torso: its joints have no point on the surface
 that all views could show. Joints that no map shows keep their triangulated position.
 """
@@ -34,7 +34,7 @@ NODE_VIEWS = 2  # minimum number of views of a node outside the gate
 BONE_SIGMA, BONE_SHARE = 0.03, 0.1  # m and share of the length, deviation between both sides
 WORST_BONE = 36.0  # truncation of the squared deviation of a bone
 CHANCE = 0.2  # votes; with each such increase, the share of wrong nodes falls by a factor of e
-WRONG_SIGMA = 0.16  # m, standard deviation of a wrong node: a joint of another limb or a neighbour
+WRONG_SIGMA = 0.16  # m, standard deviation of a wrong node: a joint of another limb or person
 _NEVER = 1e3
 
 
