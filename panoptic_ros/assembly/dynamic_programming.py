@@ -39,8 +39,8 @@ def assemble(proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, gate_px:
     """Return skeletons in the order of their scores, until no part remains.
 
     For each of its joints, a skeleton claims the nearest free 2D joint in every view. A skeleton whose head
-    has fewer than `HEAD_VIEWS` claims is dropped, and claims nothing. There is no minimum score, for the
-    reason in 5.3.
+    has fewer than `HEAD_VIEWS` claims is dropped, and claims nothing. There is no minimum score; 5.3
+    gives the reason.
 
     Args:
         gate_px: Largest distance of a 2D joint from the projection of its node; see `Correspondence`.

@@ -46,10 +46,13 @@ DELAY_NS = 1000  # ns between views, so that they have different timestamps
 
 
 def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
-    """Yield instants of a cloud of joints, so that people are found in every way.
+    """Yield example instants of a cloud of joints that cover all ways to find people.
 
-    They are: one view; several views without maps; several views with maps, nodes of the cloud with parts,
-    and nodes beside the cloud. The ways are by bones, by 2D poses, by guidance, by parts and by nodes.
+    The ways are bones, 2D poses, guidance, parts and nodes. The instants have, in this order:
+
+    * one view;
+    * several views without score maps;
+    * several views with score maps, nodes and parts of the cloud, and further nodes beside it.
     """
     _, few = easy_associations(rig.subset(rig.names[:2]), skeleton)
     member, lengths = few.groups.member.copy(), np.full((1, len(skeleton.bones)), np.nan)
@@ -228,8 +231,8 @@ class AssemblyStage(Stateful):
         Votes of maps move joints, bone lengths place joints of few views, and derived joints are computed.
 
         Args:
-            solution: Solved joints; candidates, at whose predicted joints nodes are searched; motion, None if
-                all views have the same timestamp.
+            solution: Tuple of solved joints, candidates and motion. Nodes are searched at the predicted
+                joints of the candidates. The motion is None if all views have the same timestamp.
             observed: (P, J) number of views whose 2D pose shows each joint.
             tails: (D, J) of the 2D joints, see `judge_joints`.
         """

@@ -1,9 +1,13 @@
 """Views with different timestamps: dependence of joints on motion, and corrected velocities.
 
 A view with delay t sees a joint at X + t V. Let A be the rows of the linearised observations, w their weights
-and u an assumed velocity. To first order, least squares gives x = X + G (V - u) with G = (sum w A^T A)^-1 sum
-w t A^T A. After minimisation over the position, the remaining cost measures the velocity with information W =
-sum w t^2 A^T A - (sum w t A^T A) G.
+and u an assumed velocity. To first order, least squares gives
+
+    x = X + G (V - u) with G = (sum w A^T A)^-1 sum w t A^T A.
+
+After minimisation over the position, the remaining cost measures the velocity with the information
+
+    W = sum w t^2 A^T A - (sum w t A^T A) G.
 
 The innovation of a joint corrects its predicted velocity. Views are then moved to the instant a second time,
 with the corrected velocity. Apart from that, positions depend on the images of this instant alone.

@@ -4,8 +4,8 @@ A result uses views up to its instant plus the lag, and waits for no later ones.
 synchronous, the newest view of a set is at n, after the timestamp t of the set. The set can only be used as a
 whole. If the lag is shorter than n - t, the result is for the later instant n - lag.
 
-A further set may arrive after t + lag, but before n + lag. The result then waits for that set as well, and
-its instant also lies between t and n.
+If a further set is expected after t + lag but before n + lag, the result waits for it as well. The instant of
+the result then also lies between t and n.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ class People(NamedTuple):
     levels: Array  # (P,) scale of the covariances
     weights: Array  # (P,) weight of the level, in measurements of the whole person
     counts: Array  # (P,) number of measurements of the person
-    innovations: Array  # (P, 3, J, 3) whitened: the latest, second and third latest; NaN = none
+    innovations: Array  # (P, 3, J, 3) whitened, one, two and three measurements ago; NaN = none
     turns: Array  # (P, J, 3) whitened innovations of the latest displacements; NaN = none
     found: Array  # (P, J, 6) m and m/s, estimate for the latest output; NaN = none
     left: Array  # (P, J, 6) m and m/s, latest output minus that estimate

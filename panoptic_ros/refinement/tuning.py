@@ -152,17 +152,19 @@ def learn_levels(people, seen, innovations, lasting, changes):
 
 @njit(cache=True, error_model="numpy")
 def innovation_sums(now, before):
-    """Return the number of innovations, their sum of squares, and sums of products over time, all clipped.
+    """Return the number of innovations, their sum of squares, and their sums of products over time.
+
+    All innovations are clipped at `CLIP`.
 
     Args:
         now: (J, 3) innovations, NaN = not measured.
-        before: (3, J, 3) the latest, second and third latest innovations before.
+        before: (3, J, 3) innovations one, two and three measurements ago, NaN = not measured.
 
     Returns:
         count: Number of measured joints.
         square: Sum of squares.
-        next_sum: Sum of products with the latest innovations.
-        late_sum: Sum of products with the second and third latest innovations.
+        next_sum: Sum of products with the innovations one measurement ago.
+        late_sum: Sum of products with the innovations two and three measurements ago.
     """
     count = 0
     square = next_sum = late_sum = 0.0
