@@ -1,19 +1,21 @@
-"""Assembly: from 2D people and 3D proposals to the skeletons of one instant, without identity.
+"""Assembly: computes the skeletons of one instant from 2D poses and 3D proposals, without identities.
 
-Joo et al. 2017, 5.3: skeletons are put together, each 2D detection supports a single one, and joints
-are refined by minimising the reprojection error. There are two methods:
+In Joo et al. 2017, 5.3, skeletons are assembled, each 2D joint supports only one skeleton, and joints are
+refined by minimising the reprojection error. There are two methods:
 
-* `dynamic_programming`: the paper's; 3D parts of a `ProposalSet` are joined along the tree
-  (`skeletal_proposals`, which is all of it).
-* `consensus` (default): the people of the association, whose 2D people agree over views. People whom only
-  the score maps show are added from voted nodes that nobody explains. The rest of this text is about it.
+* `dynamic_programming` is the method of the paper, in `skeletal_proposals`. It joins 3D parts of a
+  `ProposalSet` along the tree of the skeleton.
+* `consensus` (default) solves the people of the association, whose 2D poses agree over views. It adds people
+  whom only the score maps show, from voted nodes that no known person explains. The text below describes this
+  method.
 
-The final solve chooses the observations of each joint by truncated cost, exchanges left and right of
-whole limbs where the images ask for it, refines with Cauchy weights, and states a covariance. The
-noise of 2D joints is learnt online from residuals. Guidance enters choices only; positions are functions
-of this instant's images, but those of people whom one or two views show (`few_views`).
+The final solve chooses the observations of each joint by truncated cost, and minimises the reprojection error
+with Cauchy weights. It uses the left and right sides that association decided, and reports how many views see
+each limb with exchanged sides. Each joint has a covariance. The noise of 2D joints is learnt online from
+residuals. Predictions influence choices only: positions depend on the images of this instant alone. People
+whom one or two views show are the exception (`few_views`).
 
-In: `ProposalSet` (its `detections` suffice). Out: one `PoseSet` for each. Limits: people need two
-views; biases of a detector are not seen by residuals (a `bias_table` takes known ones out, and
-`refinement.bias_floor` states what is left).
+Input: `ProposalSet`; its `detections` are sufficient. Output: one `PoseSet` for each. Limits: new people need
+two views. Residuals do not show biases of a detector: a `bias_table` removes known ones, and
+`refinement.bias_floor` states the remaining ones.
 """

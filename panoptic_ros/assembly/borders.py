@@ -1,13 +1,16 @@
-"""Which 2D joints of people whom an image border cuts are no observations.
+"""Detection of artefacts among the 2D joints of people who are cut by an image border.
 
-A joint outside of an image cannot be seen in it. Detectors report it inside all the same, often by 50 px from
-its place and with little less confidence. The other joints of a cut person are as exact as anybody's.
+A joint outside the image cannot be visible in it. Detectors report it inside all the same, often 50 px from
+its true position, and with little less confidence. The other joints of a cut person are as accurate as those
+of any person.
 
-So every 2D joint of a cut person is either an observation or an artefact. An observation lies where the other
-views and the prediction put the joint, within its noise, and inside of the image. An artefact belongs to a
-joint that they put outside, and lies within a share of the person's size of it. The more probable one counts.
-The view itself is left out of the joint's place: a view that the others do not control pulls the joint into
-its image, and no residual shows it.
+So every 2D joint of a cut person is either an observation or an artefact. An observation scatters with its
+noise about the projection of the joint, and this projection is inside the image. An artefact scatters with a
+share of the person's size about a projection outside the image. The more probable case counts.
+
+The projection uses the position of the joint from the other views and the prediction, without the view
+itself. Otherwise a view that no other view checks would pull the joint into its image, and no residual would
+show it.
 """
 
 from __future__ import annotations
@@ -25,17 +28,17 @@ from panoptic_ros.solving.scene import MIN_DEPTH, Observations, inside_by, is_ou
 
 Array = np.ndarray
 
-# log odds of an artefact: constant, by score, by the logarithm of the distance from the border as a share of
-# the size of the 2D person; logistic regression over 17,000 joints of cut people in three captures
+# log odds of an artefact: constant, coefficient of the score, coefficient of ln(distance from the border /
+# size of the 2D pose). Logistic regression over 17,000 joints of cut people in three captures
 ODDS = (-4.0, -5.5, -1.8)
-SHARES = (0.005, 1.0)  # limits of distance / size in that regression
-PRIOR = 2.0  # factor on the standard deviation of predictions, whose errors last from instant to instant
+SHARES = (0.005, 1.0)  # limits of distance / size in the regression
+PRIOR = 2.0  # factor on the standard deviation of predictions, because their errors persist
 
 
 def border_odds(found: Candidates, seen: Observations, scores: Array) -> Array:
     """Return the prior odds (D, J) that 2D joints are artefacts of a border, from one image alone.
 
-    The odds are 0 unless the first estimate or the prediction of the person has joints outside of the image.
+    The odds are 0 unless the first estimate or the prediction of the person has joints outside the image.
 
     Args:
         scores: (D, J) of the 2D joints.
@@ -51,8 +54,11 @@ def odds_of(places, shifts, member, seen, scores):
     """Return the odds (D, J) of `border_odds`.
 
     Args:
-        places: (P, J, 3) m, world; shifts: (P, J, 3) m/s; member: (P, V) row of each 2D person, -1 = none.
-        seen: `Observations`. scores: (D, J).
+        places: (P, J, 3) m, world, joints of the people.
+        shifts: (P, J, 3) m/s, their velocities.
+        member: (P, V) row of each person's 2D pose, -1 = none.
+        seen: `Observations`.
+        scores: (D, J) of the 2D joints.
     """
     odds = np.zeros(scores.shape)
     for p in range(member.shape[0]):
@@ -64,7 +70,7 @@ def odds_of(places, shifts, member, seen, scores):
             for j in range(scores.shape[1]):
                 if scores[d, j] > 0.0:
                     gap = inside_by(camera, seen.plane[d, j, 0], seen.plane[d, j, 1]) / size
-                    if gap < 0.0:  # the detector extrapolates: an observation
+                    if gap < 0.0:  # outside the image: the detector extrapolates an observation
                         continue
                     share = math.log(min(max(gap, SHARES[0]), SHARES[1]))
                     odds[d, j] = math.exp(ODDS[0] + ODDS[1] * scores[d, j] + ODDS[2] * share)
@@ -74,11 +80,12 @@ def odds_of(places, shifts, member, seen, scores):
 def artefacts(
     solved: SolvedJoints, found: Candidates, seen: Observations, odds: Array, cauchy: float
 ) -> Array:
-    """Mark the 2D joints (D, J) that are artefacts of a border.
+    """Return a mask (D, J) of the 2D joints that are artefacts of a border.
 
     Args:
-        solved: joints of all people with all observations. odds: see `border_odds`. cauchy: standard
-            deviations, scale of the weights that they were solved with.
+        solved: Joints of all people, solved with all observations.
+        odds: See `border_odds`.
+        cauchy: Scale of the Cauchy weights of that solution, in standard deviations.
     """
     guide = found.guide
     expected, members = (guide.positions, guide.spreads, guide.shifts), (found.member, found.source)
@@ -88,11 +95,11 @@ def artefacts(
 
 @njit(cache=True, error_model="numpy")
 def mark_artefacts(solved, expected, members, seen, odds, cauchy):
-    """Return the marks (D, J) of `artefacts`.
+    """Return the mask (D, J) of `artefacts`.
 
     Args:
-        expected: positions (P, J, 3) m, spreads (P, J) m and velocities (P, J, 3) m/s of `Guides`.
-        members: 2D people (P, V) and their joints (P, V, J) of `Candidates`.
+        expected: Positions (P, J, 3) m, spreads (P, J) m and velocities (P, J, 3) m/s of `Guides`.
+        members: `member` (P, V) and `source` (P, V, J) of `Candidates`.
     """
     positions, normals, residuals, picks = solved
     (guesses, spreads, shifts), (member, source) = expected, members
@@ -134,7 +141,7 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
                         step[i] += weight * (guesses[p, j, i] - positions[p, j, i])
                 else:
                     for i in range(3):
-                        lower[i, i] += 1.0  # 1 / m^2: a person is about here
+                        lower[i, i] += 1.0  # 1/m^2, weak prior: the joint is within about 1 m
                 invert_symmetric(lower, 1.0, spread)
                 for i in range(3):
                     x[i] = positions[p, j, i]
@@ -162,7 +169,7 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
 
 @njit(cache=True, error_model="numpy")
 def _is_cut(position, shift, cams, camera, v):
-    """Return whether a joint (J, 3) m of a person projects outside of the image of view v."""
+    """Return whether a joint of a person (J, 3) m projects outside the image of view v."""
     for j in range(len(position)):
         x, y, z = seen_at(cams, v, position[j], shift[j])
         if z > MIN_DEPTH and is_outside(camera, x, y):
@@ -172,7 +179,7 @@ def _is_cut(position, shift, cams, camera, v):
 
 @njit(cache=True, error_model="numpy")
 def _jacobian(rotation, u, w, z, rows):
-    """Derivatives (2, 3) 1/m of a projection on the plane by the point, in place."""
+    """Write the derivative (2, 3) 1/m of the projection on the plane with respect to the point to `rows`."""
     for i in range(3):
         rows[0, i] = (rotation[0, i] - u * rotation[2, i]) / z
         rows[1, i] = (rotation[1, i] - w * rotation[2, i]) / z
@@ -180,7 +187,11 @@ def _jacobian(rotation, u, w, z, rows):
 
 @njit(cache=True, error_model="numpy")
 def _outside(camera, u, w, a, c):
-    """Probability that a point at u, w of the plane, with variances a and c, lies outside of the image."""
+    """Return the probability that a point (u, w) of the plane lies outside the image.
+
+    Args:
+        a, c: Variances of u and w.
+    """
     gap = inside_by(camera, u, w)
     if not np.isfinite(gap):
         return 1.0
@@ -190,7 +201,7 @@ def _outside(camera, u, w, a, c):
 
 @njit(cache=True, error_model="numpy")
 def _density(du, dw, a, b, c):
-    """Density of a normal distribution with the covariance a b, b c."""
+    """Return the density at (du, dw) of a 2D normal distribution with covariance [[a, b], [b, c]]."""
     determinant = max(a * c - b * b, 1e-30)
     square = (c * du * du - 2.0 * b * du * dw + a * dw * dw) / determinant
     return math.exp(-0.5 * min(square, 700.0)) / (2.0 * math.pi * math.sqrt(determinant))

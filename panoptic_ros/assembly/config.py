@@ -9,7 +9,7 @@ from panoptic_ros.params import Config, param
 
 @dataclass(frozen=True, kw_only=True)
 class AssemblyConfig(Config):
-    """How 2D people and 3D proposals become skeletons."""
+    """Parameters for solving skeletons from 2D poses and 3D proposals."""
 
     method: str = param(
         "consensus",

@@ -1,9 +1,9 @@
 """Skeletons from scored parts by dynamic programming, one after another (Joo et al. 2017, 5.3).
 
-The best skeleton is the choice of one node per joint that maximises the sum of its part scores. Where there
-are parts that skip a joint, which the paper has not (`lost_people` has), a joint may be missing: then its
-children hang on its parent, so that one missing joint does not cut off a limb; a missing root is replaced by
-one of its children.
+The best skeleton is the choice of one node per joint that maximises the sum of its part scores. With parts
+that skip a joint, a joint may be missing. `lost_people` has such parts, the paper has none. The children of a
+missing joint then hang on its parent, so that one missing joint does not cut off a limb. One of its children
+replaces a missing root.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from panoptic_ros.domain import DetectionSet, ProposalSet, Rig, SkeletonModel
 
 Array = np.ndarray
 IMPOSSIBLE = -np.inf
-SKIP_WEIGHT = 0.5  # of a part that skips a joint, relative to a bone
-HEAD_VIEWS = 2  # 2D joints that the head of a skeleton needs
-VGA = (640, 480)  # px
+SKIP_WEIGHT = 0.5  # weight of a part that skips a joint, relative to a bone
+HEAD_VIEWS = 2  # minimum number of views in which a skeleton claims its head
+VGA = (640, 480)  # px, image size that the gate refers to
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +27,7 @@ class Hypothesis:
 
     Args:
         nodes: (J,) the node of each joint, -1 = missing.
-        claims: (J, V) index of the 2D person in each of the set's V views whose joint this is, -1 = none. No
+        claims: (J, V) row of the 2D pose in each of the set's V views that supplies this joint, -1 = none. No
             2D joint is claimed twice.
     """
 
@@ -36,13 +36,14 @@ class Hypothesis:
 
 
 def assemble(proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, gate_px: float) -> list[Hypothesis]:
-    """Skeletons in the order of their scores, until no part is left; no 2D joint belongs to two of them.
+    """Return skeletons in the order of their scores, until no part remains.
 
-    A skeleton claims the closest free 2D joint in every view, for each of its joints. Those whose head has
-    fewer than `HEAD_VIEWS` are dropped, and claim nothing. There is no least score (5.3 says why).
+    For each of its joints, a skeleton claims the nearest free 2D joint in every view. A skeleton whose head
+    has fewer than `HEAD_VIEWS` claims is dropped, and claims nothing. There is no minimum score; 5.3
+    gives the reason.
 
     Args:
-        gate_px: how far a 2D joint may be from the projection of its node; see `Correspondence`.
+        gate_px: Largest distance of a 2D joint from the projection of its node; see `Correspondence`.
     """
     tree = PartTree(proposals, skeleton, SKIP_WEIGHT)
     free = Correspondence(proposals.detections, rig, proposals.nodes, proposals.node_joints, gate_px)
@@ -61,7 +62,7 @@ def assemble(proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, gate_px:
 
 
 class PartTree:
-    """The nodes and parts of one instant, as score matrices between the joints of the tree."""
+    """Nodes and parts of one instant, as score matrices between the joints of the tree."""
 
     def __init__(self, proposals: ProposalSet, skeleton: SkeletonModel, skip_weight: float):
         self._root, self._parents = skeleton.root, skeleton.parents
@@ -76,8 +77,8 @@ class PartTree:
         self._scores = self._matrices(proposals, skip_weight)
 
     def _matrices(self, proposals: ProposalSet, skip_weight: float) -> dict[tuple[int, int], Array]:
-        """Scores (nodes of a, nodes of b) for pairs of joints (a, b); IMPOSSIBLE where there is no part."""
-        rank = np.zeros(len(proposals.nodes), np.int64)  # of each node among those of its joint
+        """Return score matrices (nodes of a, nodes of b) by pair of joints (a, b); `IMPOSSIBLE` = no part."""
+        rank = np.zeros(len(proposals.nodes), np.int64)  # index of each node among those of its joint
         for nodes in self._nodes:
             rank[nodes] = np.arange(len(nodes))
         u, v = proposals.parts.T
@@ -95,12 +96,15 @@ class PartTree:
         return matrices
 
     def remove(self, nodes: Array) -> None:
-        """Take nodes (K,) out of the pool."""
+        """Remove nodes (K,) from the pool."""
         self._pool[nodes] = False
         self._free = [self._pool[mine] for mine in self._nodes]
 
     def best(self) -> tuple[float, Array]:
-        """Score and nodes (J,) of the best skeleton; -1 = missing. The score is 0 if there is none."""
+        """Return the score and the nodes (J,) of the best skeleton, -1 = missing.
+
+        The score is 0 if there is no skeleton.
+        """
         message: dict[tuple[int, int], tuple[Array, Array]] = {}
         below = [np.zeros(len(nodes)) for nodes in self._nodes]
         for parent, child in reversed(self._bones):
@@ -114,14 +118,18 @@ class PartTree:
         return self._pick(message, below)
 
     def _send(self, joint: int, to: int, below: list[Array], skipped: list[Array]) -> tuple[Array, Array]:
-        """Best score of the branch that begins at a joint, for each node of the joint that it hangs on.
+        """Return the best score of the branch that begins at a joint, for each node of the joint `to`.
 
         Args:
-            below: best scores of what hangs on each node of each joint.
-            skipped: the same if the joint is missing, one array per branch that then hangs on `to`.
+            joint: First joint of the branch.
+            to: Joint on which the branch hangs.
+            below: Best scores of the branches below each node of each joint.
+            skipped: Scores per node of `to` if the joint is missing: one array for each branch that then
+                hangs on `to`.
 
         Returns:
-            scores and choices (nodes of `to`,); -1 = the joint is missing.
+            scores: (nodes of `to`,).
+            choices: (nodes of `to`,), chosen node of the joint, -1 = the joint is missing.
         """
         absent = np.zeros(len(self._nodes[to]))
         for scores in skipped:
@@ -138,7 +146,10 @@ class PartTree:
     def _pick(
         self, message: dict[tuple[int, int], tuple[Array, Array]], below: list[Array]
     ) -> tuple[float, Array]:
-        """The best top, the root or in its absence one of its children, and all that hangs on it."""
+        """Return the score and the nodes of the best skeleton, from the messages of all branches.
+
+        The top is the root or, if the root is missing, one of its children.
+        """
         tops = self._children[self._root]
         best, top, place = 0.0, -1, -1
         for candidate in (self._root, *tops):
@@ -168,12 +179,13 @@ class PartTree:
 
 
 class Correspondence:
-    """The 2D joints of one instant near its 3D nodes; each can be claimed once (one-to-one, 5.3).
+    """2D joints of one instant near its 3D nodes; each can be claimed once (one-to-one, 5.3).
 
     Args:
-        nodes: (N, 3) m. joints: (N,) which joint each node is.
-        gate_px: how far a 2D joint may be from the projection of its node, in an image of 640 x 480; in
-            others it is the same share of the diagonal. (The paper: 10 px in such images.)
+        nodes: (N, 3) m, world.
+        joints: (N,) joint of each node.
+        gate_px: Largest distance of a 2D joint from the projection of its node, in an image of 640 x 480. In
+            other images it is the same share of the diagonal. The paper has 10 px in such images.
     """
 
     def __init__(self, detections: DetectionSet, rig: Rig, nodes: Array, joints: Array, gate_px: float):
@@ -182,7 +194,7 @@ class Correspondence:
         count = max([int(joints.max(initial=-1)) + 1, *(view.points.shape[1] for view in views)])
         self._joints = np.asarray(joints, np.int64)
         self._free = np.zeros((count, len(views), most), bool)
-        self._distances = np.full((len(nodes), len(views), most), np.inf)  # px; infinite beyond the gate
+        self._distances = np.full((len(nodes), len(views), most), np.inf)  # px, infinite beyond the gate
         for v, view in enumerate(views):
             known = view.scores > 0.0
             self._free[: known.shape[1], v, : len(known)] = known.T
@@ -193,7 +205,7 @@ class Correspondence:
             self._distances[:, v, : len(known)] = np.where(near, away, np.inf)
 
     def claims_of(self, nodes: Array) -> Array:
-        """The free 2D person (K, V) whose joint is closest to each of the nodes (K,); -1 = none is near."""
+        """Return the free 2D pose (K, V) whose joint is nearest to each of the nodes (K,); -1 = none near."""
         if self._free.shape[2] == 0:
             return np.full((len(nodes), self._free.shape[1]), -1, np.int64)
         distances = np.where(self._free[self._joints[nodes]], self._distances[nodes], np.inf)
@@ -201,6 +213,6 @@ class Correspondence:
         return np.where(np.isfinite(distances.min(axis=-1)), best, -1)
 
     def claim(self, nodes: Array, claims: Array) -> None:
-        """Nobody else can claim the 2D joints (K, V) of these nodes (K,) from now on."""
+        """Claim the 2D joints (K, V) for these nodes (K,), so that no other skeleton can claim them."""
         row, view = np.nonzero(claims >= 0)
         self._free[self._joints[nodes[row]], view, claims[row, view]] = False

@@ -1,13 +1,13 @@
-"""Joints of people whom one or two views show, placed by their bodies.
+"""Joints of people whom one or two views show, estimated together for the whole body.
 
-With many views, a joint on which no two of them agree is better left out. With two, each error of one of
-them would lose the joint, and with a shoulder the torso. So joints that these two dispute, or that one of
-them shows, are estimated together with those on which they agree (`solving.bodies`), with the bones of the
-other side.
+With many views, a joint on which no two views agree is better left out. With two views, each error of one
+view would lose the joint, and the loss of a shoulder would lose the torso. So joints that the two views
+dispute, or that one view shows, are estimated together with the joints on which they agree
+(`solving.bodies`). Unknown bone lengths are those of the other side.
 
-Of somebody who is followed more is known: where every joint should be now and how exactly, and, learnt while
-many views saw the person, how long the bones are. Then the rays of one view are enough. Depth that nothing
-but the prediction tells becomes less and less certain, until the joint is given up.
+For a tracked person more is known: a predicted position with its uncertainty for every joint, and bone
+lengths that were learnt while many views saw the person. Then the rays of one view are sufficient. Depth that
+only the prediction determines becomes less and less certain, until the joint is dropped.
 """
 
 from __future__ import annotations
@@ -27,26 +27,33 @@ from panoptic_ros.solving.scene import SEEN, Observations, Scene, look_at
 
 Array = np.ndarray
 
-FEW_SEEING = 3  # people whom more views should see may be false
-FEWEST_JOINTS = 4  # of the 2D people, below which nobody is held
-PLACE = 0.01  # m, added to the standard deviation of predictions
-UNSEEN = 10.0  # m/s, by which the predictions of joints that no view shows are less certain
-TURNING = 0.9  # m/s, standard deviation by which vectors along bones change that are seen
-STRAYING, SWINGING = 0.5, 4.0  # m/s, and of others: of a body that stands, and more per m/s of a moving one
-RISING = 0.15  # m/s, standard deviation of the motion of the trunk up and down
-BONE, BONE_MEMORY = 0.015, 0.5  # m, by which bones differ from their learnt length, alike for so many s
-SIDES = 0.1  # m, by which bones differ from those of the other side
-GROWTH = 5.0  # of covariances: learnt bones and 2D joints err much the same from frame to frame
-WORST_FIT = 4.0  # standard deviations, median of the rays of somebody who is where the prediction says
-LEVEL = 10.0  # weight of the right axes of cameras against their upper edges
-SAME_PLACE = 0.5  # m, median distance of the joints of one person
+FEW_SEEING = 3  # maximum number of views that should see a person of few views; others may be false
+FEWEST_JOINTS = 4  # minimum number of joints that views show of a held person
+PLACE = 0.01  # m, added to the standard deviation of predictions in quadrature
+UNSEEN = 10.0  # m/s, growth of the standard deviation of predicted joints that no view shows
+TURNING = 0.9  # m/s, standard deviation of the change of bone vectors with both ends shown
+STRAYING, SWINGING = 0.5, 4.0  # the same for other bones: m/s for a standing body, m/s per m/s of its speed
+RISING = 0.15  # m/s, standard deviation of the vertical motion of the trunk
+BONE, BONE_MEMORY = 0.015, 0.5  # m, deviation of bones from learnt lengths; s, time for which it persists
+SIDES = 0.1  # m, standard deviation of bone lengths from those of the other side
+GROWTH = 5.0  # factor on covariances: errors of learnt bones and 2D joints persist from frame to frame
+WORST_FIT = 4.0  # standard deviations, largest median residual of a person's rays
+LEVEL = 10.0  # weight of the right axes of cameras relative to the upper edges of their images
+SAME_PLACE = 0.5  # m, median joint distance below which two skeletons are one person
 
 
 class Shown(NamedTuple):
-    """What the 2D people of P candidates show, and who these are: see `Candidates` and its guides.
+    """Observations of P candidates, with their predictions; see `Candidates` and `Guides`.
 
-    member (P, V), source (P, V, J), who (P,), expected (P, J, 3) m, shifts (P, J, 3) m/s; scores and tails
-    (D, J) of the 2D joints, see `judge_joints`.
+    Args:
+        member: (P, V) row of the person's 2D pose in each view, -1 = none.
+        source: (P, V, J) joint of that 2D pose that stands for joint j.
+        who: (P,) row of the person in the `Prediction`, -1 = new.
+        expected: (P, J, 3) m, world, predicted joints, NaN = none.
+        shifts: (P, J, 3) m/s, velocities of the joints.
+        scores: (D, J) of the 2D joints.
+        tails: (D, J) of the 2D joints, see `judge_joints`.
+        seen: All 2D joints of the instant.
     """
 
     member: Array
@@ -60,7 +67,11 @@ class Shown(NamedTuple):
 
     @classmethod
     def of(cls, scene: Scene, found: Candidates, tails: Array) -> Shown:
-        """In a scene; tails: (D, J) of the 2D joints."""
+        """Return the observations of candidates in a scene.
+
+        Args:
+            tails: (D, J) of the 2D joints, see `judge_joints`.
+        """
         guide, scores = found.guide, scene.evidence.scores
         return cls(
             found.member,
@@ -75,7 +86,11 @@ class Shown(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """Everybody who is followed, see `Prediction`, and which way (3,) is up."""
+    """Predictions of all tracked people, see `Prediction`.
+
+    Args:
+        up: (3,) upward unit vector, world.
+    """
 
     positions: Array
     velocities: Array
@@ -93,19 +108,22 @@ def hold_people(
     body: Body,
     worst: float,
 ) -> tuple[Array, Joints, Array]:
-    """The people that were kept and those who can be held besides, with joints that are placed.
+    """Return the people that were kept and those that can be held in addition, with the joints placed here.
 
     Args:
-        people: rows of the candidates who are followed and of few views; of those that were kept; the joints
-            of these. shown: what 2D people show of the candidates.
-        worst: m, standard deviation beyond which a joint is given up.
+        people: Tuple of three: rows of tracked candidates with few views; rows of the candidates that were
+            kept; joints of the latter.
+        shown: Observations of the candidates.
+        worst: Standard deviation beyond which a joint is dropped, m.
 
     Returns:
-        rows of the candidates, joints, and which joints (P, J) were placed.
+        rows: (P,) rows of the candidates.
+        joints: Joints of these people.
+        placed: (P, J) whether a joint was placed here.
     """
     few, kept, joints = people
     held = np.setdiff1d(few, kept)
-    p, up = prediction, upwards(scene.cams.rotations[np.unique(scene.evidence.view)])  # others look anywhere
+    p, up = prediction, upwards(scene.cams.rotations[np.unique(scene.evidence.view)])  # others point anywhere
     followed = Followed(p.positions, p.velocities, p.ages, p.variances, p.lengths, up)
     rows, nothing = np.concatenate([kept, held]), Joints.nothing(len(held), joints.views.shape[1])
     joints = joined(joints, nothing)
@@ -115,12 +133,15 @@ def hold_people(
 
 @njit(cache=True, error_model="numpy")
 def place_joints(rows, shown, joints, body, sight):
-    """Place missing joints of people `rows` (K,) of few views, in place, that these views show.
+    """Place missing joints that one or two views show, in place.
 
-    Whom more views should see may be false.
+    People whom more than `FEW_SEEING` views should see are left out, because they may be false.
 
     Args:
-        joints: of all candidates. sight: of the scene.
+        rows: (K,) rows of candidates with few views.
+        shown: Observations of the candidates.
+        joints: Joints of all candidates, updated.
+        sight: Fields of view of the scene.
     """
     for k in rows:
         found = look_at(joints.positions[k], shown.seen.cams, sight)
@@ -138,10 +159,15 @@ def place_joints(rows, shown, joints, body, sight):
 
 @njit(cache=True, error_model="numpy")
 def hold_joints(rows, kept, shown, followed, joints, body, worst):
-    """The loop of `hold_people` over candidates `rows` (K,), of whom the first `kept` are people already.
+    """Place missing joints of tracked people, and decide who is a person: the loop of `hold_people`.
+
+    Args:
+        rows: (K,) rows of candidates; the first `kept` of them are people already.
+        joints: Joints of these candidates, updated.
 
     Returns:
-        who are people (K,), and which joints (K, J) were placed.
+        there: (K,) whether the candidate is a person.
+        placed: (K, J) whether a joint was placed here.
     """
     there, placed = np.arange(len(rows)) < kept, np.zeros(joints.views.shape, np.bool_)
     fresh = joints.positions[:kept][shown.who[rows[:kept]] < 0]
@@ -174,7 +200,7 @@ def hold_joints(rows, kept, shown, followed, joints, body, worst):
 
 @njit(cache=True, error_model="numpy")
 def _is_there(person, others):
-    """Whether a person (J, 3) m stands where one of others (P, J, 3) m, who are new, was found."""
+    """Return whether a person (J, 3) m stands at the position of one of several new people (P, J, 3) m."""
     gaps = np.empty(len(person))
     for other in others:
         count = 0
@@ -190,9 +216,10 @@ def _is_there(person, others):
 
 @njit(cache=True, error_model="numpy")
 def upwards(rotations):
-    """Which way (3,) is up, for cameras (V, 3, 3) that are hardly rolled: across all of their right axes.
+    """Return the upward unit vector (3,) in the world, from cameras (V, 3, 3) that are hardly rolled.
 
-    Where these leave a choice, it is the one nearest to the upper edges of the images.
+    It is perpendicular to the right axes of all cameras, in the sense of least squares. Where these axes
+    leave a choice, it is the direction nearest to the upper edges of the images.
     """
     across, edge, up = np.eye(3), np.zeros(3), np.zeros(3)
     for v in range(len(rotations)):
@@ -207,7 +234,7 @@ def upwards(rotations):
 
 @njit(cache=True, error_model="numpy")
 def _rays_of(shown, k):
-    """What the 2D people of candidate k show; mean scores (J,) and numbers (J,) of its rays."""
+    """Return the rays of candidate k, their mean scores (J,) and their numbers (J,)."""
     views, joints = shown.source.shape[1:]
     scores, growth, number = np.zeros(joints), np.zeros(joints), np.zeros(joints, np.int64)
     for v in range(views):
@@ -226,7 +253,7 @@ def _rays_of(shown, k):
 
 @njit(cache=True, error_model="numpy")
 def _of_solved(joints, row, body):
-    """The joints of a person that are solved, and nothing else."""
+    """Return prior knowledge that consists of the solved joints of a person alone."""
     count, bones = joints.positions.shape[1], len(body.bones)
     known = Known(
         np.full((count, 3), np.nan),
@@ -245,7 +272,7 @@ def _of_solved(joints, row, body):
 
 @njit(cache=True, error_model="numpy")
 def _take_solved(known, joints, row):
-    """Enter the joints of a person that are solved into what is known, in place."""
+    """Enter the solved joints of a person into prior knowledge, in place."""
     for j in range(len(known.places)):
         if np.isfinite(joints.positions[row, j, 0]):
             known.places[j] = joints.positions[row, j]
@@ -254,9 +281,14 @@ def _take_solved(known, joints, row):
 
 @njit(cache=True, error_model="numpy")
 def _expected(followed, who, shown, body):
-    """What is known of a person who is followed, of whom some joints are shown (J,).
+    """Return the prior knowledge about a tracked person.
 
-    Joints that no view shows do not go on as they moved: they keep their place in the body.
+    Joints that no view shows do not continue with their own velocity: they keep their position relative to
+    the body.
+
+    Args:
+        who: Row of the person in `followed`.
+        shown: (J,) whether a view shows the joint.
     """
     places, speeds, bones = followed.positions[who].copy(), followed.velocities[who], body.bones
     passed = max(followed.ages[who].min(), 1e-3)

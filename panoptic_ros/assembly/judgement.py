@@ -1,8 +1,8 @@
-"""Skeletons: how certain their joints are, and which of them are people in the space that the rig covers.
+"""Tests of skeletons: certainty of their joints, and which of them are people in the capture space.
 
-A person in the fields of view of two cameras alone, where four or more look at one place, is a bystander:
-behind another camera, or at the far wall. (One whom two views see although more could is inside.)
-This applies to new people: who is followed stays until no view shows them.
+If four or more cameras look at one place, a person in the fields of view of only two cameras is a bystander.
+Bystanders are behind another camera, or at the far wall. (A person whom two views show although more could is
+inside.) This applies to new people. Tracked people stay until no view shows them.
 """
 
 from __future__ import annotations
@@ -29,21 +29,25 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-MISSING, MEASURED, _, FILLED = (int(state) for state in JointState)  # members are slow to look up
-FEW_VIEWS = 2  # of which one that errs is not found out
-SAME_PERSON = 0.12  # m, mean joint distance below which two skeletons are one person
-SAME_JOINTS = 3  # joints that such skeletons must share
-FEW_CAMERAS = 3  # where no more look at one place, the rig covers whatever two cameras see
-INSIDE = 0.5  # share of the joints that must lie in a camera's image
-DEPTHS = np.geomspace(0.5, 16.0, 21)  # m, along optical axes, where places are tried
-ONE_PLACE = 0.05  # m, cameras that are closer together see a person from one side
+MISSING, MEASURED, _, FILLED = (int(state) for state in JointState)  # enum members are slow to look up
+FEW_VIEWS = 2  # number of views among which a wrong one cannot be identified
+SAME_PERSON = 0.12  # m, mean joint distance below which two skeletons are one person's
+SAME_JOINTS = 3  # minimum number of joints that such skeletons share
+FEW_CAMERAS = 3  # if no more cameras look at one place, two cameras define the capture space
+INSIDE = 0.5  # share of the joints that must project into a camera's image
+DEPTHS = np.geomspace(0.5, 16.0, 21)  # m, depths of tested places along optical axes
+ONE_PLACE = 0.05  # m, cameras closer together see a person from one side
 
 
 class Joints(NamedTuple):
-    """Joints of P people; the arrays change in place where joints are placed anew.
+    """Joints of P people; the arrays change in place where joints are corrected.
 
-    positions: (P, J, 3) m, NaN = missing. covariances: (P, J, 3, 3) m^2. scores, views: (P, J).
-    doubts: (P, J) m^2, additional variance because the joint may be at the wrong node.
+    Args:
+        positions: (P, J, 3) m, world, NaN = missing.
+        covariances: (P, J, 3, 3) m^2.
+        scores: (P, J).
+        views: (P, J) number of views.
+        doubts: (P, J) m^2 per axis, additional variance because the joint may be at a wrong node.
     """
 
     positions: Array
@@ -54,7 +58,7 @@ class Joints(NamedTuple):
 
     @classmethod
     def nothing(cls, people: int, joints: int) -> Joints:
-        """None is known."""
+        """Return joints that are all missing."""
         shape = (people, joints)
         return cls(
             np.full((*shape, 3), np.nan),
@@ -65,7 +69,7 @@ class Joints(NamedTuple):
         )
 
     def derive(self, skeleton: SkeletonModel) -> None:
-        """Fill missing joints that are means of others, with the covariance of the mean."""
+        """Fill missing joints that are means of others, with the covariance of the mean, in place."""
         for joint, others in skeleton.derived:
             parts = list(others)
             place = self.positions[:, parts].mean(axis=1)
@@ -79,10 +83,13 @@ class Joints(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class People:
-    """Skeletons of one instant: P people of the K solved.
+    """Skeletons of one instant: P people out of the K that were solved.
 
-    kept: (P,) which of the solved. joints: theirs. sources: their 2D people. placed: (P, J) joints that bones
-    have placed, with the help of the prediction.
+    Args:
+        kept: (P,) rows among the solved people.
+        joints: Their joints.
+        sources: Their 2D poses.
+        placed: (P, J) whether bones and the prediction helped to place the joint.
     """
 
     kept: Array
@@ -91,7 +98,7 @@ class People:
     placed: Array
 
     def rows(self, which: Array) -> People:
-        """Some of the people, by a mask (P,)."""
+        """Return the people that a mask (P,) selects."""
         return People(
             self.kept[which],
             selected(self.joints, which),
@@ -102,7 +109,12 @@ class People:
     def pose_set(
         self, item: ProposalSet, votes: Array | None = None, shift: TimeShift | None = None
     ) -> PoseSet:
-        """The record, with votes (P, G) about the sides of limbs."""
+        """Return the people as a `PoseSet`.
+
+        Args:
+            votes: (P, G) votes about the sides of limbs, see `PoseSet.side_votes`.
+            shift: Dependence on motion; None if all views have the same timestamp.
+        """
         joints = self.joints
         measured = np.isfinite(joints.positions[..., 0])
         states = np.where(measured, np.where(self.placed, FILLED, MEASURED), MISSING)
@@ -131,12 +143,19 @@ class People:
 
 
 class Standards(NamedTuple):
-    """What joints and people must be to be reported; see `AssemblyConfig`.
+    """Conditions that joints and people must satisfy; see `AssemblyConfig`.
 
-    Covariances are multiplied by inflation * (1 + (extra + unused) / (views - 1)): few views, and views
-    that disagree, may have met by chance. worst: m, standard deviation of a joint along its longest axis.
-    longest: m, of a bone. share: of the joints seen in two or more views, on which they agree.
-    fewest: joints. lowest: m, of the median height.
+    Covariances are multiplied by inflation * (1 + (extra + unused) / (views - 1)). The reason is that few
+    views, or views that disagree, may have met by chance.
+
+    Args:
+        inflation: Correction of covariances for robust weights.
+        extra: Additional growth of covariances for few views.
+        worst: m, largest standard deviation of a joint along its longest axis.
+        longest: m, largest length of a bone.
+        share: Smallest share of the joints seen in two or more views on which these views agree.
+        fewest: Minimum number of joints.
+        lowest: m, lowest median height.
     """
 
     inflation: float
@@ -150,14 +169,17 @@ class Standards(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def judge_joints(solved, observed, marked, bones, standards):
-    """The solved joints that are certain enough, as `Joints`, and which (P, J) are.
+    """Return the solved joints that are certain enough, as `Joints`, and a mask (P, J) of them.
 
-    Joints whose covariance is singular are not. Of a bone that is too long the less certain end is not.
+    Joints with a singular covariance are excluded. If a bone is too long, its less certain end is excluded.
 
     Args:
-        solved: `SolvedJoints`. marked: scores (D, J) of the 2D joints, and their tails (D, J), by which
-            deviations grow where no further view shows a joint. bones: (B, 2). standards: `Standards`.
-        observed: (P, J) number of views whose 2D person shows each joint, also where that was not used.
+        solved: `SolvedJoints`.
+        observed: (P, J) number of views whose 2D pose shows each joint, including views that were not used.
+        marked: Scores (D, J) and tails (D, J) of the 2D joints. Tails are factors on the standard deviations
+            where no further view shows a joint.
+        bones: (B, 2) joints at the ends.
+        standards: `Standards`.
     """
     scores, tails = marked
     people, joints, count_views = solved.residuals.shape
@@ -181,7 +203,7 @@ def judge_joints(solved, observed, marked, bones, standards):
                 if np.isfinite(covariances[p, j, 0, 0]):
                     worst[p, j] = largest_eigenvalue(covariances[p, j])
                     good[p, j] = worst[p, j] <= standards.worst**2
-                    if views[p, j] + unused <= FEW_VIEWS:  # else those that disagree count already
+                    if views[p, j] + unused <= FEW_VIEWS:  # with more views, disagreement already counts
                         covariances[p, j] *= squares / max(views[p, j], 1)
         for b in range(len(bones)):
             start, end = bones[b]
@@ -197,14 +219,16 @@ def judge_joints(solved, observed, marked, bones, standards):
 
 @njit(cache=True, error_model="numpy")
 def kept_people(joints, good, observed, member, standards):
-    """Rows of the skeletons that can be people, once each.
+    """Return the rows of the skeletons that can be people, one row per person.
 
-    They have enough joints, at a possible height, and views that agree on most. People who are at nodes of
-    score maps and in no 2D person need the joints alone.
+    They have enough joints, a possible height, and views that agree on most joints. People without 2D poses,
+    at nodes of score maps, need only the joints and the height.
 
     Args:
-        joints: `Joints`. good: (P, J) of them that views agree on. observed: (P, J) number of views whose 2D
-            person shows each joint. member: (P, V) 2D people, -1 = none.
+        joints: `Joints`.
+        good: (P, J) whether the joint is certain enough.
+        observed: (P, J) number of views whose 2D pose shows each joint.
+        member: (P, V) row of the 2D pose, -1 = none.
     """
     people, count_joints = good.shape
     kept, count = np.empty(people, np.int64), 0
@@ -232,7 +256,14 @@ def kept_people(joints, good, observed, member, standards):
 
 @njit(cache=True, error_model="numpy")
 def second_skeletons(positions, views):
-    """Which skeletons (P,) lie on another one that rests on more views (P, J); of equals the first stays."""
+    """Return a mask (P,) of skeletons that coincide with a skeleton based on more views.
+
+    If both have equally many views, the first stays.
+
+    Args:
+        positions: (P, J, 3) m.
+        views: (P, J) number of views.
+    """
     people, joints = views.shape
     double = np.zeros(people, np.bool_)
     weight = np.zeros(people, np.int64)
@@ -256,20 +287,26 @@ def second_skeletons(positions, views):
 
 @njit(cache=True, error_model="numpy")
 def _gap(a, b):
-    """Distance of two points."""
+    """Return the distance of two points."""
     return np.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
 
 
 def needed_views(wanted: int, cameras: Sequence[Camera]) -> int:
-    """Fields of view in which a person must be; cameras that look elsewhere do not count."""
+    """Return the number of fields of view that must contain a person.
+
+    Cameras that look elsewhere do not count.
+
+    Args:
+        wanted: `AssemblyConfig.capture_views`.
+    """
     most = most_overlap(cameras, wanted + FEW_CAMERAS)
     return 2 if most <= FEW_CAMERAS else max(2, min(wanted, most))
 
 
 def most_overlap(cameras: Sequence[Camera], enough: int) -> int:
-    """How many cameras look at one place from different sides, at most; stops counting at `enough`.
+    """Return the largest number of cameras that look at one place from different sides.
 
-    Places are tried along the optical axes.
+    Places along the optical axes are tested. The count stops at `enough`.
     """
     centres = np.array([camera.centre for camera in cameras])
     near = np.linalg.norm(centres[:, None] - centres[None], axis=-1) < ONE_PLACE
@@ -285,11 +322,11 @@ def most_overlap(cameras: Sequence[Camera], enough: int) -> int:
 
 
 def in_capture_space(positions: Array, supporting: Array, cameras: Sequence[Camera], needed: int) -> Array:
-    """Which people (P,) stand where at least `needed` cameras look.
+    """Return a mask (P,) of people who stand where at least `needed` cameras look.
 
     Args:
-        positions: (P, J, 3) m, NaN = missing.
-        supporting: (P,) number of views that show the person; enough of them need no test.
+        positions: (P, J, 3) m, world, NaN = missing.
+        supporting: (P,) number of views that show the person. People with enough of them pass without a test.
     """
     inside = supporting >= needed
     open_rows = np.flatnonzero(~inside)

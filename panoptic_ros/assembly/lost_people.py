@@ -1,9 +1,9 @@
-"""People who are in no list of 2D people, from voted nodes that no known person explains.
+"""People without 2D poses, from voted nodes that no known person explains.
 
-A detector's person head can fail where its score maps still show every joint (large people, people in a
-heap). Such a person is a set of nodes, seen by three and more views, that hang together by bones of human
-length; they are joined by the dynamic program of the paper (5.3), with votes in place of part scores, as
-parts need 2D people. The final solve has no 2D joints for them: they stay at their nodes.
+The person head of a detector may fail although the score maps still show every joint, for example for large
+people or people in a heap. Such a person is a set of nodes that three or more views show, and that bones of
+human length connect. The dynamic program of the paper (5.3) joins these nodes. Votes replace its part scores,
+because parts need 2D poses. The final solve has no 2D joints for these people, so they stay at their nodes.
 """
 
 from __future__ import annotations
@@ -21,20 +21,23 @@ from panoptic_ros.solving.joint_records import Candidates, Guides, SolvedJoints
 
 Array = np.ndarray
 
-MIN_VIEWS = 3  # of a node; two views of an empty place can agree by chance
-MIN_SHARE = 0.5  # of the joints that nodes show
-MIN_VOTE = 0.3  # mean over the joints: most views show them; what fewer show adds up to 0.2
-EXPLAINED = 0.15  # m, nodes so near to a joint of somebody known, or its mirror image, are explained
-LENGTH_SHARE = 0.25  # by which bones of people differ
-SKIP_WEIGHT = 0.5  # of a part that skips a joint
-LEAST_SCORE = 0.01  # of a part
-SPREAD = 0.03  # m, as for people who are guided
+MIN_VIEWS = 3  # minimum number of views of a node; two views of an empty place can agree by chance
+MIN_SHARE = 0.5  # minimum share of joints that nodes show
+MIN_VOTE = 0.3  # smallest mean vote of the joints, which most views show; joints of fewer views reach 0.2
+EXPLAINED = 0.15  # m, nodes nearer to a known person's joint, or its mirror joint, are explained
+LENGTH_SHARE = 0.25  # relative standard deviation of bone lengths between people
+SKIP_WEIGHT = 0.5  # weight of a part that skips a joint
+LEAST_SCORE = 0.01  # smallest score of a part
+SPREAD = 0.03  # m, standard deviation of the positions, as for people with a prediction
 
 
 def with_lost_people(
     item: ProposalSet, found: Candidates, solved: SolvedJoints, skeleton: SkeletonModel, max_bone: float
 ) -> tuple[Candidates, SolvedJoints]:
-    """The candidates and their solution, and lost people after them: without 2D people, at their nodes."""
+    """Return the candidates and their solution with lost people appended.
+
+    Lost people have no 2D poses, and their joints are at nodes.
+    """
     places = lost_people(item, solved.positions, skeleton, max_bone)
     if not len(places):
         return found, solved
@@ -47,7 +50,7 @@ def with_lost_people(
 
 
 def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bone: float) -> Array:
-    """Joints (P, J, 3) m of people among the nodes that the known people (K, J, 3) do not explain."""
+    """Return joints (P, J, 3) m of people among the nodes that known people (K, J, 3) m do not explain."""
     mirror = np.array(skeleton.mirror, np.int64)
     free = ~explained(item.nodes, item.node_joints, np.ascontiguousarray(known), mirror)
     free &= item.node_views >= MIN_VIEWS
@@ -70,7 +73,14 @@ def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bo
 
 @njit(cache=True, error_model="numpy")
 def explained(nodes, joints, known, mirror):
-    """Which nodes (N, 3) m of the joints (N,) lie at that joint of somebody (P, J, 3), or its other side."""
+    """Return a mask (N,) of nodes near the same joint of a known person, or near its mirror joint.
+
+    Args:
+        nodes: (N, 3) m, world.
+        joints: (N,) joint of each node.
+        known: (P, J, 3) m, world, joints of the known people, NaN = missing.
+        mirror: (J,) joint on the other side.
+    """
     near = np.zeros(len(nodes), np.bool_)
     for n in range(len(nodes)):
         own, other = joints[n], mirror[joints[n]]
@@ -88,9 +98,13 @@ def _distance(a, b):
 def _with_derived(
     item: ProposalSet, rows: Array, skeleton: SkeletonModel, max_bone: float
 ) -> tuple[Array, Array, Array, Array]:
-    """Nodes `rows` without those of derived joints, and the means that could be these joints.
+    """Return the nodes `rows`, with derived joints replaced by all means that could be these joints.
 
-    Their positions (N, 3) m, joints, votes and views (N,).
+    Returns:
+        positions: (N, 3) m.
+        joints: (N,).
+        votes: (N,).
+        views: (N,) number of views.
     """
     kept = rows[~np.isin(item.node_joints[rows], [joint for joint, _ in skeleton.derived])]
     nodes, joints = [item.nodes[kept]], [item.node_joints[kept]]
@@ -116,10 +130,13 @@ def _with_parts(
     skeleton: SkeletonModel,
     max_bone: float,
 ) -> ProposalSet:
-    """The nodes of `_with_derived` with parts between all that may be bones, scored by votes and by length.
+    """Return proposals with nodes of `_with_derived`, and with parts between all nodes that may form a bone.
+
+    Votes and lengths determine the scores of the parts.
 
     Args:
-        known: (K, J, 3) m, people whose bones say how long others should be; NaN = missing.
+        found: Result of `_with_derived`.
+        known: (K, J, 3) m, people whose bones define usual lengths, NaN = missing.
     """
     nodes, joints, votes, views = found
     kinds = _kinds_of_parts(skeleton)
@@ -138,7 +155,7 @@ def _with_parts(
 
 @cache
 def _kinds_of_parts(skeleton: SkeletonModel) -> Array:
-    """Pairs of joints and the bones that they are, -1 = skips a joint, (K, 3)."""
+    """Return the kinds of parts (K, 3): two joints and their bone; bone -1 = the part skips a joint."""
     parents = skeleton.parents
     kinds = [(a, b, k) for k, (a, b) in enumerate(skeleton.bones)]
     kinds += [(parents[a], b, -1) for a, b in skeleton.bones if parents[a] >= 0]
@@ -148,7 +165,10 @@ def _kinds_of_parts(skeleton: SkeletonModel) -> Array:
 
 
 def typical_lengths(people: Array, kinds: Array) -> Array:
-    """Median length (K,) m of each bone over people (P, J, 3) that have it; NaN if nobody, or no bone."""
+    """Return the median length (K,) m of each kind of part over people (P, J, 3) m.
+
+    It is NaN for kinds that are no bone, and for bones that no person has.
+    """
     lengths = np.linalg.norm(people[:, kinds[:, 0]] - people[:, kinds[:, 1]], axis=-1)
     known = (kinds[:, 2] >= 0) & np.isfinite(lengths).any(axis=0)
     typical = np.full(len(kinds), np.nan)
@@ -159,7 +179,17 @@ def typical_lengths(people: Array, kinds: Array) -> Array:
 def likely_parts(
     nodes: Array, joints: Array, votes: Array, kinds: Array, lengths: Array, longest: float
 ) -> tuple[Array, Array, Array]:
-    """Parts (M, 2), their bones and scores (M,): the mean vote of the ends, less where the length differs."""
+    """Return parts (M, 2), their bones (M,) and their scores (M,).
+
+    The score is the mean vote of both ends, reduced where the length differs from the typical length.
+
+    Args:
+        nodes: (N, 3) m.
+        joints, votes: (N,) of the nodes.
+        kinds: (K, 3), see `_kinds_of_parts`.
+        lengths: (K,) m, typical lengths, NaN = unknown.
+        longest: m, largest length of a part.
+    """
     ends = (joints[:, None] == kinds[:, 0])[:, None] & (joints[:, None] == kinds[:, 1])[None]  # (N, N, K)
     a, b, kind = np.nonzero(ends)
     gaps, typical = np.linalg.norm(nodes[a] - nodes[b], axis=-1), lengths[kind]

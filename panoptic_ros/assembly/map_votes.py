@@ -1,13 +1,14 @@
-"""Joints at the votes of the score maps, where the detections carry maps.
+"""Corrections of joints by the votes of score maps, where the detections contain maps.
 
-A pose net's joint is the best cell of one view, and that cell may be another person's wrist, or the wrist of
-the other side. The maps hold more: the soft vote of all views about a node (`voting.soft_vote`) weighs
-every cell and lies 5 to 15 % closer to the joint than one view's; and where the views' 2D people disagree, a
-node with many votes close to where the joint should be is the better choice. A vote errs by what the network
-gets wrong in all views, however many there are: so it counts by a standard deviation of its own against what
-the triangulated position has, more where few views show the joint. That is larger in the torso, whose joints
-have no point on the surface that all views could show. Joints that no map shows keep their triangulated
-position.
+The joint of a pose network is the best cell of one view. That cell may show the wrist of another person, or
+the wrist of the other side. The maps contain more information. The soft vote of all views about a node
+(`voting.soft_vote`) weights every cell, and is 5 to 15 % closer to the joint than the cell of one view. If
+the 2D poses of the views disagree, a node with many votes near the expected joint is the better choice.
+
+A vote contains errors that the network makes in all views, and more views do not reduce them. So a vote has a
+standard deviation of its own. It counts more where few views show the joint, because the triangulated
+position is then less certain. The deviation is larger in the torso: its joints have no point on the surface
+that all views could show. Joints that no map shows keep their triangulated position.
 """
 
 from __future__ import annotations
@@ -24,25 +25,28 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 
-CHOICE_SIGMA = 0.07  # m, standard deviation of joints about their predictions
-FARTHEST = 0.3  # m, gate about the prediction; nodes beyond are of another limb or person
+CHOICE_SIGMA = 0.07  # m, standard deviation of nodes about the predicted and the triangulated joint
+FARTHEST = 0.3  # m, gate about the prediction; nodes beyond belong to another limb or person
 WORST_DISTANCE = 3.0  # truncation of half the squared deviation from the prediction
-WORST_MOVE = 2.0  # and of that from the triangulated position
-OWN_VOTE = 0.1  # of a triangulated joint without a node
-NODE_VIEWS = 2  # that support a node
-BONE_SIGMA, BONE_SHARE = 0.03, 0.1  # m and share of the length, by which the sides differ
+WORST_MOVE = 2.0  # the same for the triangulated position
+OWN_VOTE = 0.1  # assumed vote of a triangulated joint without a node
+NODE_VIEWS = 2  # minimum number of views of a node outside the gate
+BONE_SIGMA, BONE_SHARE = 0.03, 0.1  # m and share of the length, deviation between both sides
 WORST_BONE = 36.0  # truncation of the squared deviation of a bone
-CHANCE = 0.2  # of votes, over which the share of wrong nodes falls by a factor of e
-WRONG_SIGMA = 0.16  # m, of a wrong node, which is a joint of another limb, or of a neighbour
+CHANCE = 0.2  # votes; with each such increase, the share of wrong nodes falls by a factor of e
+WRONG_SIGMA = 0.16  # m, standard deviation of a wrong node: a joint of another limb or person
 _NEVER = 1e3
 
 
 class _Choice(NamedTuple):
-    """What there is to choose from: P people with J joints, N nodes.
+    """Joints of P people, and the N nodes to choose from.
 
-    positions: (P, J, 3) m, as triangulated; NaN = missing. expected: (P, J, 3) m, predictions, NaN = none.
-    nodes: (N, 3) m. joints, votes, views: (N,). gate: m, nodes so near to the triangulated joint need no
-    second view.
+    Args:
+        positions: (P, J, 3) m, triangulated joints, NaN = missing.
+        expected: (P, J, 3) m, predicted joints, NaN = none.
+        nodes: (N, 3) m.
+        joints, votes, views: (N,) of the nodes.
+        gate: Nodes nearer to the triangulated joint than this need no second view, m.
     """
 
     positions: Array
@@ -55,16 +59,22 @@ class _Choice(NamedTuple):
 
 
 def node_doubts(votes: Array) -> Array:
-    """Variances (N,) m^2 of joints at nodes of these votes (N,) because a node may be the wrong one."""
+    """Return the variances (N,) m^2 per axis of joints at nodes, because a node may be the wrong one.
+
+    Args:
+        votes: (N,) votes of the nodes.
+    """
     variances: Array = np.exp(-votes / CHANCE) * WRONG_SIGMA**2
     return variances
 
 
 class VoteNoise(NamedTuple):
-    """How sure votes are.
+    """Noise of votes.
 
-    gate: m, a node farther from the triangulated joint is another place. near: (J,) m, standard deviation
-    along each axis of a vote about the joint; far: m, of a node that is another place.
+    Args:
+        gate: A node farther from the triangulated joint than this is another place, m.
+        near: (J,) m, standard deviation of a vote within the gate, per axis.
+        far: Standard deviation of a node beyond the gate, m per axis.
     """
 
     gate: float
@@ -73,7 +83,12 @@ class VoteNoise(NamedTuple):
 
 
 def vote_sigmas(skeleton: SkeletonModel, others: float, torso: float) -> Array:
-    """Standard deviations (J,) m of near votes, from those of joints of the torso and of others."""
+    """Return the standard deviations (J,) m of votes within the gate.
+
+    Args:
+        others: m, standard deviation of joints outside the torso.
+        torso: m, standard deviation of joints of the torso.
+    """
     sigmas = np.full(len(skeleton), others)
     for part in rigid_parts(skeleton):
         if part.name == "torso":
@@ -84,12 +99,14 @@ def vote_sigmas(skeleton: SkeletonModel, others: float, torso: float) -> Array:
 def move_to_votes(
     joints: Joints, expected: Array, item: ProposalSet, skeleton: SkeletonModel, noise: VoteNoise
 ) -> None:
-    """Move joints towards the votes of the maps, in place; one that moves far takes all values of the node.
+    """Move joints towards the votes of the maps, in place.
 
-    A near vote is one more measurement of the position, but covariances stay: it is of the same images.
+    A node within the gate is one more measurement of the position. The covariance stays unchanged, because
+    the vote is from the same images. A joint that moves to a node beyond the gate takes all values of the
+    node.
 
     Args:
-        expected: (P, J, 3) m, predictions, NaN = none.
+        expected: (P, J, 3) m, predicted joints, NaN = none.
     """
     chosen = chosen_nodes(joints.positions, expected, item, noise.gate, skeleton)
     p, j = np.nonzero(chosen >= 0)
@@ -110,16 +127,16 @@ def move_to_votes(
 def chosen_nodes(
     positions: Array, expected: Array, item: ProposalSet, gate: float, skeleton: SkeletonModel
 ) -> Array:
-    """The node (P, J) of each joint, -1 = none: it stays where it was triangulated.
+    """Return the node (P, J) of each joint, -1 = none: the joint keeps its triangulated position.
 
-    The choice maximises the sum over the people of log(vote) minus half of the squared deviations. These are
-    truncated deviations from the prediction, from the triangulated position, and of bones from those of the
-    other side. A node belongs to one person. Without a prediction the triangulated position takes its place.
+    The choice maximises the sum over the people of log(vote) minus half of the squared deviations. Truncated
+    deviations count: from the prediction, from the triangulated position, and of bones from those of the
+    other side. A node belongs to one person. The triangulated position replaces a missing prediction.
 
     Args:
-        positions: (P, J, 3) m, as triangulated; NaN = missing.
-        expected: (P, J, 3) m, predictions, NaN = none.
-        gate: m, nodes so near to the triangulated joint need no second view.
+        positions: (P, J, 3) m, triangulated joints, NaN = missing.
+        expected: (P, J, 3) m, predicted joints, NaN = none.
+        gate: Nodes nearer to the triangulated joint than this need no second view, m.
     """
     chosen = np.full(positions.shape[:2], -1, np.int64)
     if len(item.nodes) and len(positions):
@@ -143,10 +160,11 @@ def chosen_nodes(
 
 @njit(cache=True, error_model="numpy")
 def joint_costs(choice, joint, bones, mirror):
-    """The nodes (K,) of a joint, and what each person's joint costs (P, K + P) there and where it stays.
+    """Return the nodes (K,) of a joint, and the costs (P, K + P) of these nodes and of staying.
 
     Args:
-        bones: (B, 2). mirror: (J,) other sides.
+        bones: (B, 2) joints at the ends.
+        mirror: (J,) joint on the other side.
     """
     positions, expected, nodes, node_joints, votes, views, gate = choice
     own, people = np.flatnonzero((node_joints == joint) & (votes > 0.0)), len(positions)
@@ -170,7 +188,10 @@ def joint_costs(choice, joint, bones, mirror):
 
 @njit(cache=True, error_model="numpy")
 def _distances(node, here, there):
-    """Of a node from where a joint was triangulated, and from where it should be: if unknown, the same."""
+    """Return the distances, m, of a node from the triangulated and from the predicted joint.
+
+    Without a prediction, both are from the triangulated joint.
+    """
     moved = away = 0.0
     for i in range(3):
         moved += (node[i] - here[i]) ** 2
@@ -181,7 +202,7 @@ def _distances(node, here, there):
 
 @njit(cache=True, error_model="numpy")
 def _is_allowed(moved, away, views, gate):
-    """Whether a node may be a joint; it may not if its distances are NaN."""
+    """Return whether a joint may move to a node; False if the distances of the node are NaN."""
     return moved <= gate or (views >= NODE_VIEWS and away <= FARTHEST)
 
 
@@ -192,10 +213,13 @@ def _cost(distance, vote):
 
 @njit(cache=True, error_model="numpy")
 def difference(place, person, joint, bones, mirror):
-    """Half squared deviations of a joint's bones from those of the other side, summed, if it is at a place.
+    """Return the sum of half squared deviations of a joint's bones from the bones of the other side.
 
     Args:
-        place: (3,) m. person: (J, 3) m, all others; NaN = missing. bones: (B, 2). mirror: (J,) other sides.
+        place: (3,) m, assumed position of the joint.
+        person: (J, 3) m, all other joints, NaN = missing.
+        bones: (B, 2) joints at the ends.
+        mirror: (J,) joint on the other side.
     """
     total = 0.0
     start = place if mirror[joint] == joint else person[mirror[joint]]
@@ -215,7 +239,7 @@ def difference(place, person, joint, bones, mirror):
 
 
 def _mapped_joints(item: ProposalSet, joint_count: int) -> Array:
-    """Which joints (J,) the maps of at least two views show."""
+    """Return a mask (J,) of joints that the maps of at least two views contain."""
     shown = np.zeros((len(item.detections.views), joint_count), bool)
     for row, view in zip(shown, item.detections.views):
         if view.maps is not None:

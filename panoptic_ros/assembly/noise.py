@@ -1,6 +1,6 @@
-"""How noisy 2D joints are, learnt online from residuals: by score, by being hidden, by view and by size.
+"""Noise of 2D joints, learnt online from residuals: by score, occlusion, view and size of the person.
 
-Residuals are of well-supported joints, and their leverage is taken out (`residuals`).
+The residuals are those of well-supported joints, corrected for leverage (`residuals`).
 """
 
 from __future__ import annotations
@@ -16,26 +16,32 @@ from panoptic_ros.kernels import njit
 Array = np.ndarray
 
 SCORE_BINS = 10
-KINDS = 3  # of joints: visible, perhaps hidden, hidden (see `occlusion`)
-LEVELS = 64  # bins of the histogram over the logarithm of residuals
-LEVEL_RANGE = (0.02, 50.0)  # residual / initial sigma
+KINDS = 3  # occlusion of joints: 0 visible, 1 perhaps hidden, 2 hidden (see `occlusion`)
+LEVELS = 64  # bins of histograms over the logarithm of residuals
+LEVEL_RANGE = (0.02, 50.0)  # residual / initial sigma, range of the histograms
 LOW = float(np.log(LEVEL_RANGE[0]))
 WIDTH = (float(np.log(LEVEL_RANGE[1])) - LOW) / LEVELS
-RAYLEIGH_MEDIAN = 1.17741  # of a 2D residual with standard deviation 1 per axis
-MOST_OF, RAYLEIGH_MOST = 0.9, 2.14597  # a quantile, and that of such a residual
-PRIOR_COUNT = 20.0  # weight of the initial values, in residuals
-HIDDEN_PRIOR_COUNT = 2.5  # the same for joints that are hidden or may be, which are few
-VIEW_PRIOR_COUNT = 100.0
-SIZE_PRIOR = 10.0  # weight of the slope 0, in residuals times variance of their log sizes
-REACH, CLIP = 1.4, 4.0  # of log sizes about their mean, and of log residuals
-CARRIED_NOISE = 0.022  # of the diagonal of a 2D person, after a second of being carried by motion
+RAYLEIGH_MEDIAN = 1.17741  # median length of a 2D residual with standard deviation 1 per axis
+MOST_OF, RAYLEIGH_MOST = 0.9, 2.14597  # quantile of the tail, and its value for such a residual
+PRIOR_COUNT = 20.0  # weight of the initial values of visible joints, in residuals
+HIDDEN_PRIOR_COUNT = 2.5  # the same for (perhaps) hidden joints, which are few
+VIEW_PRIOR_COUNT = 100.0  # weight of the initial factor of a camera, in residuals
+SIZE_PRIOR = 10.0  # weight of the prior slope 0, in residuals times variance of their log sizes
+REACH, CLIP = 1.4, 4.0  # limits of log sizes about their mean, and of log residuals
+CARRIED_NOISE = 0.022  # share of a 2D pose's size, noise after 1 s of propagation by optical flow
 
 
 class Marks(NamedTuple):
-    """D 2D people of J joints: see `Evidence`.
+    """D 2D poses with J joints, and all values on which their noise depends; see `Evidence`.
 
-    kinds (D, J) of the joints; cameras (D,); sizes (D,) of the people, diagonals of their boxes on the plane,
-    as large as they are in the image; ages (D,) s, for which each was carried.
+    Args:
+        plane: (D, J, 2) undistorted normalised points.
+        magnification: (D, J) image scale at the points.
+        scores: (D, J), 0 where missing.
+        kinds: (D, J) occlusion of the joints, see `KINDS`.
+        cameras: (D,) index into the rig.
+        sizes: (D,) diagonals of the bounding boxes on the plane at 1 m, times the mean magnification.
+        ages: (D,) s, time for which optical flow propagated each 2D pose.
     """
 
     plane: Array
@@ -48,15 +54,22 @@ class Marks(NamedTuple):
 
     @classmethod
     def of(cls, evidence: Evidence, kinds: Array, ages: Array) -> Marks:
-        """Those of an instant."""
+        """Return the record of one instant."""
         shown = evidence.plane, evidence.magnification, evidence.scores
         return cls(*shown, kinds, evidence.cameras[evidence.view], sizes_of(*shown), ages)
 
 
 class Shares(NamedTuple):
-    """What is learnt: histograms of residuals, scores (B, LEVELS) by kind and score, and views (C, LEVELS) by
-    camera; shares (B,) of the diagonal, factors (C,) and tails (B,) that follow from them. Of log residuals y
-    over log sizes x the sums (5,) of 1, x, y, x^2, x y; growth (2,), the mean of x and the slope.
+    """Learnt values: B bins by occlusion and score, C cameras.
+
+    Args:
+        scores: (B, LEVELS) histograms of residuals by bin.
+        views: (C, LEVELS) histograms of residuals by camera.
+        shares: (B,) standard deviations as shares of the image diagonal.
+        factors: (C,) factors on these.
+        tails: (B,) factors on these where few views show a joint.
+        sums: (5,) sums of 1, x, y, x^2, x y for log sizes x and log residuals y.
+        growth: (2,) mean of x, and slope of y over x.
     """
 
     scores: Array
@@ -69,15 +82,17 @@ class Shares(NamedTuple):
 
 
 class NoiseTable:
-    """Standard deviations of 2D joints as a share of the image's diagonal.
+    """Standard deviations of 2D joints as shares of the image diagonal.
 
     sigma = share[kind, score bin] * factor[camera] * size ** slope. Shares and factors are medians of
-    residuals (with leverage taken out), so they adapt to calibration errors of whole views however wrong the
-    start was, and outliers do not matter. A net errs by a share of the person (a slope of 1, as in COCO's
-    object keypoint similarity) or of its grid (0). Deterministic: a function of the residuals in their order.
+    residuals, corrected for leverage. So they adapt to calibration errors of whole views, however wrong the
+    start was, and outliers do not matter. The error of a network may grow with the size of the person (slope
+    1, as in COCO's object keypoint similarity), or follow its grid (slope 0). The table is deterministic: a
+    function of the residuals in their order.
 
-    Of many views those that err are found out. Where two or one show a joint they are not, and all residuals
-    count: their tail, the deviation that nine of ten show over that of half of them.
+    If many views show a joint, wrong views are identified as outliers. If only one or two views show it,
+    wrong views are not identified, and all residuals count. The tail describes these: the 90 % quantile of
+    the residuals relative to their median.
     """
 
     def __init__(self, cameras: int, initial: float, memory: float):
@@ -91,22 +106,23 @@ class NoiseTable:
         self.learnt = False  # whether any residual was used
 
     def precisions(self, marks: Marks, rig: RigArrays) -> Array:
-        """1 / standard deviation (D, J) on the normalised plane of 2D joints, 0 = missing.
+        """Return 1 / standard deviation (D, J) of 2D joints on the normalised plane, 0 = missing.
 
-        People who were carried have gone astray by a random walk besides.
+        2D poses that optical flow propagated have the noise of a random walk in addition.
         """
         precisions: Array = look_up(marks, self._learnt, rig.focals, rig.diagonals)
         return precisions
 
     def tails(self, marks: Marks) -> Array:
-        """By which the standard deviations (D, J) of 2D joints are larger where few views show a joint."""
+        """Return the factors (D, J) on the standard deviations of 2D joints where few views show a joint."""
         tails: Array = tails_of(marks, self._learnt.tails)
         return tails
 
     def learn(self, marks: Marks, residuals: tuple[Array, Array, Array], rig: RigArrays) -> None:
-        """Update with residuals: rows (N,) and joints (N,) of the marks, and px (N,) without leverage.
+        """Update the table with residuals of 2D joints; propagated 2D poses do not count.
 
-        People who were carried teach nothing.
+        Args:
+            residuals: Rows (N,) and joints (N,) of the marks, and residuals (N,) px corrected for leverage.
         """
         start = self._initial, self._memory
         self.learnt |= count_residuals(marks, residuals, self._learnt, rig.focals, rig.diagonals, start)
@@ -114,7 +130,11 @@ class NoiseTable:
 
 @njit(cache=True, error_model="numpy")
 def look_up(marks, learnt, focals, diagonals):
-    """The loops of `NoiseTable.precisions`; focals, diagonals: (C,) px."""
+    """Return the result of `NoiseTable.precisions`.
+
+    Args:
+        focals, diagonals: (C,) px.
+    """
     result = np.zeros(marks.scores.shape)
     for d in range(len(result)):
         camera = marks.cameras[d]
@@ -132,7 +152,7 @@ def look_up(marks, learnt, focals, diagonals):
 
 @njit(cache=True, error_model="numpy")
 def tails_of(marks, tails):
-    """The loops of `NoiseTable.tails`."""
+    """Return the result of `NoiseTable.tails`."""
     result = np.ones(marks.scores.shape)
     for d, j in np.ndindex(marks.scores.shape):
         if marks.scores[d, j] > 0.0:
@@ -142,21 +162,25 @@ def tails_of(marks, tails):
 
 @njit(cache=True, error_model="numpy")
 def _bin(marks, d, j):
-    """The bin of a 2D joint, by kind and score."""
+    """Return the bin of a 2D joint, by occlusion and score."""
     return SCORE_BINS * marks.kinds[d, j] + min(int(marks.scores[d, j] * SCORE_BINS), SCORE_BINS - 1)
 
 
 @njit(cache=True, error_model="numpy")
 def _growth(learnt, size):
-    """Noise of a person of some size, a share of the image's diagonal, relative to that of the mean size."""
+    """Return the noise of a 2D pose relative to that of the mean size.
+
+    Args:
+        size: Size of the 2D pose, as a share of the image diagonal.
+    """
     middle, slope = learnt.growth
-    away = np.log(size) - middle if size > 0.0 else 0.0  # people of one joint have none
+    away = np.log(size) - middle if size > 0.0 else 0.0  # 2D poses of one joint have size 0
     return np.exp(slope * min(REACH, max(-REACH, away)))
 
 
 @njit(cache=True, error_model="numpy")
 def sizes_of(plane, magnification, scores):
-    """`Marks.sizes`."""
+    """Return the sizes (D,) of 2D poses, see `Marks`."""
     sizes = np.zeros(len(plane))
     for d in range(len(plane)):
         left = top = np.inf
@@ -174,10 +198,11 @@ def sizes_of(plane, magnification, scores):
 
 @njit(cache=True, error_model="numpy")
 def count_residuals(marks, residuals, learnt, focals, diagonals, start):
-    """The loops of `NoiseTable.learn`, in place; whether there were any.
+    """Update learnt values as in `NoiseTable.learn`, in place, and return whether there were residuals.
 
     Args:
-        focals, diagonals: (C,) px. start: initial share and memory.
+        focals, diagonals: (C,) px.
+        start: Initial share and memory.
     """
     (rows, joints, pixels), (initial, memory) = residuals, start
     shares, used = np.full(len(rows), np.nan), 0
@@ -224,7 +249,7 @@ def _add(sums, x, y):
 
 @njit(cache=True, error_model="numpy")
 def _solve_growth(learnt, memory):
-    """The mean log size, and the slope of log residuals over log sizes, in place."""
+    """Compute the mean log size, and the slope of log residuals over log sizes, in place."""
     learnt.sums[:] *= min(1.0, memory / max(learnt.sums[0], 1.0))
     count, x, y, xx, xy = learnt.sums
     middle = x / max(count, 1.0)
@@ -234,7 +259,7 @@ def _solve_growth(learnt, memory):
 
 @njit(cache=True, error_model="numpy")
 def _level(ratio):
-    """The level of a residual in units of sigma."""
+    """Return the level (bin of the histogram) of a residual in units of sigma."""
     level = (np.log(max(ratio, 1e-9)) - LOW) / WIDTH
     return int(min(max(level, 0.0), LEVELS - 1.0))
 
@@ -253,7 +278,7 @@ def _forget(table, memory):
 
 @njit(cache=True, error_model="numpy")
 def _quantile(row, share):
-    """The residual that this share of a histogram (L,) stays below, interpolated inside of its level."""
+    """Return the residual at this quantile of a histogram (L,), interpolated within its level."""
     total = 0.0
     for k in range(len(row)):
         total += row[k]

@@ -1,7 +1,8 @@
-"""Which joints are hidden behind a body, as far as the skeletons tell.
+"""Occlusion of joints by bodies, according to the skeletons.
 
-Detectors guess hidden joints, with several times the noise of visible ones and often a high score. How
-much noisier they are is learnt online (see `noise`); here is only geometry: a body is its bones, thickened.
+Detectors guess hidden joints, with several times the noise of visible ones and often with a high score. The
+noise of hidden joints is learnt online (see `noise`). This module contains geometry only: a body consists of
+its thickened bones.
 """
 
 from __future__ import annotations
@@ -15,18 +16,20 @@ from panoptic_ros.solving.scene import MIN_DEPTH, Cameras, seen_at
 
 Array = np.ndarray
 
-BONE_RADIUS = 0.05  # m
-TRUNK_RADIUS = 0.09  # m, of bones between the trunk's joints
-OWN_FACTOR = 0.7  # bones are thinner against joints of their own body
-CORE, RIM = 0.8, 1.3  # of a radius: within are hidden joints, those that may be, and the visible
-AHEAD = 0.06  # m, by which a bone must be closer to the camera than the joint
+BONE_RADIUS = 0.05  # m, radius of a bone
+TRUNK_RADIUS = 0.09  # m, radius of the flanks: shoulder to hip of one side
+OWN_FACTOR = 0.7  # factor on the radius of bones against joints of their own body
+CORE, RIM = 0.8, 1.3  # shares of a radius: joints are hidden within CORE, perhaps hidden within RIM
+AHEAD = 0.06  # m, least distance of a hiding bone in front of the joint
 
 
 def body_bones(skeleton: SkeletonModel, torso: tuple[tuple[int, int], ...] | None) -> tuple[Array, Array]:
-    """Bones (B, 2) that hide others, and their radii (B,) m: those of the skeleton, and the flanks.
+    """Return the bones (B, 2) that hide others, and their radii (B,) m.
+
+    They are the bones of the skeleton, and the flanks.
 
     Args:
-        torso: shoulders and hips, each (left, right), or None if the skeleton has none.
+        torso: Shoulders and hips, each (left, right), or None if the skeleton has none.
     """
     bones = [tuple(bone) for bone in skeleton.bones]
     radii = [BONE_RADIUS] * len(bones)
@@ -38,10 +41,11 @@ def body_bones(skeleton: SkeletonModel, torso: tuple[tuple[int, int], ...] | Non
 
 
 def hidden_marks(found: Candidates, bones: tuple[Array, Array], cams: Cameras, rows: int) -> Array:
-    """How hidden the joints are that D = `rows` 2D people show, (D, J), by the first estimate of the people.
+    """Return the occlusion (D, J) of 2D joints, from the first estimate of the people; see `hidden_joints`.
 
     Args:
-        bones: see `body_bones`.
+        bones: See `body_bones`.
+        rows: D, number of 2D poses.
     """
     places = np.where(np.isfinite(found.guide.positions), found.guide.positions, found.places)
     hidden = hidden_joints(places, found.guide.shifts, found.member >= 0, *bones, cams)
@@ -51,14 +55,18 @@ def hidden_marks(found: Candidates, bones: tuple[Array, Array], cams: Cameras, r
 
 @njit(cache=True, error_model="numpy")
 def hidden_joints(positions, shifts, asked, bones, radii, cams):
-    """Return whether joints lie behind a bone of anybody, seen from each view (P, V, J).
+    """Return the occlusion (P, V, J) of joints by bones of any person, seen from each view.
 
     0 = visible or not asked, 1 = perhaps hidden, 2 = hidden.
 
     Args:
-        positions: (P, J, 3) m, NaN = unknown: such joints are not hidden, their bones hide nothing.
-        shifts: (P, J, 3) m/s, velocities. asked: (P, V) the people whose joints count, in each view.
-        bones: (B, 2); radii: (B,) m. cams: `Cameras`.
+        positions: (P, J, 3) m, world, NaN = unknown. Unknown joints are not hidden, and their bones hide
+            nothing.
+        shifts: (P, J, 3) m/s, velocities.
+        asked: (P, V) whether the joints of the person count in the view.
+        bones: (B, 2) joints at the ends.
+        radii: (B,) m.
+        cams: `Cameras`.
     """
     people, joints = positions.shape[:2]
     views = len(cams.rotations)
@@ -80,12 +88,14 @@ def hidden_joints(positions, shifts, asked, bones, radii, cams):
 
 @njit(cache=True, error_model="numpy")
 def _project(position, shift, cams, v, place, box):
-    """Write where view v sees the joints of a person into place (3, J): x, y on the plane, depth in m.
-
-    The depth is 0 where the joint is nowhere.
+    """Project the joints of a person into view v.
 
     Args:
-        box: (6,) smallest and largest x, y and depth.
+        position: (J, 3) m, world.
+        shift: (J, 3) m/s, velocities.
+        place: (3, J), output: x, y on the plane and depth m; 0 for joints that are unknown or behind the
+            camera.
+        box: (6,), output: smallest and largest x, y and depth.
     """
     left = top = near = np.inf
     right = bottom = far = -np.inf
@@ -103,18 +113,24 @@ def _project(position, shift, cams, v, place, box):
 
 @njit(cache=True, error_model="numpy")
 def _apart(box, left, right, top, bottom, near):
-    """Whether all joints in a box lie beside these borders, or not behind this depth; one branch to guess."""
+    """Return whether all joints in a box lie beside these borders, or not behind this depth.
+
+    The conditions are combined without short circuit, so that the processor predicts one branch.
+    """
     return (box[0] > right) | (box[1] < left) | (box[2] > bottom) | (box[3] < top) | (box[5] < near + AHEAD)
 
 
 @njit(cache=True, error_model="numpy")
 def _hide(joints, box, body, own, bones, radii, hidden):
-    """Mark joints (3, J) in a box that lie behind the bones of a body (3, J) in hidden (J,), in place.
+    """Mark joints in a box that lie behind the bones of a body, in place.
 
     The loop over joints has no branch, so that the compiler treats several joints at once.
 
     Args:
-        own: whether the joints belong to that body. For the arrays see `_project`.
+        joints, body: (3, J), see `_project`.
+        box: (6,) of the joints, see `_project`.
+        own: Whether the joints belong to the body.
+        hidden: (J,) occlusion of the joints, updated.
     """
     factor = OWN_FACTOR if own else 1.0
     xs, ys, depths = joints[0], joints[1], joints[2]
@@ -146,7 +162,13 @@ def _hide(joints, box, body, own, bones, radii, hidden):
 
 @njit(cache=True, error_model="numpy")
 def hidden_observations(hidden, member, source, rows):
-    """The same of 2D joints (D, J), from hidden (P, V, J), member (P, V), source (P, V, J)."""
+    """Return the occlusion (D, J) of 2D joints, D = `rows`.
+
+    Args:
+        hidden: (P, V, J), see `hidden_joints`.
+        member: (P, V) row of the person's 2D pose in each view, -1 = none.
+        source: (P, V, J) joint of that 2D pose that stands for joint j.
+    """
     people, views, joints = hidden.shape
     result = np.zeros((rows, joints), np.int64)
     for p in range(people):

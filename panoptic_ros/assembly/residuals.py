@@ -1,4 +1,4 @@
-"""Which residuals tell how noisy 2D joints are: of well-supported joints, with their leverage taken out."""
+"""Choice of the residuals that show the noise of 2D joints, and their correction for leverage."""
 
 from __future__ import annotations
 
@@ -8,24 +8,27 @@ from panoptic_ros.geometry.symmetric import invert_symmetric
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.scene import seen_at
 
-MOST = 1000  # residuals per instant, about
-THINNING = 1e7  # the digits of an observation that say whether it is taken
-LEVERAGE = 0.7  # residuals of observations that decide alone say nothing
-TWO_VIEW_LEVERAGE = 0.9
+MOST = 1000  # approximate maximum number of residuals per instant
+THINNING = 1e7  # scale of the digits of an observation that decide whether it is used
+LEVERAGE = 0.7  # largest leverage of a used observation; one that decides alone leaves no residual
+TWO_VIEW_LEVERAGE = 0.9  # the same for joints of two views
 TWO_VIEW_FACTOR = 1.2345  # two views leave one residual: |N(0, 1)| has another median than a 2D length
 
 
 @njit(cache=True, error_model="numpy")
 def residuals_to_learn(kept, solved, shifts, seen, focals):
-    """Rows (N,), joints (N,) and residuals (N,) px of observations of the people `kept` (P,).
+    """Return rows (N,), joints (N,) and residuals (N,) px of observations of the people `kept` (P,).
 
-    They come from joints of three and more views, and from those of two only if there are no others. Of too
-    many residuals about every n-th is used, chosen by the digits of its observation, so that the order of the
-    views does not matter. Observations outside of the gate are used too: their residuals are noise.
+    The residuals are those of joints that three or more views show. Only if there are none, those of two
+    views are used. If there are too many residuals, about every n-th is used. The digits of its observation
+    decide, so the order of the views does not matter. Observations beyond the gate are included, because
+    their residuals are noise.
 
     Args:
-        solved: `SolvedJoints`. shifts: (P, J, 3) m/s, velocities by which views were moved to the set's
-            instant. seen: `Observations`. focals: (V,) px.
+        solved: `SolvedJoints`.
+        shifts: (P, J, 3) m/s, velocities with which views were moved to the instant of the set.
+        seen: `Observations`.
+        focals: (V,) px.
     """
     positions, normals, residuals, picks = solved
     plane, (joints, views) = seen.plane, residuals.shape[1:]
@@ -74,9 +77,12 @@ def residuals_to_learn(kept, solved, shifts, seen, focals):
 
 @njit(cache=True, error_model="numpy")
 def _residual(x, shift, spread, seen, v, d, s):
-    """Distance on the plane between a joint and its observation, and the leverage of that observation.
+    """Return the distance on the plane between a joint and its observation, and the observation's leverage.
 
-    x: (3,) m; shift: (3,) m/s; spread: (3, 3) m^2, inverse of the normal matrix of the joint.
+    Args:
+        x: (3,) m, world, position of the joint.
+        shift: (3,) m/s, velocity.
+        spread: (3, 3) m^2, inverse of the joint's normal matrix.
     """
     u, w, depth = seen_at(seen.cams, v, x, shift)
     r, row, total = seen.cams.rotations[v], np.empty(3), 0.0  # trace of J N^-1 J^T

@@ -1,7 +1,7 @@
-"""People from voted nodes and parts, as in Joo et al. 2017, 5.3: every instant by itself, nothing robust.
+"""People from voted nodes and parts, as in Joo et al. 2017, 5.3: without robust weights, each instant alone.
 
-Joints that two or more 2D joints correspond to are refined by minimising the squared reprojection error, in
-which all 2D joints count alike; the others stay at their nodes.
+A joint with two or more corresponding 2D joints is refined by minimising the squared reprojection error, and
+all its 2D joints have equal weights. Other joints stay at their nodes.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from panoptic_ros.geometry import ProjectionStack, Triangulated, triangulate_rob
 
 Array = np.ndarray
 
-PLAIN = 1e9  # standard deviations: no residual is large, but those of points behind a camera are infinite
+PLAIN = 1e9  # standard deviations: no residual is an outlier, except points behind a camera (infinite)
 
 
 def people_from_parts(item: ProposalSet, rig: Rig, skeleton: SkeletonModel, config: AssemblyConfig) -> People:
-    """The people of an instant, in the order of their scores."""
+    """Return the people of an instant, in the order of their scores."""
     views = item.detections.views
     found = assemble(item, rig, skeleton, config.correspondence_px)
     nodes = np.array([person.nodes for person in found], np.int64).reshape(-1, len(skeleton))
@@ -45,11 +45,14 @@ def people_from_parts(item: ProposalSet, rig: Rig, skeleton: SkeletonModel, conf
 
 
 def _refined(detections: DetectionSet, rig: Rig, claims: Array, start: Array, noise: float) -> Triangulated:
-    """The joints (P * J) that minimise the squared reprojection error; NaN where fewer than two views claim.
+    """Return the joints (P * J) with the least squared reprojection error.
+
+    Joints that fewer than two views claim are NaN.
 
     Args:
-        claims: (P, J, V), see `dynamic_programming.Hypothesis`. start: (P, J, 3) m.
-        noise: standard deviation of 2D joints, a share of the image's diagonal.
+        claims: (P, J, V), see `dynamic_programming.Hypothesis`.
+        start: (P, J, 3) m, world.
+        noise: Standard deviation of 2D joints, as a share of the image diagonal.
     """
     cameras = [rig.camera(view.camera) for view in detections.views]
     plane = np.full((*claims.shape, 2), np.nan)
@@ -70,13 +73,17 @@ def _refined(detections: DetectionSet, rig: Rig, claims: Array, start: Array, no
 
 
 def _stack(rig: Rig, names: Sequence[str]) -> ProjectionStack:
-    """Some of the cameras, in the order of the names."""
+    """Return the projections of some cameras, in the order of the names."""
     stack, rows = rig.stack(), [rig.names.index(name) for name in names]
     return ProjectionStack(stack.rotations[rows], stack.translations[rows], stack.focals[rows])
 
 
 def _sources(detections: DetectionSet, claims: Array) -> ViewSources:
-    """The 2D person of each view that gave most joints to each person; claims (P, J, V)."""
+    """Return the 2D pose of each view that supplied most joints of each person.
+
+    Args:
+        claims: (P, J, V), see `dynamic_programming.Hypothesis`.
+    """
     most = max((len(view.points) for view in detections.views), default=0)
     given = (claims[..., None] == np.arange(most)).sum(axis=1)  # (P, V, 2D people)
     main = given.argmax(axis=-1) if most else np.zeros(given.shape[:2], np.int64)
@@ -88,7 +95,7 @@ def _sources(detections: DetectionSet, claims: Array) -> ViewSources:
 
 
 def _taken(values: Array, index: Array) -> Array:
-    """values[index], 0 where the index is -1."""
+    """Return values[index], 0 where the index is -1."""
     padded = np.concatenate([values, np.zeros((1, *values.shape[1:]), values.dtype)])
     taken: Array = padded[index]
     return taken

@@ -1,7 +1,4 @@
-"""The assembly stage.
-
-An example to compile the kernels with, so that the first real instant does not wait for it.
-"""
+"""Assembly stage, and examples that compile its kernels before the first real instant."""
 
 from __future__ import annotations
 
@@ -45,14 +42,17 @@ from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
-DELAY_NS = 1000  # between views, so that they have stamps of their own
+DELAY_NS = 1000  # ns between views, so that they have different timestamps
 
 
 def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
-    """Instants of a cloud of joints: of one view; of more, without maps; with maps, its nodes and parts, and
-    nodes beside it.
+    """Yield example instants of a cloud of joints that cover all ways to find people.
 
-    So people are found in every way that there is: by bones, by 2D people, by guidance, by parts, by nodes.
+    The ways are bones, 2D poses, guidance, parts and nodes. The instants have, in this order:
+
+    * one view;
+    * several views without score maps;
+    * several views with score maps, nodes and parts of the cloud, and further nodes beside it.
     """
     _, few = easy_associations(rig.subset(rig.names[:2]), skeleton)
     member, lengths = few.groups.member.copy(), np.full((1, len(skeleton.bones)), np.nan)
@@ -87,9 +87,9 @@ def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:
 
 
 class AssemblyStage(Stateful):
-    """Skeletons of one instant, without identity, from a `ProposalSet`.
+    """Stage that solves the skeletons of one instant, without identities, from a `ProposalSet`.
 
-    The constructor compiles the kernels, or takes them from numba's cache.
+    The constructor compiles the kernels, or loads them from numba's cache.
     """
 
     LAYOUT = StateLayout(
@@ -101,10 +101,10 @@ class AssemblyStage(Stateful):
 
     def __init__(self, config: AssemblyConfig, context: StageContext):
         self._config, self._context, self._skeleton = config, context, context.skeleton
-        self._hash = context.skeleton.hash  # computed at each call
+        self._hash = context.skeleton.hash  # kept, as the property computes it at each call
         self._rig = RigArrays.of(context.rig)
         self._biases = _bias_table(config, context)
-        self._errs = any(context.skeleton.bias_floors)  # the detector, in the same way for long
+        self._errs = any(context.skeleton.bias_floors)  # whether errors of the detector persist
         self._mirror = np.array(context.skeleton.mirror, np.int64)
         self._limbs = limbs_of(context.skeleton)
         self._needed_views = needed_views(config.capture_views, context.rig.cameras)
@@ -127,24 +127,24 @@ class AssemblyStage(Stateful):
         self.reset()
         for example in example_sets(context.rig, context.skeleton):
             self.step(example)
-        compile_claims()  # no image border cuts the people of the examples
+        compile_claims()  # image borders do not cut the people of the examples
         self.reset()
 
     def reset(self) -> None:
-        """Forget the learnt noise."""
+        """Discard the learnt noise."""
         config = self._config
         self._noise = NoiseTable(len(self._rig.focals), config.initial_noise, config.noise_memory)
 
     def flush(self) -> StepResult[PoseSet]:
-        """Nothing is buffered."""
+        """Reset the stage; it has no buffered results."""
         self.reset()
         return StepResult()
 
     def step(self, item: ProposalSet) -> StepResult[PoseSet]:
-        """Skeletons of this instant.
+        """Return the skeletons of this instant.
 
         Raises:
-            DataError: if the people are of another skeleton, or of cameras that the rig lacks.
+            DataError: if the people have another skeleton, or cameras that the rig lacks.
         """
         check_association(item.association, self._rig, self._skeleton, self._hash)
         if self._config.method == "dynamic_programming":
@@ -152,8 +152,8 @@ class AssemblyStage(Stateful):
             return StepResult((self._without_biases(people.pose_set(item)),))
         learns = self._config.learn_noise
         if learns and not self._noise.learnt:
-            self._solve(item, learns)  # the first people are solved again, with the noise learnt from them
-            learns = False  # from each instant once
+            self._solve(item, learns)  # solve the first people again, with the noise learnt from them
+            learns = False  # learn from each instant only once
         people, found, observed, motion = self._solve(item, learns)
         votes = exchanged_views(found.source, observed, self._limbs.groups)[people.kept]
         votes -= ANATOMY_VOTES * self._sides.right_way(people.joints.positions, people.joints.views)
@@ -164,10 +164,10 @@ class AssemblyStage(Stateful):
         return StepResult((self._without_biases(people.pose_set(item, votes, shift)),))
 
     def _solve(self, item: ProposalSet, learns: bool) -> tuple[People, Candidates, Array, Motion | None]:
-        """Return people of an instant, the candidates, where their joints are observed (P, V, J), and motion.
+        """Return people of an instant, the candidates, a mask (P, V, J) of observed joints, and the motion.
 
         Args:
-            learns: whether the noise table learns from the residuals.
+            learns: Whether the noise table learns from the residuals.
         """
         evidence, prediction = item.association.evidence, item.association.prediction
         found = Candidates.of(item.association, self._mirror)
@@ -203,7 +203,10 @@ class AssemblyStage(Stateful):
         return people, found, observed, motion
 
     def _solve_joints(self, scene: Scene, found: Candidates) -> SolvedJoints:
-        """Solve without artefacts of image borders; their precision becomes 0, in place."""
+        """Return the solved joints without artefacts of image borders.
+
+        The precision of possible artefacts is reduced, and that of artefacts becomes 0, in place.
+        """
         seen, rules = scene.observations, self._rules
         if not self._config.image_borders:
             return solve_joints(found, seen, rules)
@@ -223,12 +226,14 @@ class AssemblyStage(Stateful):
         observed: Array,
         tails: Array,
     ) -> People:
-        """Covariances and scores, joints that maps or few views tell, derived joints; only possible people.
+        """Return the people that are possible, with all their joints, covariances and scores.
+
+        Votes of maps move joints, bone lengths place joints of few views, and derived joints are computed.
 
         Args:
-            solution: joints; the people that were solved, where these expect joints nodes are looked for;
-                motion, None where all stamps are equal.
-            observed: (P, J) number of views whose 2D person shows each joint.
+            solution: Tuple of solved joints, candidates and motion. Nodes are searched at the predicted
+                joints of the candidates. The motion is None if all views have the same timestamp.
+            observed: (P, J) number of views whose 2D pose shows each joint.
             tails: (D, J) of the 2D joints, see `judge_joints`.
         """
         solved, found, motion = solution
@@ -257,7 +262,7 @@ class AssemblyStage(Stateful):
         return People(kept, own, sources, placed)
 
     def _without_biases(self, poses: PoseSet) -> PoseSet:
-        """The skeletons without known biases of the detector; the record tells what was taken out."""
+        """Return the skeletons without known biases of the detector; `corrections` states the difference."""
         if self._biases is None:
             return poses
         corrections = self._biases.corrections(poses.positions)
@@ -265,7 +270,10 @@ class AssemblyStage(Stateful):
 
 
 def _since_voting(item: ProposalSet, found: Candidates, motion: Motion | None) -> Array | float:
-    """By how much (P, J, 3) m joints would lie elsewhere with the predicted velocities, which votes go by."""
+    """Return the displacements (P, J, 3) m of joints if their velocities were the predicted ones.
+
+    Voting used these velocities. The result is 0 if all views have the same timestamp.
+    """
     if motion is None:
         return 0.0
     known, slower = found.who >= 0, np.zeros_like(found.guide.shifts)
@@ -276,7 +284,11 @@ def _since_voting(item: ProposalSet, found: Candidates, motion: Motion | None) -
 
 
 def _bias_table(config: AssemblyConfig, context: StageContext) -> BiasTable | None:
-    """The table that the configuration asks for, as the context's extra "bias_table"."""
+    """Return the bias table, which is the extra "bias_table" of the context; None if not configured.
+
+    Raises:
+        ContractError: if the extra is missing, or has another number of joints.
+    """
     if not config.bias_table:
         return None
     table = context.extras.get("bias_table")

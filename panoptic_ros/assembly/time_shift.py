@@ -1,12 +1,16 @@
-"""Views with stamps of their own: how joints depend on motion, and the velocities by which views are moved.
+"""Views with different timestamps: dependence of joints on motion, and corrected velocities.
 
-A view of delay t sees a joint at X + t V. With rows A of the linearised observations, weights w and an
-assumed velocity u, least squares gives to first order x = X + G (V - u), where
-G = (sum w A^T A)^-1 sum w t A^T A. Minimised over the position, what is left of the cost says the velocity
-with information W = sum w t^2 A^T A - (sum w t A^T A) G.
+A view with delay t sees a joint at X + t V. Let A be the rows of the linearised observations, w their weights
+and u an assumed velocity. To first order, least squares gives
 
-The innovation of a joint corrects its predicted velocity. Views are then moved a second time, by the
-corrected velocity. Apart from that, positions remain functions of the images of this instant.
+    x = X + G (V - u) with G = (sum w A^T A)^-1 sum w t A^T A.
+
+After minimisation over the position, the remaining cost measures the velocity with the information
+
+    W = sum w t^2 A^T A - (sum w t A^T A) G.
+
+The innovation of a joint corrects its predicted velocity. Views are then moved to the instant a second time,
+with the corrected velocity. Apart from that, positions depend on the images of this instant alone.
 """
 
 from __future__ import annotations
@@ -25,15 +29,18 @@ from panoptic_ros.solving.triangulation import SolverRules
 
 Array = np.ndarray
 
-WEAKEST = 1e-6  # share of the largest information in the weakest direction of a joint, at least
+WEAKEST = 1e-6  # share of a joint's total information, added in each direction against singularity
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """What the views say of K people's J joints in motion.
+    """Dependence of K people's J joints on motion, and the velocities that views measure.
 
-    covariances: (K, J, 3, 3) m^2, of positions at the assumed velocity. delays (K, J, 3, 3) s,
-    velocities (K, J, 3) m/s and information (K, J, 3, 3): see `TimeShift`.
+    Args:
+        covariances: (K, J, 3, 3) m^2, of the positions for the assumed velocity.
+        delays: (K, J, 3, 3) s, see `TimeShift`.
+        velocities: (K, J, 3) m/s, see `TimeShift`.
+        information: (K, J, 3, 3) s^2/m^2, see `TimeShift`.
     """
 
     covariances: Array
@@ -45,9 +52,14 @@ class Motion:
 def solved_in_motion(
     scene: Scene, found: Candidates, solved: SolvedJoints, prediction: Prediction, rules: SolverRules
 ) -> tuple[Candidates, SolvedJoints, Motion]:
-    """The final solve again with better velocities, and how joints depend on motion.
+    """Solve the joints again with corrected velocities, and compute their dependence on motion.
 
-    Returns the candidates with the velocities that were used.
+    New people have no prediction to correct. If all people are new, the solution stays unchanged.
+
+    Returns:
+        found: The candidates with the velocities that were used.
+        solved: The solved joints.
+        motion: Dependence on motion.
     """
     motion = motion_of(scene, solved, found.guide.shifts, rules.cauchy)
     if (found.who >= 0).any():
@@ -59,7 +71,12 @@ def solved_in_motion(
 
 
 def motion_of(scene: Scene, solved: SolvedJoints, shifts: Array, cauchy: float) -> Motion:
-    """Delays of all joints, and what the views say of velocities besides those assumed, (K, J, 3) m/s."""
+    """Return the delays of all joints, and the velocities that the views measure.
+
+    Args:
+        shifts: (K, J, 3) m/s, assumed velocities.
+        cauchy: Scale of the Cauchy weight, in standard deviations.
+    """
     normals, first, second, slopes = stamp_sums(solved, shifts, scene.observations, cauchy)
     scale = np.trace(normals, axis1=-2, axis2=-1)[..., None, None]
     covariances = np.linalg.inv(normals + (WEAKEST * scale + (scale <= 0.0)) * np.eye(3))
@@ -75,9 +92,9 @@ def motion_of(scene: Scene, solved: SolvedJoints, shifts: Array, cauchy: float) 
 def likelier_velocities(
     found: Candidates, solved: SolvedJoints, motion: Motion, prediction: Prediction
 ) -> Array:
-    """Velocities (K, J, 3) m/s: the predicted ones after a Kalman update.
+    """Return velocities (K, J, 3) m/s: the predicted ones after a Kalman update.
 
-    The prediction is of constant velocity, the measurement is the position, of error G (V - u).
+    The prediction has a constant velocity. The measurement is the position, with the error G (V - u).
     """
     velocities = found.guide.shifts.copy()
     known = np.flatnonzero(found.who >= 0)
@@ -99,15 +116,20 @@ def likelier_velocities(
 def time_shift(
     motion: Motion, kept: Array, positions: Array, shifts: Array, skeleton: SkeletonModel
 ) -> TimeShift:
-    """The record for the people that were `kept` (P,), with joints at positions (P, J, 3).
+    """Return the record for the people that were kept (P,).
 
-    Derived joints have the mean of their parts.
+    Derived joints have the means of their parts, with an information of 0. Missing joints have zeros.
+
+    Args:
+        kept: (P,) rows of these people in `motion`.
+        positions: (P, J, 3) m, world, their joints.
+        shifts: (K, J, 3) m/s, assumed velocities.
     """
     arrays = [a[kept] for a in (motion.delays, shifts, motion.velocities, motion.information)]
     for joint, parts in skeleton.derived:
         for array in arrays:
             array[:, joint] = array[:, list(parts)].mean(axis=1)
-        arrays[3][:, joint] = 0.0  # no view shows them
+        arrays[3][:, joint] = 0.0  # no view observes derived joints
     for array in arrays:
         array[np.isnan(positions[..., 0])] = 0.0
     return TimeShift(*arrays)
@@ -115,11 +137,17 @@ def time_shift(
 
 @njit(cache=True, error_model="numpy")
 def stamp_sums(solved, shifts, seen, cauchy):
-    """Sums over the used views of w A^T A, w t A^T A, w t^2 A^T A (K, J, 3, 3), and w t A^T e (K, J, 3).
+    """Return sums over the used views that determine delays and velocities.
 
     Args:
-        solved: `SolvedJoints`. shifts: (K, J, 3) m/s. seen: `Observations`. e is the observation minus the
-            projection.
+        solved: `SolvedJoints`.
+        shifts: (K, J, 3) m/s, assumed velocities.
+        seen: `Observations`.
+        cauchy: Scale of the Cauchy weight, in standard deviations.
+
+    Returns:
+        normals, first, second: (K, J, 3, 3), sums of w A^T A, w t A^T A and w t^2 A^T A.
+        slopes: (K, J, 3), sum of w t A^T e. Here e is the observation minus the projection.
     """
     positions, _, residuals, picks = solved
     plane, precision = seen.plane, seen.precision

@@ -17,10 +17,10 @@ class DepthSensorSource:
     """Depth maps of a sensor in natural order of their file names; every iteration starts at the first.
 
     Args:
-        sensor: depth sensor of the rig; the maps must have its image size.
+        sensor: Depth sensor of the rig; the maps must have its image size.
         files: uint16 in counts of the sensor's `unit_m` along its z axis, 0 = unknown.
-        start_ns, frame_rate: map i has the timestamp start_ns + i / frame_rate.
-        stamps: timestamps (ns) on the sensor's clock, one per map; they replace the frame rate.
+        start_ns, frame_rate: Map i has the timestamp start_ns + i / frame_rate.
+        stamps: Timestamps (ns) on the sensor's clock, one per map; they replace the frame rate.
 
     Raises:
         DataError: if the number of timestamps is wrong or they do not increase; while iterating, if a file is

@@ -92,12 +92,12 @@ class PlayedSource:
     in time is dropped, and its number is skipped.
 
     Args:
-        source: a recording of known length.
-        rate_hz: frame rate, instead of the recording's own.
-        start_ns: time of frame 0 on `clock`.
-        clock: returns the time in ns.
-        wait: sleeps for a number of seconds.
-        most_kept: limit in bytes of frames kept in memory.
+        source: A recording of known length.
+        rate_hz: Frame rate, instead of the recording's own.
+        start_ns: Time of frame 0 on `clock`.
+        clock: Returns the time in ns.
+        wait: Sleeps for a number of seconds.
+        most_kept: Limit in bytes of frames kept in memory.
     """
 
     frame_count: int | None = None

@@ -39,12 +39,12 @@ class DeviceOptions:
     """Options for opening a device, and its latency.
 
     Args:
-        image_size: requested (width, height) px; None = the device's default.
-        frame_rate: requested Hz; None = the device's default.
-        latency_ms: time from mid-exposure to the arrival of the image in this program; it is subtracted from
+        image_size: Requested (width, height) px; None = the device's default.
+        frame_rate: Requested Hz; None = the device's default.
+        latency_ms: Time from mid-exposure to the arrival of the image in this program; it is subtracted from
             the arrival time. About one frame period plus transfer for USB, 100 to 300 ms for RTSP.
-        timeout_s: limit of the time from opening to the first image.
-        reconnect: if the images cease, try to reconnect forever; otherwise the source ends.
+        timeout_s: Limit of the time from opening to the first image.
+        reconnect: If the images cease, try to reconnect forever; otherwise the source ends.
     """
 
     image_size: tuple[int, int] | None = None
@@ -63,11 +63,11 @@ class DeviceSource:
     device is closed and opened again, with increasing pauses. `reconnects` counts the successful attempts.
 
     Args:
-        camera: name.
-        device: a number, /dev/videoN, or an RTSP or HTTP URL.
-        clock: returns ns; clock of the timestamps, by default the wall clock.
-        options: see `DeviceOptions`.
-        opener: replaces OpenCV in tests.
+        camera: Name.
+        device: A number, /dev/videoN, or an RTSP or HTTP URL.
+        clock: Returns ns; clock of the timestamps, by default the wall clock.
+        options: See `DeviceOptions`.
+        opener: Replaces OpenCV in tests.
 
     Raises:
         UsageError: if it is no device name.

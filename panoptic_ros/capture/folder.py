@@ -37,14 +37,14 @@ class CaptureFolder:
     """Recorded capture with open sources; a context manager that closes them.
 
     Args:
-        path: the folder, or the common parent of the files.
-        rig: the cameras that have images, with the images' sizes.
-        sources: one per camera, in the order of the rig.
-        notices: one line about each adaptation or omission.
-        depth_sensors: one per depth sensor of the rig that has maps, in the order of the rig.
-        sounds: descriptions of the audio recordings, for `capture.sound.open_sound`.
-        stamps: timestamps (ns) by camera, if the folder has its own.
-        starts: see `open_files`.
+        path: The folder, or the common parent of the files.
+        rig: The cameras that have images, with the images' sizes.
+        sources: One per camera, in the order of the rig.
+        notices: One line about each adaptation or omission.
+        depth_sensors: One per depth sensor of the rig that has maps, in the order of the rig.
+        sounds: Descriptions of the audio recordings, for `capture.sound.open_sound`.
+        stamps: Timestamps (ns) by camera, if the folder has its own.
+        starts: See `open_files`.
     """
 
     path: Path
@@ -97,20 +97,20 @@ def open_capture_folder(
     """Open a capture folder.
 
     Args:
-        path: holds a rig file and `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera.
+        path: Holds a rig file and `<camera>.mp4` (or .avi .mkv .mov ...) or `<camera>/*.png|jpg` per camera.
             Optional depth maps are `<camera>_depth/*.png` (see `DepthSource`) and `<sensor>_depth/*.png` of
             the rig's depth sensors (see `DepthSensorSource`). Optional audio is `<device>.wav` or sound
             tracks, with sound.yaml (see `folder_sounds`). Further optional files are occluders.json, and
             timestamps.csv or else CMU's sync tables (see `table_times`). Other files and folders are ignored.
-        rig: replaces the rig file and occluders.json.
-        cameras: use only these.
-        size_policy: see `fit_camera`.
-        start_ns, frame_rate: see `VideoSource`. Image folders without timestamps have 30 Hz by default.
-        corrections: timestamp corrections by camera, see `CorrectedSource`; audio keeps its own timestamps.
-        starts: see `open_files`.
-        hardware, skip_damaged: see `Movie`.
-        depth: use depth maps that are registered to cameras.
-        until_ns: frames with this timestamp and later ones are skipped.
+        rig: Replaces the rig file and occluders.json.
+        cameras: Use only these.
+        size_policy: See `fit_camera`.
+        start_ns, frame_rate: See `VideoSource`. Image folders without timestamps have 30 Hz by default.
+        corrections: Timestamp corrections by camera, see `CorrectedSource`; audio keeps its own timestamps.
+        starts: See `open_files`.
+        hardware, skip_damaged: See `Movie`.
+        depth: Use depth maps that are registered to cameras.
+        until_ns: Frames with this timestamp and later ones are skipped.
 
     Raises:
         DataError: if the folder, the rig or a camera's images are missing, or a camera has two files.
@@ -182,15 +182,15 @@ def open_files(
     """Open one video or image folder per camera with its depth maps, and check it against the rig.
 
     Args:
-        files: path by camera; the rig of the result omits cameras that have no path.
-        stamps: timestamps (ns) by camera, which replace the files' own times. If any are given, all cameras
+        files: Path by camera; the rig of the result omits cameras that have no path.
+        stamps: Timestamps (ns) by camera, which replace the files' own times. If any are given, all cameras
             need them.
-        times: the same by frame number; frames without one are skipped.
-        corrections: timestamp corrections by camera, see `CorrectedSource`.
-        starts: delay (ns) after `start_ns` at which a camera's recording began. None = the result of
+        times: The same by frame number; frames without one are skipped.
+        corrections: Timestamp corrections by camera, see `CorrectedSource`.
+        starts: Delay (ns) after `start_ns` at which a camera's recording began. None = the result of
             `find_starts`, if there are no timestamps.
-        hardware, skip_damaged: see `Movie`.
-        until_ns: see `open_capture_folder`.
+        hardware, skip_damaged: See `Movie`.
+        until_ns: See `open_capture_folder`.
 
     Raises:
         CalibrationError, DataError: as `open_capture_folder`.

@@ -37,21 +37,21 @@ class ImageFolderSource:
     missing frame, and `notices` reports it.
 
     Args:
-        camera: name.
-        path: folder with images (`IMAGE_SUFFIXES`); other files in it are ignored.
-        start_ns: timestamp of the first image, ns. The attribute may be changed when the start is found
+        camera: Name.
+        path: Folder with images (`IMAGE_SUFFIXES`); other files in it are ignored.
+        start_ns: Timestamp of the first image, ns. The attribute may be changed when the start is found
             later.
         frame_rate: Hz; image i has the timestamp start_ns + i / frame_rate, where i includes missing numbers.
-        stamps: timestamps (ns), one per image; they replace the frame rate.
-        tabled: an external table has the timestamps, so the numbers in the names are ignored.
-        skip_damaged: skip and count images that cannot be decoded, instead of an error.
+        stamps: Timestamps (ns), one per image; they replace the frame rate.
+        tabled: An external table has the timestamps, so the numbers in the names are ignored.
+        skip_damaged: Skip and count images that cannot be decoded, instead of an error.
 
     Attributes:
-        first: number of the first image; None if the names have no frame numbers.
-        step: difference between the numbers of successive images; 1 if the names have no frame numbers.
+        first: Number of the first image; None if the names have no frame numbers.
+        step: Difference between the numbers of successive images; 1 if the names have no frame numbers.
         late, label: as in `VideoSource`; always 0 and None.
-        notices: lines without the camera name.
-        after: notices that are available after the last image.
+        notices: Lines without the camera name.
+        after: Notices that are available after the last image.
 
     Raises:
         DataError: if the folder or images are missing; while iterating, if an image cannot be read or has

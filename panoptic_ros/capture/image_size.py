@@ -19,14 +19,14 @@ def fit_camera(camera: Camera, image_size: tuple[int, int], policy: SizePolicy =
     """Return the camera for images of another size than the calibration's.
 
     Args:
-        camera: as calibrated.
+        camera: Calibrated camera.
         image_size: (width, height) px of the images.
-        policy: "strict" refuses any difference except width and height swapped by mistake, see
-            `is_exchanged`. "scale": the images were resized, so focal lengths and principal point are scaled;
-            the aspect ratio must agree to 0.5 %. "letterbox": they were resized with constant aspect ratio
-            and padded with equal bars on two sides. "crop": columns were removed or added at the right, rows
-            at the bottom; pixels keep their coordinates and only the size changes. Video encoders with blocks
-            of 16 px do that: 1080 or 1088.
+        policy: Treatment of a different size. "strict" refuses it, except if width and height were swapped by
+            mistake (see `is_exchanged`). With "scale", images were resized: focal lengths and principal point
+            are scaled, and the aspect ratio must agree to 0.5 %. With "letterbox", images were resized with
+            constant aspect ratio and padded with equal bars on two sides. With "crop", columns were removed
+            or added at the right, and rows at the bottom. Pixels then keep their coordinates and only the
+            size changes. Video encoders with blocks of 16 px do that: 1080 or 1088.
 
     Raises:
         CalibrationError: naming both sizes and a possible reason.

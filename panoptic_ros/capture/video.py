@@ -45,21 +45,21 @@ class VideoSource:
     in `repaired_stamps`.
 
     Args:
-        camera: name.
-        path: any file that FFmpeg reads.
-        start_ns: timestamp of the first frame, ns. The attribute may be changed when the start is found
+        camera: Name.
+        path: Any file that FFmpeg reads.
+        start_ns: Timestamp of the first frame, ns. The attribute may be changed when the start is found
             later.
         frame_rate: Hz; replaces the file's own times.
-        stamps: timestamps (ns), one per frame; they replace all others.
-        hardware: decoding hardware, see `Movie`.
-        skip_damaged: skip damaged frames instead of an error; see `Movie`.
+        stamps: Timestamps (ns), one per frame; they replace all others.
+        hardware: Decoding hardware, see `Movie`.
+        skip_damaged: Skip damaged frames instead of an error; see `Movie`.
 
     Attributes:
-        late: s from the beginning of the recording to the first frame, as the file states; 0 if below a frame
-            period.
-        label: timecode of the first frame, if there is one.
-        notices: changes of the images, without the camera name.
-        after: notices that are available after the last frame.
+        late: Time (s) from the beginning of the recording to the first frame, as the file states; 0 if below
+            a frame period.
+        label: Timecode of the first frame, if there is one.
+        notices: Changes of the images, without the camera name.
+        after: Notices that are available after the last frame.
 
     Raises:
         DataError: if the file is missing, no video, without frames, without times or rate, or cut off. While

@@ -35,12 +35,12 @@ class TopicCounter:
     """Message counts and timestamps of one topic.
 
     Args:
-        kind: message type, "package/msg/Name".
-        count: messages received.
-        size: bytes received.
-        missing: messages that were lost, from gaps in the frame numbers, else from gaps in the timestamps.
-        longest_s: longest step between two successive timestamps, s.
-        last_ns: latest timestamp, ns.
+        kind: Message type, "package/msg/Name".
+        count: Messages received.
+        size: Bytes received.
+        missing: Messages that were lost, from gaps in the frame numbers, else from gaps in the timestamps.
+        longest_s: Longest step between two successive timestamps, s.
+        last_ns: Latest timestamp, ns.
     """
 
     kind: str
@@ -91,14 +91,14 @@ class BagRecorder:
     """Writer of messages to a bag, which survives a crash because it is written in place (see `BagWriter`).
 
     Args:
-        path: the bag, or the folder of its parts.
-        budget: largest number of bytes of messages; 0 = limited by the free disk space alone.
-        keep_free: bytes that stay free on the disk.
-        split: limits of one part. The parts `path/000`, `path/001`, ... are complete bags. None = `path` is
+        path: The bag, or the folder of its parts.
+        budget: Largest number of bytes of messages; 0 = limited by the free disk space alone.
+        keep_free: Bytes that stay free on the disk.
+        split: Limits of one part. The parts `path/000`, `path/001`, ... are complete bags. None = `path` is
             the bag.
-        opening: returns messages that are written at the start of every part but the first. It is called in
+        opening: Returns messages that are written at the start of every part but the first. It is called in
             the recorder's thread.
-        beside: flushes files next to the bag to the disk. It is called after each flush of the bag, in the
+        beside: Flushes files next to the bag to the disk. It is called after each flush of the bag, in the
             recorder's thread.
 
     Raises:

@@ -40,15 +40,15 @@ class BagStream:
     """One topic of one camera or audio device in a bag.
 
     Args:
-        camera: name of the camera or device.
-        key: key in `graph.topics.TOPICS`, which defines the content of the messages.
-        arrival_stamps: use the recording times instead of the header timestamps.
-        shift_ns: offset (ns) added to timestamps only to order the messages of several topics.
-        from_sample: audio only: blocks that end at or before this sample are skipped.
-        line: clock correction of the timestamps; messages with a corrected timestamp below 0 are skipped.
-        people: converter, if the messages are 2D poses of another software stack.
-        encoding: image encoding that overrides the encoding in the messages.
-        until_ns: messages with this timestamp (ns) or a later one are skipped.
+        camera: Name of the camera or device.
+        key: Key in `graph.topics.TOPICS`, which defines the content of the messages.
+        arrival_stamps: Use the recording times instead of the header timestamps.
+        shift_ns: Offset (ns) added to timestamps only to order the messages of several topics.
+        from_sample: Audio only: blocks that end at or before this sample are skipped.
+        line: Clock correction of the timestamps; messages with a corrected timestamp below 0 are skipped.
+        people: Converter, if the messages are 2D poses of another software stack.
+        encoding: Image encoding that overrides the encoding in the messages.
+        until_ns: Messages with this timestamp (ns) or a later one are skipped.
     """
 
     bag: Path

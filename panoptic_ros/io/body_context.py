@@ -20,10 +20,10 @@ def body_extras(
     """Return the extras of `kinematics.KinematicsStage`.
 
     Args:
-        subjects: subject files.
-        segments: segment skeleton, name or file; "" = the default.
-        prior: pose prior file; "" = the installed prior.
-        offsets: file with the joint positions of the detector relative to the segments; "" = the positions in
+        subjects: Subject files.
+        segments: Segment skeleton, name or file; "" = the default.
+        prior: Pose prior file; "" = the installed prior.
+        offsets: File with the joint positions of the detector relative to the segments; "" = the positions in
             the segment skeleton.
 
     Raises:

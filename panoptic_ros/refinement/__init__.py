@@ -1,19 +1,24 @@
-"""Refinement: motion of tracked people, smoothed over a short lag on its covariances.
+"""Refinement: smooths the motion of tracked people with a fixed lag, weighted by covariances.
 
-Each joint has a Kalman filter (position and velocity, white acceleration). Its update uses the full
-covariance of the measured position and a Cauchy weight against outliers. A fixed-lag smoother then uses
-the frames that follow (Rauch, Tung, Striebel 1965). Every step is done once for all joints of all people
-(`filter_bank`), who are rows of the same arrays (`records`). Where views have stamps of their own, positions
-are measured together with the motion (`domain.TimeShift`), so that every view counts at its own stamp. The
-velocity of new joints is estimated from all joints of a person together (`start_motion`).
+Each joint has a Kalman filter with position and velocity as its state and white acceleration as process
+noise. Where the motion of the surface was measured, the state has a correlated acceleration as well
+(`motion_model`). The update uses the full covariance of the measured position, and a Cauchy weight against
+outliers. A fixed-lag smoother (Rauch, Tung, Striebel 1965) then uses the frames within the lag. All joints of
+all people are processed together (`filter_bank`): people are rows of the same arrays (`records`).
 
-Process noise, the scale of the covariances and the correlation of errors over time are learnt online from
-innovations (Mehra 1970, `tuning`); where displacements were measured on the surface (`links`), process noise
-from theirs. Bone lengths are learnt online and are soft constraints on the joints
-(`bones`). Short gaps are interpolated or predicted, and their joints are marked as filled or predicted.
-Errors of a detector that no smoothing removes are added to the covariances at the end (`bias_floor`).
+If views have different timestamps, a position is measured together with its dependence on the velocity
+(`domain.TimeShift`). So every view counts at its own timestamp. The initial velocities of a person's joints
+are estimated jointly (`start_motion`).
 
-In: `TrackedPoseSet`. Out: one `RefinedPoseSet` for each, in order, delayed by the lag (`lag`); `flush`
-gives the rest. Limits: bones are rigid, and each joint is smoothed by itself. Errors that are constant
-over time (biases of a detector) are not corrected.
+Process noise, the scale of the covariances and the time correlation of errors are learnt online from
+innovations (Mehra 1970, `tuning`). Where displacements of the surface were measured (`links`), their
+innovations determine the process noise. Bone lengths are learnt online and act as soft constraints on the
+joints (`bones`). Short gaps are interpolated or predicted, and their joints are marked as filled or
+predicted. Detector errors that smoothing cannot remove are added to the covariances at the end
+(`bias_floor`).
+
+Input: `TrackedPoseSet`, and optionally `PatchTrajectories` and `BodyStateSet`. Output: one `RefinedPoseSet`
+for each `TrackedPoseSet`, in order, delayed by the lag (`lag`); `flush` returns the remaining ones. Limits:
+bones are rigid, and each joint is smoothed separately. Constant errors of a detector (biases) are not
+corrected.
 """

@@ -1,8 +1,11 @@
-"""The averaging of Joo et al. 2017, 6.3: a part is the mean of where it is measured and of where the motion
-of the surface carries it from the instant before and the one after (n = 1).
+"""Averaging of joints over neighbouring instants, after Joo et al. 2017, 6.3.
 
-The reference for the smoother, which knows covariances. What the paper leaves open: a part is a bone; a bone
-that no rigid part holds, as the neck, is not carried.
+Each rigid part becomes the mean of up to three proposals. One is its measured position. The others are its
+positions at the previous and the next instant (n = 1), propagated to this instant by the motion of the
+surface. This method is the reference for the smoother, which also uses covariances.
+
+The paper leaves two points open. Here each bone is a part of its own. A bone that belongs to no rigid part,
+such as the neck, is left out.
 """
 
 from __future__ import annotations
@@ -16,19 +19,22 @@ from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.geometry.rotations import rotation_of
 
 Array = np.ndarray
-Joints = dict[int, Array]  # (J, 3) m by person, NaN = missing
-Bones = list[tuple[tuple[int, int], int]]  # both joints, and the rigid part that holds them
-Motions = Sequence[PartMotions | None]  # of each instant since the one before; None = not measured
-MOST = 30  # rounds
+Joints = dict[int, Array]  # joints (J, 3) m of each person by id, NaN = missing
+Bones = list[tuple[tuple[int, int], int]]  # joints at both ends, index of the rigid part
+Motions = Sequence[PartMotions | None]  # per instant, since the previous one; None = not measured
+MOST = 30  # maximum number of rounds
 
 
 def averaged(
     joints: Sequence[Joints], motions_on: Callable[[Sequence[Joints]], Motions], skeleton: SkeletonModel
 ) -> tuple[list[Joints], int]:
-    """Joints by instant, averaged until nothing more is filled, and in how many rounds.
+    """Return the averaged joints of each instant, and the number of rounds.
+
+    Rounds are repeated until a round fills no further joint, at most `MOST` times.
 
     Args:
-        motions_on: motions of parts, with patches associated to these joints.
+        joints: Measured joints of each instant.
+        motions_on: Callback that associates patches with the given joints, and returns the motions of parts.
     """
     found, rounds, missing = list(joints), 0, _missing(joints)
     bones = _carried_bones(skeleton)
@@ -55,7 +61,7 @@ def _carried_bones(skeleton: SkeletonModel) -> Bones:
 
 
 def _round(joints: Sequence[Joints], motions: Motions, bones: Bones) -> list[Joints]:
-    """Every bone averaged over its proposals, every joint over its bones."""
+    """Average each bone over its proposals, then each joint over its bones."""
     turns = [_by_part(own) for own in motions]
     found = []
     for t, instant in enumerate(joints):
@@ -79,7 +85,7 @@ def _round(joints: Sequence[Joints], motions: Motions, bones: Bones) -> list[Joi
 
 
 def _by_part(motions: PartMotions | None) -> dict[tuple[int, int], tuple[Array, Array, Array]]:
-    """Rotation (3, 3), centre (3,) m and translation (3,) m by person and part."""
+    """Return the rotation (3, 3), centre (3,) m and translation (3,) m of each (person, part)."""
     found = {}
     if motions is not None:
         for k, key in enumerate(zip(motions.people.tolist(), motions.parts.tolist())):

@@ -1,4 +1,4 @@
-"""Lengths of people's bones: learnt online, then soft constraints on the joints; compiled."""
+"""Bone lengths of people: learnt online, then applied as soft constraints on the joints; compiled."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from panoptic_ros.refinement.records import Moment, People
 
 Array = np.ndarray
 
-MEMORY = 300.0  # frames over which a length is averaged
-OUTLIER = 3.0  # standard deviations, scale of the Cauchy weight of a learnt length
+MEMORY = 300.0  # frames, memory of the mean of a bone length
+OUTLIER = 3.0  # standard deviations, scale of the Cauchy weight of a bone's residual
 
 
 def on_bones(
@@ -25,16 +25,22 @@ def on_bones(
     lasting: Array | None,
     target: Moment,
 ) -> None:
-    """Learn the lengths of bones (B, 2), and put joints on bones of the learnt lengths, in place.
+    """Learn bone lengths, then pull the joints to bones of these lengths, in place.
 
-    Bones are as wrong as errors that last make them, too: those of the filter are small where the surface
-    shows how joints move. What only these explain is followed gradually: else joints that shake make their
-    neighbours shake. Lengths of bones whose ends err much are not learnt.
+    Persistent errors of joints change the bones as well. The covariances of the filter do not contain these
+    errors, and they are small where the surface shows the motion of joints. So the correction is computed
+    twice: with the covariances of the filter, and with persistent errors added. The difference between both
+    corrections is applied gradually (`fading.SLOW_BONES`), else a shaking joint would shake its neighbours. A
+    bone with uncertain ends does not change its learnt length.
 
     Args:
-        config: m and frames, `bone_sigma` and `bone_frames`. lasting: (P, J, 3, 3) m^2, of errors that last;
-            covariances stay those of the filter. None = there are none.
-        target: the moment.
+        judged: Joints of all people; positions and covariances are updated.
+        people: Learnt values; bone lengths and `pulled` are updated.
+        bones: (B, 2) joints at the ends.
+        config: `bone_sigma`, m, and `bone_frames`.
+        lasting: (P, J, 3, 3) m^2, covariances of persistent errors, None = no such errors. The resulting
+            covariances are those of the filter, without these errors.
+        target: The moment of the joints.
     """
     (places, spreads, _, states), (sigma, fewest) = judged, config
     whole = spreads if lasting is None else spreads + lasting
@@ -53,17 +59,20 @@ def on_bones(
 
 @njit(cache=True, error_model="numpy")
 def learn_people(places, spreads, states, bones, lengths, frames, squares):
-    """Learn the bone lengths (P, B) m of all people, in place; see `learn_lengths`."""
+    """Update the bone lengths (P, B) m of all people, in place; see `learn_lengths`."""
     for p in range(len(places)):
         learn_lengths(places[p], spreads[p], states[p], bones, MEMORY, lengths[p], frames[p], squares[p])
 
 
 @njit(cache=True, error_model="numpy")
 def pull_bones(positions, covariances, states, bones, lengths, sigma):
-    """Take lengths (P, B) m, NaN = not known, as measurements of noise sigma m, in place.
+    """Update the joints with bone lengths (P, B) m as measurements, in place; NaN = unknown length.
 
-    One pass along the tree from the root, each bone a scalar measurement of both ends, the less certain of
-    which moves more.
+    One pass follows the tree from the root. Each bone is a scalar measurement of both its ends, and the less
+    certain end moves more. A Cauchy weight reduces the influence of outliers.
+
+    Args:
+        sigma: m, standard deviation of the lengths.
     """
     offset, gain_a, gain_b = np.empty(3), np.empty(3), np.empty(3)
     for p, i in np.ndindex(lengths.shape):

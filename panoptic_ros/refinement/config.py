@@ -9,7 +9,7 @@ from panoptic_ros.params import Config, param
 
 @dataclass(frozen=True, kw_only=True)
 class RefinementConfig(Config):
-    """How motion is smoothed."""
+    """Parameters of the smoothing of motion."""
 
     enabled: bool = param(True, doc="Off: skeletons pass through as tracking gave them, at once.")
     method: str = param(

@@ -1,13 +1,14 @@
-"""The filters of all joints of all people, and their smoother.
+"""Kalman filters of all joints of all people, their smoother, and learnt gains on the motion of limbs.
 
-By how much the motion of limbs that is followed on their surface falls short, learnt from views.
+Limbs seem to move too little in optical flow. The window of an image around a point of a limb also contains
+the background, and flow follows a mixture of both (the generalised aperture problem, Black and Anandan 1996).
+So limbs seem to move a tenth too little against the torso, for as long as they move. No covariance of single
+displacements describes such an error.
 
-The window of an image round a point on a limb shows what is behind the limb, too, and flow follows a mixture
-of both (Black and Anandan 1996 call it the generalised aperture problem). So limbs seem to move against the
-torso by a tenth too little, for as long as they move, which no covariance of single displacements tells.
-Views measure the same motion, with errors that are not those of flow: the slope of a regression of what they
-say of the last instants on what the surface says is by what displacements are multiplied. It belongs to
-images and detector, and is learnt of all people together, for each pair of joints (both elbows, both knees).
+Views measure the same motion, with errors that are independent of flow. The gain on displacements is the
+slope of a regression of recent motion from views on recent motion from the surface. The gain belongs to
+images and detector, so it is learnt from all people together. Each pair of joints (both elbows, both knees)
+has its own gain.
 """
 
 from __future__ import annotations
@@ -40,26 +41,31 @@ from panoptic_ros.refinement.start_motion import likely_velocities, started
 from panoptic_ros.refinement.trust import given_up
 from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, process_noise, scales
 
-SPAN = 0.3  # s, over which motions are compared
-MEMORY = 10.0  # s, for which comparisons count
-PRIOR = 0.05**2 * SPAN  # m^2 s, weight of a gain of 1
-SOFT = 0.05  # m, of views from the surface, from which on a comparison counts less
-MOST = 1.5  # gain
+SPAN = 0.3  # s, time constant of the recent motion that is compared
+MEMORY = 10.0  # s, time constant of the regression sums
+PRIOR = 0.05**2 * SPAN  # m^2 s, weight of the prior gain of 1
+SOFT = 0.05  # m, scale of the Cauchy weight on the difference between both motions
+MOST = 1.5  # largest gain
 Array = np.ndarray
 
-STEADY = 1.0  # s, over which covariances of errors that last are followed
-SPEED_MEMORY = 0.3  # s, how long a joint that was fast is expected to be so
+STEADY = 1.0  # s, time constant of the covariances of persistent errors
+SPEED_MEMORY = 0.3  # s, decay time of a joint's largest recent speed
 
 
 class Limbs(NamedTuple):
-    """The number of the torso among the parts, -1 = none, and the outer joints of limbs, by their kinds."""
+    """Torso and limbs of a skeleton.
+
+    Args:
+        torso: Index of the torso in `rigid_parts`, -1 = none.
+        kinds: Outer joints of the limbs; left and right counterparts form one group.
+    """
 
     torso: int
     kinds: tuple[tuple[int, ...], ...]
 
 
 def limbs_of(skeleton: SkeletonModel) -> Limbs:
-    """Of a skeleton."""
+    """Return the torso and the limbs of a skeleton."""
     parts = rigid_parts(skeleton)
     torso = next((number for number, part in enumerate(parts) if part.name == "torso"), -1)
     first_of = {right: left for left, right in skeleton.left_right}
@@ -72,12 +78,19 @@ def limbs_of(skeleton: SkeletonModel) -> Limbs:
 
 
 def nothing_compared(limbs: Limbs) -> Array:
-    """(K, 2) sums m^2 s of K kinds, of products of views and surface, and of squares of the surface."""
+    """Return regression sums (K, 2) m^2 s of 0 for K kinds: surface times views, and surface squared."""
     return np.zeros((len(limbs.kinds), 2))
 
 
 def with_torso(motions: PartMotions, torso: int, ids: Sequence[int], places: Array) -> Array:
-    """How places (P, J, 3) m of people with these ids would move with their torsos, NaN = not known."""
+    """Return the displacements (P, J, 3) m of joints that move rigidly with their torso, NaN = unknown.
+
+    Args:
+        motions: Motions of parts, including the torsos.
+        torso: Index of the torso among the parts.
+        ids: (P,) ids of the people.
+        places: (P, J, 3) m, positions before the motion.
+    """
     moved = np.full(places.shape, np.nan)
     row_of, rotation = {number: row for row, number in enumerate(ids)}, np.empty((3, 3))
     for k in np.flatnonzero(motions.parts == torso).tolist():
@@ -90,7 +103,13 @@ def with_torso(motions: PartMotions, torso: int, ids: Sequence[int], places: Arr
 
 
 def learn_shortfall(sums: Array, people: People, kinds: Sequence[Sequence[int]], dt: float) -> None:
-    """Take the motions of the last instants, the newest of dt s, into the sums (K, 2), in place."""
+    """Update the regression sums (K, 2) m^2 s with the recent motion of all people, in place.
+
+    Args:
+        people: Recent motions from surface and views.
+        kinds: Joints of each kind.
+        dt: s, duration of the newest motion.
+    """
     sums *= np.exp(-dt / MEMORY)
     for k, joints in enumerate(kinds):
         surface, views = people.followed[:, joints], people.seen[:, joints]
@@ -100,7 +119,16 @@ def learn_shortfall(sums: Array, people: People, kinds: Sequence[Sequence[int]],
 
 
 def add_motions(people: People, surface: Array, views: Array, dt: float) -> None:
-    """Add motions (P, J, 3) m against the torso to those of the last instants, in place; NaN = begun anew."""
+    """Add displacements against the torso to the sums of recent motion, in place.
+
+    Older displacements decay with the time constant `SPAN`. Joints with NaN start again at 0.
+
+    Args:
+        people: Its `followed` and `seen` are updated.
+        surface: (P, J, 3) m, displacements from the surface.
+        views: (P, J, 3) m, displacements from views.
+        dt: s, duration of the displacements.
+    """
     left = np.exp(-dt / SPAN)
     for kept, new in ((people.followed, surface), (people.seen, views)):
         kept[:] = left * (kept + new)
@@ -109,13 +137,19 @@ def add_motions(people: People, surface: Array, views: Array, dt: float) -> None
 
 
 def gains_of(sums: Array) -> Array:
-    """(K,) by which motions of limbs against the torso are multiplied, at least 1."""
+    """Return the gains (K,) on the motion of limbs against the torso, from 1 to `MOST`."""
     gains: Array = np.clip((sums[:, 0] + PRIOR) / (sums[:, 1] + PRIOR), 1.0, MOST)
     return gains
 
 
 def in_full(links: Links, carried: Array, kinds: Sequence[Sequence[int]], gains: Array) -> Links:
-    """Links of limbs with gains (K,) on how they move against what the torso carries along (P, J, 3) m."""
+    """Return the links with gains on the motion of limbs against the torso.
+
+    Args:
+        carried: (P, J, 3) m, displacements that joints would have with the torso.
+        kinds: Joints of each kind.
+        gains: (K,) gain of each kind.
+    """
     displacements = links.displacements.copy()
     for joints, gain in zip(kinds, gains.tolist()):
         more = (gain - 1.0) * (displacements[:, joints] - carried[:, joints])
@@ -124,23 +158,31 @@ def in_full(links: Links, carried: Array, kinds: Sequence[Sequence[int]], gains:
 
 
 class FilterBank:
-    """Everybody's filters, and the moments that results still depend on."""
+    """Filters of all people, and all moments that future results depend on."""
 
     def __init__(self, config: RefinementConfig, skeleton: SkeletonModel, lasting_share: float):
-        """lasting_share: of the variance of measurements, of errors that last."""
+        """Create a bank without people.
+
+        Args:
+            lasting_share: Share of the variance of measurements that is due to persistent errors.
+        """
         self._config, self._share = config, lasting_share
         self._parts = [list(part.joints) for part in rigid_parts(skeleton)]
         self._limbs = limbs_of(skeleton)
         self._joints, self._bones = len(skeleton), np.array(skeleton.bones, np.int64).reshape(-1, 2)
-        self.memory = 0.0  # s for which accelerations last
+        self.memory = 0.0  # s, correlation time of accelerations; 0 = white
         self.moments: list[Moment] = []
         self.people = new_people([], len(skeleton), len(self._bones))
-        self.departed: dict[int, tuple[Array, Array]] = {}  # lengths and frames of those who may come back
+        self.departed: dict[int, tuple[Array, Array]] = {}  # bone lengths and frames of people who left
         self.lasting = nothing_lasting()
         self.shortfall = nothing_compared(self._limbs)
 
     def take(self, item: TrackedPoseSet, motions: PartMotions | None = None) -> None:
-        """Filter everybody up to this set; motions: of parts since the set before, by the surface."""
+        """Filter all people up to this set.
+
+        Args:
+            motions: Motions of parts since the previous set, measured on the surface; None = not measured.
+        """
         if motions is not None and self.memory != self._config.acceleration_memory:
             self._widen()
         self._predict(item, motions)
@@ -153,23 +195,26 @@ class FilterBank:
 
     @property
     def _sized(self) -> tuple[int, ...]:
-        """As long as the states of joints."""
+        """Return a tuple as long as the state of a joint; kernels are compiled for each length."""
         return NINE if self.memory > 0.0 else SIX
 
     def _widen(self) -> None:
-        """From now on accelerations last, as displacements of the surface show them."""
+        """Extend all states by accelerations.
+
+        The first displacements of the surface trigger this, because they resolve correlated accelerations.
+        """
         self.memory = self._config.acceleration_memory
         self.moments = [widened(moment, len(self._sized)) for moment in self.moments]
         for moment in self.moments[-1:]:
             self._at_random(moment.motion, moment.noise)
 
     def _at_random(self, motion: Motion, noise: Array) -> None:
-        """Accelerations of which nothing is known, under process noise m^2/s^3, in place."""
+        """Give unknown accelerations their stationary variance under process noise m^2/s^3, in place."""
         last = range(MOVING, len(self._sized))
         motion.covariances[..., last, last] = lasting_variance(noise, self.memory)[..., None]
 
     def _predict(self, item: TrackedPoseSet, motions: PartMotions | None) -> None:
-        """Predict all motion to the instant of a set."""
+        """Predict all joints at the instant of a set, as a new moment."""
         config, people, stamp_ns = self._config, self.people, item.stamp_ns
         last = self.moments[-1] if self.moments else unknown(stamp_ns, 0.0, 0, self._joints, len(self._sized))
         dt = 1e-9 * (stamp_ns - last.stamp_ns)
@@ -179,7 +224,7 @@ class FilterBank:
         process_noise(people.speeds, people.factors, states, least, growth, now.noise)
         step = transition(dt, self.memory)
         predict(self._sized, last.motion, step, now.noise, now.predicted)
-        if config.lag > 0.0:  # else nothing is smoothed
+        if config.lag > 0.0:  # without a lag nothing is smoothed
             smoother_gains(self._sized, last.motion, step, now.predicted, now.gains)
         links = links_of(motions, self._parts, people.ids, states) if motions is not None else None
         if links is not None and motions is not None:
@@ -210,7 +255,11 @@ class FilterBank:
         self.moments.append(now)
 
     def _corrected(self, links: Links, motions: PartMotions, last: Moment, item: TrackedPoseSet) -> Links:
-        """Links with what views measured of the same motion; filled joints rest on what was known before."""
+        """Return links with gains on limbs, combined with the displacements that views measured.
+
+        Displacements of filled joints are excluded, because these joints depend on earlier estimates. Views
+        contribute only if all of them have the same timestamp.
+        """
         row_of = {number: row for row, number in enumerate(self.people.ids.tolist())}
         known = [k for k, number in enumerate(item.ids.tolist()) if number in row_of]
         rows = np.array([row_of[number] for number in item.ids[known].tolist()], np.int64)
@@ -230,7 +279,7 @@ class FilterBank:
         return with_views(links, rows, moved, share * (item.covariances[known] + last.measured.noises[rows]))
 
     def _add(self, ids: list[int]) -> None:
-        """Add people of whom nothing is known but, if they were there before, the lengths of their bones."""
+        """Add people with unknown states; people who were present before keep their bone lengths."""
         people = new_people(ids, self._joints, len(self._bones))
         nobody = unknown(0, 0.0, len(ids), self._joints, len(self._sized))
         nobody.noise[...] = self._config.process_noise
@@ -260,7 +309,7 @@ class FilterBank:
         if shift is not None:
             velocities, information = shift.velocities, shift.information
             update_velocities(self._sized, now.motion, rows, velocities, information, config.cauchy)
-        innovations[now.measured.filled] = np.nan  # they rest on what was known before
+        innovations[now.measured.filled] = np.nan  # filled joints depend on earlier estimates
         learn(self.people, now.measured.people, innovations, self.lasting)
         if now.linked.any():
             wrong = given_up(now.measured.trust, innovations, now.linked, now.dt, config.cauchy)
@@ -270,9 +319,11 @@ class FilterBank:
             self._start(rows[k], new[rows[k]], points[k], None if shift is None else shift.rows([k]))
 
     def _keep_lasting(self, now: Moment) -> None:
-        """Follow what of errors lasts: it changes slowly, so bones that it moves do not shake, in place.
+        """Update the covariances of persistent errors as running means over `STEADY`, in place.
 
-        A joint that is not measured was lost to what made it err before: nothing is taken off.
+        They change slowly, so that bones that depend on them do not shake. A joint that is not measured
+        counts with its whole last covariance, not with a share: the cause of its errors is also the cause of
+        its loss.
         """
         measured = now.measured
         shares = np.where(measured.joints, self._share, float(self._share > 0.0))[..., None, None]
@@ -282,7 +333,13 @@ class FilterBank:
         measured.lasting[...] += gains[..., None, None] * (shares * measured.noises - measured.lasting)
 
     def _start(self, row: int, new: Array, points: Array, shift: TimeShift | None) -> None:
-        """Begin the motion of a person's new joints (J,) from points (J, 3); shift: of this person alone."""
+        """Initialise the states of a person's new joints (J,) from points (J, 3) m.
+
+        Args:
+            row: Row of the person.
+            new: (J,) whether the joint is new.
+            shift: Time shift of this person alone; None = all views have the same timestamp.
+        """
         now, fast, cauchy = self.moments[-1], self._config.start_speed, self._config.cauchy
         if shift is None:
             delays, velocities = np.zeros((self._joints, 3, 3)), np.zeros((self._joints, 3))
@@ -297,15 +354,20 @@ class FilterBank:
             whole[row, new] = part[new]
 
     def smoothed(self, index: int, ahead: float) -> Judged:
-        """Everybody at a kept moment, or `ahead` s later, before the next one, with all that came after."""
+        """Return the joints of all people at a kept moment, smoothed with all later measurements.
+
+        Args:
+            index: Index of the moment.
+            ahead: s from the moment to the wanted instant, which lies before the next moment.
+        """
         kept = self.moments[index:]
         target, motion = kept[0], of_all(np.copy, kept[-1].motion)
-        again = np.zeros_like(target.measured.joints)  # measured later, without an interruption
+        again = np.zeros_like(target.measured.joints)  # measured again later, without an interruption
         for now, after in zip(kept[-2::-1], kept[:0:-1]):
             before, gains, predicted = now.motion, after.gains, after.predicted
             if now is target and ahead > 0.0:
                 before, gains = self._ahead(before, ahead, after.noise), np.empty_like(gains)
-                # what the surface showed is of the whole interval, and has told the velocity
+                # the displacement spans the whole interval, and the velocity already contains it
                 if after.linked.any():
                     predicted = self._ahead(before, after.dt - ahead, after.noise)
                 rest = transition(after.dt - ahead, self.memory)
@@ -317,12 +379,16 @@ class FilterBank:
         return self._judged(target, motion, again)
 
     def _fade(self, index: int, motion: Motion, between: bool) -> None:
-        """Fade in what changes the motion that was found for the moment before, in place.
+        """Apply corrections of the previous moment gradually to the motion at this moment, in place.
 
-        What came after that moment moves it as a whole, along with this one, by single measurements: a step
-        that nobody made. How joints moved since is known by their surface and is taken at once.
+        Later measurements correct the joints at both moments together. The output would jump, although the
+        joint did not. The motion since the previous moment is known from the surface and is applied at once.
 
-        between: the motion is not of the moment but of later, and nothing is faded.
+        Args:
+            index: Index of the moment.
+            motion: Smoothed motion; positions change.
+            between: Whether `motion` belongs to an instant after the moment. Then nothing changes, and no
+                difference is kept.
         """
         target, people = self.moments[index], self.people
         if index > 0 and not between and target.linked.any():
@@ -339,19 +405,24 @@ class FilterBank:
             people.left[...], people.found[...] = 0.0, np.nan if between else motion.states[..., :MOVING]
 
     def _ahead(self, motion: Motion, dt: float, noise: Array) -> Motion:
-        """The motion dt s later."""
+        """Return the motion predicted by dt s under process noise (P, J) m^2/s^3."""
         moved = of_all(np.empty_like, motion)
         predict(self._sized, motion, transition(dt, self.memory), noise, moved)
         return moved
 
     def _judged(self, target: Moment, motion: Motion, again: Array) -> Judged:
-        """Joints with their states, on bones of the learnt lengths, and with errors that last.
+        """Return joints and their states, corrected by bone lengths; covariances include persistent errors.
 
-        Covariances keep all of what lasts, as learnt lengths err with it.
+        Bone lengths do not reduce the covariances of persistent errors, because learnt lengths have the same
+        errors.
+
+        Args:
+            motion: Smoothed motion at the wanted instant.
+            again: (P, J) whether a joint is measured again later, without an interruption.
         """
         config, measured, shape = self._config, target.measured, again.shape
         lasting = np.where(measured.joints, self._share, float(self._share > 0.0))
-        lasting[measured.filled] = 1.0  # what places them errs in the same way for long
+        lasting[measured.filled] = 1.0  # bones and predictions, which place filled joints, err persistently
         limits = config.max_sigma, config.max_prediction
         places, spreads, scores = np.empty((*shape, 3)), np.empty((*shape, 3, 3)), np.empty(shape)
         judged = Judged(places, spreads, scores, np.empty(shape, np.uint8))
@@ -365,7 +436,7 @@ class FilterBank:
         return judged
 
     def forget(self, stamp_ns: int) -> None:
-        """Drop people who are gone, and moments that are not needed to smooth after this stamp."""
+        """Drop people who have left, and moments that smoothing after this timestamp does not need."""
         gone = self.moments[-1].measured.ages.min(axis=1) > self._config.max_gap + self._config.lag
         for moment in self.moments if gone.any() else ():
             if moment.stamp_ns > stamp_ns:

@@ -1,4 +1,4 @@
-"""Which joints are measured, filled, predicted or missing."""
+"""States of joints after smoothing: measured, filled, predicted or missing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MISSING, MEASURED, PREDICTED, FILLED = (int(state) for state in JointState)
 
 
 class Judged(NamedTuple):
-    """The joints of all people."""
+    """Joints of all people with their states."""
 
     positions: Array  # (P, J, 3) m
     covariances: Array  # (P, J, 3, 3) m^2
@@ -25,7 +25,15 @@ class Judged(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def take_measurements(measured, rows, points, covariances, scores, views):
-    """Enter points (R, J, 3) of the people of these rows, NaN = not measured, in place."""
+    """Store points (R, J, 3) m as the latest measurements of the people in these rows, in place.
+
+    Args:
+        measured: `Measured` of the moment, updated.
+        rows: (R,) rows of the people.
+        points: (R, J, 3) m, NaN = not measured.
+        covariances: (R, J, 3, 3) m^2.
+        scores, views: (R, J).
+    """
     for r in range(len(rows)):
         p = rows[r]
         measured.people[p] = True
@@ -41,12 +49,20 @@ def take_measurements(measured, rows, points, covariances, scores, views):
 
 @njit(cache=True, error_model="numpy")
 def judge(motion, measured, again, scales, lasting, limits, judged):
-    """What smoothing says of every joint; gaps that are too long or too uncertain are missing.
+    """Write the smoothed joints and their states to `judged`.
+
+    Joints in gaps that are too long or too uncertain are missing.
 
     Args:
-        motion: smoothed. again: (P, J), joints that are measured later, without an interruption.
-        scales: (P,) of the covariances. lasting: (P, J), share of the noises that smoothing leaves.
-        limits: m and s, standard deviation and age of joints beyond which they are missing.
+        motion: Smoothed motion.
+        measured: `Measured` of the moment.
+        again: (P, J) whether a joint is measured again later, without an interruption.
+        scales: (P,) factors on the covariances.
+        lasting: (P, J) share of the noise that smoothing does not remove; it counts as uncertainty here, but
+            the resulting covariances do not contain it.
+        limits: (m, s) largest standard deviation of joints that are not measured, and largest age of
+            predictions.
+        judged: `Judged`, output.
     """
     for p, j in np.ndindex(again.shape):
         state, cov = motion.states[p, j], motion.covariances[p, j]

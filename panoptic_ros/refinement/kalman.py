@@ -1,12 +1,12 @@
-"""Kalman filter and Rauch-Tung-Striebel smoother of all joints of all people, compiled.
+"""Kalman filter and Rauch-Tung-Striebel smoother for all joints of all people; compiled.
 
-State of each joint: position m, velocity m/s and, by some models, acceleration m/s^2 (S = 6 or 9), covariance
-(S, S). A `motion_model.Transition` tells how it goes on, the same on each axis. `sized` has length S: kernels
-are compiled for each size.
+The state of each joint has position m, velocity m/s and, in one of two models, acceleration m/s^2 (S = 6 or
+9), with a covariance (S, S). A `motion_model.Transition` propagates it, equally on each axis. The argument
+`sized` has length S, because kernels are compiled for each size.
 
-Where views have stamps of their own, measurements depend on the motion, see `domain.TimeShift`: a position is
-measured as X + G V (X + G (V - u) with the assumed G u given back), and the views say the velocity by
-themselves with some information.
+If views have different timestamps, measurements depend on the velocity V (see `domain.TimeShift`). The stated
+position is X + G (V - u) with the assumed velocity u. Callers add G u, so that the position measures X + G V.
+The views also measure the velocity itself, with some information.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from panoptic_ros.refinement.small_matrices import cholesky, solve, whiten, whit
 
 @njit(cache=True, error_model="numpy")
 def predict(sized, motion, transition, noise, ahead):
-    """Ahead becomes the motion after a transition under process noise (P, J) m^2/s^3."""
+    """Write the motion after a transition under process noise (P, J) m^2/s^3 to `ahead`."""
     size, orders, forward, spread = len(sized), len(sized) // 3, transition.forward, transition.spread
     half = np.empty((size, size))
     for p, j in np.ndindex(noise.shape):
@@ -43,7 +43,10 @@ def predict(sized, motion, transition, noise, ahead):
 
 @njit(cache=True, error_model="numpy")
 def carried(sized, forward, matrix, result):
-    """Result (S, S) = F matrix, for the upper triangle F that is `forward` (S / 3, S / 3) on each axis."""
+    """Write the product of F and a matrix, both (S, S), to `result`.
+
+    F is upper triangular and acts as `forward` (S / 3, S / 3) on each axis.
+    """
     for a in range(len(sized) // 3):
         for i in range(3):
             for k in range(len(sized)):
@@ -55,15 +58,18 @@ def carried(sized, forward, matrix, result):
 
 @njit(cache=True, error_model="numpy")
 def update(sized, motion, rows, measured, cauchy, innovations):
-    """Update the people of these rows (R,) with points (R, J, 3) m, in place.
+    """Update the people in these rows (R,) with points (R, J, 3) m, in place.
 
-    Points that are NaN, and joints whose motion is unknown, change nothing. Large innovations multiply the
-    noise (`geometry.robust`). The three coordinates are taken one after another after whitening the noise.
+    Joints with a NaN point or an unknown state stay unchanged. Large innovations increase the noise
+    (`geometry.robust`). The noise is whitened, then the three coordinates are applied one after another.
 
     Args:
-        measured: points; noises (P, J, 3, 3) m^2, their covariances; delays G (R, J, 3, 3) s, for points
-            X + G V, or (0, J, 3, 3) for X.
-        innovations: (P, J, 3) becomes the whitened innovation (measured minus predicted) of points used.
+        rows: (R,) rows of the people.
+        measured: Tuple of points (R, J, 3) m, noises (P, J, 3, 3) m^2 and delays (R, J, 3, 3) s. The noises
+            are covariances of the points. Points measure X + G V with the delays G, or X if the delays are
+            empty (0, J, 3, 3).
+        cauchy: Scale of the Cauchy weight, in standard deviations.
+        innovations: (P, J, 3), output: whitened innovations (measured minus predicted) of the used points.
     """
     points, noises, delays = measured
     size, moving = len(sized), len(delays) > 0
@@ -105,7 +111,11 @@ def update(sized, motion, rows, measured, cauchy, innovations):
 
 @njit(cache=True, error_model="numpy")
 def _delay(delay, state, cov, ahead, innovation, total):
-    """Innovation (3,) and its covariance (3, 3) of X + G V, from those of X, in place; ahead: scratch."""
+    """Convert the innovation (3,) of X and its covariance (3, 3) to those of X + G V, in place.
+
+    Args:
+        ahead: (3, S), scratch.
+    """
     for i in range(3):
         for k in range(3):
             innovation[i] -= delay[i, k] * state[3 + k]
@@ -122,9 +132,9 @@ def _delay(delay, state, cov, ahead, innovation, total):
 
 @njit(cache=True, error_model="numpy")
 def update_velocities(sized, motion, rows, velocities, information, cauchy):
-    """Update with velocities (R, J, 3) m/s of inverse covariances (R, J, 3, 3), maybe singular, in place.
+    """Update with velocities (R, J, 3) m/s and their information (R, J, 3, 3) s^2/m^2, in place.
 
-    Unknown joints and information of 0 change nothing.
+    The information may be singular. Joints with zero information or an unknown state stay unchanged.
     """
     row, gain, lower = np.zeros(6), np.empty(len(sized)), np.empty((3, 3))
     for r, j in np.ndindex(velocities.shape[:2]):
@@ -143,9 +153,12 @@ def update_velocities(sized, motion, rows, velocities, information, cauchy):
 
 @njit(cache=True, error_model="numpy")
 def update_row(sized, state, covariance, row, innovation, cauchy, gain):
-    """Update with one row of the measurement matrix, of noise 1, with a Cauchy weight; gain: scratch.
+    """Update the state of one joint with a scalar measurement of unit noise, with a Cauchy weight, in place.
 
-    row: (S,), or fewer if all others are 0.
+    Args:
+        row: (S,) row of the measurement matrix, or shorter if all further elements are 0.
+        innovation: Measured minus predicted value.
+        gain: (S,), scratch.
     """
     size, spread = len(sized), 0.0
     for i in range(size):
@@ -165,7 +178,7 @@ def update_row(sized, state, covariance, row, innovation, cauchy, gain):
 
 @njit(cache=True, error_model="numpy")
 def smoother_gains(sized, motion, transition, ahead, gains):
-    """Gains (P, J, S, S), transposed, become (covariance ahead)^-1 F P, from ahead back over a transition."""
+    """Write the transposed smoother gains (P, J, S, S), P_ahead^-1 F P, of a transition to `gains`."""
     lower = np.empty((len(sized), len(sized)))
     for p, j in np.ndindex(gains.shape[:2]):
         carried(sized, transition.forward, motion.covariances[p, j], gains[p, j])
@@ -174,12 +187,16 @@ def smoother_gains(sized, motion, transition, ahead, gains):
 
 @njit(cache=True, error_model="numpy")
 def smooth(sized, motion, gains, predicted, measured, later, again):
-    """One step backwards: later, smoothed, becomes the smoothed motion of this instant, in place.
+    """Smooth one step backwards, in place: `later` changes from the next instant to this instant.
 
     Args:
-        motion: filtered, at this instant. predicted: of the next instant, from this one.
-        measured: (P, J) joints that are, at the next instant. again: (P, J) those that are later,
-            becomes those that are after this instant, without an interruption.
+        motion: Filtered motion of this instant.
+        gains: (P, J, S, S), transposed.
+        predicted: Motion of the next instant, predicted from this instant.
+        measured: (P, J) whether a joint is measured at the next instant.
+        later: Smoothed motion of the next instant; becomes that of this instant.
+        again: (P, J) whether a joint is measured after the next instant, without an interruption; becomes the
+            same for this instant.
     """
     size = len(sized)
     half, change, difference = np.empty(size), np.empty(size), np.empty((size, size))
@@ -188,7 +205,7 @@ def smooth(sized, motion, gains, predicted, measured, later, again):
         ahead, ahead_cov = predicted.states[p, j], predicted.covariances[p, j]
         out, out_cov = later.states[p, j], later.covariances[p, j]
         again[p, j] = (again[p, j] or measured[p, j]) and np.isfinite(ahead[0])
-        known = np.isfinite(out[0] + state[0] + ahead[0])  # here and later, with no start in between
+        known = np.isfinite(out[0] + state[0] + ahead[0])  # at both instants, without a restart in between
         for i in range(size):
             change[i] = out[i] - ahead[i]
             out[i] = state[i]

@@ -1,21 +1,23 @@
-"""When a result is due, and for which instant: the meaning of `lag`.
+"""Due time and instant of a result: the meaning of the parameter `lag`.
 
-A result for an instant uses views up to the instant plus the lag, and waits for no others. A set of instant t
-whose newest view is at n > t (cameras that are not synchronous) can only be used as a whole. So where the
-lag is shorter than n - t, the result is for the later instant n - lag; and where one more set comes within
-the lag after n, but not after t, the result waits for it and is for an instant between t and n, too.
+A result uses views up to its instant plus the lag, and waits for no later ones. If cameras are not
+synchronous, the newest view of a set is at n, after the timestamp t of the set. The set can only be used as a
+whole. If the lag is shorter than n - t, the result is for the later instant n - lag.
+
+If a further set is expected after t + lag but before n + lag, the result waits for it as well. The instant of
+the result then also lies between t and n.
 """
 
 from __future__ import annotations
 
 from panoptic_ros.domain import TrackedPoseSet
 
-SLACK = 0.1  # frame periods by which sets may come later than the lag allows: stamps jitter
-LONGER = 1.2  # how much the expected period may grow from one set to the next
+SLACK = 0.1  # frame periods, tolerance of the lag, because timestamps jitter
+LONGER = 1.2  # largest growth factor of the expected period from one set to the next
 
 
 class Clock:
-    """Knows the sets that were taken, by their stamps alone."""
+    """Timing of the sets that were received, from their timestamps alone."""
 
     def __init__(self, lag: float):
         self._lag_ns = round(1e9 * lag)
@@ -24,24 +26,24 @@ class Clock:
         self._last: int | None = None
 
     def take(self, item: TrackedPoseSet) -> None:
-        """One more set."""
+        """Register one more set."""
         if self._last is not None:
             interval = item.stamp_ns - self._last
             self._period = min(interval, round(LONGER * self._period)) if self._period else interval
         self._last, self._newest = item.stamp_ns, item.newest_ns
 
     def is_due(self, item: TrackedPoseSet) -> bool:
-        """Whether the next set would come too late for this one."""
+        """Return whether the next set would arrive too late for the result of this set."""
         late = self._newest + self._period - self._lag_ns - self._slack
         alone = item.stamp_ns == self._last
         return late >= (item.newest_ns if alone else item.stamp_ns)
 
     def instant_ns(self, item: TrackedPoseSet) -> int:
-        """The instant of this set's result, with all that was taken."""
+        """Return the instant (ns) of this set's result, given all sets that were received."""
         wanted = self._newest - self._lag_ns
         if wanted <= item.stamp_ns + self._slack:
             return item.stamp_ns
-        half = item.stamp_ns + self._period // 2  # results later than that look like the next set's
+        half = item.stamp_ns + self._period // 2  # a later result would look like that of the next set
         instant = min(wanted, item.newest_ns)
         return half if 0 <= instant - half <= self._slack else instant
 

@@ -1,10 +1,14 @@
-"""Displacements of joints that were measured on the surface, between one instant and the next; compiled.
+"""Displacements of joints between two instants, measured on the surface, as filter measurements; compiled.
 
-A displacement d = p' - p + noise of covariance S ties two states together. With the process x' = F x + w, w
-of covariance Q, and H the rows of positions, it is taken exactly (a filter with a delayed state; Brown and
-Hartman 1968): first d measures the velocity v before, d = dt v + noise of covariance H Q H^T + S; then
-x' = F x + K (d - dt v) + noise of covariance Q - K H Q with K = Q H^T (H Q H^T + S)^-1. The smoother needs
-nothing but its gains from that transition.
+A displacement d = p' - p + noise of covariance S links two states. The process is x' = F x + w with w of
+covariance Q, and H selects the position. The following is exact (a filter with delayed state; Brown and
+Hartman 1968):
+
+1. d measures the previous velocity v: d = dt v + noise of covariance H Q H^T + S.
+2. The transition becomes x' = F x + K (d - dt v) + noise of covariance Q - K H Q.
+
+The gain is K = Q H^T (H Q H^T + S)^-1. If the state has an acceleration, its displacement adds to dt v. The
+smoother needs only the gains of this transition.
 """
 
 from __future__ import annotations
@@ -24,19 +28,22 @@ Array = np.ndarray
 
 
 class Links(NamedTuple):
-    """Displacements of the joints of P people since the moment before."""
+    """Displacements of the joints of P people since the previous moment."""
 
     displacements: Array  # (P, J, 3) m, NaN = not measured
-    spreads: Array  # (P, J, 3, 3) m^2
+    spreads: Array  # (P, J, 3, 3) m^2, their covariances
 
 
 def links_of(motions: PartMotions, joints: list[list[int]], ids: Array, states: Array) -> Links | None:
-    """What parts say of the joints of people with these ids (P,), in states (P, J, 6); None if nothing.
+    """Return the displacements of joints according to the motions of parts; None if there are none.
 
-    Parts that share a joint are averaged by their covariances.
+    Displacements of parts that share a joint are averaged with their information as weights.
 
     Args:
-        joints: of each part.
+        motions: Motions of parts since the previous moment.
+        joints: Joints of each part.
+        ids: (P,) ids of the people.
+        states: (P, J, S) states of the joints at the previous moment.
     """
     row_of = {number: row for row, number in enumerate(ids.tolist())}
     means, totals = np.zeros((*states.shape[:2], 3)), np.zeros((*states.shape[:2], 3, 3))
@@ -74,14 +81,16 @@ def links_of(motions: PartMotions, joints: list[list[int]], ids: Array, states: 
 
 
 def with_views(links: Links, rows: Array, moved: Array, spreads: Array) -> Links:
-    """Links with what views say of the same motion: the difference of two measurements of a joint.
+    """Return the links combined with displacements from views.
 
-    Errors of views last for many frames, as a limb that is hidden stays so. So their difference is known
-    better than each of them, and corrects a surface that was followed wrongly. What has no link gets none.
+    Such a displacement is the difference of two measurements of a joint. Errors of views persist for many
+    frames, for example while a limb is hidden. So the difference is more accurate than each measurement, and
+    corrects errors of surface tracking. Joints without a link get none.
 
     Args:
-        rows: (R,) of the people that views measured. moved: (R, J, 3) m, NaN = not.
-        spreads: (R, J, 3, 3) m^2.
+        rows: (R,) rows of the people that views measured.
+        moved: (R, J, 3) m, displacements from views, NaN = not measured.
+        spreads: (R, J, 3, 3) m^2, their covariances.
     """
     displacements, own = links.displacements.copy(), links.spreads.copy()
     row, joint = np.nonzero(np.isfinite(displacements[rows, :, 0] + moved[..., 0]))
@@ -95,14 +104,20 @@ def with_views(links: Links, rows: Array, moved: Array, spreads: Array) -> Links
 
 @njit(cache=True, error_model="numpy")
 def predict_linked(sized, motion, transition, noise, links, cauchy, ahead, gains, innovations):
-    """`kalman.predict` and `kalman.smoother_gains` of the joints that were measured to move, in place.
+    """Predict joints with measured displacements, and compute their smoother gains, in place.
 
-    Their motion before is updated with what its velocity was. Large innovations multiply the covariance of
-    the displacement (`geometry.robust`).
+    This replaces `kalman.predict` and `kalman.smoother_gains` for these joints. Their previous state is first
+    updated with the velocity that the displacement measures. Large innovations increase the covariance of the
+    displacement (`geometry.robust`).
 
     Args:
-        noise: (P, J) m^2/s^3. ahead: the motion after the transition. gains: (P, J, S, S), transposed.
-        innovations: (P, J, 3) become those of the displacements, whitened; others stay.
+        motion: Filtered motion of the previous moment, updated.
+        noise: (P, J) m^2/s^3, process noise.
+        cauchy: standard deviations, scale of the Cauchy weight.
+        ahead: Motion after the transition, output.
+        gains: (P, J, S, S), transposed, output.
+        innovations: (P, J, 3), output: whitened innovations of the displacements; other joints stay
+            unchanged.
     """
     size, forward, shape = len(sized), transition.forward, transition.spread
     total, lower, spread, inverse = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -136,7 +151,7 @@ def predict_linked(sized, motion, transition, noise, links, cauchy, ahead, gains
                 total[i, k] = spread[i, k]
             total[i, i] += q * shape[0, 0]
         inverse[:] = np.linalg.inv(total)
-        # given the displacement: step = F - K (H F - H), K = Q H^T inverse
+        # transition given the displacement: step = F - K (H F - H), K = Q H^T inverse
         step[:] = 0.0
         for i in range(size):
             for m in range(i // 3, orders):
@@ -145,7 +160,7 @@ def predict_linked(sized, motion, transition, noise, links, cauchy, ahead, gains
                 for m in range(1, orders):
                     step[i, k + 3 * m] -= q * shape[i // 3, 0] * inverse[i % 3, k] * forward[0, m]
         cholesky(total, lower, False)
-        for k in range(3):  # the motion before
+        for k in range(3):  # update of the previous state
             whitened_row(lower, k, white)
             value, row[:] = 0.0, 0.0
             for i in range(3):

@@ -1,4 +1,4 @@
-"""What refinement keeps of P people of J joints; people are the first axis of every array."""
+"""State of refinement for P people with J joints; people are the first axis of every array."""
 
 from __future__ import annotations
 
@@ -12,69 +12,69 @@ from panoptic_ros.refinement.trust import BEGUN
 
 Array = np.ndarray
 
-PRIOR = 8.0  # weight of a new person's level, in measurements
+PRIOR = 8.0  # weight of the initial level of a new person, in measurements
 
 
 class Motion(NamedTuple):
-    """Positions and velocities of joints."""
+    """States of joints, and their covariances."""
 
-    states: Array  # (P, J, S) m, m/s and by some models m/s^2, NaN = unknown
+    states: Array  # (P, J, S) m, m/s and in one model m/s^2, NaN = unknown
     covariances: Array  # (P, J, S, S)
 
 
 class Measured(NamedTuple):
-    """What was measured until an instant."""
+    """Measurements up to an instant."""
 
-    people: Array  # (P,) bool, who is in the instant's set
-    joints: Array  # (P, J) bool, which are measured
-    views: Array  # (P, J) of these measurements
-    scores: Array  # (P, J) of the latest measurements, 0 before any
-    noises: Array  # (P, J, 3, 3) m^2, of those
-    points: Array  # (P, J, 3) m of this instant, NaN = none
-    ages: Array  # (P, J) s since those
-    carried: Array  # (P, J) bool, at each instant since those the surface showed how the joint moved
-    person_scores: Array  # (P,) of those
-    filled: Array  # (P, J) bool, whether the latest rest on a prediction and the rest of the body too
-    trust: Array  # (P, J) s, for how much longer measurements have agreed with a joint's motion than not
-    lasting: Array  # (P, J, 3, 3) m^2, of those that are not filled what smoothing leaves, of late
+    people: Array  # (P,) bool, whether the set of this instant contains the person
+    joints: Array  # (P, J) bool, whether measured at this instant
+    views: Array  # (P, J) number of views behind these measurements
+    scores: Array  # (P, J) of the latest measurement, 0 = none yet
+    noises: Array  # (P, J, 3, 3) m^2, covariance of the latest measurement
+    points: Array  # (P, J, 3) m, measured at this instant, NaN = none
+    ages: Array  # (P, J) s since the latest measurement
+    carried: Array  # (P, J) bool, whether the surface showed all motion since the latest measurement
+    person_scores: Array  # (P,) of the latest set with the person
+    filled: Array  # (P, J) bool, whether the latest also depends on a prediction and on other joints
+    trust: Array  # (P, J) s, time that measurements agreed with the motion minus time that they disagreed
+    lasting: Array  # (P, J, 3, 3) m^2, recent covariance of persistent errors; filled joints do not count
 
 
 class Moment(NamedTuple):
-    """All people at one instant."""
+    """State of all people at one instant."""
 
     stamp_ns: int
-    dt: float  # s since the moment before
-    noise: Array  # (P, J) m^2/s^3, process noise since then
-    predicted: Motion  # from the moment before
-    gains: Array  # (P, J, S, S) of the smoother back to that moment, transposed
-    motion: Motion  # with this instant's measurements
+    dt: float  # s since the previous moment
+    noise: Array  # (P, J) m^2/s^3, process noise since the previous moment
+    predicted: Motion  # from the previous moment
+    gains: Array  # (P, J, S, S) of the smoother back to the previous moment, transposed
+    motion: Motion  # filtered: with the measurements of this instant
     measured: Measured
-    linked: Array  # (P, J) bool, whose motion since the moment before was measured on the surface
+    linked: Array  # (P, J) bool, whether the surface showed the displacement since the previous moment
 
 
 class People(NamedTuple):
-    """Who is there, in the order in which they came, and what is learnt of them."""
+    """People in the order of their arrival, with the values that are learnt for them."""
 
     ids: Array  # (P,)
-    speeds: Array  # (P, J) m/s against the body, the largest of late
-    factors: Array  # (P, J) on the process noise
-    levels: Array  # (P,) of the covariances
-    weights: Array  # (P,) of the levels, in measurements of a person
-    counts: Array  # (P,) measurements of a person
-    innovations: Array  # (P, 3, J, 3) whitened, of one, two, three measurements ago; NaN = none
-    turns: Array  # (P, J, 3) whitened innovations of displacements, of the instant before; NaN = none
-    found: Array  # (P, J, 6) m and m/s, motion of the moment that was shown last; NaN = none
-    left: Array  # (P, J, 6) m and m/s, by which what was shown of it differed
-    pulled: Array  # (P, J, 3) m, by which bones moved these for errors that last; NaN = not known
-    followed: Array  # (P, J, 3) m, how joints moved against the torso of late, by the surface
-    seen: Array  # (P, J, 3) m, the same by views
-    lengths: Array  # (P, B) m, means of bones
-    frames: Array  # (P, B) of which they are
-    squares: Array  # (P, B) m^2, mean squares of the differences from these means
+    speeds: Array  # (P, J) m/s against the body, largest recent speed
+    factors: Array  # (P, J) factors on the process noise
+    levels: Array  # (P,) scale of the covariances
+    weights: Array  # (P,) weight of the level, in measurements of the whole person
+    counts: Array  # (P,) number of measurements of the person
+    innovations: Array  # (P, 3, J, 3) whitened, one, two and three measurements ago; NaN = none
+    turns: Array  # (P, J, 3) whitened innovations of the latest displacements; NaN = none
+    found: Array  # (P, J, 6) m and m/s, estimate for the latest output; NaN = none
+    left: Array  # (P, J, 6) m and m/s, latest output minus that estimate
+    pulled: Array  # (P, J, 3) m, bone correction of persistent errors in the latest output; NaN = unknown
+    followed: Array  # (P, J, 3) m, recent displacement against the torso, from the surface
+    seen: Array  # (P, J, 3) m, the same from views
+    lengths: Array  # (P, B) m, mean bone lengths
+    frames: Array  # (P, B) number of frames in these means
+    squares: Array  # (P, B) m^2, mean squared deviations of single lengths from these means
 
 
 def unknown(stamp_ns: int, dt: float, people: int, joints: int, size: int = MOVING) -> Moment:
-    """A moment of people of whom nothing is known; size: S of their motion."""
+    """Return a moment of people with unknown states of length `size`."""
     shape = (people, joints)
     nothing = Motion(np.full((*shape, size), np.nan), np.zeros((*shape, size, size)))
     predicted, motion = (of_all(np.copy, nothing) for _ in range(2))
@@ -97,21 +97,21 @@ def unknown(stamp_ns: int, dt: float, people: int, joints: int, size: int = MOVI
 
 
 def padded(motion: Motion, size: int) -> Motion:
-    """With states of another size; what they have more of is 0, and known to be."""
+    """Return the motion with longer states; added elements are 0 with covariance 0."""
     more = [(0, size - motion.states.shape[-1])]
     whole = [(0, 0)] * (motion.states.ndim - 1)
     return Motion(np.pad(motion.states, whole + more), np.pad(motion.covariances, whole + more + more))
 
 
 def widened(moment: Moment, size: int) -> Moment:
-    """The same moment with states of another size."""
+    """Return the moment with longer states."""
     more = [(0, 0), (0, 0), *[(0, size - moment.gains.shape[-1])] * 2]
     motion, predicted = padded(moment.motion, size), padded(moment.predicted, size)
     return moment._replace(motion=motion, predicted=predicted, gains=np.pad(moment.gains, more))
 
 
 def new_people(ids: list[int], joints: int, bones: int) -> People:
-    """People who have just come."""
+    """Return the record of people who have just arrived."""
     count = len(ids)
     return People(
         np.array(ids, np.int64),

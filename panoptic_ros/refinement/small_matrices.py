@@ -1,4 +1,4 @@
-"""Cholesky factors of small positive matrices, 3x3 of positions, 6x6 or 9x9 of motions; compiled."""
+"""Cholesky factors of small positive matrices: 3x3 for positions, 6x6 or 9x9 for states; compiled."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ import numpy as np
 
 from panoptic_ros.kernels import njit
 
-LEAST_PIVOT = 1e-16  # floor, for matrices that are singular but for rounding
+LEAST_PIVOT = 1e-16  # smallest pivot, for matrices that are singular up to rounding
 
 
 @njit(cache=True, error_model="numpy")
 def cholesky(matrix, lower, inverted):
-    """Lower lower^T = matrix (S, S); nothing is written above the diagonal.
+    """Write the Cholesky factor of a matrix (S, S) = lower lower^T to `lower`.
 
-    inverted: the diagonal of lower is, for those who divide by it many times.
+    Elements above the diagonal are not written.
+
+    Args:
+        inverted: Whether the diagonal of `lower` is stored inverted, for callers that divide by it many
+            times.
     """
     for i in range(len(matrix)):
         for k in range(i + 1):
@@ -29,7 +33,7 @@ def cholesky(matrix, lower, inverted):
 
 @njit(cache=True, error_model="numpy")
 def whiten(lower, vector, result):
-    """Result = lower^-1 vector (S,)."""
+    """Write lower^-1 vector (S,) to `result`."""
     for i in range(len(vector)):
         value = vector[i]
         for m in range(i):
@@ -39,7 +43,7 @@ def whiten(lower, vector, result):
 
 @njit(cache=True, error_model="numpy")
 def whitened_row(lower, k, row):
-    """Row (S,) = row k of lower^-1, the solution r of lower^T r = e_k."""
+    """Write row k of lower^-1 to `row` (S,): the solution r of lower^T r = e_k."""
     for i in range(len(row)):
         row[i] = 1.0 if i == k else 0.0
     for i in range(k, -1, -1):
@@ -51,7 +55,12 @@ def whitened_row(lower, k, row):
 
 @njit(cache=True, error_model="numpy")
 def solve(sized, matrix, columns, lower):
-    """Columns (S, S) become matrix^-1 columns; sized: of length S; lower is scratch."""
+    """Replace `columns` (S, S) by matrix^-1 columns, in place.
+
+    Args:
+        sized: Sequence of length S.
+        lower: (S, S), scratch.
+    """
     size = len(sized)
     cholesky(matrix, lower, True)
     for i in range(size):

@@ -1,14 +1,17 @@
-"""The refinement stage.
+"""Refinement stage, with a correction by solved bodies for joints that few views see.
 
-Joints that few views see, from solved bodies: their bones keep their lengths and poses stay human.
+Solved bodies keep their bone lengths, and their poses stay human. The joints of a body differ from those of
+the detector by an offset that is nearly constant in the frame of the hips. Offset and variance are learnt per
+person and joint from joints that many views see.
 
-A body has joints elsewhere than the detector has them, by much the same in the frame of the hips. What well
-seen joints are off is learnt per person and joint, and so is how much that varies. The body rests in part on
-the same 2D joints, so both are not independent: what comes out is taken to be as certain as the better of the
-two. With IMUs it knows much more than two views do, whose errors last: what smoothing took off these is put
-back. Where one view or none sees a joint, neither is right as a rule: skeletons hold on to what more views
-saw before, bodies to lengths and to how people move. Their covariances decide. Where both are farther apart
-than these say, nothing tells which is wrong, and both are as much less certain (Birge 1932).
+The body depends in part on the same 2D joints, so body and skeleton are not independent. The fused joint
+therefore keeps the better of both covariances. With IMUs, a body knows much more than two views, whose errors
+persist. Then the measurement noise that smoothing removed is added back to the skeleton's covariance.
+
+If one view or none sees a joint, both estimates are usually wrong. The skeleton keeps the position that more
+views measured before; the body follows bone lengths and the usual motion of people. Their covariances
+determine the weights. If both differ by more than their covariances explain, it is unknown which one is
+wrong, and both covariances grow (Birge 1932).
 """
 
 from __future__ import annotations
@@ -43,19 +46,26 @@ from panoptic_ros.refinement.records import Measured, Moment, Motion, People
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
-WELL_SEEN = 3  # views of a joint that is left as it is, and learnt from
-REACH_NS = 100_000_000  # for which a body is carried on by its velocity
-KEPT_NS = 500_000_000  # for which bodies are kept
-SPREAD, BELIEF = 0.02, 3.0  # m per axis, of bodies of which nothing is learnt, and what it counts, in looks
-MEMORY = 50.0  # looks
-CAUCHY = 3.0  # sigma, by which a body and a skeleton are apart, beyond which both are less certain
-FILLED_SCORE = 0.25  # of a joint that no view has seen
+WELL_SEEN = 3  # minimum number of views of a joint that stays unchanged; offsets are learnt from these
+REACH_NS = 100_000_000  # ns, largest distance in time of a used body, and of two interpolated bodies
+KEPT_NS = 500_000_000  # ns, time for which bodies are kept
+SPREAD, BELIEF = 0.02, 3.0  # m per axis, prior deviation from the offset, and its weight in observations
+MEMORY = 50.0  # observations, memory of offsets and variances
+CAUCHY = 3.0  # standard deviations, difference of body and skeleton that doubles both covariances
+FILLED_SCORE = 0.25  # score of a filled joint that no view sees
 Array = np.ndarray
 
 
 class Posed(NamedTuple):
-    """Bodies of an instant: stamp; ids (B,); IMUs (B,) behind them; keypoints (B, J, 3) m, their covariances
-    (B, J, 3, 3) m^2; hips (B, 3, 3), world from segment.
+    """Bodies of one instant.
+
+    Args:
+        stamp_ns: Timestamp.
+        ids: (B,) ids of the people.
+        devices: (B,) number of IMUs that each body used.
+        points: (B, J, 3) m, world, keypoints.
+        covariances: (B, J, 3, 3) m^2, of the keypoints.
+        hips: (B, 3, 3) orientations of the hips, world from segment.
     """
 
     stamp_ns: int
@@ -67,7 +77,13 @@ class Posed(NamedTuple):
 
 
 class Learnt(NamedTuple):
-    """Of a person: looks (J,), offsets (J, 3) m in the frame of the hips, variances (J,) m^2 per axis."""
+    """Learnt offsets of the joints of one person from those of the body.
+
+    Args:
+        looks: (J,) number of observations.
+        offsets: (J, 3) m, skeleton minus body, in the frame of the hips.
+        variances: (J,) m^2 per axis, of single observations about the offset.
+    """
 
     looks: Array
     offsets: Array
@@ -75,18 +91,18 @@ class Learnt(NamedTuple):
 
 
 class BodyFill:
-    """Bodies lately, and what is learnt of them."""
+    """Recent bodies, and the learnt offsets of skeletons from them."""
 
     def __init__(self) -> None:
         self._kept: list[Posed] = []
         self._learnt: dict[int, Learnt] = {}
 
     def take(self, item: BodyStateSet, biases: Array) -> None:
-        """Bodies of one more instant; those that go back in time begin anew.
+        """Add the bodies of one more instant; a timestamp that is not newer discards all earlier bodies.
 
         Args:
-            biases: (J, 3, 3) m^2 of the detector, which bodies state. Skeletons have the same: they do not
-                count between both.
+            biases: (J, 3, 3) m^2, covariances of the detector's biases, which those of bodies contain.
+                Skeletons have the same biases, so they are subtracted before the comparison.
         """
         if self._kept and item.stamp_ns <= self._kept[-1].stamp_ns:
             self._kept = []
@@ -99,12 +115,15 @@ class BodyFill:
     def fill(
         self, stamp_ns: int, ids: Array, judged: Judged, views: Array, noises: Array, max_sigma: float
     ) -> None:
-        """Learn from joints that are well seen, and mend all others, in place.
+        """Learn offsets from joints that many views see, and correct all other joints, in place.
 
         Args:
-            ids: (P,) of the people. views: (P, J) behind joints that are measured.
-            noises: (P, J, 3, 3) m^2, of their latest measurements.
-            max_sigma: m, of missing joints that are filled.
+            stamp_ns: Instant of the joints.
+            ids: (P,) ids of the people.
+            judged: Joints of the people, updated.
+            views: (P, J) number of views behind measured joints.
+            noises: (P, J, 3, 3) m^2, covariances of their latest measurements.
+            max_sigma: m, largest standard deviation with which a body fills a missing joint.
         """
         for row, number in enumerate(ids.tolist()):
             body = self._at(stamp_ns, number)
@@ -121,8 +140,16 @@ class BodyFill:
             _mend(judged, row, placed, noise, worn * noises[row], ~well, max_sigma)
 
     def _at(self, stamp_ns: int, number: int) -> tuple[Array, Array, Array, bool] | None:
-        """Keypoints (J, 3), covariances and hips of a person at an instant, by the two bodies next to it, and
-        whether there were IMUs.
+        """Return the body of a person at an instant, or None if no body is within `REACH_NS`.
+
+        The keypoints are interpolated or extrapolated from two bodies. Other values are those of the nearer
+        body.
+
+        Returns:
+            keypoints: (J, 3) m.
+            covariances: (J, 3, 3) m^2.
+            hips: (3, 3), world from segment.
+            worn: Whether the body used IMUs.
         """
         own = [(posed, rows[0]) for posed in self._kept if len(rows := np.flatnonzero(posed.ids == number))]
         if not own:
@@ -140,15 +167,17 @@ class BodyFill:
 
 
 def nothing_learnt(joints: int) -> Learnt:
-    """Of somebody who is new."""
+    """Return the initial record of a person with this number of joints."""
     return Learnt(np.zeros(joints), np.zeros((joints, 3)), np.full(joints, SPREAD**2))
 
 
 def learn(learnt: Learnt, apart: Array, own: Array, well: Array) -> Learnt:
-    """With one more look at the joints (J,) that are well seen.
+    """Return the record with one more observation of the joints that many views see.
 
     Args:
-        apart: (J, 3) m, by which they are off the body's. own: (J,) m^2 per axis, of that by themselves.
+        apart: (J, 3) m, skeleton minus body in the frame of the hips.
+        own: (J,) m^2 per axis, variance of the skeleton's joints, which is subtracted from that of `apart`.
+        well: (J,) whether many views see the joint.
     """
     looks = learnt.looks + well
     far = np.where(well[:, None], apart - learnt.offsets, 0.0)
@@ -162,7 +191,16 @@ def learn(learnt: Learnt, apart: Array, own: Array, well: Array) -> Learnt:
 def _mend(
     judged: Judged, row: int, placed: Array, noise: Array, measured: Array, asked: Array, max_sigma: float
 ) -> None:
-    """Joints of a person with what the body says: places (J, 3) m of noise (J, 3, 3) m^2, as measurements."""
+    """Fuse the joints of a person with those of the body, or fill missing ones, in place.
+
+    Args:
+        row: Row of the person.
+        placed: (J, 3) m, joints according to the body.
+        noise: (J, 3, 3) m^2, their covariances.
+        measured: (J, 3, 3) m^2, added to the covariances of the skeleton.
+        asked: (J,) whether to correct the joint.
+        max_sigma: m, largest standard deviation with which a body fills a missing joint.
+    """
     told = asked & np.isfinite(placed).all(-1) & np.isfinite(noise).all((-2, -1))
     gone = judged.states[row] == MISSING
     sure = np.sqrt(np.trace(np.where(told[:, None, None], noise, 0.0), axis1=-2, axis2=-1) / 3.0) < max_sigma
@@ -181,9 +219,9 @@ def _mend(
 
 
 class RefinementStage(Stateful):
-    """Smoothed skeletons, one set for each that comes in, late by the lag.
+    """Stage that smooths skeletons: one set out for each set in, delayed by the lag.
 
-    The constructor compiles the kernels, or takes them from numba's cache.
+    The constructor compiles the kernels, or loads them from numba's cache.
     """
 
     LAYOUT = StateLayout(
@@ -210,12 +248,12 @@ class RefinementStage(Stateful):
 
     def __init__(self, config: RefinementConfig, context: StageContext):
         self._config, self._skeleton = config, context.skeleton
-        self._hash = context.skeleton.hash  # computed at each call
+        self._hash = context.skeleton.hash  # kept, as the property computes it at each call
         self._floor = bias_floor(config.bias_floor, context.skeleton)
-        self._biases = bias_floor(-1.0, context.skeleton)  # in bodies
+        self._biases = bias_floor(-1.0, context.skeleton)  # biases that the covariances of bodies contain
         self._lasting_share = config.lasting_share if self._floor.any() else 0.0
         self.reset()
-        for patches in (False, True):  # each its own sizes of states
+        for patches in (False, True):  # states have different sizes with and without patches
             for example in _examples(context.skeleton):
                 if patches:
                     self.step(_moved(example))
@@ -223,28 +261,29 @@ class RefinementStage(Stateful):
             self.flush()
 
     def reset(self) -> None:
-        """Forget everybody."""
+        """Discard all people, waiting sets and learnt values."""
         self._waiting: list[TrackedPoseSet] = []
         self._last_ns: int | None = None
         self._clock = Clock(self._config.lag)
-        self._patches: PatchTrajectories | None = None  # of the set that comes next
+        self._patches: PatchTrajectories | None = None  # patches of the next set
         self._bodies = BodyFill()
         self._bank = FilterBank(self._config, self._skeleton, self._lasting_share)
 
     def flush(self) -> StepResult[RefinedPoseSet]:
-        """Hand out all sets that still wait."""
+        """Return the results of all waiting sets, then reset."""
         outputs = tuple(self._emit() for _ in range(len(self._waiting)))
         self.reset()
         return StepResult(outputs)
 
     def step(self, item: TrackedPoseSet | PatchTrajectories | BodyStateSet) -> StepResult[RefinedPoseSet]:
-        """The sets that have waited long enough; sets from the past are dropped with a notice.
+        """Return the results of all sets that have waited long enough.
 
-        Patches of a set come before it; those of no set that follows are not used. Bodies have a rate of
-        their own: between two of them joints are in between.
+        A set that is not newer than the previous one is dropped with a notice. Patches of a set come before
+        the set, and are ignored if no set with their timestamp follows. Bodies have a rate of their own, and
+        joints are interpolated between two of them.
 
         Raises:
-            DataError: if the poses are of another skeleton.
+            DataError: if the poses have another skeleton.
         """
         if item.skeleton_hash != self._hash:
             own = f"{self._skeleton.name} ({self._hash})"
@@ -274,7 +313,7 @@ class RefinementStage(Stateful):
         return StepResult(tuple(outputs))
 
     def _emit(self) -> RefinedPoseSet:
-        """The oldest waiting set, smoothed with all that came after it."""
+        """Return the result of the oldest waiting set, smoothed with all later sets."""
         item, bank = self._waiting.pop(0), self._bank
         instant_ns = self._clock.instant_ns(item)
         index = next(k for k, moment in enumerate(bank.moments) if moment.stamp_ns == item.stamp_ns)
@@ -309,7 +348,7 @@ class RefinementStage(Stateful):
         )
 
     def _passed_through(self, item: TrackedPoseSet) -> RefinedPoseSet:
-        """The same skeletons under the other name."""
+        """Return the same skeletons as a `RefinedPoseSet`, with the bias floor in their covariances."""
         values = {field.name: getattr(item, field.name) for field in fields(item)}
         return RefinedPoseSet(**{**values, "covariances": item.covariances + self._floor})
 
@@ -317,14 +356,18 @@ class RefinementStage(Stateful):
 def _motions_since(
     patches: PatchTrajectories | None, before_ns: int | None, stamp_ns: int
 ) -> PartMotions | None:
-    """How parts moved between two sets; None where that was not measured."""
+    """Return the motions of parts between two sets, or None if they were not measured."""
     if patches is None or (patches.before_ns, patches.stamp_ns) != (before_ns, stamp_ns):
         return None
     return patches.motions
 
 
 def without(item: TrackedPoseSet, free: Array) -> TrackedPoseSet:
-    """A set whose joints in free space are missing; free: (F, 2) ids and joints."""
+    """Return a set in which joints in free space are missing.
+
+    Args:
+        free: (F, 2) id of the person and joint.
+    """
     row_of = {number: row for row, number in enumerate(item.ids.tolist())}
     pairs = [(row_of[person], joint) for person, joint in free.tolist() if person in row_of]
     gone = np.zeros(item.states.shape, bool)
@@ -340,10 +383,13 @@ def without(item: TrackedPoseSet, free: Array) -> TrackedPoseSet:
 
 
 def bias_floor(asked: float, skeleton: SkeletonModel) -> Array:
-    """Covariances (J, 3, 3) m^2 of the detector's biases; asked: m, negative = the skeleton's own.
+    """Return the covariances (J, 3, 3) m^2 of the detector's biases.
 
-    A bias is the same in every frame: as noise of single measurements it would be smoothed away, and make the
-    smoother sluggish.
+    A bias is equal in every frame. As noise of single measurements it would be smoothed away, and would make
+    the smoother sluggish.
+
+    Args:
+        asked: m, standard deviation of every joint; negative = the values of the skeleton.
     """
     own = np.array(skeleton.bias_floors) if skeleton.bias_floors else np.zeros(len(skeleton))
     floors = own if asked < 0.0 else np.full(len(skeleton), asked)
@@ -351,7 +397,10 @@ def bias_floor(asked: float, skeleton: SkeletonModel) -> Array:
 
 
 def _sources_of(item: TrackedPoseSet, numbers: list[int]) -> ViewSources | None:
-    """The 2D people of these ids; none for whom the set does not hold, who was predicted or filled."""
+    """Return the 2D poses of people with these ids.
+
+    People who are predicted or filled are not in the set, and have none.
+    """
     if item.sources is None or numbers == item.ids.tolist():
         return item.sources
     rows = {int(number): k for k, number in enumerate(item.ids)}
@@ -359,7 +408,7 @@ def _sources_of(item: TrackedPoseSet, numbers: list[int]) -> ViewSources | None:
 
 
 def _moved(item: TrackedPoseSet) -> PatchTrajectories:
-    """The first part of everybody moved a little since the example before."""
+    """Return example patches: the first part of every person moved a little since the previous example."""
     people, nothing, none = len(item.ids), np.zeros((0, 3)), np.zeros(0)
     still = np.zeros((people, 3))
     motions = PartMotions(
@@ -392,7 +441,10 @@ def _moved(item: TrackedPoseSet) -> PatchTrajectories:
 
 
 def _examples(skeleton: SkeletonModel) -> Iterator[TrackedPoseSet]:
-    """A few instants of one person, then of another whose views have stamps of their own: all kernels."""
+    """Yield sets that compile all kernels.
+
+    The first sets contain one person; the later sets contain another, whose views have different timestamps.
+    """
     count = len(skeleton)
     positions = np.random.default_rng(0).uniform(0.0, 1.0, (1, count, 3))
     ones, still, eyes = np.ones((1, count)), np.zeros((1, count, 3)), np.tile(np.eye(3), (1, count, 1, 1))

@@ -1,13 +1,13 @@
-"""Process noise and the scale of covariances, learnt online from the innovations of a filter.
+"""Process noise and the scale of covariances, learnt online from the innovations of the filter.
 
-Innovations, whitened by their stated covariance, of a filter whose model is right have variance 1 and
-no correlation over time (Mehra 1970). If two in a row point the same way, the filter follows too slowly
-and needs more process noise; if they alternate, it follows noise and needs less. That does not depend on
-the scale of the noise. With process noise so, their mean square tells the scale of all covariances.
+If the model of a filter is right, its whitened innovations have variance 1 and no correlation over time
+(Mehra 1970). If successive innovations point the same way, the filter follows too slowly and needs more
+process noise. If they alternate, it follows noise and needs less. This test does not depend on the scale of
+the noise. With the right process noise, the mean squared innovation is the scale of all covariances.
 
-Errors of a detector that last for some frames look like motion: then innovations two and three frames
-apart have opposite signs, because the filter follows an error and comes back. Smoothed joints are then less
-certain. By how much was found approximately, by simulation of such errors.
+Detector errors that persist for some frames look like motion. The filter follows such an error and then
+returns, so innovations two and three frames apart have opposite signs. Smoothed joints are then less certain.
+The corresponding growth of the covariances was found approximately, by simulation of such errors.
 """
 
 from __future__ import annotations
@@ -19,36 +19,41 @@ from panoptic_ros.refinement.records import People
 
 Array = np.ndarray
 
-TOP_SPEED = 3.0  # m/s against the body; more is noise
-CLIP = 3.0  # sigmas, at which innovations are clipped
-FIRST = 4  # measurements of a person before process noise is learnt
-SETTLED = 10  # and before the scale is; earlier innovations depend on the prior of velocities
-RATE = 0.2  # of the logarithm of the process noise, per measurement and unit of correlation
-JOINT_RATE, PERSON_RATE = 0.05, 0.1  # the same by displacements: of a joint's own, and of all of a person's
-# Correlation of a joint's displacements with which its process noise is large enough, and s between them.
+TOP_SPEED = 3.0  # m/s against the body, upper limit: higher speeds are noise
+CLIP = 3.0  # standard deviations at which innovations are clipped
+FIRST = 4  # measurements of a person before process noise is learnt from positions
+SETTLED = 10  # measurements before the scale is learnt: earlier innovations depend on the velocity prior
+RATE = 0.2  # change of the log process noise per measurement and unit of correlation
+JOINT_RATE, PERSON_RATE = 0.05, 0.1  # the same for displacements: of one joint, of the person
+# Correlation of successive displacement innovations at which process noise is right, and their interval, s.
 SMOOTH, SMOOTH_AFTER = 0.35, 0.04
-RANGE = (0.1, 10.0)  # of the factor on the process noise
-MEMORY = 100.0  # measurements of a person
-LASTING_PRIOR, LASTING_MEMORY = 60.0, 1000.0  # measurements of people
-LASTING_FREE = 0.06  # correlation, two and three frames apart, that is no sign of lasting errors
-LASTING_GAIN = 8.0  # growth of covariances per unit of it beyond
+RANGE = (0.1, 10.0)  # limits of the factor on the process noise
+MEMORY = 100.0  # measurements of a person, memory of the scale
+LASTING_PRIOR, LASTING_MEMORY = 60.0, 1000.0  # prior weight and memory, in measurements of people
+LASTING_FREE = 0.06  # negative correlation, two and three frames apart, that is no sign of persistent errors
+LASTING_GAIN = 8.0  # growth of covariances per unit of correlation beyond LASTING_FREE
 
 
 def nothing_lasting() -> Array:
-    """Weight and correlation of errors that last, which belong to the detector: what `learn` begins from."""
+    """Return the initial weight and correlation of persistent errors; they belong to the detector."""
     return np.array([LASTING_PRIOR, 0.0])
 
 
 def scales(people: People, lasting: Array) -> Array:
-    """(P,) by which covariances of the filter and smoother are to be multiplied."""
+    """Return the factors (P,) on the covariances of filter and smoother."""
     scaled: Array = people.levels * (1.0 + LASTING_GAIN * max(0.0, -float(lasting[1]) - LASTING_FREE))
     return scaled
 
 
 def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> None:
-    """Take whitened innovations (P, J, 3), NaN = not measured, of the people that are seen (P,), in place.
+    """Learn from the whitened innovations of positions, in place.
 
-    The process noise of joints whose displacements were measured on the surface is left to `learn_turns`.
+    If displacements of a joint were measured on the surface, `learn_turns` learns its process noise instead.
+
+    Args:
+        seen: (P,) whether the person is in the set.
+        innovations: (P, J, 3), NaN = not measured.
+        lasting: (2,) weight and correlation of persistent errors, updated.
     """
     changes = np.zeros(len(seen))
     learn_levels(people, seen, innovations, lasting, changes)
@@ -56,14 +61,20 @@ def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> No
 
 
 def learn_turns(people: People, innovations: Array, dt: float) -> None:
-    """Take whitened innovations (P, J, 3) of displacements over dt s, NaN = not measured, in place.
+    """Learn the process noise from the whitened innovations of displacements, in place.
 
-    They tell the process noise as those of positions do, and better: errors of a detector last, and their
-    innovations point the same way whatever the process noise is; errors of displacements do not. They are
-    exact enough to tell that of single joints: an arm swings while the legs stand. People move more smoothly
-    than by accelerations at random, so the innovations of a joint that swings point the same way for long:
-    the more alike, the sooner the next image comes. A joint whose correlation is below that of `SMOOTH` needs
-    less noise than the rest of the person.
+    Innovations of displacements show the process noise more clearly than those of positions. Detector errors
+    persist, so innovations of positions point the same way for any process noise. Displacements have no such
+    errors. They are also accurate enough for single joints: an arm swings while the legs stand.
+
+    People move more smoothly than with random accelerations. So the innovations of a swinging joint point the
+    same way for long, and their correlation is higher for shorter intervals between images. `SMOOTH` is the
+    correlation at which the process noise is right. A joint with less correlation needs less noise than the
+    rest of the person.
+
+    Args:
+        innovations: (P, J, 3), NaN = not measured.
+        dt: s, duration of the displacements.
     """
     changes = np.zeros(innovations.shape[:2])
     turn_correlations(people.turns, innovations, SMOOTH ** (dt / SMOOTH_AFTER), changes)
@@ -72,17 +83,20 @@ def learn_turns(people: People, innovations: Array, dt: float) -> None:
 
 
 def _change(people: People, changes: Array) -> None:
-    """Change the logarithms of the factors by changes (P, J), in place."""
+    """Add changes (P, J) to the logarithms of the factors, in place."""
     people.factors[:] = np.minimum(np.maximum(people.factors * np.exp(changes), RANGE[0]), RANGE[1])
 
 
 @njit(cache=True, error_model="numpy")
 def turn_correlations(before, now, smooth, changes):
-    """Changes (P, J) of logarithms by whitened innovations (P, J, 3) and those before.
+    """Write the changes (P, J) of the logarithms of the factors, from two successive innovations.
 
-    Those of joints that were not measured twice change with those of the person alone.
+    Joints that were not measured twice change only with the person.
 
-    smooth: correlation of a joint whose noise is large enough.
+    Args:
+        before, now: (P, J, 3) whitened innovations, NaN = not measured.
+        smooth: Correlation at which the noise of a joint is right.
+        changes: (P, J), output.
     """
     for p in range(len(now)):
         product = square = 0.0
@@ -107,7 +121,11 @@ def turn_correlations(before, now, smooth, changes):
 
 @njit(cache=True, error_model="numpy")
 def learn_levels(people, seen, innovations, lasting, changes):
-    """`learn` all but the factors: changes (P,) becomes by what their logarithms change, for all joints."""
+    """Update all learnt values except the factors, in place.
+
+    Args:
+        changes: (P,), output: changes of the logarithms of the factors of all joints of a person.
+    """
     joints = innovations.shape[1]
     for p in range(len(seen)):
         if not seen[p]:
@@ -134,11 +152,19 @@ def learn_levels(people, seen, innovations, lasting, changes):
 
 @njit(cache=True, error_model="numpy")
 def innovation_sums(now, before):
-    """Of innovations (J, 3), clipped: number, sum of squares, sums of products over time.
+    """Return the number of innovations, their sum of squares, and their sums of products over time.
+
+    All innovations are clipped at `CLIP`.
 
     Args:
-        before: (3, J, 3) the last ones. The sums of products are with the last one, and with the two
-            before that together.
+        now: (J, 3) innovations, NaN = not measured.
+        before: (3, J, 3) innovations one, two and three measurements ago, NaN = not measured.
+
+    Returns:
+        count: Number of measured joints.
+        square: Sum of squares.
+        next_sum: Sum of products with the innovations one measurement ago.
+        late_sum: Sum of products with the innovations two and three measurements ago.
     """
     count = 0
     square = next_sum = late_sum = 0.0
@@ -161,12 +187,16 @@ def innovation_sums(now, before):
 
 @njit(cache=True, error_model="numpy")
 def process_noise(speeds, factors, states, least, growth, noise):
-    """Noise (P, J) m^2/s^3, spectral density of acceleration: limbs that swing need more than the trunk.
+    """Write the process noise (P, J) m^2/s^3 to `noise`; limbs that swing have more than the trunk.
 
     Args:
-        speeds: (P, J) m/s of late; become at least those of the states (P, J, 6) against the body, which
-            moves with their median, but at most `TOP_SPEED`.
-        factors: (P, J). least, growth: noise for a factor of 1 is least + growth speed^2.
+        speeds: (P, J) m/s, largest recent speeds; raised to the present speeds against the body, at most
+            `TOP_SPEED`. The velocity of the body is the median over its joints.
+        factors: (P, J) factors on the process noise.
+        states: (P, J, S).
+        least: m^2/s^3, process noise at rest for a factor of 1.
+        growth: 1/s, growth of this noise with the squared speed.
+        noise: (P, J) m^2/s^3, spectral density of the acceleration, output.
     """
     joints, body, known = states.shape[1], np.empty(3), np.empty(states.shape[1])
     for p in range(len(states)):

@@ -48,10 +48,10 @@ class Column:
     """One column of the table.
 
     Args:
-        key: key of the value in a row.
-        title: title of the column.
-        spec: format of numbers, e.g. ".1f" or ".0%"; "" = text, or whole numbers.
-        factor: multiplier of the value, e.g. 1e3 from m to mm.
+        key: Key of the value in a row.
+        title: Title of the column.
+        spec: Format of numbers, e.g. ".1f" or ".0%"; "" = text, or whole numbers.
+        factor: Multiplier of the value, e.g. 1e3 from m to mm.
     """
 
     key: str
@@ -82,14 +82,14 @@ class Study:
     """Base class of all studies.
 
     Args:
-        name: name of the study on the command line.
-        options: parsed options; see `add_options`.
-        words: options as typed on the command line, without those of the output.
+        name: Name of the study on the command line.
+        options: Parsed options; see `add_options`.
+        words: Options as typed on the command line, without those of the output.
 
     Attributes:
-        columns: columns of the table.
-        across: transpose the table, so that each row of the result becomes a column.
-        over: keys of the groups in which the table averages rows; empty = the table lists all rows.
+        columns: Columns of the table.
+        across: Transpose the table, so that each row of the result becomes a column.
+        over: Keys of the groups in which the table averages rows; empty = the table lists all rows.
         has_plot: True if `plot` draws the result.
     """
 

@@ -46,11 +46,11 @@ class MicrophoneSource:
     by up to 0.4 s, so this second is discarded. Lost samples appear as a gap in the sample count.
 
     Args:
-        device: name.
+        device: Name.
         address: PortAudio's device: a part of a name such as "hw:1" or "USB Audio", or a number.
-        clocks: clocks of the channels, see `AudioBlock`.
-        clock: returns ns; clock of the timestamps, by default the wall clock.
-        library: replaces the package in tests.
+        clocks: Clocks of the channels, see `AudioBlock`.
+        clock: Returns ns; clock of the timestamps, by default the wall clock.
+        library: Replaces the package in tests.
 
     Raises:
         EnvironmentProblem: if sounddevice or PortAudio is missing.
@@ -280,9 +280,9 @@ class PlayedSource:
     """WAV file played in real time, timestamped by this machine's clock. It ends with the file.
 
     Args:
-        clocks: clocks of the channels, see `AudioBlock`.
-        clock: returns ns; clock of the timestamps, by default the wall clock.
-        wait: waits for a number of seconds; returns True if the source was closed meanwhile. For tests.
+        clocks: Clocks of the channels, see `AudioBlock`.
+        clock: Returns ns; clock of the timestamps, by default the wall clock.
+        wait: Waits for a number of seconds; returns True if the source was closed meanwhile. For tests.
 
     Raises:
         DataError: see `WavSource`.

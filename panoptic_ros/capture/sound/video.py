@@ -27,12 +27,12 @@ class VideoSound:
     below 0 are skipped.
 
     Args:
-        device: its camera.
-        clocks: clocks of the channels, see `AudioBlock`.
-        start_ns: timestamp of the first frame of the video.
-        stamps: timestamps of all frames, ns, if they are not the file's own times.
-        from_sample: index of the first sample to read.
-        track: number among the sound tracks.
+        device: Its camera.
+        clocks: Clocks of the channels, see `AudioBlock`.
+        start_ns: Timestamp of the first frame of the video.
+        stamps: Timestamps of all frames, ns, if they are not the file's own times.
+        from_sample: Index of the first sample to read.
+        track: Number among the sound tracks.
 
     Raises:
         DataError: if there is no video or no sound track, its codec is unknown, or the number of channels

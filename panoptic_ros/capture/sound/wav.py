@@ -19,11 +19,11 @@ class WavSource:
     """WAV file, timestamped by the clock of the device that recorded it.
 
     Args:
-        clocks: clocks of the channels, see `AudioBlock`.
-        start_ns: timestamp of the first sample, if there are no `stamps`. The clock is then that of the sound
+        clocks: Clocks of the channels, see `AudioBlock`.
+        start_ns: Timestamp of the first sample, if there are no `stamps`. The clock is then that of the sound
             card: sample count / sample rate.
-        stamps: timestamps of the samples at which blocks begin.
-        from_sample: index of the first sample to read.
+        stamps: Timestamps of the samples at which blocks begin.
+        from_sample: Index of the first sample to read.
 
     Raises:
         DataError: if it is no WAV file, its channels differ from `clocks`, or the timestamps do not increase.

@@ -75,10 +75,10 @@ class Encoding(NamedTuple):
     """Meaning of the bytes of an image.
 
     Args:
-        layout: order of the channels.
-        size: bytes of a value.
-        bits: significant bits of a value; 0 = estimated from the image.
-        is_assumed: the encoding name does not state the colour channels.
+        layout: Order of the channels.
+        size: Bytes of a value.
+        bits: Significant bits of a value; 0 = estimated from the image.
+        is_assumed: The encoding name does not state the colour channels.
     """
 
     layout: str

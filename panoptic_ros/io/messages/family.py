@@ -28,8 +28,8 @@ class Messages:
 
     Args:
         type_of: "package/msg/Name" -> class, whose constructor takes the fields by keyword.
-        sequence: converts a flat array to the value of a field of unbounded length.
-        origin: returns the original message of a received record, or None. It is reused if the record is
+        sequence: Converts a flat array to the value of a field of unbounded length.
+        origin: Returns the original message of a received record, or None. It is reused if the record is
             nested in another message.
     """
 

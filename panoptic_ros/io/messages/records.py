@@ -58,10 +58,10 @@ def _arrays(kind: Any, prefix: str = "", part: str = "", own: Any = None, **shap
     """Return fields of one type.
 
     Args:
-        prefix: prefix of the field names in the message.
-        part: attribute of the record that holds the values; "" = the record itself.
-        own: array type in the record, see `Field`.
-        shapes: shape by attribute.
+        prefix: Prefix of the field names in the message.
+        part: Attribute of the record that holds the values; "" = the record itself.
+        own: Array type in the record, see `Field`.
+        shapes: Shape by attribute.
     """
     return tuple(
         Field(prefix + name, kind, shape, f"{part}.{name}" if part else "", own)

@@ -1,8 +1,8 @@
 """One table of fields for each message: it defines how to write a record as a message and read it back.
 
 A table states for every message field its type and its place in the record. Sizes are letters: equal letters
-are equal sizes, as in `domain.checks.Shapes`. Each table is compiled to two functions like hand-written ones,
-so that the cost of a message is little more than that of its arrays:
+are equal sizes, as in `domain.checks.Shapes`. Each table is compiled to two functions that resemble
+hand-written ones. So a message costs little more than its arrays:
 
     def write(r, family, frame_id):
         return family.make("TrackSet", index=int(r.index), ages=flat(family, r.ages, float64))
@@ -40,16 +40,16 @@ class Field:
     """One field of a message.
 
     Args:
-        name: name in the message. "a b" are two fields for a pair in the record.
-        kind: type of its values: int, float, bool, str, a numpy type of an array, `TIME`, `COUNT`, or the
+        name: Name in the message. "a b" are two fields for a pair in the record.
+        kind: Type of its values: int, float, bool, str, a numpy type of an array, `TIME`, `COUNT`, or the
             `Table` of a nested message.
-        shape: letters and numbers of an array; a single letter for lists of names or messages; the letter of
+        shape: Letters and numbers of an array; a single letter for lists of names or messages; the letter of
             a `COUNT`; None = a scalar. If no earlier field sets a letter, its size follows from the array
             length.
-        of: attribute of the record, "" = `name`; "part.attribute" for a value in a part of the record. A
+        of: Attribute of the record, "" = `name`; "part.attribute" for a value in a part of the record. A
             function computes the value to write. The field is then only read if it is optional, or for
             `Table.complete`.
-        own: array type in the record, for records that do not convert their arrays.
+        own: Array type in the record, for records that do not convert their arrays.
         optional: None in the record is empty in the message. A name is that of the message field whose truth
             value or length states whether this one is present.
     """
@@ -91,13 +91,13 @@ class Table:
     """Converter between a record and its message.
 
     Args:
-        message: message name.
-        record: record class.
-        header: attributes with the timestamp (int ns) and with the owner in the message header; "" = 0 and
+        message: Message name.
+        record: Record class.
+        header: Attributes with the timestamp (int ns) and with the owner in the message header; "" = 0 and
             the world frame. None = the message has no header.
-        parts: parts of the record by attribute: class, and whether the part is None if its first value is
+        parts: Parts of the record by attribute: class, and whether the part is None if its first value is
             empty.
-        complete: changes and checks the values that were read, before the record is built.
+        complete: Changes and checks the values that were read, before the record is built.
     """
 
     def __init__(

@@ -1,8 +1,8 @@
 """Read and write a folder of ROS calibration files, <camera>.yaml, and poses.yaml.
 
-<camera>.yaml is the format of camera_calibration and camera_info_manager: image_width, image_height,
-camera_matrix, distortion_model (see `io.distortion_models`), distortion_coefficients. ROS has no file format
-for the poses, so this package defines one, poses.yaml:
+The files <camera>.yaml have the format of camera_calibration and camera_info_manager. Their keys are
+image_width, image_height, camera_matrix, distortion_model (see `io.distortion_models`) and
+distortion_coefficients. ROS has no file format for the poses, so this package defines poses.yaml:
 
     frame_id: world
     poses:

@@ -33,15 +33,15 @@ class _Format:
     """One rig format.
 
     Args:
-        name: as in `write_rig(format=...)`.
-        title: name in messages.
-        syntax: syntax of `Document`.
-        recognises: returns whether parsed content is of this format.
-        parse: converts content and options to a rig.
-        dump: converts a rig to text, or to texts by file name; None = read only.
-        uses: options that the format supports.
-        holds: entries of `_EXTRAS` that the format can store.
-        keys: known keys, see `tell_unknown`; None for XML and numbers, and for folders, which check their
+        name: As in `write_rig(format=...)`.
+        title: Name in messages.
+        syntax: Syntax of `Document`.
+        recognises: Returns whether parsed content is of this format.
+        parse: Converts content and options to a rig.
+        dump: Converts a rig to text, or to texts by file name; None = read only.
+        uses: Options that the format supports.
+        holds: Entries of `_EXTRAS` that the format can store.
+        keys: Known keys, see `tell_unknown`; None for XML and numbers, and for folders, which check their
             own.
     """
 

@@ -27,12 +27,12 @@ class Contents(NamedTuple):
     """Contents of a bag file.
 
     Args:
-        topics: readable topics by number in the file.
-        foreign: unreadable topics by number in the file.
-        counts: messages by topic number, of both.
-        begin_ns, end_ns: recording times of the first and the last message; without messages, begin_ns >
+        topics: Readable topics by number in the file.
+        foreign: Unreadable topics by number in the file.
+        counts: Messages by topic number, of both.
+        begin_ns, end_ns: Recording times of the first and the last message; without messages, begin_ns >
             end_ns.
-        problems: one line for each difference between the file's statements and its content.
+        problems: One line for each difference between the file's statements and its content.
     """
 
     topics: Mapping[int, Connection]

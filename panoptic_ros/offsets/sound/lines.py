@@ -204,9 +204,9 @@ class _Effects:
     """Variance components of a delay, in units of its variance over all source positions.
 
     Args:
-        shared: variance of the part common to all windows.
-        kept: variance of the part that stays the same for some seconds.
-        own: variance of the independent part of each window.
+        shared: Variance of the part common to all windows.
+        kept: Variance of the part that stays the same for some seconds.
+        own: Variance of the independent part of each window.
     """
 
     shared: float

@@ -13,14 +13,14 @@ Settings = dict[str, dict[str, Any]]
 
 @dataclass(frozen=True)
 class Mechanism:
-    """One thing that the core does beyond the plainest way.
+    """One mechanism that the core has in addition to the simplest method.
 
     Args:
-        part: of the core, for the reader; the stage that has the parameter may be another.
-        name: unique.
-        about: what it does.
-        off: the parameters, {stage: {parameter: value}}, with which the core does not do it.
-        maps: it acts on score maps alone.
+        part: Part of the core, for the reader; the stage that has the parameter may be another.
+        name: Unique name.
+        about: Effect of the mechanism.
+        off: Parameters that switch the mechanism off, {stage: {parameter: value}}.
+        maps: Whether it acts on score maps alone.
     """
 
     part: str
@@ -119,7 +119,7 @@ MECHANISMS: tuple[Mechanism, ...] = (
 
 
 def chosen(words: Collection[str]) -> tuple[Mechanism, ...]:
-    """The mechanisms of these names or parts, in the order of the table; no words: all.
+    """Return the mechanisms with these names or parts, in the order of the table; no words = all.
 
     Raises:
         UsageError: if a word is neither.

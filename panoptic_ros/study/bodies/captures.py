@@ -54,12 +54,12 @@ class Drawn:
     """Randomly drawn setup of a capture.
 
     Args:
-        together: cameras share a trigger.
-        joint_noise, imu_noise: noise relative to the default.
-        mounting: key of `MOUNTING_DEG`.
-        lengths, joints: the subject file states the lengths of segments, and the joint positions of the
+        together: Cameras share a trigger.
+        joint_noise, imu_noise: Noise relative to the default.
+        mounting: Key of `MOUNTING_DEG`.
+        lengths, joints: The subject file states the lengths of segments, and the joint positions of the
             detector.
-        heading, clock: the heading, or the clock offset, of the IMUs is unknown.
+        heading, clock: The heading, or the clock offset, of the IMUs is unknown.
     """
 
     scene: str

@@ -53,10 +53,10 @@ class Observation:
         period_ns: (ns) time between two time steps.
         started_ns: (ns) start time of the processes.
         measured_ns: (ns) time from which latencies count.
-        before, after: resource usage of the processes at the beginning and at the end of the measured part.
-        stages: last diagnostics of every stage.
-        restarts: restarts after the measured part.
-        floods: floods after the measured part.
+        before, after: Resource usage of the processes at the beginning and at the end of the measured part.
+        stages: Last diagnostics of every stage.
+        restarts: Restarts after the measured part.
+        floods: Floods after the measured part.
     """
 
     sent: Sequence[tuple[int, int]]

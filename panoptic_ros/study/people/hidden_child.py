@@ -178,13 +178,13 @@ class ChildInstant:
     """State of the child at one time step of a take.
 
     Args:
-        seconds: true time, s.
-        number: id of the child; None = lost.
-        gap: m, mean distance of its joints from the truth; NaN = lost.
-        shown: number of views with a 2D pose of it.
-        loser: stage that lost it; "" = none.
-        ghosts: number of skeletons without a person.
-        others: ids of the adults by their index.
+        seconds: True time, s.
+        number: Id of the child; None = lost.
+        gap: Mean distance of its joints from the truth, m; NaN = lost.
+        shown: Number of views with a 2D pose of it.
+        loser: Stage that lost it; "" = none.
+        ghosts: Number of skeletons without a person.
+        others: Ids of the adults by their index.
     """
 
     seconds: float

@@ -195,8 +195,8 @@ def trials(
 ) -> dict[str, Any]:
     """Return the share of successful trials of each kind.
 
-    In a successful trial, all persons keep their ids. After "somebody else comes", no person may take over
-    the id of another.
+    In a successful trial, all persons keep their ids. If a different person arrives, no person
+    may take over the id of another.
     """
     kinds = {
         "hidden for 1 s": (hidden_trial, kept_ids),

@@ -21,16 +21,16 @@ class StudyScore:
     """Accuracy of one set of cameras.
 
     Args:
-        skeletons: number of true skeletons in all frames.
-        nodes: number of their joints.
-        outlier_nodes: number of nodes with an error above `outlier_m`.
-        missed_nodes: number of true joints without a node.
-        ghosts: number of skeletons in the result without a true person.
-        node_accuracy: share of the nodes that are neither outliers nor missed (Table 3 counts both).
-        skeleton_accuracy: share of the skeletons without any such node.
-        median_mm: median error of the nodes that were found, mm.
-        pck: share of all nodes within each of `THRESHOLDS`.
-        outlier_m: error (m) above which a node is an outlier.
+        skeletons: Number of true skeletons in all frames.
+        nodes: Number of their joints.
+        outlier_nodes: Number of nodes with an error above `outlier_m`.
+        missed_nodes: Number of true joints without a node.
+        ghosts: Number of skeletons in the result without a true person.
+        node_accuracy: Share of the nodes that are neither outliers nor missed (Table 3 counts both).
+        skeleton_accuracy: Share of the skeletons without any such node.
+        median_mm: Median error of the nodes that were found, mm.
+        pck: Share of all nodes within each of `THRESHOLDS`.
+        outlier_m: Error (m) above which a node is an outlier.
     """
 
     skeletons: int

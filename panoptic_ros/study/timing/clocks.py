@@ -53,11 +53,11 @@ class Outcome:
     Args:
         errors_s: (s) timestamp minus true master time of every view in a set.
         ages_s: (s) true time of these views.
-        cameras: cameras of these views.
-        sets: number of sets.
-        twice: frames that were used more than once.
-        frames: all frames.
-        notices: notices of both stages.
+        cameras: Cameras of these views.
+        sets: Number of sets.
+        twice: Frames that were used more than once.
+        frames: All frames.
+        notices: Notices of both stages.
     """
 
     errors_s: list[float] = field(default_factory=list)

@@ -313,11 +313,11 @@ class Outcome:
     """Readings of one clip compared with its ground truth.
 
     Args:
-        sent: words that are at least partly in the clip.
-        right: number of these words that were read.
-        wrong: readings with another label, or at a place without a word.
-        unusable: readings whose start or deviation is not finite, or whose deviation is not positive.
-        error: exception with its place in the source; "" = none.
+        sent: Words that are at least partly in the clip.
+        right: Number of these words that were read.
+        wrong: Readings with another label, or at a place without a word.
+        unusable: Readings whose start or deviation is not finite, or whose deviation is not positive.
+        error: Exception with its place in the source; "" = none.
     """
 
     sent: int

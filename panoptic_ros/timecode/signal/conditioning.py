@@ -157,8 +157,8 @@ def limit(signal: Array, piece: int, share: float, clip: float, blank: float) ->
     Args:
         piece: (samples) length of the piece over which one level is computed.
         share: (0..1) quantile of the magnitudes that is taken as the level.
-        clip: ratio to the level at which samples are clipped.
-        blank: ratio to the level above which samples are set to 0.
+        clip: Ratio to the level at which samples are clipped.
+        blank: Ratio to the level above which samples are set to 0.
     """
     levels = piece_levels(signal, piece, share, EVERY)
     for k in range(len(levels)):

@@ -42,11 +42,11 @@ class Match(NamedTuple):
 
     Args:
         nats: (nats) log-likelihood by which the given bits fit worse than the best bits.
-        level: mean level of the signal.
+        level: Mean level of the signal.
         share: (0..1) share of the level magnitude that the bits explain.
-        tenth: smallest level of the ten tenths of the word.
-        anywhere: smallest level over a tenth of the word, for windows at any position.
-        bits, signs: see `Path`.
+        tenth: Smallest level of the ten tenths of the word.
+        anywhere: Smallest level over a tenth of the word, for windows at any position.
+        bits, signs: See `Path`.
     """
 
     nats: float
