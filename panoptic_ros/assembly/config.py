@@ -33,7 +33,6 @@ class AssemblyConfig(Config):
         "rigs of up to three cameras need two.",
         when="people at the edge of the room are missing (2), or bystanders are reported (more).",
     )
-    min_person_joints: int = param(5, ge=1, le=500, doc="Measured joints that make a person.")
     min_agreed_share: float = param(
         0.5,
         ge=0.0,
@@ -116,10 +115,6 @@ class AssemblyConfig(Config):
         le=1.0,
         doc="Joints of people whom one or two views show, and who were seen better before, are placed by the "
         "lengths of their bones until they are less certain than this (largest axis); 0 = never.",
-    )
-    max_bone: float = param(0.9, unit="m", ge=0.05, le=10.0, doc="No bone of a person is longer.")
-    lowest: float = param(
-        -2.0, unit="m", ge=-1000.0, le=1000.0, doc="A person's middle joint (median) lies above this height."
     )
     covariance_inflation: float = param(
         0.8, ge=0.0, le=10.0, doc="Covariances grow by 1 + this / (views - 1)."

@@ -152,39 +152,32 @@ class Standards(NamedTuple):
         inflation: Correction of covariances for robust weights.
         extra: Additional growth of covariances for few views.
         worst: m, largest standard deviation of a joint along its longest axis.
-        longest: m, largest length of a bone.
         share: Smallest share of the joints seen in two or more views on which these views agree.
-        fewest: Minimum number of joints.
-        lowest: m, lowest median height.
     """
 
     inflation: float
     extra: float
     worst: float
-    longest: float
     share: float
-    fewest: int
-    lowest: float
 
 
 @njit(cache=True, error_model="numpy")
-def judge_joints(solved, observed, marked, bones, standards):
+def judge_joints(solved, observed, marked, standards):
     """Return the solved joints that are certain enough, as `Joints`, and a mask (P, J) of them.
 
-    Joints with a singular covariance are excluded. If a bone is too long, its less certain end is excluded.
+    Joints with a singular covariance are excluded.
 
     Args:
         solved: `SolvedJoints`.
         observed: (P, J) number of views whose 2D pose shows each joint, including views that were not used.
         marked: Scores (D, J) and tails (D, J) of the 2D joints. Tails are factors on the standard deviations
             where no further view shows a joint.
-        bones: (B, 2) joints at the ends.
         standards: `Standards`.
     """
     scores, tails = marked
     people, joints, count_views = solved.residuals.shape
     places, covariances = solved.positions.copy(), np.full((people, joints, 3, 3), np.nan)
-    worst, mean = np.zeros((people, joints)), np.zeros((people, joints))
+    mean = np.zeros((people, joints))
     views, good = np.zeros((people, joints), np.int64), np.zeros((people, joints), np.bool_)
     for p in range(people):
         for j in range(joints):
@@ -201,15 +194,9 @@ def judge_joints(solved, observed, marked, bones, standards):
                 doubt = 1.0 + (standards.extra + unused) / max(views[p, j] - 1, 1)
                 invert_symmetric(solved.normals[p, j], standards.inflation * doubt, covariances[p, j])
                 if np.isfinite(covariances[p, j, 0, 0]):
-                    worst[p, j] = largest_eigenvalue(covariances[p, j])
-                    good[p, j] = worst[p, j] <= standards.worst**2
+                    good[p, j] = largest_eigenvalue(covariances[p, j]) <= standards.worst**2
                     if views[p, j] + unused <= FEW_VIEWS:  # with more views, disagreement already counts
                         covariances[p, j] *= squares / max(views[p, j], 1)
-        for b in range(len(bones)):
-            start, end = bones[b]
-            gap = _gap(places[p, start], places[p, end])
-            if good[p, start] and good[p, end] and gap > standards.longest:
-                good[p, start if worst[p, start] > worst[p, end] else end] = False
         for j in range(joints):
             if not good[p, j]:
                 places[p, j], covariances[p, j] = np.nan, np.nan
@@ -221,8 +208,8 @@ def judge_joints(solved, observed, marked, bones, standards):
 def kept_people(joints, good, observed, member, standards):
     """Return the rows of the skeletons that can be people, one row per person.
 
-    They have enough joints, a possible height, and views that agree on most joints. People without 2D poses,
-    at nodes of score maps, need only the joints and the height.
+    They have a joint, and views that agree on most joints. For people without 2D poses, at nodes of score
+    maps, a joint is enough.
 
     Args:
         joints: `Joints`.
@@ -232,24 +219,18 @@ def kept_people(joints, good, observed, member, standards):
     """
     people, count_joints = good.shape
     kept, count = np.empty(people, np.int64), 0
-    heights = np.empty(count_joints)
     for p in range(people):
         lost = np.all(member[p] < 0)
-        number = agreed = shown = known = 0
+        number = agreed = shown = 0
         for j in range(count_joints):
-            there = np.isfinite(joints.positions[p, j, 2])
-            sure = good[p, j] or (lost and there)
+            sure = good[p, j] or (lost and np.isfinite(joints.positions[p, j, 2]))
             number += sure
             if observed[p, j] >= 2:
                 shown += 1
                 agreed += sure
-            if there:
-                heights[known] = joints.positions[p, j, 2]
-                known += 1
-        if known and number >= standards.fewest and agreed >= standards.share * shown:
-            if np.median(heights[:known]) > standards.lowest:
-                kept[count] = p
-                count += 1
+        if number and agreed >= standards.share * shown:
+            kept[count] = p
+            count += 1
     kept = kept[:count]
     return kept[~second_skeletons(joints.positions[kept], joints.views[kept])]
 

@@ -27,18 +27,19 @@ MIN_VOTE = 0.3  # smallest mean vote of the joints, which most views show; joint
 EXPLAINED = 0.15  # m, nodes nearer to a known person's joint, or its mirror joint, are explained
 LENGTH_SHARE = 0.25  # relative standard deviation of bone lengths between people
 SKIP_WEIGHT = 0.5  # weight of a part that skips a joint
+MAX_BONE = 0.9  # m, longest bone of a person
 LEAST_SCORE = 0.01  # smallest score of a part
 SPREAD = 0.03  # m, standard deviation of the positions, as for people with a prediction
 
 
 def with_lost_people(
-    item: ProposalSet, found: Candidates, solved: SolvedJoints, skeleton: SkeletonModel, max_bone: float
+    item: ProposalSet, found: Candidates, solved: SolvedJoints, skeleton: SkeletonModel
 ) -> tuple[Candidates, SolvedJoints]:
     """Return the candidates and their solution with lost people appended.
 
     Lost people have no 2D poses, and their joints are at nodes.
     """
-    places = lost_people(item, solved.positions, skeleton, max_bone)
+    places = lost_people(item, solved.positions, skeleton)
     if not len(places):
         return found, solved
     (count, joints), views = places.shape[:2], found.member.shape[1]
@@ -49,7 +50,7 @@ def with_lost_people(
     return joined(found, lost), joined(solved, nothing)
 
 
-def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bone: float) -> Array:
+def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel) -> Array:
     """Return joints (P, J, 3) m of people among the nodes that known people (K, J, 3) m do not explain."""
     mirror = np.array(skeleton.mirror, np.int64)
     free = ~explained(item.nodes, item.node_joints, np.ascontiguousarray(known), mirror)
@@ -57,8 +58,8 @@ def lost_people(item: ProposalSet, known: Array, skeleton: SkeletonModel, max_bo
     needed = MIN_SHARE * (len(skeleton) - len(skeleton.derived))
     people: list[Array] = []
     while np.count_nonzero(np.bincount(item.node_joints[free])) >= needed:
-        nodes = _with_derived(item, np.flatnonzero(free), skeleton, max_bone)
-        parts = _with_parts(item, nodes, known, skeleton, max_bone)
+        nodes = _with_derived(item, np.flatnonzero(free), skeleton)
+        parts = _with_parts(item, nodes, known, skeleton)
         _, chosen = PartTree(parts, skeleton, SKIP_WEIGHT).best()
         place = np.where((chosen >= 0)[:, None], parts.nodes[chosen], np.nan)
         own = np.ones(len(chosen), bool)
@@ -96,7 +97,7 @@ def _distance(a, b):
 
 
 def _with_derived(
-    item: ProposalSet, rows: Array, skeleton: SkeletonModel, max_bone: float
+    item: ProposalSet, rows: Array, skeleton: SkeletonModel
 ) -> tuple[Array, Array, Array, Array]:
     """Return the nodes `rows`, with derived joints replaced by all means that could be these joints.
 
@@ -114,7 +115,7 @@ def _with_derived(
             continue
         a, b = (kept[item.node_joints[kept] == part] for part in parts)
         a, b = np.repeat(a, len(b)), np.tile(b, len(a))
-        close = np.linalg.norm(item.nodes[a] - item.nodes[b], axis=1) <= max_bone
+        close = np.linalg.norm(item.nodes[a] - item.nodes[b], axis=1) <= MAX_BONE
         a, b = a[close], b[close]
         nodes.append(0.5 * (item.nodes[a] + item.nodes[b]))
         joints.append(np.full(len(a), joint, item.node_joints.dtype))
@@ -128,7 +129,6 @@ def _with_parts(
     found: tuple[Array, Array, Array, Array],
     known: Array,
     skeleton: SkeletonModel,
-    max_bone: float,
 ) -> ProposalSet:
     """Return proposals with nodes of `_with_derived`, and with parts between all nodes that may form a bone.
 
@@ -140,7 +140,7 @@ def _with_parts(
     """
     nodes, joints, votes, views = found
     kinds = _kinds_of_parts(skeleton)
-    parts, bones, scores = likely_parts(nodes, joints, votes, kinds, typical_lengths(known, kinds), max_bone)
+    parts, bones, scores = likely_parts(nodes, joints, votes, kinds, typical_lengths(known, kinds), MAX_BONE)
     return replace(
         item,
         nodes=nodes,

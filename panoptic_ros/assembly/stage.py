@@ -117,10 +117,7 @@ class AssemblyStage(Stateful):
             covariance_correction(config.cauchy),
             config.covariance_inflation,
             config.max_joint_sigma,
-            config.max_bone,
             config.min_agreed_share,
-            config.min_person_joints,
-            config.lowest,
         )
         self._sides = Sides(context.skeleton, self._limbs.groups)
         self._hiding, self._body = body_bones(context.skeleton, self._sides.torso), Body.of(context.skeleton)
@@ -181,8 +178,8 @@ class AssemblyStage(Stateful):
         if scene.cams.delays.any():
             found, solved, motion = solved_in_motion(scene, found, solved, prediction, self._rules)
         if self._config.lost_people and item.of_maps:
-            known, max_bone = len(found.who), self._config.max_bone
-            found, solved = with_lost_people(item, found, solved, self._skeleton, max_bone)
+            known = len(found.who)
+            found, solved = with_lost_people(item, found, solved, self._skeleton)
             if motion is not None and len(found.who) > known:
                 motion = motion_of(scene, solved, found.guide.shifts, self._rules.cauchy)
         observed = observed_views(found, scene.precision)
@@ -238,8 +235,8 @@ class AssemblyStage(Stateful):
         """
         solved, found, motion = solution
         config, member = self._config, found.member
-        bones, standards = self._body.bones, self._standards
-        joints, good = judge_joints(solved, observed, (scene.evidence.scores, tails), bones, standards)
+        standards = self._standards
+        joints, good = judge_joints(solved, observed, (scene.evidence.scores, tails), standards)
         if config.vote_distance > 0.0 and item.of_maps:
             expected = found.guide.positions
             shifts = _since_voting(item, found, motion)

@@ -7,8 +7,7 @@ outliers. A fixed-lag smoother (Rauch, Tung, Striebel 1965) then uses the frames
 all people are processed together (`filter_bank`): people are rows of the same arrays (`records`).
 
 If views have different timestamps, a position is measured together with its dependence on the velocity
-(`domain.TimeShift`). So every view counts at its own timestamp. The initial velocities of a person's joints
-are estimated jointly (`start_motion`).
+(`domain.TimeShift`). So every view counts at its own timestamp.
 
 Process noise, the scale of the covariances and the time correlation of errors are learnt online from
 innovations (Mehra 1970, `tuning`). Where displacements of the surface were measured (`links`), their

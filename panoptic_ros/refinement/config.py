@@ -70,8 +70,7 @@ class RefinementConfig(Config):
         unit="m/s",
         ge=0.01,
         le=50.0,
-        doc="Standard deviation of the velocity of a joint that is new. Where stamps differ, of the fastest; "
-        "how many joints are slower is learnt from the views.",
+        doc="Standard deviation of the velocity of a new joint.",
     )
     max_gap: float = param(
         0.3, unit="s", ge=0.0, le=10.0, doc="Longer gaps of a joint are not bridged; its motion starts anew."

@@ -36,8 +36,16 @@ from panoptic_ros.refinement.kalman import (
 )
 from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
 from panoptic_ros.refinement.motion_model import MOVING, NINE, SIX, density, lasting_variance, transition
-from panoptic_ros.refinement.records import Moment, Motion, People, new_people, padded, unknown, widened
-from panoptic_ros.refinement.start_motion import likely_velocities, started
+from panoptic_ros.refinement.records import (
+    Moment,
+    Motion,
+    People,
+    new_people,
+    padded,
+    started,
+    unknown,
+    widened,
+)
 from panoptic_ros.refinement.trust import given_up
 from panoptic_ros.refinement.tuning import learn, learn_turns, nothing_lasting, process_noise, scales
 
@@ -333,21 +341,16 @@ class FilterBank:
         measured.lasting[...] += gains[..., None, None] * (shares * measured.noises - measured.lasting)
 
     def _start(self, row: int, new: Array, points: Array, shift: TimeShift | None) -> None:
-        """Initialise the states of a person's new joints (J,) from points (J, 3) m.
+        """Initialise the states of a person's new joints (J,) at rest, from points (J, 3) m.
 
         Args:
             row: Row of the person.
             new: (J,) whether the joint is new.
             shift: Time shift of this person alone; None = all views have the same timestamp.
         """
-        now, fast, cauchy = self.moments[-1], self._config.start_speed, self._config.cauchy
-        if shift is None:
-            delays, velocities = np.zeros((self._joints, 3, 3)), np.zeros((self._joints, 3))
-            spreads = fast**2 * np.eye(3)
-        else:
-            delays = shift.delays[0]
-            velocities, spreads = likely_velocities(shift.velocities[0], shift.information[0], fast, cauchy)
-        begun = started(points, now.measured.noises[row], delays, velocities, spreads)
+        now = self.moments[-1]
+        delays = np.zeros((self._joints, 3, 3)) if shift is None else shift.delays[0]
+        begun = started(points, now.measured.noises[row], delays, self._config.start_speed)
         begun = padded(begun, len(self._sized))
         self._at_random(begun, now.noise[row])
         for whole, part in zip(now.motion, begun):

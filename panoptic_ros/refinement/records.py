@@ -96,6 +96,24 @@ def unknown(stamp_ns: int, dt: float, people: int, joints: int, size: int = MOVI
     return Moment(stamp_ns, dt, noise, predicted, gains, motion, measured, np.zeros(shape, bool))
 
 
+def started(points: Array, noises: Array, delays: Array, speed: float) -> Motion:
+    """Return the states (J, 6) and covariances (J, 6, 6) of J new joints at rest, from points = X + G V.
+
+    Args:
+        points: (J, 3) m.
+        noises: (J, 3, 3) m^2, covariances of the points.
+        delays: (J, 3, 3) s, G.
+        speed: Standard deviation of the velocity V, m/s per axis, independent of the noise of the points.
+    """
+    states, covariances = np.zeros((len(points), 6)), np.empty((len(points), 6, 6))
+    states[:, :3] = points
+    turned = speed**2 * delays
+    covariances[:, :3, :3] = noises + turned @ np.swapaxes(delays, 1, 2)
+    covariances[:, :3, 3:], covariances[:, 3:, :3] = -turned, -np.swapaxes(turned, 1, 2)
+    covariances[:, 3:, 3:] = speed**2 * np.eye(3)
+    return Motion(states, covariances)
+
+
 def padded(motion: Motion, size: int) -> Motion:
     """Return the motion with longer states; added elements are 0 with covariance 0."""
     more = [(0, size - motion.states.shape[-1])]

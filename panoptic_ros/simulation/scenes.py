@@ -87,12 +87,13 @@ SCENES: dict[str, Scene] = {
         Ring(5),
         degradation=replace(MILD, back_swap=0.7, limb_swap=0.2, hold=15),
     ),
-    "ghosts-8p10v": Scene(
-        "three false people in every view",
+    "ghosts-8p31v": Scene(
+        "a false person in every view of a dome",
         _EIGHT,
-        Ring(10, radius=4.6),
-        area=2.7,
-        degradation=replace(NOISY, ghosts=3.0),
+        Dome(31),
+        area=1.8,
+        degradation=replace(NOISY, ghosts=1.0),
+        frames=40,
     ),
     "fragments-8p5v": Scene(
         "half of the joints missing, and a third of the people",

@@ -22,8 +22,7 @@ from panoptic_ros.solving.scene import Cameras
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
 CAMERAS = captures.RIG.cameras
-STANDARDS = Standards(1.1, 0.8, 1e3, 100.0, 0.5, 5, -2.0)
-NO_BONES = np.zeros((0, 2), np.int64)
+STANDARDS = Standards(1.1, 0.8, 1e3, 0.5)
 
 
 def solved(seed):
@@ -58,7 +57,7 @@ def test_covariances_are_inverse_normals_inflated():
     there, used = np.isfinite(positions[..., 0]), residuals >= 0.0
     unused = np.arange(JOINTS) % 3
     joints = SolvedJoints(positions, normals, residuals, picks)
-    result, good = judge_joints(joints, used.sum(-1) + unused, marked(scores), NO_BONES, STANDARDS)
+    result, good = judge_joints(joints, used.sum(-1) + unused, marked(scores), STANDARDS)
     views = np.where(there, used.sum(-1), 0)
     assert (good == there).all() and (result.views == views).all()
     factor = 1.1 * (1.0 + (0.8 + unused) / np.maximum(views - 1, 1))
@@ -68,9 +67,7 @@ def test_covariances_are_inverse_normals_inflated():
     chosen = np.where(used, scores[picks[..., 0], picks[..., 1]], 0.0)
     assert np.allclose(result.scores, np.where(there, chosen.sum(-1) / np.maximum(used.sum(-1), 1), 0.0))
     middle = float(np.median(np.sqrt(np.linalg.eigvalsh(expected[there])[:, -1])))
-    _, good = judge_joints(
-        joints, used.sum(-1) + unused, marked(scores), NO_BONES, STANDARDS._replace(worst=middle)
-    )
+    _, good = judge_joints(joints, used.sum(-1) + unused, marked(scores), STANDARDS._replace(worst=middle))
     assert (good[there] == (np.sqrt(np.linalg.eigvalsh(expected[there])[:, -1]) <= middle)).all()
 
 
@@ -79,8 +76,8 @@ def test_covariances_of_two_views_grow_by_the_tails_of_both_where_no_other_view_
     tails = np.random.default_rng(2).uniform(1.0, 4.0, scores.shape)
     joints, shown = SolvedJoints(positions, normals, residuals, picks), (residuals >= 0.0).sum(-1)
     shown[::2] += 1  # a view that disagrees
-    plain, _ = judge_joints(joints, shown, marked(scores), NO_BONES, STANDARDS)
-    grown, _ = judge_joints(joints, shown, (scores, tails), NO_BONES, STANDARDS)
+    plain, _ = judge_joints(joints, shown, marked(scores), STANDARDS)
+    grown, _ = judge_joints(joints, shown, (scores, tails), STANDARDS)
     few = (plain.views == 2) & (shown == 2)
     used = residuals[few] >= 0.0
     squares = np.where(used, tails[picks[few][..., 0], picks[few][..., 1]] ** 2, 0.0).sum(-1) / 2.0
@@ -92,33 +89,22 @@ def test_covariances_of_two_views_grow_by_the_tails_of_both_where_no_other_view_
 def test_singular_normals_give_no_joint():
     joints = SolvedJoints.nothing(1, 1, 2)._replace(positions=np.zeros((1, 1, 3)))
     nobody = np.zeros((1, 1), np.int64)
-    result, good = judge_joints(joints, nobody, marked(np.ones((1, 1))), NO_BONES, STANDARDS)
+    result, good = judge_joints(joints, nobody, marked(np.ones((1, 1))), STANDARDS)
     assert not good.any() and np.isnan(result.positions).all() and np.isnan(result.covariances).all()
 
 
-def test_the_less_certain_end_of_a_long_bone_is_dropped():
-    joints = SolvedJoints.nothing(1, 3, 2)._replace(
-        positions=np.array([[[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [2.0, 0.0, 0.0]]]),
-        normals=np.eye(3) / np.array([1.0, 2.0, 1.0])[None, :, None, None],
-    )
-    bones, standards = np.array([[0, 1], [1, 2]]), STANDARDS._replace(longest=0.9)
-    _, good = judge_joints(joints, np.zeros((1, 3), np.int64), marked(np.ones((1, 1))), bones, standards)
-    assert good.tolist() == [[True, False, True]]
-
-
-def test_people_need_joints_agreement_and_height():
-    places = np.arange(6.0)[:, None] * np.ones(3) + 10.0 * np.arange(5.0)[:, None, None]
-    places[3] -= 99.0  # under the floor
-    good = np.ones((5, 6), bool)
-    good[1, 3:] = False  # too few joints
+def test_people_need_a_joint_and_agreement():
+    places = np.arange(6.0)[:, None] * np.ones(3) + 10.0 * np.arange(4.0)[:, None, None]
+    good = np.ones((4, 6), bool)
+    good[1] = False  # no joint
     good[2, :1] = False
     places[~good] = np.nan
-    good[4] = False  # at nodes, in no 2D person
-    joints = Joints.nothing(5, 6)._replace(positions=places)
-    member, observed = np.zeros((5, 2), np.int64), np.full((5, 6), 3)
-    member[4], observed[4] = -1, 0
-    assert kept_people(joints, good, observed, member, STANDARDS).tolist() == [0, 2, 4]
-    assert kept_people(joints, good, observed, member, STANDARDS._replace(share=0.9)).tolist() == [0, 4]
+    places[3], good[3] = 30.0, False  # at nodes, without 2D poses
+    joints = Joints.nothing(4, 6)._replace(positions=places)
+    member, observed = np.zeros((4, 2), np.int64), np.full((4, 6), 3)
+    member[3], observed[3] = -1, 0
+    assert kept_people(joints, good, observed, member, STANDARDS).tolist() == [0, 2, 3]
+    assert kept_people(joints, good, observed, member, STANDARDS._replace(share=0.9)).tolist() == [0, 3]
 
 
 def test_of_two_skeletons_in_one_place_that_of_more_views_stays():

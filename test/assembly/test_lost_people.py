@@ -71,7 +71,7 @@ def test_a_person_without_2d_people_is_found_from_nodes_and_kept(scene):
 def test_two_lost_people_are_two(scene):
     scenes, rig, one, two = scene
     item = with_nodes(scenes.proposals(rig, []), [one, two], scenes.skeleton)
-    found = lost_people(item, np.empty((0, 19, 3)), scenes.skeleton, 0.9)
+    found = lost_people(item, np.empty((0, 19, 3)), scenes.skeleton)
     assert len(found) == 2
     for person in (one, two):
         assert np.linalg.norm(found - person, axis=-1).max(axis=1).min() < 1e-6
@@ -81,7 +81,7 @@ def test_two_lost_people_are_two(scene):
 def test_few_views_and_weak_votes_make_nobody(scene, change):
     scenes, rig, seen, lost = scene
     item = with_nodes(scenes.proposals(rig, [seen]), [seen, lost], scenes.skeleton, **change)
-    assert len(lost_people(item, seen[None], scenes.skeleton, 0.9)) == 0
+    assert len(lost_people(item, seen[None], scenes.skeleton)) == 0
 
 
 def test_ghosts_and_known_people_make_nobody(scene):
@@ -91,7 +91,7 @@ def test_ghosts_and_known_people_make_nobody(scene):
     item = with_nodes(
         scenes.proposals(rig, [seen]), [seen, mirrored], scenes.skeleton, extra=ghosts(rng, scenes.skeleton)
     )
-    assert len(lost_people(item, seen[None], scenes.skeleton, 0.9)) == 0
+    assert len(lost_people(item, seen[None], scenes.skeleton)) == 0
 
 
 def test_explained_by_hand(scenes):

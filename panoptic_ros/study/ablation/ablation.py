@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 from collections.abc import Iterable
+from contextlib import ExitStack
 from typing import Any
+from unittest.mock import patch
 
 from panoptic_ros.errors import UsageError
 from panoptic_ros.running.arguments import within
@@ -33,6 +36,9 @@ SIMULATED = (
     "crossing",
     "occluded",
     "bystanders",
+    "exchanged-4p5v",
+    "fragments-8p5v",
+    "noisy-8p5v+slow",
     "enter-leave",
     "unsync-5v",
     "mixed-rates",
@@ -140,20 +146,27 @@ def measure_case(request: dict[str, Any]) -> list[Row]:
         world = recorded_world(request["paths"])
     else:
         world = simulated_world(request["scene"], request["seed"], request["frames"], request["model"])
-    runs: list[tuple[str, dict[str, Any]]] = [(DEFAULT, {})]
-    named = [m for m in MECHANISMS if m.name in request["only"]]
-    runs += [(m.name, m.off) for m in named if _acts(m, world)]
-    _solved(world, {})  # warm up: the first run has cold caches
-    return [{"off": name} | figures for name, off in runs for figures in _solved(world, off)]
+    runs = [Mechanism("", DEFAULT, "", {})]
+    runs += [m for m in MECHANISMS if m.name in request["only"] and _acts(m, world)]
+    _solved(world, runs[0])  # the first run has cold caches
+    return [{"off": run.name} | figures for run in runs for figures in _solved(world, run)]
 
 
 def _acts(mechanism: Mechanism, world: World) -> bool:
     return world.mapped or not mechanism.maps
 
 
-def _solved(world: World, settings: dict[str, dict[str, Any]]) -> list[dict[str, float]]:
-    assert world.truth is not None  # true for all cases
-    return figures_of(world.truth, solve(world, settings), world.stretches)
+def _solved(world: World, mechanism: Mechanism) -> list[dict[str, float]]:
+    """Return the figures of a world without a mechanism."""
+    assert world.truth is not None  # all cases have one
+    with ExitStack() as substitutes:
+        for place, substitute in mechanism.replaced:
+            module, _, name = place.partition(":")
+            owner, _, attribute = name.rpartition(".")
+            target = importlib.import_module(module)
+            target = getattr(target, owner) if owner else target
+            substitutes.enter_context(patch.object(target, attribute, substitute, create=True))
+        return figures_of(world.truth, solve(world, mechanism.off), world.stretches)
 
 
 def earns_nothing(name: str, scenes: list[dict[str, Any]]) -> bool:

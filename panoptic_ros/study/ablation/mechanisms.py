@@ -6,6 +6,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from panoptic_ros.errors import UsageError
 
 Settings = dict[str, dict[str, Any]]
@@ -28,6 +30,7 @@ class Mechanism:
     about: str
     off: Settings
     maps: bool = False
+    replaced: tuple[tuple[str, Any], ...] = ()
 
 
 def _voting(name: str, about: str, **off: Any) -> Mechanism:
@@ -48,6 +51,10 @@ def _tracking(name: str, about: str, **off: Any) -> Mechanism:
 
 def _refinement(name: str, about: str, **off: Any) -> Mechanism:
     return Mechanism("refinement", name, about, {"refinement": off})
+
+
+def _code(part: str, name: str, about: str, place: str, substitute: Any) -> Mechanism:
+    return Mechanism(part, name, about, {}, replaced=((f"panoptic_ros.{place}", substitute),))
 
 
 NO_LIMIT = 100.0  # standard deviations
@@ -84,7 +91,6 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _assembly("starts", "a joint is begun from many pairs of views", max_pairs=1),
     _assembly("foreign-joints", "joints are taken from other 2D people of the view", foreign_penalty=100.0),
     _assembly("agreed-share", "views agree on half of a person's joints", min_agreed_share=0.0),
-    _assembly("fewest-joints", "a person has five joints", min_person_joints=1),
     _assembly("map-votes", "joints go to the soft votes of the maps", True, vote_distance=0.0),
     _assembly("lost-people", "people whom the maps alone show are added", True, lost_people=False),
     _assembly(
@@ -94,8 +100,6 @@ MECHANISMS: tuple[Mechanism, ...] = (
     ),
     _assembly("held-people", "bones hold people whom one or two views show", held_sigma=0.0),
     _assembly("longest-sigma", "joints that are too uncertain are missing", max_joint_sigma=10.0),
-    _assembly("longest-bone", "no bone is longer than people's", max_bone=10.0),
-    _assembly("lowest", "no people under the floor", lowest=-1000.0),
     _assembly("few-views-variance", "covariances grow where few views agree", covariance_inflation=0.0),
     _tracking("memory", "identities wait longer than 0.1 s for people who are not seen", memory=0.1),
     _tracking(
@@ -115,6 +119,74 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _refinement("bone-lengths", "bones keep their learnt lengths", bone_sigma=0.0),
     _refinement("lasting-errors", "part of the errors lasts", lasting_share=0.0),
     _refinement("bias-floor", "covariances know of constant biases", bias_floor=0.0),
+    *(
+        _code(*row)
+        for row in (
+            (
+                "assembly",
+                "hidden-noise",
+                "the noise of hidden joints is learnt apart",
+                "assembly.stage:hidden_marks",
+                lambda found, bones, cams, rows: np.zeros((rows, found.places.shape[1]), np.int64),
+            ),
+            (
+                "assembly",
+                "noise-tails",
+                "joints of two views count the tail of the noise",
+                "assembly.noise:NoiseTable.tails",
+                lambda table, marks: np.ones(marks.scores.shape),
+            ),
+            (
+                "assembly",
+                "first-twice",
+                "the first instant is solved again with its noise",
+                "assembly.noise:NoiseTable.learnt",
+                property(lambda table: True, lambda table, value: None),
+            ),
+            (
+                "assembly",
+                "corrected-velocities",
+                "views are shifted again by corrected velocities",
+                "assembly.time_shift:likelier_velocities",
+                lambda found, solved, motion, prediction: found.guide.shifts.copy(),
+            ),
+            (
+                "tracking",
+                "sides",
+                "tracks exchange sides that most views see exchanged",
+                "tracking.tracks:Tracks.exchange_sides",
+                lambda tracks, limbs: None,
+            ),
+            (
+                "tracking",
+                "anatomy",
+                "the nose counts in that vote",
+                "assembly.stage:ANATOMY_VOTES",
+                0.0,
+            ),
+            (
+                "refinement",
+                "learnt-process-noise",
+                "the process noise of each person is learnt",
+                "refinement.tuning:_change",
+                lambda people, changes: None,
+            ),
+            (
+                "refinement",
+                "learnt-scale",
+                "the scale of covariances is learnt",
+                "refinement.filter_bank:scales",
+                lambda people, lasting: np.ones_like(people.levels),
+            ),
+            (
+                "refinement",
+                "persistent-scale",
+                "it grows with persistent errors",
+                "refinement.filter_bank:scales",
+                lambda people, lasting: people.levels.copy(),
+            ),
+        )
+    ),
 )
 
 
