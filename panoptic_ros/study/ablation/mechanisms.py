@@ -59,7 +59,7 @@ def _code(part: str, name: str, about: str, place: str, substitute: Any) -> Mech
 
 NO_LIMIT = 100.0  # standard deviations
 
-MECHANISMS: tuple[Mechanism, ...] = (
+_OF_PARAMETERS: tuple[Mechanism, ...] = (
     _voting("votes", "3D votes from score maps", method="off"),
     _voting("explain-away", "search only what known people leave", explain_away=False),
     _association("guidance", "known people first, from the last instant", temporal_guidance=False),
@@ -119,75 +119,78 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _refinement("bone-lengths", "bones keep their learnt lengths", bone_sigma=0.0),
     _refinement("lasting-errors", "part of the errors lasts", lasting_share=0.0),
     _refinement("bias-floor", "covariances know of constant biases", bias_floor=0.0),
-    *(
-        _code(*row)
-        for row in (
-            (
-                "assembly",
-                "hidden-noise",
-                "the noise of hidden joints is learnt apart",
-                "assembly.stage:hidden_marks",
-                lambda found, bones, cams, rows: np.zeros((rows, found.places.shape[1]), np.int64),
-            ),
-            (
-                "assembly",
-                "noise-tails",
-                "joints of two views count the tail of the noise",
-                "assembly.noise:NoiseTable.tails",
-                lambda table, marks: np.ones(marks.scores.shape),
-            ),
-            (
-                "assembly",
-                "first-twice",
-                "the first instant is solved again with its noise",
-                "assembly.noise:NoiseTable.learnt",
-                property(lambda table: True, lambda table, value: None),
-            ),
-            (
-                "assembly",
-                "corrected-velocities",
-                "views are shifted again by corrected velocities",
-                "assembly.time_shift:likelier_velocities",
-                lambda found, solved, motion, prediction: found.guide.shifts.copy(),
-            ),
-            (
-                "tracking",
-                "sides",
-                "tracks exchange sides that most views see exchanged",
-                "tracking.tracks:Tracks.exchange_sides",
-                lambda tracks, limbs: None,
-            ),
-            (
-                "tracking",
-                "anatomy",
-                "the nose counts in that vote",
-                "assembly.stage:ANATOMY_VOTES",
-                0.0,
-            ),
-            (
-                "refinement",
-                "learnt-process-noise",
-                "the process noise of each person is learnt",
-                "refinement.tuning:_change",
-                lambda people, changes: None,
-            ),
-            (
-                "refinement",
-                "learnt-scale",
-                "the scale of covariances is learnt",
-                "refinement.filter_bank:scales",
-                lambda people, lasting: np.ones_like(people.levels),
-            ),
-            (
-                "refinement",
-                "persistent-scale",
-                "it grows with persistent errors",
-                "refinement.filter_bank:scales",
-                lambda people, lasting: people.levels.copy(),
-            ),
-        )
-    ),
 )
+
+_OF_CODE = tuple(
+    _code(*row)
+    for row in (
+        (
+            "assembly",
+            "hidden-noise",
+            "the noise of hidden joints is learnt apart",
+            "assembly.stage:hidden_marks",
+            lambda found, bones, cams, rows: np.zeros((rows, found.places.shape[1]), np.int64),
+        ),
+        (
+            "assembly",
+            "noise-tails",
+            "joints of two views count the tail of the noise",
+            "assembly.noise:NoiseTable.tails",
+            lambda table, marks: np.ones(marks.scores.shape),
+        ),
+        (
+            "assembly",
+            "first-twice",
+            "the first instant is solved again with its noise",
+            "assembly.noise:NoiseTable.learnt",
+            property(lambda table: True, lambda table, value: None),
+        ),
+        (
+            "assembly",
+            "corrected-velocities",
+            "views are shifted again by corrected velocities",
+            "assembly.time_shift:likelier_velocities",
+            lambda found, solved, motion, prediction: found.guide.shifts.copy(),
+        ),
+        (
+            "tracking",
+            "sides",
+            "tracks exchange sides that most views see exchanged",
+            "tracking.tracks:Tracks.exchange_sides",
+            lambda tracks, limbs: None,
+        ),
+        (
+            "tracking",
+            "anatomy",
+            "the nose counts in that vote",
+            "assembly.stage:ANATOMY_VOTES",
+            0.0,
+        ),
+        (
+            "refinement",
+            "learnt-process-noise",
+            "the process noise of each person is learnt",
+            "refinement.tuning:_change",
+            lambda people, changes: None,
+        ),
+        (
+            "refinement",
+            "learnt-scale",
+            "the scale of covariances is learnt",
+            "refinement.filter_bank:scales",
+            lambda people, lasting: np.ones_like(people.levels),
+        ),
+        (
+            "refinement",
+            "persistent-scale",
+            "it grows with persistent errors",
+            "refinement.filter_bank:scales",
+            lambda people, lasting: people.levels.copy(),
+        ),
+    )
+)
+PARTS = tuple(dict.fromkeys(mechanism.part for mechanism in _OF_PARAMETERS))
+MECHANISMS = tuple(sorted((*_OF_PARAMETERS, *_OF_CODE), key=lambda mechanism: PARTS.index(mechanism.part)))
 
 
 def chosen(words: Collection[str]) -> tuple[Mechanism, ...]:
@@ -197,11 +200,10 @@ def chosen(words: Collection[str]) -> tuple[Mechanism, ...]:
         UsageError: if a word is neither.
     """
     known = {mechanism.name for mechanism in MECHANISMS}
-    parts = tuple(dict.fromkeys(mechanism.part for mechanism in MECHANISMS))
     for word in words:
-        if word not in known and word not in parts:
+        if word not in known and word not in PARTS:
             raise UsageError(
-                f"--only {word}: there is no such mechanism; there are those of {', '.join(parts)}: "
+                f"--only {word}: there is no such mechanism; there are those of {', '.join(PARTS)}: "
                 f"{', '.join(sorted(known))}"
             )
     return tuple(m for m in MECHANISMS if not words or m.name in words or m.part in words)
