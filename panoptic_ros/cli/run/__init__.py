@@ -206,12 +206,12 @@ def run(args: argparse.Namespace) -> int:
 
 def _run(args: argparse.Namespace, ahead: Ahead) -> int:
     from panoptic_ros.cli.run.source import make_plan
-    from panoptic_ros.cli.run.watch import Watch
+    from panoptic_ros.cli.run.watch import TerminalObserver
     from panoptic_ros.running.runs.run import run as run_plan
     from panoptic_ros.running.takes import named_unclosed_takes
 
     plan = replace(make_plan(args), publish=tuple(names(args.publish) or ()), namespace=args.namespace)
-    with Watch(args.live_view) as watch:
+    with TerminalObserver(args.live_view) as watch:
         outcome = run_plan(
             plan,
             args.out,

@@ -29,7 +29,7 @@ PATIENCE_S = 10.0  # s without a result after the first detections
 START_S = 20.0  # s without a result since the start, live only
 
 
-class Watch(RunObserver):
+class TerminalObserver(RunObserver):
     """Terminal output of a run; a context manager that restores the terminal.
 
     Args:
@@ -117,7 +117,7 @@ class Watch(RunObserver):
         """Return the latency since exposure, ms; None for recordings: their timestamps lie in the past."""
         return (time.time_ns() - stamp_ns) * 1e-6 if self._live else None
 
-    def __enter__(self) -> Watch:
+    def __enter__(self) -> TerminalObserver:
         return self
 
     def __exit__(self, *exception: object) -> None:
