@@ -5,7 +5,7 @@ Classes that do not declare their attributes have them listed here.
 
 from __future__ import annotations
 
-from panoptic_ros.domain.segments import Body
+from panoptic_ros.domain.segments import SegmentedBody
 from panoptic_ros.domain.subjects import BodyState, Device, Subject, TPose
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.segment_chain import Chain
@@ -30,7 +30,7 @@ from panoptic_ros.state import Fields
 
 CLASSES = (
     KinematicsConfig,
-    Body,
+    SegmentedBody,
     BodyState,
     Device,
     Subject,

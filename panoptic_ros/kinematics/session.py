@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.domain.subjects import BodyState, ImuSeries, Instant, Subject, ViewSeries
+from panoptic_ros.domain.subjects import BodyState, ImuSeries, InstantViews, Subject, ViewSeries
 from panoptic_ros.errors import DataError
 from panoptic_ros.kinematics.body.sight import People
 from panoptic_ros.kinematics.config import KinematicsConfig
@@ -242,7 +242,7 @@ class RecordedPeople:
                         found[k] = self._first(person, instant)
             give_people(self._people, found, instant, stamps)
 
-    def _first(self, person: Person, instant: Instant) -> People:
+    def _first(self, person: Person, instant: InstantViews) -> People:
         """Return the 2D poses at the subject's start position.
 
         If no position is stated, they are those of the only person.
@@ -261,7 +261,7 @@ class RecordedPeople:
 
 def _sets_of(
     views: Mapping[int, ViewSeries], stamps: Array
-) -> tuple[list[tuple[Instant, dict[int, int]]], Array]:
+) -> tuple[list[tuple[InstantViews, dict[int, int]]], Array]:
     """Return sets of images of about the same time, and the last set (T,) that each instant needs.
 
     A set comes with the timestamps of its images, by camera. An instant needs the sets up to the first images
@@ -287,7 +287,7 @@ def _sets_of(
     for own in rows:
         there = {camera: int(series[camera].stamps[row]) for camera, row in own.items()}
         people = {camera: series[camera].people[row] for camera, row in own.items()}
-        sets.append((Instant(max(there.values()), people), there))
+        sets.append((InstantViews(max(there.values()), people), there))
     needed = np.full(len(stamps), -1)
     for camera, view in series.items():
         after = np.searchsorted(view.stamps, stamps - NEAR_NS)

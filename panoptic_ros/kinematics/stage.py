@@ -15,7 +15,7 @@ import numpy as np
 from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.domain.bodies import BodySource, BodyStateSet, ImuSample
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import BodyState, Device, Instant, Subject, ViewPeople
+from panoptic_ros.domain.subjects import BodyState, Device, InstantViews, Subject, ViewPeople
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import from_quaternions
@@ -83,7 +83,7 @@ def step_examples(
             for c, view in views.items():
                 person.see(SeenPoints(stamp, view.points[0], view.scores[0]), c, of_track=True)
         states += person.step(stamp, measured, period, statistics)[0]
-    assign_people([person.tracker], Instant(stamp, views), rotations, translations, GATE)
+    assign_people([person.tracker], InstantViews(stamp, views), rotations, translations, GATE)
     states += person.flush()
     _compare(person.subject, states[0], measured, rate_hz)
     return Solved(states[0], body, BodySource.TRACK, len(views), 1)

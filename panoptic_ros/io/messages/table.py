@@ -1,7 +1,7 @@
 """One table of fields for each message: it defines how to write a record as a message and read it back.
 
 A table states for every message field its type and its place in the record. Sizes are letters: equal letters
-are equal sizes, as in `domain.checks.Shapes`. Each table is compiled to two functions that resemble
+are equal sizes, as in `domain.checks.ShapeChecks`. Each table is compiled to two functions that resemble
 hand-written ones. So a message costs little more than its arrays:
 
     def write(r, family, frame_id):

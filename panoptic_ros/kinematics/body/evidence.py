@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.domain.segments import Body
+from panoptic_ros.domain.segments import SegmentedBody
 from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.segment_chain import Chain
@@ -141,7 +141,7 @@ class Weighing:
         """Return the detection columns (N,) in use, their segments (N,) and offsets (N, 3) m."""
         return self._columns, self._segments, self._offsets
 
-    def with_body(self, body: Body) -> Weighing:
+    def with_body(self, body: SegmentedBody) -> Weighing:
         """Return a copy for the same subject with other lengths."""
         seen = body.seen
         found = copy.copy(self)

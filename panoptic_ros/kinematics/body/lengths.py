@@ -15,7 +15,7 @@ import math
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from panoptic_ros.domain.segments import Body, SegmentModel
+from panoptic_ros.domain.segments import SegmentedBody, SegmentModel
 from panoptic_ros.geometry.chain import Pose, place_segments, place_sites
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.pose.normal_equations import assemble
@@ -37,7 +37,7 @@ class Lengthening:
         begin: (S, 3) m, current offsets.
     """
 
-    def __init__(self, begin: Array, body: Body):
+    def __init__(self, begin: Array, body: SegmentedBody):
         self._begin, self._body, self._passed_s = begin.copy(), body, 0.0
 
     @property
@@ -45,7 +45,7 @@ class Lengthening:
         """Return whether the change is complete."""
         return self._passed_s >= LASTS_S
 
-    def after(self, seconds: float) -> Body:
+    def after(self, seconds: float) -> SegmentedBody:
         """Advance by `seconds` and return the body at that time."""
         self._passed_s += seconds
         if self.is_over:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from panoptic_ros.domain.segments import Body
+from panoptic_ros.domain.segments import SegmentedBody
 from panoptic_ros.domain.subjects import BodyState, Subject
 from panoptic_ros.geometry.chain import Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
@@ -205,7 +205,7 @@ class SubjectTracker:
         self.devices.forget()
         self._past = Past()
 
-    def take_body(self, body: Body) -> None:
+    def take_body(self, body: SegmentedBody) -> None:
         """Change to other lengths: gradually during motion, else at once."""
         if self._window is None:
             self._lengthening = None
@@ -213,7 +213,7 @@ class SubjectTracker:
         else:
             self._lengthening = Lengthening(self._chain.offsets, body)
 
-    def _put_on(self, body: Body) -> None:
+    def _put_on(self, body: SegmentedBody) -> None:
         self.body, self._chain, self.weighing = body, body.chain, self.weighing.with_body(body)
         self.devices.take_chain(self._chain)
         if self._window is not None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain.segments import Body
+from panoptic_ros.domain.segments import SegmentedBody
 from panoptic_ros.domain.subjects import Device, Subject
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import mean_rotation, rotations_of, turn_about_z, vectors_of
@@ -366,7 +366,7 @@ class WornDevices:
         self._notices.append(Notice(f"kinematics.{code}", "warning", line, values))
 
 
-def unseen_axes(body: Body) -> Array:
+def unseen_axes(body: SegmentedBody) -> Array:
     """Return the axes (S, 3) of segments about which cameras do not observe rotations; 0 for all others.
 
     These are segments with a single bone and no joint of the detector beyond or beside it.

@@ -10,7 +10,7 @@ import numpy as np
 
 from panoptic_ros.domain import Rig, TrackedPoseSet
 from panoptic_ros.domain.rig_arrays import camera_records
-from panoptic_ros.domain.subjects import Instant, ViewPeople
+from panoptic_ros.domain.subjects import InstantViews, ViewPeople
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.lens_kernels import undistort_points
 from panoptic_ros.kinematics.body.sight import People
@@ -129,9 +129,11 @@ class Allotment:
             return
         rows = {v.camera: [k for k in range(len(v.points)) if (v.camera, k) not in taken] for v in views}
         stamps = {v.camera: v.stamp_ns for v in views}
-        instant = Instant(max(stamps.values()), {v.camera: self._planes(v, rows[v.camera]) for v in views})
+        instant = InstantViews(
+            max(stamps.values()), {v.camera: self._planes(v, rows[v.camera]) for v in views}
+        )
 
-        def first(person: Person, instant: Instant) -> People:
+        def first(person: Person, instant: InstantViews) -> People:
             alone = person.subject.start is not None or len(people) == 1
             return nearest_to_start(person.subject, instant, person.weighing) if alone else {}
 
@@ -156,9 +158,9 @@ class Allotment:
 
 def find_people(
     people: Sequence[Person],
-    instant: Instant,
+    instant: InstantViews,
     gate: float,
-    first: Callable[[Person, Instant], People],
+    first: Callable[[Person, InstantViews], People],
 ) -> list[People]:
     """Return the 2D poses of each person. No 2D pose is given to two people.
 
@@ -179,7 +181,7 @@ def find_people(
 
 
 def give_people(
-    people: Sequence[Person], found: Sequence[People], instant: Instant, stamps: Mapping[int, int]
+    people: Sequence[Person], found: Sequence[People], instant: InstantViews, stamps: Mapping[int, int]
 ) -> None:
     """Give each person the 2D poses that were found.
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.domain.subjects import Instant
+from panoptic_ros.domain.subjects import InstantViews
 from panoptic_ros.kinematics.body.sight import People
 
 Array = np.ndarray
@@ -84,7 +84,7 @@ class PairwiseSorter:
         widths = [camera.image_size[0] / camera.intrinsics.matrix[0, 0] for camera in rig.cameras]
         self._limits = TRIANGULATION_ERROR * np.array(widths)  # on the normalised image plane
 
-    def sort(self, instant: Instant, expected: Sequence[Array | None]) -> list[People]:
+    def sort(self, instant: InstantViews, expected: Sequence[Array | None]) -> list[People]:
         """Return points (K, 2) and scores (K,) by camera, for each subject.
 
         Args:
@@ -105,7 +105,7 @@ class PairwiseSorter:
             found.append({c: (views[c].points[row], views[c].scores[row]) for c, row in rows.items()})
         return found
 
-    def _candidates(self, instant: Instant) -> list[Candidate]:
+    def _candidates(self, instant: InstantViews) -> list[Candidate]:
         """Return all people whom two views or more see at one place."""
         seen = _all_of(instant)
         if seen is None:
@@ -160,7 +160,7 @@ class PairwiseSorter:
         return found
 
 
-def _all_of(instant: Instant) -> Seen | None:
+def _all_of(instant: InstantViews) -> Seen | None:
     """Return all 2D poses of an instant; None without any."""
     there = [(camera, view) for camera, view in sorted(instant.views.items()) if len(view.points)]
     if not there:

@@ -12,8 +12,8 @@ import numpy as np
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.bodies import BodySource
-from panoptic_ros.domain.segments import Body
-from panoptic_ros.domain.subjects import BodyState, Instant, Subject
+from panoptic_ros.domain.segments import SegmentedBody
+from panoptic_ros.domain.subjects import BodyState, InstantViews, Subject
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.sight import People
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
@@ -162,7 +162,7 @@ class Person:
         """
         return not (self.is_expected or self.presence.is_away)
 
-    def look(self, instant: Instant, is_seen: bool, expected: Array | None) -> None:
+    def look(self, instant: InstantViews, is_seen: bool, expected: Array | None) -> None:
         """Record the result of searching views without a track for the person, see `Presence.saw`."""
         self._returns |= is_seen and self.presence.is_away
         self.presence.saw(instant, is_seen, expected)
@@ -173,11 +173,11 @@ class Person:
         self.presence.told(stamp_ns, views)
 
     @property
-    def body(self) -> Body:
+    def body(self) -> SegmentedBody:
         """Return the body with its current lengths, some of which may have been learnt."""
         return self.subject.body if self.tracker is None else self.tracker.body
 
-    def take_body(self, body: Body) -> None:
+    def take_body(self, body: SegmentedBody) -> None:
         """Continue with other segment lengths."""
         self.subject = replace(self.subject, body=body)
         self.weighing = self.weighing.with_body(body)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import Instant
+from panoptic_ros.domain.subjects import InstantViews
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.sight import People, Sites
 from panoptic_ros.kinematics.body.start import middle_of
@@ -97,7 +97,7 @@ class Absence:
         return [a for n, a in enumerate(appearances) if n not in taken]
 
 
-def appearances(weighing: Weighing, instant: Instant, claimed: list[People]) -> list[Appearance]:
+def appearances(weighing: Weighing, instant: InstantViews, claimed: list[People]) -> list[Appearance]:
     """Return all people whom two views or more see and whose 2D poses are not claimed."""
     free = {
         (camera, p): (points, people.scores[p])
@@ -126,7 +126,7 @@ def appearances(weighing: Weighing, instant: Instant, claimed: list[People]) -> 
     return found
 
 
-def without_others(people: People, expected: Sites, weighing: Weighing, instant: Instant) -> People:
+def without_others(people: People, expected: Sites, weighing: Weighing, instant: InstantViews) -> People:
     """Return a subject's 2D poses without those of people whom several views locate elsewhere.
 
     Args:
@@ -204,7 +204,9 @@ class Presence:
         """Return whether the subject is being searched for."""
         return self._absence is not None
 
-    def own(self, people: People, expected: Sites | None, weighing: Weighing, instant: Instant) -> People:
+    def own(
+        self, people: People, expected: Sites | None, weighing: Weighing, instant: InstantViews
+    ) -> People:
         """Return those of the given 2D poses that may belong to the subject.
 
         Args:
@@ -227,7 +229,12 @@ class Presence:
         return people
 
     def back(
-        self, instant: Instant, weighing: Weighing, claimed: list[People], gate: float, expected: Sites | None
+        self,
+        instant: InstantViews,
+        weighing: Weighing,
+        claimed: list[People],
+        gate: float,
+        expected: Sites | None,
     ) -> People:
         """Return the subject's 2D poses if it was away and has returned, else an empty dict.
 
@@ -246,7 +253,7 @@ class Presence:
             ]
         return self._absence.look(there, instant.stamp_ns, gate)
 
-    def saw(self, instant: Instant, is_seen: bool, expected: Array | None) -> None:
+    def saw(self, instant: InstantViews, is_seen: bool, expected: Array | None) -> None:
         """Record whether the subject was seen at an instant.
 
         The search for it begins after some time out of sight.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.domain.segments import Body, SegmentModel
+from panoptic_ros.domain.segments import SegmentedBody, SegmentModel
 from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject, TPose
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.geometry.rotations import turn_about_z
@@ -164,7 +164,7 @@ def simulate_body(scene: BodyScene, seed: int, model: SegmentModel, clips: Mappi
 
 def moving_body(
     rng: np.random.Generator, scene: BodyScene, model: SegmentModel, clips: Mapping[str, Clip]
-) -> tuple[Body, BodyMotion]:
+) -> tuple[SegmentedBody, BodyMotion]:
     """Return the body of a scene's first person and its motion."""
     chosen = [clips[name] for name in scene.clips]
     body = model.body(chosen[0].stature).with_offsets(dict(zip(model.names, chosen[0].offsets)))
@@ -178,8 +178,8 @@ def moving_body(
 
 
 def detected_body(
-    rng: np.random.Generator, body: Body, motion: BodyMotion, detector: dict[str, Array]
-) -> tuple[Body, Array]:
+    rng: np.random.Generator, body: SegmentedBody, motion: BodyMotion, detector: dict[str, Array]
+) -> tuple[SegmentedBody, Array]:
     """Return the body with the known detector offsets, and the true positions (T, K, 3) m of its joints.
 
     Args:
@@ -272,8 +272,8 @@ def ring(rng: np.random.Generator, count: int, focal: float) -> Rig:
 
 
 def _keypoints(
-    rng: np.random.Generator, body: Body, detector: dict[str, Array]
-) -> tuple[Body, dict[str, tuple[int, Array]]]:
+    rng: np.random.Generator, body: SegmentedBody, detector: dict[str, Array]
+) -> tuple[SegmentedBody, dict[str, tuple[int, Array]]]:
     """Return the body with the known detector offsets, and the true joint positions on this person.
 
     The positions are (segment index, offset (3,) m) by joint name.

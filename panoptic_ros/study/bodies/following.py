@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import Instant, ViewPeople
+from panoptic_ros.domain.subjects import InstantViews, ViewPeople
 from panoptic_ros.kinematics.body.evidence import Weighing
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
@@ -62,7 +62,7 @@ def follow(tracker: SubjectTracker, instants: Sequence[Given], gate: float) -> I
     """Yield each time step after the tracker has processed it."""
     weighing = tracker.weighing
     for given in instants:
-        instant = Instant(given.stamp_ns, given.views)
+        instant = InstantViews(given.stamp_ns, given.views)
         if tracker.started:
             people = assign_people([tracker], instant, weighing.rotations, weighing.translations, gate)[0]
         else:

@@ -11,7 +11,7 @@ from captures import CONTEXT, RIG, SKELETON, person
 from stage_cases import SECOND
 
 from panoptic_ros.domain import DetectionSet, JointState, TrackedPoseSet, ViewDetections
-from panoptic_ros.domain.subjects import Instant, Subject, ViewPeople
+from panoptic_ros.domain.subjects import InstantViews, Subject, ViewPeople
 from panoptic_ros.domain.view_sources import ViewSources
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.io.body_models import read_body_model
@@ -169,7 +169,7 @@ def half_seen(place, stamp_ns):
         local = joints @ pose.rotation.T + pose.translation
         points = np.where(joints[:, 2:] > 1.2, local[:, :2] / local[:, 2:], np.nan)
         people[number] = ViewPeople(points[None], np.full((1, len(points)), 0.9))
-    return Instant(stamp_ns, people)
+    return InstantViews(stamp_ns, people)
 
 
 def test_who_is_seen_in_part_is_neither_elsewhere_nor_somebody_else():
