@@ -15,7 +15,7 @@ from panoptic_ros.domain import EndOfStream, Rig
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import make_stage, ports_in_use, rows_in_use, switched_on
 from panoptic_ros.graph.nodes import CHAIN, FUSION, NODES, Port
-from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, Schedule, Turn
+from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, StageSchedule, StageTurn
 from panoptic_ros.graph.topics import TOPICS, number_of, owner_of
 from panoptic_ros.graph.wiring import Table, Wiring
 from panoptic_ros.params import Config
@@ -84,7 +84,7 @@ class Pipeline:
         table = rows_in_use(ports_in_use(configs, table) if used is None else used, table)
         names = switched_on(stages, configs, table)
         self.wiring = Wiring(names, names if everywhere is None else everywhere, table)
-        self.schedule = Schedule(self.wiring)
+        self.schedule = StageSchedule(self.wiring)
         self._configs, self._context = configs, context
         self._stages = [self._make(spec.name) for spec in self.wiring.specs]
         self._find_live_stages()
@@ -220,7 +220,7 @@ class Pipeline:
     def flush_stage(self, number: int) -> None:
         """Flush a stage; it takes no more records, including feedback."""
         self.schedule.close(number)
-        turn = Turn((FLUSH, self.wiring.ranks[number]), number, None)
+        turn = StageTurn((FLUSH, self.wiring.ranks[number]), number, None)
         self._hand_on(turn, self._stages[number].flush())
 
     def run(self, bounds: Bounds | None = None) -> None:
@@ -250,7 +250,7 @@ class Pipeline:
         self._pushed += 1
         return (self._pushed, 0, number_of(topic))
 
-    def _take_end(self, turn: Turn, end: _End) -> None:
+    def _take_end(self, turn: StageTurn, end: _End) -> None:
         """Report an end to the stage if its port wants it, and to the readers of its one-to-one outputs."""
         if end.port.tells_end:
             self._step(turn._replace(record=EndOfStream(end.owner)))
@@ -259,7 +259,7 @@ class Pipeline:
             self.add_end(topic, end.owner, (*end.last[:-1], number_of(topic)))
             self._on_end(topic, end.owner)
 
-    def _step(self, turn: Turn) -> None:
+    def _step(self, turn: StageTurn) -> None:
         if isinstance(turn.record, _End):
             self._take_end(turn, turn.record)
             return
@@ -286,7 +286,7 @@ class Pipeline:
         start, cpu = self._clock(), self._cpu_clock()
         return stage.step(record), self._clock() - start, self._cpu_clock() - cpu
 
-    def _hand_on(self, turn: Turn, result: StepResult[Any]) -> None:
+    def _hand_on(self, turn: StageTurn, result: StepResult[Any]) -> None:
         spec = self.wiring.specs[turn.stage]
         for notice in result.notices:
             self._on_notice(spec.name, notice)

@@ -22,7 +22,7 @@ from panoptic_ros.export.body_socket import BodySocket
 from panoptic_ros.export.urdf import urdf_text
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import make_flow
-from panoptic_ros.graph.health import Health
+from panoptic_ros.graph.health import NodeHealth
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.body_models import DEFAULT_MODEL, read_body_model, read_body_shape
 from panoptic_ros.io.colors import rgb_of
@@ -171,7 +171,7 @@ class SkeletonsReader:
         self._skeleton: SkeletonModel | None = None
         self.statistics = StageStatistics()
         name = node.get_name()
-        self._health = Health(name, {name: self.statistics}, live=flow == "live")
+        self._health = NodeHealth(name, {name: self.statistics}, live=flow == "live")
         self._diagnostics = Diagnostics(node, self._health, self._look)
         skeletons, model = TOPICS["skeletons"], TOPICS["skeleton_model"]
         self._kind = message_class(skeletons.message)

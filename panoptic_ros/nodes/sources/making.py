@@ -25,7 +25,7 @@ from panoptic_ros.domain import AudioBlock, Camera, ImuSample, Rig
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import PATIENT
-from panoptic_ros.graph.health import Health
+from panoptic_ros.graph.health import NodeHealth
 from panoptic_ros.graph.topics import TOPICS, ros_name
 from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, BagMessage, BagStream, StreamEnd, merged
 from panoptic_ros.io.messages import (
@@ -107,7 +107,7 @@ class SourceNode(Node):
         self._ended: set[str] = set()
         self._statistics = StageStatistics()
         self._diagnostics = Diagnostics(
-            self, Health(name, {name: self._statistics}, live=self._flow.name == "live")
+            self, NodeHealth(name, {name: self._statistics}, live=self._flow.name == "live")
         )
         self._ends = StreamEnds(self, lambda topic: None)
         self._instants: Credit | None = None

@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import ConfigError, DataError, PanopticError
-from panoptic_ros.graph.arrivals import MOST_BYTES, MOST_MESSAGES, Arrivals, FloodGuard
+from panoptic_ros.graph.arrivals import MOST_BYTES, MOST_MESSAGES, ArrivalCounters, FloodGuard
 from panoptic_ros.graph.continuity import Continuity
 from panoptic_ros.graph.entrance import check_record
 from panoptic_ros.graph.flow import Flow
@@ -91,7 +91,7 @@ class Input:
     name: str
     kind: Any
     decode: Decoder
-    arrivals: Arrivals
+    arrivals: ArrivalCounters
     continuity: Continuity | None = None
     count: int = 0
     on_record: Callable[[Any, Any], None] = lambda record, message: None
@@ -270,7 +270,7 @@ def _subscribe(
         together=node.together if live and row.scope == "imu" else None,
     )
     name = subscription.topic_name
-    arrivals = Arrivals(topic, owner, name, _is_regular(topic, carrier), time.monotonic_ns())
+    arrivals = ArrivalCounters(topic, owner, name, _is_regular(topic, carrier), time.monotonic_ns())
     decoder = choice.decoder(carrier, owner, tell_encoding if live else None)
     in_order = live and row.scope == "graph" and not row.latched
     found = Input(
@@ -288,7 +288,7 @@ def _subscribe(
     return found
 
 
-def lossy(arrivals: Arrivals, size: int) -> Notice:
+def lossy(arrivals: ArrivalCounters, size: int) -> Notice:
     """Return a notice about a best-effort driver that loses many messages, with the remedy.
 
     The driver's middleware has small buffers, or it splits images into datagrams, as is needed between

@@ -20,12 +20,12 @@ from rclpy.node import Node
 from panoptic_ros.capture import Note, open_recording, open_source
 from panoptic_ros.domain import DepthFrame, Rig, ViewDetections, ViewFrame
 from panoptic_ros.errors import PanopticError
-from panoptic_ros.graph.arrivals import Arrivals
+from panoptic_ros.graph.arrivals import ArrivalCounters
 from panoptic_ros.graph.build import make_stage, rows_in_use
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.host import Host, Key
 from panoptic_ros.graph.nodes import NODES
-from panoptic_ros.graph.side_by_side import TABLE, SideBySide, looked_ahead
+from panoptic_ros.graph.side_by_side import TABLE, ParallelDetection, looked_ahead
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.graph.wiring import Table, Wiring
 from panoptic_ros.io.messages import (
@@ -87,7 +87,7 @@ def own_input(node: Node, topic: str, camera: str) -> OwnInput:
     """Return the input of a topic of a camera that the node reads itself."""
     row = TOPICS[topic]
     name = node.resolve_topic_name(row.of(camera))
-    arrivals = Arrivals(topic, camera, name, topic == "image", time.monotonic_ns())
+    arrivals = ArrivalCounters(topic, camera, name, topic == "image", time.monotonic_ns())
     kind = message_class(row.message)
     return OwnInput(topic, topic, camera, name, kind, lambda message, number: message, arrivals)
 
@@ -212,7 +212,7 @@ class RecordingsRead:
         self._credit, self._shifts = credit, shifts
         self._waited_s = 0.0
         self._taken: Counter[Key] = Counter()
-        self.looks: SideBySide | None = None
+        self.looks: ParallelDetection | None = None
         try:
             records = open_recording(rig, own.sources, self._stack, note)
             self._records = {key: _told(items, sent) for key, items in records.items()}
@@ -315,7 +315,7 @@ class OwnReading:
         return NODES if self.looks is None else TABLE
 
     @property
-    def looks(self) -> SideBySide | None:
+    def looks(self) -> ParallelDetection | None:
         """Return the look-ahead detection (replay); None if images influence each other."""
         return None if self._recordings is None else self._recordings.looks
 

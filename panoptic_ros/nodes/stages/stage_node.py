@@ -19,7 +19,7 @@ from panoptic_ros.errors import PanopticError
 from panoptic_ros.graph.build import ports_in_use, resolve, rows_in_use
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import live_defaults
-from panoptic_ros.graph.health import Doing, Health
+from panoptic_ros.graph.health import Activity, NodeHealth
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.kernels import on_compilation
@@ -149,7 +149,7 @@ class StageNode(GatheringNode):
         self._fault: PanopticError | None = None
         self._tally = Tally(self.get_logger(), names)
         choice = InputChoice(self, Wiring(names, table=rows_in_use(used)).inputs, graph)
-        self._health = Health(self.get_name(), self._tally.statistics, live=live)
+        self._health = NodeHealth(self.get_name(), self._tally.statistics, live=live)
         self._diagnostics = Diagnostics(self, self._health, self._look)
         self._compilation = Compilation(self.get_logger(), self._diagnostics.publish)
         reports = reports_of(self, Wiring(names))
@@ -235,7 +235,7 @@ class StageNode(GatheringNode):
     def _look(self) -> None:
         """Update the current activity of the stages for /diagnostics."""
         stage, since_ns = self._work.pipeline.stepping if self._work is not None else ("", 0)
-        self._health.doing = Doing(stage, since_ns, self._compilation.kernel)
+        self._health.doing = Activity(stage, since_ns, self._compilation.kernel)
         self._health.awaited, self._health.unfit = self._facts.missing, self._facts.unfit
 
     def _begin(self, rig: Rig, skeleton: SkeletonModel) -> None:

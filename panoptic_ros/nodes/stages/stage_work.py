@@ -19,13 +19,13 @@ from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.continuity import AlignedTimes
 from panoptic_ros.graph.flow import Flow
-from panoptic_ros.graph.health import Health
+from panoptic_ros.graph.health import NodeHealth
 from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.graph.queues import Companions, Item, queue_for
+from panoptic_ros.graph.queues import Companions, QueuedMessage, queue_for
 from panoptic_ros.graph.topics import TOPICS, owner_of
-from panoptic_ros.graph.under_way import UnderWay
+from panoptic_ros.graph.under_way import ParallelPipeline
 from panoptic_ros.io.messages import to_message
 from panoptic_ros.io.messages.records import Origins
 from panoptic_ros.nodes.health.diagnostics import Diagnostics
@@ -170,7 +170,7 @@ class LiveDelivery:
         now_ns: Returns the time of the clock that cameras should use for timestamps.
     """
 
-    def __init__(self, under_way: UnderWay, now_ns: Callable[[], int] = time.time_ns):
+    def __init__(self, under_way: ParallelPipeline, now_ns: Callable[[], int] = time.time_ns):
         self._under_way, self._now_ns = under_way, now_ns
 
     def take(self, arrivals: Sequence[Arrival]) -> None:
@@ -229,7 +229,7 @@ class Surroundings:
     worker: Worker
     tally: Tally
     facts: Facts
-    health: Health
+    health: NodeHealth
     diagnostics: Diagnostics
     reports: Mapping[str, Report]
     ends: StreamEnds
@@ -297,7 +297,7 @@ class StageWork:
             {port.topic: around.choice.owners(port.topic, self._rig) for port in self.pipeline.wiring.inputs}
         )
         self._present = [(topic, owner) for topic, found in owners.items() for owner in found]
-        under_way = UnderWay(self.pipeline, reading.pool, around.worker.urge)
+        under_way = ParallelPipeline(self.pipeline, reading.pool, around.worker.urge)
         live = LiveDelivery(under_way, self._now_ns)
         self._delivery: Delivery = live if self._live else self._in_order(owners)
         self._full = (lambda: under_way.full) if self._live else (lambda: False)
@@ -370,13 +370,13 @@ class StageWork:
         """Enqueue a message together with its companions, e.g. the depth map of an image."""
         if self._around.pausing is not None and self._around.pausing.leaves_out():
             return
-        item = Item(entry.topic, entry.owner, stamp_ns, (entry, data), time.monotonic_ns())
+        item = QueuedMessage(entry.topic, entry.owner, stamp_ns, (entry, data), time.monotonic_ns())
         for bundle in self._companions.put(item):
             last = bundle[-1]
             key = queue if last.topic == entry.topic else f"{last.topic} {last.owner}"
             self._around.worker.put(key, self._time_of(last), bundle)
 
-    def _time_of(self, item: Item) -> int:
+    def _time_of(self, item: QueuedMessage) -> int:
         """Return the time by which an item is grouped with others, ns.
 
         In live flow, images with a wrong timestamp get their time of arrival.
@@ -395,7 +395,7 @@ class StageWork:
         else:
             self._work_on(batch)
 
-    def _work_on(self, bundles: Sequence[tuple[Item, ...]]) -> None:
+    def _work_on(self, bundles: Sequence[tuple[QueuedMessage, ...]]) -> None:
         if self._around.kept is not None:
             self._around.kept.tried()
         arrivals = []
@@ -417,7 +417,7 @@ class StageWork:
 
     def put_own(self, entry: OwnInput, record: Any) -> None:
         """Process the next record of a recording of this node."""
-        self._work_on([(Item(entry.topic, entry.owner, record.stamp_ns, (entry, record)),)])
+        self._work_on([(QueuedMessage(entry.topic, entry.owner, record.stamp_ns, (entry, record)),)])
 
     def end(self, key: Key) -> None:
         """End a topic of a recording of this node."""

@@ -25,8 +25,8 @@ from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.offline_refinement import refinement_of
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.graph.queues import NewestInstant
-from panoptic_ros.graph.side_by_side import TABLE, SideBySide, looked_ahead
+from panoptic_ros.graph.queues import NewestInstantQueue
+from panoptic_ros.graph.side_by_side import TABLE, ParallelDetection, looked_ahead
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, TRACKS_KEY, opened_streams
 from panoptic_ros.params import config_of
@@ -57,7 +57,7 @@ def newest_frames(
         PanopticError: the error that ended a camera or a sound.
     """
     names = list(cameras)
-    waiting, changed, over = NewestInstant(names), threading.Condition(), threading.Event()
+    waiting, changed, over = NewestInstantQueue(names), threading.Condition(), threading.Event()
     faults: list[PanopticError] = []
     dropped: list[int] = []
     ended: list[str] = []
@@ -154,7 +154,7 @@ class OfflineResults:
 class _Counted:
     """Pipeline of a run, with statistics of its stages."""
 
-    def __init__(self, plan: Plan, results: Taker, looks: SideBySide | None = None):
+    def __init__(self, plan: Plan, results: Taker, looks: ParallelDetection | None = None):
         names = switched_on(plan.stages, plan.configs)
         self.statistics = {name: StageStatistics() for name in names}
         self._giver = {topic: name for name in names for topic in NODES[name].outputs}
@@ -255,7 +255,7 @@ def _is_before(plan: Plan, record: Any) -> bool:
     return plan.until_ns is None or bool(record.stamp_ns < plan.until_ns)
 
 
-def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide | None:
+def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> ParallelDetection | None:
     """Let detection run ahead in several threads where that is faster and safe.
 
     The images in `records` are replaced by images with finished detections. The result is None if detection

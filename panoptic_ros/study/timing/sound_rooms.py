@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.domain import AudioBlock
-from panoptic_ros.graph.recording import HeldRecording
+from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.simulation.room_sound import DrySound, Recorder, Room, record
 from panoptic_ros.simulation.voices import RATE, clap, talk
 
@@ -113,7 +113,7 @@ class Heard:
         lengths: length (s) of each device's recording.
     """
 
-    recording: HeldRecording
+    recording: InMemoryRecording
     recorders: dict[str, Recorder]
     lengths: dict[str, float]
 
@@ -171,7 +171,7 @@ def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: f
         name = f"mic{k}"
         recorders[name], lengths[name] = recorder, length
         records["audio", name] = _blocks(name, recorder, record(room, sounds, recorder, length, (seed, k)))
-    return Heard(HeldRecording(records), recorders, lengths)
+    return Heard(InMemoryRecording(records), recorders, lengths)
 
 
 def _blocks(name: str, recorder: Recorder, samples: Array) -> list[AudioBlock]:
