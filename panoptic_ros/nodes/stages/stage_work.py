@@ -27,7 +27,7 @@ from panoptic_ros.graph.queues import Companions, QueuedMessage, queue_for
 from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.graph.under_way import ParallelPipeline
 from panoptic_ros.io.messages import to_message
-from panoptic_ros.io.messages.records import Origins
+from panoptic_ros.io.messages.records import OriginalMessages
 from panoptic_ros.nodes.health.diagnostics import Diagnostics
 from panoptic_ros.nodes.health.reports import Report
 from panoptic_ros.nodes.health.tally import Tally
@@ -60,7 +60,7 @@ class Outputs:
 
     def __init__(self, node: Node, flow: Flow, leaving: Collection[str], ends: StreamEnds):
         self._node, self._flow, self._leaving, self._ends = node, flow, frozenset(leaving), ends
-        self.origins = Origins(TOPICS[topic].record for topic in leaving)
+        self.origins = OriginalMessages(TOPICS[topic].record for topic in leaving)
         self._messages = replace(ros_messages(), origin=self.origins.of)
         self._publishers: dict[tuple[str, str], Any] = {}
         self._sent: dict[tuple[str, str], int] = {}
