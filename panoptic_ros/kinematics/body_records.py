@@ -22,7 +22,7 @@ from panoptic_ros.kernels import njit
 Array = np.ndarray
 
 
-class Solved(NamedTuple):
+class SolvedBody(NamedTuple):
     """Body of a person at an instant, and the data from which it was solved.
 
     Attributes:
@@ -43,7 +43,7 @@ def body_set(
     newest_ns: int,
     model: SegmentModel,
     skeleton: SkeletonModel,
-    bodies: Sequence[Solved],
+    bodies: Sequence[SolvedBody],
 ) -> BodyStateSet:
     """Return the record of an instant, with bodies in the order of their ids.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from panoptic_ros.domain.segments import SHORTEST, TALLEST, SegmentedBody, SegmentModel
 from panoptic_ros.domain.subjects import Subject
-from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder
 from panoptic_ros.kinematics.body.lengths import LengthEstimate
 from panoptic_ros.kinematics.body.start import first_pose
 from panoptic_ros.kinematics.config import KinematicsConfig
@@ -111,7 +111,7 @@ def _fitted(
 ) -> SegmentedBody:
     """Return the body with lengths estimated from skeletons, with left and right equal."""
     subject, model = Subject(0, body), body.model
-    weighing = Weighing(config, subject, statistics, None, joint_names)
+    weighing = EvidenceBuilder(config, subject, statistics, None, joint_names)
     estimate, anchor = LengthEstimate(model, body.offsets), no_anchor(len(model.names))
     pose = first_pose(weighing, subject, {}, UNORIENTED, seen[0])
     for joints in seen:

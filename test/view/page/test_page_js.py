@@ -26,7 +26,7 @@ from panoptic_ros.io.body_models import read_body_shape
 from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.messages.family import decode_cdr
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.kinematics.body_records import Solved, body_set
+from panoptic_ros.kinematics.body_records import SolvedBody, body_set
 from panoptic_ros.view.page.facts import camera_document, schemas, shape_document
 from panoptic_ros.view.page.packets import Kind, Message, pack
 from panoptic_ros.view.page.recorded import RecordedScene
@@ -422,7 +422,7 @@ def test_health_of_statuses_and_of_a_report():
 
 def test_balls_of_a_body_lie_where_its_capsules_are():
     frames, places = placed(some_pose(3))
-    body = Solved(BodyState(5, 4, places, frames), BODY, 2, 4, 0)
+    body = SolvedBody(BodyState(5, 4, places, frames), BODY, 2, 4, 0)
     data = as_bytes(body_set(0, 5, 5, MODEL, SKELETON, [body]))
     kind = "panoptic_msgs/msg/Bodies"
     found = run_js(
