@@ -29,7 +29,7 @@ from panoptic_ros.graph.under_way import ParallelPipeline
 from panoptic_ros.io.messages import to_message
 from panoptic_ros.io.messages.records import OriginalMessages
 from panoptic_ros.nodes.health.diagnostics import Diagnostics
-from panoptic_ros.nodes.health.reports import Report
+from panoptic_ros.nodes.health.reports import RecordReport
 from panoptic_ros.nodes.health.tally import Tally
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages, service_class
 from panoptic_ros.nodes.middleware.quality import CLOCKS, data_quality
@@ -37,10 +37,10 @@ from panoptic_ros.nodes.middleware.read_together import GatheringNode
 from panoptic_ros.nodes.middleware.runtime import now_of
 from panoptic_ros.nodes.middleware.streams import StreamEnds
 from panoptic_ros.nodes.middleware.worker import Worker
-from panoptic_ros.nodes.stages.facts import Facts
-from panoptic_ros.nodes.stages.inputs import Entrance, Input, InputChoice, subscribe
-from panoptic_ros.nodes.stages.kept_states import KeptStates
-from panoptic_ros.nodes.stages.own_cameras import OwnInput, OwnReading
+from panoptic_ros.nodes.stages.facts import FactsSubscriber
+from panoptic_ros.nodes.stages.inputs import Input, InputChoice, MessageValidator, subscribe
+from panoptic_ros.nodes.stages.kept_states import StateExchange
+from panoptic_ros.nodes.stages.own_cameras import OwnCameraReader, OwnInput
 from panoptic_ros.params import Config
 from panoptic_ros.stage import StageContext
 
@@ -100,7 +100,7 @@ class Outputs:
 SERVICE = "std_srvs/srv/SetBool"
 
 
-class Pausing:
+class PauseService:
     """Service `~/pause` of a node: `true` discards all further messages, `false` resumes.
 
     Identities, noise tables and clocks are kept. After a pause, people are re-identified at their new
@@ -135,7 +135,7 @@ class Pausing:
         return response
 
 
-class Arrival(NamedTuple):
+class ArrivedRecord(NamedTuple):
     """Record that has arrived on a topic of a camera or device.
 
     Args:
@@ -156,7 +156,7 @@ class Delivery(Protocol):
     All methods are called on the node's worker thread.
     """
 
-    def take(self, arrivals: Sequence[Arrival]) -> None:
+    def take(self, arrivals: Sequence[ArrivedRecord]) -> None:
         """Process records; they are of one instant if that is possible."""
 
     def wait(self) -> None:
@@ -173,7 +173,7 @@ class LiveDelivery:
     def __init__(self, under_way: ParallelPipeline, now_ns: Callable[[], int] = time.time_ns):
         self._under_way, self._now_ns = under_way, now_ns
 
-    def take(self, arrivals: Sequence[Arrival]) -> None:
+    def take(self, arrivals: Sequence[ArrivedRecord]) -> None:
         came_ns = arrivals[0].came_ns
         waited_ns = time.monotonic_ns() - came_ns
         self._under_way.waited(waited_ns)
@@ -194,7 +194,7 @@ class ReplayDelivery:
     def __init__(self, host: Host, on_over: Callable[[], None]):
         self.host, self._on_over = host, on_over
 
-    def take(self, arrivals: Sequence[Arrival]) -> None:
+    def take(self, arrivals: Sequence[ArrivedRecord]) -> None:
         for one in arrivals:
             self.host.put(one.topic, one.owner, one.stamp_ns, one.record)
         self._advance()
@@ -214,7 +214,7 @@ class ReplayDelivery:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class NodeParts:
     """Objects of a node that exist before rig and skeleton model arrive.
 
     Args:
@@ -225,20 +225,20 @@ class Surroundings:
     node: GatheringNode
     flow: Flow
     choice: InputChoice
-    reading: OwnReading
+    reading: OwnCameraReader
     worker: Worker
     tally: Tally
-    facts: Facts
+    facts: FactsSubscriber
     health: NodeHealth
     diagnostics: Diagnostics
-    reports: Mapping[str, Report]
+    reports: Mapping[str, RecordReport]
     ends: StreamEnds
-    kept: KeptStates | None
-    pausing: Pausing | None
+    kept: StateExchange | None
+    pausing: PauseService | None
 
 
 @dataclass(frozen=True)
-class ChosenStages:
+class StageSelection:
     """Stages of a node and their configurations, as selected by its parameters.
 
     Args:
@@ -263,7 +263,7 @@ class StageWork:
         PanopticError: if a stage cannot be made from its configuration.
     """
 
-    def __init__(self, around: Surroundings, chosen: ChosenStages, context: StageContext):
+    def __init__(self, around: NodeParts, chosen: StageSelection, context: StageContext):
         self._around, self._chosen, self._rig = around, chosen, context.rig
         self._live = around.flow.name == "live"
         self._logger = around.node.get_logger()
@@ -291,7 +291,7 @@ class StageWork:
             table=reading.table,
             used=chosen.used,
         )
-        self._entrance = Entrance(around.facts, tally, around.reports, self.pipeline.wiring)
+        self._entrance = MessageValidator(around.facts, tally, around.reports, self.pipeline.wiring)
         self._outputs = self._open_outputs()
         owners = reading.owners(
             {port.topic: around.choice.owners(port.topic, self._rig) for port in self.pipeline.wiring.inputs}
@@ -359,7 +359,7 @@ class StageWork:
             except DataError as error:
                 self._logger.warning(f"stage {stage} begins anew: {error}")
 
-    def publish_states(self, kept: KeptStates) -> None:
+    def publish_states(self, kept: StateExchange) -> None:
         """Hand over the states of the stages to the keeper."""
         self._delivery.wait()
         kept.publish(self.pipeline.lasting_state)
@@ -402,7 +402,7 @@ class StageWork:
         for item in (item for bundle in bundles for item in bundle):
             entry, data = item.message
             record = self._entrance.record(entry, data)
-            arrivals.append(Arrival(entry.topic, entry.owner, item.stamp_ns, record, item.came_ns))
+            arrivals.append(ArrivedRecord(entry.topic, entry.owner, item.stamp_ns, record, item.came_ns))
             entry.count += 1
             if not self._live:
                 self._around.ends.taken(entry.name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from panoptic_ros.nodes.listeners.domain_claim import Listener
+from panoptic_ros.nodes.listeners.domain_claim import GraphListener
 from panoptic_ros.running.processes.children import Ahead
 
 
@@ -10,9 +10,9 @@ def begin_to_listen(ahead: Ahead, namespace: str) -> None:
     """Start listening for other graphs.
 
     Raises:
-        UsageError, EnvironmentProblem: as `Listener`.
+        UsageError, EnvironmentProblem: as `GraphListener`.
     """
-    ahead.listener = Listener(namespace)
+    ahead.listener = GraphListener(namespace)
 
 
 def require_no_other_graph(ahead: Ahead, namespace: str) -> None:
@@ -21,7 +21,7 @@ def require_no_other_graph(ahead: Ahead, namespace: str) -> None:
     Raises:
         EnvironmentProblem: if there is another graph.
     """
-    listener, ahead.listener = ahead.listener or Listener(namespace), None
+    listener, ahead.listener = ahead.listener or GraphListener(namespace), None
     try:
         listener.require_no_other_graph()
     finally:
