@@ -15,7 +15,7 @@ from panoptic_ros.domain import AudioBlock, Rig, StampLine
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.bags import BagReader, is_bag
 from panoptic_ros.io.rigs import find_rig, read_rig
-from panoptic_ros.offsets.sound import HeardClocks, SoundClocks, SoundClocksConfig
+from panoptic_ros.offsets.sound import SoundClockEstimate, SoundClocks, SoundClocksConfig
 from panoptic_ros.offsets.sound.passes import APART
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.sound.bags import recorder_of, sound_streams
@@ -53,7 +53,7 @@ def clocks_from_sound(
     trusted: str = "",
     apart: float = APART,
     progress: Progress = untold,
-) -> HeardClocks:
+) -> SoundClockEstimate:
     """Return the clocks of cameras, estimated from sound.
 
     The sound of a camera comes from the device with its name, or from the device that the rig names as its
@@ -195,7 +195,7 @@ def folder_clocks(
     trusted: str = "",
     apart: float = APART,
     progress: Progress = untold,
-) -> HeardClocks:
+) -> SoundClockEstimate:
     """Return the clocks of the cameras of a capture folder or a bag, estimated from sound.
 
     The cameras are those of the rig, or all devices if there is no rig.
