@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.runs.finish import Waiting, dropped_in_all, warnings_of
+from panoptic_ros.running.runs.finish import NoOutputTimer, dropped_in_all, warnings_of
 from panoptic_ros.running.runs.run import RunObserver
 from panoptic_ros.running.takes import named_unclosed_takes
 from panoptic_ros.stage import Notice
@@ -42,7 +42,7 @@ class TerminalObserver(RunObserver):
         self._bar: ProgressBar | None = None
         self._live, self._has_cameras = False, True
         self._instants = 0
-        self._waiting = Waiting(_warn)
+        self._waiting = NoOutputTimer(_warn)
         self._told: set[str] = set()
 
     def started(self, plan: Plan) -> None:
