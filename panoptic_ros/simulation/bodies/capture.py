@@ -198,7 +198,7 @@ def trunk_of(model: SegmentModel, motion: BodyMotion) -> Array:
     return motion.places[:, [0, model.index("neck")]]
 
 
-class Worn(NamedTuple):
+class BodyImus(NamedTuple):
     """IMUs on a body.
 
     Args:
@@ -216,7 +216,7 @@ class Worn(NamedTuple):
 
 def wear(
     rng: np.random.Generator, scene: BodyScene, model: SegmentModel, motion: BodyMotion, first: int = 1
-) -> Worn:
+) -> BodyImus:
     """Simulate 13 IMUs on a body, with a common inertial frame and a common clock.
 
     Args:
@@ -235,7 +235,7 @@ def wear(
         samples = {name: unknown_heading(s, angle).shifted(late) for name, s in samples.items()}
     end = FIRST_NS + int(1e9 * (T_POSE_S - 0.2))
     faces = turn_about_z(math.radians(scene.facing)) @ np.array([1.0, 0.0, 0.0])
-    return Worn(tuple(worn), TPose(FIRST_NS, end, faces), samples, mounts)
+    return BodyImus(tuple(worn), TPose(FIRST_NS, end, faces), samples, mounts)
 
 
 def sparse(capture: BodyCapture, cameras: Sequence[int], imus: int) -> BodyCapture:
