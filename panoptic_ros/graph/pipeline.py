@@ -19,7 +19,15 @@ from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, StageSchedule
 from panoptic_ros.graph.topics import TOPICS, number_of, owner_of
 from panoptic_ros.graph.wiring import Table, Wiring
 from panoptic_ros.params import Config
-from panoptic_ros.stage import Notice, Punctual, Resting, Stage, StageContext, StepResult, Timed
+from panoptic_ros.stage import (
+    ArrivalAwareStage,
+    LastingStateStage,
+    LatenessAwareStage,
+    Notice,
+    Stage,
+    StageContext,
+    StepResult,
+)
 
 Observer = Callable[[str, Any], None]  # (key of the topic, record)
 NoticeObserver = Callable[[str, Notice], None]  # (stage, notice)
@@ -119,7 +127,7 @@ class Pipeline:
             stage.waited(ns)
 
     def arrived(self, came_ns: int, host_ns: int) -> None:
-        """Report to the stages when the next pushed records arrived (live, see `stage.Timed`)."""
+        """Report to the stages when the next pushed records arrived (live, see `stage.ArrivalAwareStage`)."""
         for stage in self._timed_stages:
             stage.arrived(came_ns, host_ns)
 
@@ -170,7 +178,7 @@ class Pipeline:
     def lasting_state(self) -> dict[str, bytes]:
         """Return the state that matters after a pause, by stage; some stages need less than `state`."""
         return {
-            name: stage.lasting_state() if isinstance(stage, Resting) else stage.state()
+            name: stage.lasting_state() if isinstance(stage, LastingStateStage) else stage.state()
             for name, stage in zip(self.names, self._stages)
         }
 
@@ -243,8 +251,8 @@ class Pipeline:
 
     def _find_live_stages(self) -> None:
         """Find the stages that use information of a live graph."""
-        self._punctual = [stage for stage in self._stages if isinstance(stage, Punctual)]
-        self._timed_stages = [stage for stage in self._stages if isinstance(stage, Timed)]
+        self._punctual = [stage for stage in self._stages if isinstance(stage, LatenessAwareStage)]
+        self._timed_stages = [stage for stage in self._stages if isinstance(stage, ArrivalAwareStage)]
 
     def _place_of_push(self, topic: str) -> Place:
         self._pushed += 1

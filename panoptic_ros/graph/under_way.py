@@ -89,7 +89,7 @@ class ParallelPipeline:
         self._pipeline.waited(ns)
 
     def arrived(self, came_ns: int, host_ns: int) -> None:
-        """Report the arrival of the records of the next instant (see `stage.Timed`)."""
+        """Report the arrival of the records of the next instant (see `stage.ArrivalAwareStage`)."""
         self._pipeline.arrived(came_ns, host_ns)
 
     def begin(self, records: Sequence[tuple[str, Any]]) -> None:

@@ -215,11 +215,11 @@ class KinematicsStage(Stateful):
         return StepResult(tuple(self._run(notices)), tuple(notices))
 
     def waited(self, ns: int) -> None:
-        """Record the waiting time of the data, ns: see `stage.Punctual` and `InstantSelection`."""
+        """Record the waiting time of the data, ns: see `stage.LatenessAwareStage` and `InstantSelection`."""
         self._pace.waited_ns = ns
 
     def lasting_state(self) -> bytes:
-        """Return the state that counts after a pause, see `stage.Resting`.
+        """Return the state that counts after a pause, see `stage.LastingStateStage`.
 
         It lacks the windows of the bodies, which are nearly all of the full state.
         """

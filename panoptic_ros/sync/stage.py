@@ -135,7 +135,7 @@ class SyncStage(Stateful):
         self._index = 0
 
     def arrived(self, came_ns: int, host_ns: int) -> None:
-        """Set the arrival time of the records that follow (see `stage.Timed`)."""
+        """Set the arrival time of the records that follow (see `stage.ArrivalAwareStage`)."""
         self._came = came_ns, host_ns
 
     def step(self, item: ViewDetections | EndOfStream | ClockModel) -> StepResult[DetectionSet]:
