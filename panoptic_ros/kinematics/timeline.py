@@ -1,6 +1,6 @@
 """Instants of a fixed rate, and the time at which the data of an instant are complete.
 
-`LagBuffer` are the instants within the lag, with the bodies that were solved at them so far.
+`LagBuffer` holds the instants within the lag, with the bodies that were solved at them so far.
 
 `InstantSelection` selects the instants that a late stage skips to catch up. If data have waited for n
 sixtieths of a second, one instant of n is solved, and the time steps are n times as long. This is stable: the
