@@ -16,16 +16,16 @@ from typing import Any, Generic, Literal, Protocol, TypeVar, runtime_checkable
 from panoptic_ros.domain import Rig, SkeletonModel
 
 __all__ = [
+    "ArrivalAwareStage",
+    "LastingStateStage",
+    "LatenessAwareStage",
     "Notice",
     "Pass",
     "Progress",
-    "Punctual",
     "Recording",
-    "Resting",
     "Stage",
     "StageContext",
     "StepResult",
-    "Timed",
     "each",
     "part_of",
     "untold",
@@ -106,7 +106,7 @@ class Stage(Protocol[In, Out]):
 
 
 @runtime_checkable
-class Resting(Protocol):
+class LastingStateStage(Protocol):
     """Stage whose state is large because of data that only the next few steps need."""
 
     def lasting_state(self) -> bytes:
@@ -117,7 +117,7 @@ class Resting(Protocol):
 
 
 @runtime_checkable
-class Punctual(Protocol):
+class LatenessAwareStage(Protocol):
     """Stage that does less work when it is late.
 
     Its output then depends on the machine. So only a live graph reports the delay to it.
@@ -128,7 +128,7 @@ class Punctual(Protocol):
 
 
 @runtime_checkable
-class Timed(Protocol):
+class ArrivalAwareStage(Protocol):
     """Stage that compares timestamps with arrival times.
 
     Only a live graph has arrival times and reports them.

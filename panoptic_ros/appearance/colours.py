@@ -20,7 +20,7 @@ DARK = 8.0  # grey levels, added to every channel, so that noise does not determ
 FORELEGS = ("hip", "knee", "ankle")
 
 
-class Pattern:
+class ColourSamples:
     """Sample points inside torso and legs for a skeleton model, as weighted means of joints."""
 
     def __init__(self, skeleton: SkeletonModel):
@@ -77,7 +77,7 @@ def _weights(joints: int, shares: dict[int | None, float]) -> Array:
     return row
 
 
-def colours_of(image: Array, points: Array, pattern: Pattern, fewest: int) -> Array:
+def colours_of(image: Array, points: Array, pattern: ColourSamples, fewest: int) -> Array:
     """Return colours (P, 2, 3) of people with joints (P, J, 2) px, NaN = missing, as in `ViewAppearance`.
 
     Args:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.appearance.colours import Pattern, colours_of
+from panoptic_ros.appearance.colours import ColourSamples, colours_of
 from panoptic_ros.appearance.config import AppearanceConfig
 from panoptic_ros.domain import ViewAppearance, ViewDetections, ViewFrame
 from panoptic_ros.errors import DataError
@@ -21,7 +21,7 @@ class AppearanceStage(Stateful):
 
     def __init__(self, config: AppearanceConfig, context: StageContext):
         self._config, self._hash = config, context.skeleton.hash
-        self._pattern = Pattern(context.skeleton)
+        self._pattern = ColourSamples(context.skeleton)
         self._images: dict[str, ViewFrame] = {}
 
     def reset(self) -> None:

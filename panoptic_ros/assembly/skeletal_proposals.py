@@ -15,7 +15,7 @@ from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.dynamic_programming import assemble
 from panoptic_ros.assembly.judgement import Joints, People
 from panoptic_ros.domain import DetectionSet, ProposalSet, Rig, SkeletonModel, ViewSources
-from panoptic_ros.geometry import ProjectionStack, Triangulated, triangulate_robust
+from panoptic_ros.geometry import ProjectionStack, Triangulation, triangulate_robust
 
 Array = np.ndarray
 
@@ -44,7 +44,7 @@ def people_from_parts(item: ProposalSet, rig: Rig, skeleton: SkeletonModel, conf
     return People(np.arange(len(nodes)), joints, _sources(item.detections, claims), placed)
 
 
-def _refined(detections: DetectionSet, rig: Rig, claims: Array, start: Array, noise: float) -> Triangulated:
+def _refined(detections: DetectionSet, rig: Rig, claims: Array, start: Array, noise: float) -> Triangulation:
     """Return the joints (P * J) with the least squared reprojection error.
 
     Joints that fewer than two views claim are NaN.

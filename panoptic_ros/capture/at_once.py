@@ -12,14 +12,14 @@ AT_ONCE = 4  # more threads gain little, and each holds a decoder
 Name = TypeVar("Name")
 
 
-class Closes(Protocol):
+class Closeable(Protocol):
     """An open resource."""
 
     def close(self) -> None:
         """Close it."""
 
 
-Opened = TypeVar("Opened", bound=Closes)
+Opened = TypeVar("Opened", bound=Closeable)
 
 
 def opened_at_once(open_one: Callable[[Name], Opened], names: Iterable[Name]) -> list[Opened]:

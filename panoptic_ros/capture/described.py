@@ -34,7 +34,7 @@ def open_source(camera: str, rig: Rig, description: Mapping[str, Any]) -> tuple[
 
     Args:
         description: {"kind": "folder" | "file" | "device" | "played", "path" or "device", and options of the
-            source}. A played folder has "rate_hz" and "start_ns" (see `PlayedSource`).
+            source}. A played folder has "rate_hz" and "start_ns" (see `PlaybackSource`).
 
     Raises:
         UserError: as `open_capture_folder`, `open_files` and `open_live`.
@@ -45,7 +45,7 @@ def open_source(camera: str, rig: Rig, description: Mapping[str, Any]) -> tuple[
         return open_live(camera, rig, description["device"], options), rig.camera(camera)
     if kind == "played":
         capture = open_capture_folder(Path(description["path"]), rig=rig, cameras=[camera])
-        return PlayedSource(capture.sources[0], options["rate_hz"], options["start_ns"]), rig.camera(camera)
+        return PlaybackSource(capture.sources[0], options["rate_hz"], options["start_ns"]), rig.camera(camera)
     if kind == "folder":
         capture = open_capture_folder(Path(description["path"]), rig=rig, cameras=[camera], **options)
     elif kind == "file":
@@ -80,7 +80,7 @@ OVERTAKEN = 2  # periods after which an unread frame is dropped, as on a device
 MOST_KEPT = 400_000_000  # bytes of frames of one recording that are kept in memory
 
 
-class PlayedSource:
+class PlaybackSource:
     """Recording played back as a live camera, at a given rate, in an endless loop.
 
     Frame n is due, and timestamped, at start_ns + n / rate. A short recording is decoded once and played
@@ -170,7 +170,7 @@ class PlayedSource:
         self._open = False
         self._source.close()
 
-    def __enter__(self) -> PlayedSource:
+    def __enter__(self) -> PlaybackSource:
         return self
 
     def __exit__(self, *exception: object) -> None:

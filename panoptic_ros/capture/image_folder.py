@@ -14,7 +14,7 @@ import numpy as np
 
 from panoptic_ros.capture.opencv import quiet_opencv
 from panoptic_ros.capture.source import check_stamps, exact_rate, grid_stamp
-from panoptic_ros.capture.starts import Label
+from panoptic_ros.capture.starts import TimecodeLabel
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.loading import read_bytes
@@ -83,7 +83,7 @@ class ImageFolderSource:
             raise DataError(f"{self._what} has {len(self.files)} images but {len(self._stamps)} stamps")
         self._skip = skip_damaged
         self.late = Fraction(0)
-        self.label: Label | None = None
+        self.label: TimecodeLabel | None = None
         self.first: int | None = None
         self.step = 1
         self.notices: tuple[str, ...] = ()

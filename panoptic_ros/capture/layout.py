@@ -86,9 +86,9 @@ def find_media(path: Path, rig: Rig) -> Media:
     Raises:
         DataError: if a camera has two.
     """
-    here = _Place.of(path, rig)
+    here = _CameraFiles.of(path, rig)
     folders = [] if here.files else [folder for folder in sorted(path.iterdir()) if _may_hold(folder)]
-    inside = [_Place.of(folder, rig) for folder in folders]
+    inside = [_CameraFiles.of(folder, rig) for folder in folders]
     inside = sorted((place for place in inside if place.files), key=lambda place: _rank(place.path))
     if here.files or not inside:
         return Media(here.files, here.others, rig, here.notices)
@@ -203,7 +203,7 @@ def named_as(rig: Collection[str], names: Collection[str]) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class _Place:
+class _CameraFiles:
     """Files of a folder that belong to cameras of a rig."""
 
     path: Path
@@ -212,7 +212,7 @@ class _Place:
     notices: tuple[str, ...] = ()
 
     @staticmethod
-    def of(path: Path, rig: Rig) -> _Place:
+    def of(path: Path, rig: Rig) -> _CameraFiles:
         videos, folders = videos_in(path), _image_folders(path)
         meant = named_as(rig.names, [name for name in videos if name not in rig.left_out])
         files = {camera: videos[name] for name, camera in meant.items()}
@@ -228,7 +228,7 @@ class _Place:
         taken = [f"{files[camera].name} as {camera}" for camera in other.values()]
         told = [f"files are taken as the only camera that fits: {', '.join(taken)}"] if taken else []
         others = {name: file for name, file in videos.items() if name not in meant}
-        return _Place(path, files, others, tuple(told))
+        return _CameraFiles(path, files, others, tuple(told))
 
 
 def _may_hold(folder: Path) -> bool:

@@ -16,7 +16,7 @@ OVERRIDE = "timestamps.csv or --frame-rate overrides it"
 
 
 @dataclass(frozen=True)
-class Label:
+class TimecodeLabel:
     """A timecode label.
 
     Args:
@@ -28,7 +28,7 @@ class Label:
     seconds: Fraction
 
 
-class Begins(Protocol):
+class RecordingStart(Protocol):
     """Recorded source with the start information of its file.
 
     Args:
@@ -42,12 +42,14 @@ class Begins(Protocol):
     frame_rate: float
     frame_count: int | None
     late: Fraction
-    label: Label | None
+    label: TimecodeLabel | None
     first: int | None
     step: int
 
 
-def read_label(text: str, rate: Fraction, counted: tuple[int, Fraction] | None = None) -> Label | None:
+def read_label(
+    text: str, rate: Fraction, counted: tuple[int, Fraction] | None = None
+) -> TimecodeLabel | None:
     """Parse a timecode; None if the text is invalid.
 
     Args:
@@ -67,10 +69,10 @@ def read_label(text: str, rate: Fraction, counted: tuple[int, Fraction] | None =
     count = (60 * minutes + seconds) * nominal + frames
     if words[4] != ":" and nominal % 30 == 0:
         count -= nominal // 15 * (minutes - minutes // 10)
-    return Label(text, count / exact)
+    return TimecodeLabel(text, count / exact)
 
 
-def find_starts(sources: Sequence[Begins]) -> tuple[dict[str, int], tuple[str, ...]]:
+def find_starts(sources: Sequence[RecordingStart]) -> tuple[dict[str, int], tuple[str, ...]]:
     """Return the start of each recording by camera, ns after the earliest, and notices.
 
     Timecode is used if all recordings have one and it makes them overlap. Otherwise late starts and image
@@ -90,7 +92,7 @@ def find_starts(sources: Sequence[Begins]) -> tuple[dict[str, int], tuple[str, .
     return (starts if any(starts.values()) else {}), tuple(notices)
 
 
-def _by_timecode(sources: Sequence[Begins]) -> tuple[dict[str, Fraction] | None, str]:
+def _by_timecode(sources: Sequence[RecordingStart]) -> tuple[dict[str, Fraction] | None, str]:
     labels = {source.camera: source.label for source in sources if source.label is not None}
     by_text: dict[str, list[str]] = {}
     for name, label in labels.items():
@@ -114,7 +116,7 @@ def _within_day(seconds: Fraction) -> Fraction:
     return (seconds + DAY_S // 2) % DAY_S - DAY_S // 2
 
 
-def _by_files(sources: Sequence[Begins]) -> tuple[dict[str, Fraction], list[str]]:
+def _by_files(sources: Sequence[RecordingStart]) -> tuple[dict[str, Fraction], list[str]]:
     numbers = {s.camera: s.first for s in sources if s.first is not None}
     least = min(numbers.values(), default=0)
     begins = {
@@ -135,7 +137,7 @@ def _by_files(sources: Sequence[Begins]) -> tuple[dict[str, Fraction], list[str]
     return begins, [f"{line}; {OVERRIDE}" for line in said]
 
 
-def _overlap(sources: Sequence[Begins], begins: Mapping[str, Fraction]) -> bool:
+def _overlap(sources: Sequence[RecordingStart], begins: Mapping[str, Fraction]) -> bool:
     """Return whether the recordings have no gap: at any time from first to last frame some camera records."""
     spans = sorted(
         (begins[s.camera], begins[s.camera] + Fraction(s.frame_count or 0) / Fraction(s.frame_rate))

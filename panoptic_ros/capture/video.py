@@ -13,7 +13,7 @@ from av.video.frame import VideoFrame
 from panoptic_ros.capture.container import find_cut, has_edits, hidden_seconds, timecode_rate
 from panoptic_ros.capture.movie import Movie, rounding, shown_at
 from panoptic_ros.capture.source import SECOND_NS, check_stamps, exact_rate
-from panoptic_ros.capture.starts import Label, read_label
+from panoptic_ros.capture.starts import TimecodeLabel, read_label
 from panoptic_ros.capture.upright import UPRIGHT, Converter, orientation_of, whole_images
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import DataError
@@ -84,7 +84,7 @@ class VideoSource:
         self.notices: tuple[str, ...] = ()
         self.after: tuple[Notice, ...] = ()
         self.late = Fraction(0)
-        self.label: Label | None = None
+        self.label: TimecodeLabel | None = None
         self.first: int | None = None
         self.step = 1
         self._what = f"video {self.path} of camera {camera}"

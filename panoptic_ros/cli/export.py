@@ -41,11 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the file."""
-    from panoptic_ros.running.export import Wanted, export
+    from panoptic_ros.running.export import ExportOptions, export
     from panoptic_ros.view.progress import PassBar
 
     with PassBar("export") as bar:
-        wanted = Wanted(args.begin, args.end, args.segments, args.rig)
+        wanted = ExportOptions(args.begin, args.end, args.segments, args.rig)
         files = export(args.path, args.out, wanted, bar.show)
     for file in files:
         page = "; it opens in any browser, without a network" if file.suffix == ".html" else ""

@@ -93,7 +93,7 @@ def _module(verb: str) -> Any:
     return importlib.import_module(f"panoptic_ros.cli.{name}")
 
 
-class _Parser(argparse.ArgumentParser):
+class _ArgumentParser(argparse.ArgumentParser):
     """Argument parser that reports wrong arguments in one line, like all other errors."""
 
     def error(self, message: str) -> NoReturn:
@@ -107,7 +107,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _parser(chosen: str) -> argparse.ArgumentParser:
     """Return the argument parser; only the chosen verb is imported, so that --help is fast."""
-    parser = _Parser(prog="panoptic", description="Online multi-view, multi-person 3D pose.")
+    parser = _ArgumentParser(prog="panoptic", description="Online multi-view, multi-person 3D pose.")
     parser.add_argument("--version", action="version", version=f"panoptic {panoptic_ros.__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for verb, text in VERBS.items():

@@ -16,7 +16,7 @@ from panoptic_ros.running.arguments import output_file
 from panoptic_ros.stage import untold
 
 if TYPE_CHECKING:
-    from panoptic_ros.running.solve import Solution, SolveTask
+    from panoptic_ros.running.solve import SolveResult, SolveTask
 
 
 TOLD = ("sync.clock_off", "result.nobody")  # notices that are printed in full; others are only counted
@@ -98,7 +98,7 @@ def _corrected(task: SolveTask, args: argparse.Namespace) -> SolveTask:
     return task
 
 
-def _summary(out: Path, solution: Solution) -> None:
+def _summary(out: Path, solution: SolveResult) -> None:
     poses = solution.poses
     ids = sorted({int(i) for item in poses for i in item.ids})
     people = fmean(len(item.ids) for item in poses) if poses else 0.0

@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 
 from panoptic_ros.clocks.config import ClocksConfig
-from panoptic_ros.clocks.estimate import Point, estimate
-from panoptic_ros.clocks.timeline import SECOND, Timeline
+from panoptic_ros.clocks.estimate import ClockReading, estimate
+from panoptic_ros.clocks.timeline import SECOND, MasterTimeline
 from panoptic_ros.domain import ClockModel, FrameRate, Timecode, TimecodeReading
 from panoptic_ros.params import named_numbers, of_name
 from panoptic_ros.stage import Notice
@@ -53,7 +53,7 @@ class DeviceClock:
         delayed: (name) entry of `delays_ms` that gives the delay; "" = `name`.
     """
 
-    def __init__(self, name: str, config: ClocksConfig, timeline: Timeline, delayed: str = ""):
+    def __init__(self, name: str, config: ClocksConfig, timeline: MasterTimeline, delayed: str = ""):
         self._name = name
         self._config = config
         self._timeline = timeline
@@ -68,11 +68,11 @@ class DeviceClock:
         self._rate: FrameRate | None = None
         self._start()
 
-    def _start(self, points: list[Point] | None = None) -> None:
+    def _start(self, points: list[ClockReading] | None = None) -> None:
         """Start a new line from the given points."""
         self._segment += 1
-        self._points: deque[Point] = deque(points or [])
-        self._strays: list[Point] = []
+        self._points: deque[ClockReading] = deque(points or [])
+        self._strays: list[ClockReading] = []
         self._samples = Samples()
         if self._points:
             self._follow_samples(self._points[0], self._points[-1])
@@ -119,7 +119,7 @@ class DeviceClock:
         onward = bool(self._points) and stamp > self._points[-1].device_ns  # only then is `expected` valid
         master = self._timeline.master_ns(self._name, reading.timecode, expected if onward else None)
         noise = reading.std_samples * self._samples.period
-        point = Point(stamp, master, reading.start_sample, noise)
+        point = ClockReading(stamp, master, reading.start_sample, noise)
         if expected is not None and abs(master - expected) > tolerance * SECOND:
             point = replace(point, master_ns=self._timeline.master_ns(self._name, reading.timecode))
             self._strays.append(point)
@@ -188,7 +188,7 @@ class DeviceClock:
         growth = min(min(drift_error, UNKNOWN_DRIFT) * gap, LARGEST_GROWTH)
         return model.master_from_device(stamp)[0], base + growth
 
-    def _add(self, point: Point) -> None:
+    def _add(self, point: ClockReading) -> None:
         self._follow_samples(self._points[0] if self._points else point, point)
         self._points.append(point)
         horizon = point.device_ns - round(self._config.window_s * SECOND)
@@ -196,7 +196,7 @@ class DeviceClock:
             self._points.popleft()
         self._timeline.heard(self._name, point.master_ns)
 
-    def _follow_samples(self, first: Point, last: Point) -> None:
+    def _follow_samples(self, first: ClockReading, last: ClockReading) -> None:
         """Measure the duration of a sample by the timecode."""
         if last.sample > first.sample and last.sample > self._samples.last:
             self._samples.period = (last.master_ns - first.master_ns) / SECOND / (last.sample - first.sample)
@@ -223,7 +223,7 @@ class DeviceClock:
             return self._noisier()
         return ()
 
-    def _jump(self, strays: list[Point], jump: int, cause: Cause) -> tuple[Notice, ...]:
+    def _jump(self, strays: list[ClockReading], jump: int, cause: Cause) -> tuple[Notice, ...]:
         """Continue on the line of readings that agree, and return a notice on the cause of the jump."""
         values = {"device": self._name, "step_s": jump / SECOND, "cause": cause}
         if cause == "timecode":
@@ -252,7 +252,7 @@ class DeviceClock:
         near = min(tolerance, FRAME_SHARE / float(rate)) * SECOND
         return whole if abs(whole - jump) <= near else jump
 
-    def _cause(self, stray: Point, jump: int, tolerance: float) -> Cause | None:
+    def _cause(self, stray: ClockReading, jump: int, tolerance: float) -> Cause | None:
         """Return the cause of a jump: the timecode or the clock; None if it is uncertain.
 
         The timecode has jumped if samples agree with timestamps. The clock has jumped if samples agree with

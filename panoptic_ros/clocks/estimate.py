@@ -19,7 +19,7 @@ PRIOR_DRIFT = 1e-6  # standard deviation of the change of a crystal's drift at a
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class ClockReading:
     """Reading as a pair of times, with its sample index on the device.
 
     Args:
@@ -36,7 +36,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ClockEstimate:
     """Clock model, whether its timestamps are one-way delayed, and the scatter of the points about it (s)."""
 
     model: ClockModel
@@ -46,12 +46,12 @@ class Estimate:
 
 def estimate(
     device: str,
-    points: Sequence[Point],
+    points: Sequence[ClockReading],
     stamps: str,
     one_way: bool,
     before: ClockModel | None,
     least_noise: float,
-) -> Estimate:
+) -> ClockEstimate:
     """Fit the line through the points, with the middle point as its reference.
 
     Args:
@@ -86,7 +86,7 @@ def estimate(
         points[0].device_ns,
         points[-1].device_ns,
     )
-    return Estimate(model, one_way, noise)
+    return ClockEstimate(model, one_way, noise)
 
 
 def _late_more_than_early(lateness: Array) -> bool:

@@ -177,7 +177,7 @@ def _spread(errors: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class CameraClock:
+class CameraClockReport:
     """Properties of a camera's clock, from its frame timestamps.
 
     Args:
@@ -209,7 +209,9 @@ class CameraClock:
         return self.timing.lost / (len(self.timing.counts) + self.timing.lost)
 
 
-def measure_camera(name: str, stamps_ns: Sequence[int], numbers: Sequence[int] | None = None) -> CameraClock:
+def measure_camera(
+    name: str, stamps_ns: Sequence[int], numbers: Sequence[int] | None = None
+) -> CameraClockReport:
     """Measure the clock of one camera, see `measure_frames`.
 
     Raises:
@@ -225,7 +227,7 @@ def measure_camera(name: str, stamps_ns: Sequence[int], numbers: Sequence[int] |
     smooth = np.convolve(errors, np.full(width, 1.0 / width), "valid")
     times = np.array([stamp % SECOND for stamp in stamps_ns], float) / SECOND
     grid = round(timing.rate_hz)
-    return CameraClock(
+    return CameraClockReport(
         name=name,
         timing=timing,
         nominal_hz=nominal,
@@ -236,7 +238,7 @@ def measure_camera(name: str, stamps_ns: Sequence[int], numbers: Sequence[int] |
     )
 
 
-def phase_s(one: CameraClock, other: CameraClock) -> float:
+def phase_s(one: CameraClockReport, other: CameraClockReport) -> float:
     """Return how much later (s) frames of `other` are than the nearest ones of `one`; NaN if rates differ."""
     if abs(one.timing.rate_hz / other.timing.rate_hz - 1.0) > SAME_RATE:
         return float("nan")
@@ -251,11 +253,11 @@ def phase_s(one: CameraClock, other: CameraClock) -> float:
     return later - period if later > 0.5 * period else later
 
 
-def _offset(camera: CameraClock) -> float:
+def _offset(camera: CameraClockReport) -> float:
     return -float(np.median(camera.timing.errors_s - camera.timing.errors_s.min()))
 
 
-def findings(cameras: Sequence[CameraClock]) -> tuple[Notice, ...]:
+def findings(cameras: Sequence[CameraClockReport]) -> tuple[Notice, ...]:
     """Return notices on problems of the cameras' clocks, warnings first; empty if there are none."""
     notices: list[Notice] = []
     for camera in cameras:
@@ -264,7 +266,7 @@ def findings(cameras: Sequence[CameraClock]) -> tuple[Notice, ...]:
     return tuple(sorted(notices, key=lambda notice: notice.severity != "warning"))
 
 
-def _of_camera(camera: CameraClock) -> list[Notice]:
+def _of_camera(camera: CameraClockReport) -> list[Notice]:
     name, timing = camera.name, camera.timing
     off, unsure = abs(camera.off_ppm) * 1e-6, 4.0 * timing.rate_std_hz / timing.rate_hz
     notices: list[Notice] = []
@@ -311,7 +313,7 @@ def _of_camera(camera: CameraClock) -> list[Notice]:
     return notices
 
 
-def _paced(cameras: Sequence[CameraClock]) -> list[Notice]:
+def _paced(cameras: Sequence[CameraClockReport]) -> list[Notice]:
     paced = [
         c
         for c in cameras
@@ -328,7 +330,7 @@ def _paced(cameras: Sequence[CameraClock]) -> list[Notice]:
     return [Notice("sync_report.paced_by_host", "warning", text, {"cameras": [c.name for c in paced]})]
 
 
-def _of_rates(cameras: Sequence[CameraClock]) -> list[Notice]:
+def _of_rates(cameras: Sequence[CameraClockReport]) -> list[Notice]:
     rates = sorted({round(camera.nominal_hz, 3) for camera in cameras})
     sure = all(camera.timing.jitter_s < PACED_JITTER_S for camera in cameras)  # otherwise 29.97 may be 30
     if len(rates) < 2 or not (sure or rates[-1] > 1.01 * rates[0]):
@@ -341,7 +343,7 @@ def _of_rates(cameras: Sequence[CameraClock]) -> list[Notice]:
     return [Notice("sync_report.mixed_rates", "info", text, {"rates_hz": rates})]
 
 
-def _of_phases(cameras: Sequence[CameraClock]) -> list[Notice]:
+def _of_phases(cameras: Sequence[CameraClockReport]) -> list[Notice]:
     notices: list[Notice] = []
     for camera in cameras[1:]:
         phase = phase_s(cameras[0], camera)
@@ -376,5 +378,5 @@ def _with_count(notice: Notice, count: int) -> Notice:
     return notice if count == 1 else replace(notice, text=f"{notice.text} (the first of {count})")
 
 
-def _warning(code: str, camera: CameraClock, text: str) -> Notice:
+def _warning(code: str, camera: CameraClockReport, text: str) -> Notice:
     return Notice(f"sync_report.{code}", "warning", text, {"camera": camera.name})

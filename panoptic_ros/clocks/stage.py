@@ -20,9 +20,9 @@ import numpy as np
 
 from panoptic_ros.clocks.config import ClocksConfig
 from panoptic_ros.clocks.device import DeviceClock, Samples
-from panoptic_ros.clocks.estimate import Point
+from panoptic_ros.clocks.estimate import ClockReading
 from panoptic_ros.clocks.exchanged import ExchangedChannels
-from panoptic_ros.clocks.timeline import SECOND, SILENT_NS, Place, Timeline
+from panoptic_ros.clocks.timeline import SECOND, SILENT_NS, MasterTimeline, TimelinePosition
 from panoptic_ros.domain import ClockModel, FrameRate, TimecodeReading
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
@@ -46,7 +46,7 @@ class NamedClocks:
         timeline: time line of the master clock.
     """
 
-    def __init__(self, config: ClocksConfig, by_samples: ClocksConfig, master: str, timeline: Timeline):
+    def __init__(self, config: ClocksConfig, by_samples: ClocksConfig, master: str, timeline: MasterTimeline):
         self._config, self._by_samples = config, by_samples
         self._master = master
         self._timelines = {master: timeline}
@@ -64,7 +64,7 @@ class NamedClocks:
     def take(self, reading: TimecodeReading) -> tuple[Models, tuple[Notice, ...]]:
         """Add a reading; return the models that are due, and notices."""
         recorder, clock = reading.device, reading.clock
-        timeline = self._timelines.setdefault(clock, Timeline())
+        timeline = self._timelines.setdefault(clock, MasterTimeline())
         lines = self._lines.setdefault(recorder, {})
         if clock not in lines:
             lines[clock] = DeviceClock(f"{clock} in {recorder}", self._by_samples, timeline, clock)
@@ -275,11 +275,11 @@ class ClocksStage(Stateful):
         (
             ClockModel,
             FrameRate,
-            Point,
-            Place,
+            ClockReading,
+            TimelinePosition,
             Samples,
             Fields.named(Fraction, "_numerator _denominator", is_value=True),
-            Fields.named(Timeline, "_shifts _places"),
+            Fields.named(MasterTimeline, "_shifts _places"),
             Fields.named(
                 DeviceClock,
                 "_name _config _timeline _delay_ns _segment _model _prior _noise _usual_noise _one_way _rate "
@@ -303,7 +303,7 @@ class ClocksStage(Stateful):
 
     def reset(self) -> None:
         """Drop the state of all devices."""
-        self._timeline = Timeline()
+        self._timeline = MasterTimeline()
         self._devices: dict[str, DeviceClock] = {}
         self._silent: set[str] = set()
         self._rate_off: set[str] = set()

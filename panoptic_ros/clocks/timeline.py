@@ -30,7 +30,7 @@ def day_length_ns(timecode: Timecode) -> int:
 
 
 @dataclass
-class Place:
+class TimelinePosition:
     """Position of a device on the time line.
 
     Args:
@@ -44,7 +44,7 @@ class Place:
     heard_ns: int  # accumulated time with timecode, on a scale that all devices share
 
 
-class Timeline:
+class MasterTimeline:
     """Master time line that all devices share.
 
     A generator that is set again makes every device receive the same jump, some a little later than others.
@@ -55,7 +55,7 @@ class Timeline:
 
     def __init__(self) -> None:
         self._shifts: list[int] = [0]  # ns added to the timecode, indexed by the number of jumps
-        self._places: dict[str, Place] = {}
+        self._places: dict[str, TimelinePosition] = {}
 
     def master_ns(self, device: str, timecode: Timecode, expected_ns: int | None = None) -> int:
         """Return the master time (ns) of a label, on the day nearest to `expected_ns`.
@@ -147,7 +147,7 @@ class Timeline:
             own = _nearest_day(raw + self._shifts[place.jumps], timecode, place.newest_ns)
             if abs(own - place.newest_ns) < distance:
                 best, jumps, distance = own, place.jumps, abs(own - place.newest_ns)
-        self._places[device] = Place(jumps, best, self._total_heard())
+        self._places[device] = TimelinePosition(jumps, best, self._total_heard())
         return best
 
 

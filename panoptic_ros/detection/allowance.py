@@ -20,7 +20,7 @@ FIRST_PERIOD_NS = SECOND // 30  # assumed time between images, until it is measu
 
 
 @dataclass
-class _Camera:
+class _CameraStamp:
     stamp_ns: int
     number: int
 
@@ -33,7 +33,7 @@ class Allowance:
         self._left = math.inf
         self._images = 0
         self._period_ns = FIRST_PERIOD_NS
-        self._cameras: dict[str, _Camera] = {}
+        self._cameras: dict[str, _CameraStamp] = {}
         self._waiting: dict[str, int] = {}  # longest wait first; value: image count at last request
         self._asking = threading.Lock()
 
@@ -72,4 +72,4 @@ class Allowance:
         known = self._cameras.get(camera)
         if known is not None and stamp_ns > known.stamp_ns and number > known.number:
             self._period_ns = (stamp_ns - known.stamp_ns) // (number - known.number)
-        self._cameras[camera] = _Camera(stamp_ns, number)
+        self._cameras[camera] = _CameraStamp(stamp_ns, number)

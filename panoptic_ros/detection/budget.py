@@ -33,7 +33,7 @@ class Processor:
     thread_s: Callable[[], float]
 
 
-class Pace(NamedTuple):
+class DetectionPace(NamedTuple):
     """Chosen pace: looks per s and camera (0 = every image), height of people in regions (net px)."""
 
     looks_per_s: float
@@ -41,7 +41,7 @@ class Pace(NamedTuple):
 
 
 @dataclass
-class _Camera:
+class _CameraRate:
     stamp_ns: int
     number: int
     rate_hz: float = 0.0
@@ -59,16 +59,18 @@ class Budget:
         begin: Pace until costs are measured.
     """
 
-    def __init__(self, share: float, cores: int, tallest: int, begin: Pace):
+    def __init__(self, share: float, cores: int, tallest: int, begin: DetectionPace):
         self._allowed, self._tallest = share * cores, tallest
         self.pace = begin
-        self._cameras: dict[str, _Camera] = {}
+        self._cameras: dict[str, _CameraRate] = {}
         self._look_s: float | None = None  # s, cost of a look at people of height `tallest`
         self._rest_s = 0.0  # s, cost of an image without a look
         self._decided_ns: int | None = None
         self._lock = threading.Lock()
 
-    def took(self, camera: str, stamp_ns: int, number: int, looked: bool, seconds: float) -> Pace | None:
+    def took(
+        self, camera: str, stamp_ns: int, number: int, looked: bool, seconds: float
+    ) -> DetectionPace | None:
         """Report the processor time of an image in s; return the new pace if it changes.
 
         Args:
@@ -102,23 +104,23 @@ class Budget:
     def _learn(self, camera: str, stamp_ns: int, number: int) -> None:
         known = self._cameras.get(camera)
         if known is None or stamp_ns <= known.stamp_ns or number <= known.number:
-            self._cameras[camera] = _Camera(stamp_ns, number)
+            self._cameras[camera] = _CameraRate(stamp_ns, number)
             return
         rate = SECOND * (number - known.number) / (stamp_ns - known.stamp_ns)
         known.rate_hz += (LEARNT if known.rate_hz else 1.0) * (rate - known.rate_hz)
         known.stamp_ns, known.number = stamp_ns, number
 
-    def _choice(self, look_s: float) -> Pace:
+    def _choice(self, look_s: float) -> DetectionPace:
         fastest = max(known.rate_hz for known in self._cameras.values())
         looks = self._looks(look_s)
         if looks >= fastest:
-            return Pace(0.0, self._tallest)
+            return DetectionPace(0.0, self._tallest)
         height = self._tallest
         if looks < FEW:
             least = min(LEAST_HEIGHT, self._tallest)
             height = int(min(max(self._tallest * (looks / FEW) ** 0.5, least), self._tallest))
             looks = min(self._looks(look_s * (height / self._tallest) ** 2), FEW)
-        return Pace(max(looks, min(FEWEST, fastest)), height)
+        return DetectionPace(max(looks, min(FEWEST, fastest)), height)
 
     def _looks(self, look_s: float) -> float:
         """Return the affordable looks per s and camera, if one look costs `look_s` s."""
@@ -126,12 +128,12 @@ class Budget:
         left = max(self._allowed - images * self._rest_s, 0.0)
         return left / (len(self._cameras) * max(look_s - self._rest_s, 1e-6))
 
-    def _use(self, pace: Pace, look_s: float) -> float:
+    def _use(self, pace: DetectionPace, look_s: float) -> float:
         images = sum(known.rate_hz for known in self._cameras.values())
         cost = look_s * (pace.region_height / self._tallest) ** 2
         looks = len(self._cameras) * pace.looks_per_s if pace.looks_per_s else images
         return min(looks, images) * cost + max(images - looks, 0.0) * self._rest_s
 
-    def _differs(self, chosen: Pace) -> bool:
+    def _differs(self, chosen: DetectionPace) -> bool:
         pairs = zip(chosen, self.pace)
         return any(abs(new - old) > STEP * max(new, old) for new, old in pairs)

@@ -15,13 +15,13 @@ from panoptic_ros.detection.coordinates import grid_from_net, net_from_model
 from panoptic_ros.detection.decoders.heatmap import decode_heatmap
 from panoptic_ros.detection.decoders.simcc import decode_simcc, simcc_maps
 from panoptic_ros.detection.decoders.single_heads import decode_single_heads
-from panoptic_ros.detection.full_image import Finding, FullImageNetwork, activated, seen_people
+from panoptic_ros.detection.full_image import FullImageNetwork, ImageDetections, activated, seen_people
 from panoptic_ros.detection.model import DetectorModel
-from panoptic_ros.detection.people import People, concatenate
+from panoptic_ros.detection.people import DetectedPeople, concatenate
 from panoptic_ros.detection.preprocess import composed, crop, input_tensor, inverted
 from panoptic_ros.detection.score_maps import (
-    Patch,
-    Patches,
+    MapPatch,
+    PatchArrays,
     PatchSet,
     gate_radius,
     gated,
@@ -34,7 +34,7 @@ LONGEST_GRID = 640  # cells: greatest longer side of the common grid of an image
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class CropOutput:
     """Network outputs for one crop, and net_from_image (2, 3)."""
 
     outputs: Mapping[str, Array]
@@ -55,7 +55,7 @@ class CropNetwork:
         self.multiple = self.finder.multiple if self.finder is not None else 32
         self.person_px = self.finder.person_px if self.finder is not None else model.card.person_px
 
-    def find(self, image: Array, side: int) -> Finding:
+    def find(self, image: Array, side: int) -> ImageDetections:
         """Detect the people in an image (H, W, 3) uint8 BGR.
 
         Args:
@@ -70,7 +70,7 @@ class CropNetwork:
         patches = None
         if self.config.maps:
             patches = self._patches(image, people, [looks[order[index]] for index in kept])
-        return Finding(people, patches, scale)
+        return ImageDetections(people, patches, scale)
 
     def _boxes(self, image: Array, side: int) -> tuple[Array, Array, float]:
         height, width = image.shape[:2]
@@ -83,7 +83,7 @@ class CropNetwork:
         found = self.finder.find(image, side)
         return found.people.boxes, found.people.person_scores, found.scale
 
-    def _look(self, image: Array, boxes: Array) -> list[Look]:
+    def _look(self, image: Array, boxes: Array) -> list[CropOutput]:
         """Run the network on the surroundings of boxes (P, 4), in batches as large as it takes."""
         card = self.card
         cuts = [crop(image, box, card.input, card.coords) for box in boxes]
@@ -96,10 +96,10 @@ class CropNetwork:
             outputs = activated(card, self.session.run(input_tensor(pictures, card.input)))
             for index, (_, net_from_image) in enumerate(batch):
                 own = {role: values[index] for role, values in outputs.items()}
-                looks.append(Look(own, net_from_image))
+                looks.append(CropOutput(own, net_from_image))
         return looks
 
-    def _person(self, look: Look, box_score: float) -> People:
+    def _person(self, look: CropOutput, box_score: float) -> DetectedPeople:
         """Decode the one person of a crop, in image px.
 
         The person score is the box score times the mean score of the joints above the threshold.
@@ -108,7 +108,7 @@ class CropNetwork:
         points, scores = decode_crop(self.card, look.outputs)
         counted = scores >= self.config.joint_threshold
         score = float(scores[counted].mean()) * box_score if counted.any() else 0.0
-        people = People(
+        people = DetectedPeople(
             points[None],
             scores[None],
             np.array([score]),
@@ -116,7 +116,7 @@ class CropNetwork:
         )
         return people.transformed(inverted(look.net_from_image))
 
-    def _patches(self, image: Array, people: People, looks: list[Look]) -> PatchSet:
+    def _patches(self, image: Array, people: DetectedPeople, looks: list[CropOutput]) -> PatchSet:
         """Return the maps of all people on one common grid, about as fine as that of the finest crop."""
         height, width = image.shape[:2]
         grids = [composed(self._grid_from_net(look), look.net_from_image) for look in looks]
@@ -124,7 +124,7 @@ class CropNetwork:
         scale = min(finest, LONGEST_GRID / max(width, height))
         common = np.array([[scale, 0.0, 0.5 * scale - 0.5], [0.0, scale, 0.5 * scale - 0.5]])
         size = (int(np.ceil(width * scale)), int(np.ceil(height * scale)))
-        patches: list[Patch] = []
+        patches: list[MapPatch] = []
         cells = people.transformed(common)
         seen = people.scores >= self.config.joint_threshold
         radius = gate_radius(cells.heights())
@@ -135,9 +135,9 @@ class CropNetwork:
                 own = cells.points[person] - corner
                 levels = gated(levels, own, seen[person], radius[person])
             patches += person_patches(levels, person, corner)
-        return PatchSet(size, common, Patches.of(patches))
+        return PatchSet(size, common, PatchArrays.of(patches))
 
-    def _grid_from_net(self, look: Look) -> Array:
+    def _grid_from_net(self, look: CropOutput) -> Array:
         height, width = self.card.input.size
         if self.card.family == "simcc":
             grid = (height // self.card.stride, width // self.card.stride)
@@ -145,7 +145,9 @@ class CropNetwork:
             grid = look.outputs["heat"].shape[1:]
         return grid_from_net(self.card, (height, width), grid)
 
-    def _resampled(self, look: Look, common: Array, size: tuple[int, int]) -> tuple[tuple[int, int], Array]:
+    def _resampled(
+        self, look: CropOutput, common: Array, size: tuple[int, int]
+    ) -> tuple[tuple[int, int], Array]:
         """Return the maps (K, rows, columns) of a crop on the common grid, and their first column and row."""
         height, width = self.card.input.size
         common_from_net = composed(common, inverted(look.net_from_image))

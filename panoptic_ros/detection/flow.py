@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from panoptic_ros.detection.people import People, no_people
+from panoptic_ros.detection.people import DetectedPeople, no_people
 from panoptic_ros.geometry.optical_flow import there_and_back
 
 Array = np.ndarray
@@ -24,7 +24,7 @@ CUT_LEVELS = 30.0  # mean difference of grey values that separates two scenes
 
 
 @dataclass(frozen=True, eq=False)
-class Memory:
+class FlowReference:
     """Grey image for optical flow, with the people in it.
 
     Args:
@@ -38,21 +38,21 @@ class Memory:
     grey: Array
     scale: float
     stamp_ns: int
-    people: People | None = None
+    people: DetectedPeople | None = None
     look_ns: int = 0
 
 
-def remembered(image: Array, stamp_ns: int, wide: int = WIDTH) -> Memory:
+def remembered(image: Array, stamp_ns: int, wide: int = WIDTH) -> FlowReference:
     """Return an image (H, W, 3) uint8 BGR as a grey image of at most `wide` px width, without people."""
     height, width = image.shape[:2]
     shrink = max(1.0, width / wide)
     # shrink before the grey conversion: it converts a quarter of the pixels
     method = cv2.INTER_AREA if shrink == 2.0 else cv2.INTER_LINEAR
     small = cv2.resize(image, (round(width / shrink), max(round(height / shrink), 1)), interpolation=method)
-    return Memory(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), width / small.shape[1], stamp_ns)
+    return FlowReference(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), width / small.shape[1], stamp_ns)
 
 
-def is_cut(before: Memory, now: Memory) -> bool:
+def is_cut(before: FlowReference, now: FlowReference) -> bool:
     """Return whether two images show different scenes."""
     if before.grey.shape != now.grey.shape:
         return True
@@ -61,7 +61,7 @@ def is_cut(before: Memory, now: Memory) -> bool:
     return float(np.abs(one.astype(np.int16) - other).mean()) > CUT_LEVELS
 
 
-def carried(before: Memory, now: Memory) -> People | None:
+def carried(before: FlowReference, now: FlowReference) -> DetectedPeople | None:
     """Return the people of one image at their positions in the next; None if flow cannot follow them."""
     people = before.people
     if people is None or before.grey.shape != now.grey.shape:

@@ -21,7 +21,7 @@ from panoptic_ros.detection.decoders.points import (
 )
 from panoptic_ros.detection.input_size import input_size
 from panoptic_ros.detection.model import DetectorModel
-from panoptic_ros.detection.people import People, boxes_of_points, concatenate, without_duplicates
+from panoptic_ros.detection.people import DetectedPeople, boxes_of_points, concatenate, without_duplicates
 from panoptic_ros.detection.preprocess import composed, input_tensor, inverted, letterbox
 from panoptic_ros.detection.region_maps import RegionMaps, merged_maps
 from panoptic_ros.detection.regions import Region
@@ -29,11 +29,11 @@ from panoptic_ros.detection.score_maps import PatchSet, gate_radius, merged_patc
 
 Array = np.ndarray
 REGION_VARIANCE = 36.0  # cells^2, search width for a joint in a region: the image size is unknown there
-Further = Callable[[People], People]  # returns further people, given those already detected
+Further = Callable[[DetectedPeople], DetectedPeople]  # returns further people, given those already detected
 
 
 @dataclass(frozen=True, eq=False)
-class Finding:
+class ImageDetections:
     """People that a network detects in one image.
 
     Args:
@@ -42,7 +42,7 @@ class Finding:
         scale: net px per image px of the network that detects the people.
     """
 
-    people: People
+    people: DetectedPeople
     patches: PatchSet | None
     scale: float
 
@@ -58,7 +58,7 @@ class FullImageNetwork:
         self.multiple = model.card.input.multiple
         self.person_px = model.card.person_px
 
-    def find(self, image: Array, side: int, maps: bool = True) -> Finding:
+    def find(self, image: Array, side: int, maps: bool = True) -> ImageDetections:
         """Detect the people in an image (H, W, 3) uint8 BGR, with `side` net px on its longer side.
 
         Networks of a fixed input size ignore `side`. Without `maps` the finding has no score maps.
@@ -74,13 +74,15 @@ class FullImageNetwork:
         if maps and self.config.maps and card.family == "center_heads":
             patches = self._patches(outputs["heat"], people, net_from_image, image.shape, size)
         image_from_net = inverted(net_from_image)
-        return Finding(people.transformed(image_from_net), patches, float(net_from_image[1, 1]))
+        return ImageDetections(people.transformed(image_from_net), patches, float(net_from_image[1, 1]))
 
     def size_of(self, side: int, image: Array) -> tuple[int, int]:
         """Return the (height, width) net px of an image with `side` net px on its longer side."""
         return input_size(side, (image.shape[1], image.shape[0]), self.card.input.multiple)
 
-    def find_in(self, image: Array, regions: Sequence[Region], further: Further | None = None) -> Finding:
+    def find_in(
+        self, image: Array, regions: Sequence[Region], further: Further | None = None
+    ) -> ImageDetections:
         """Detect the people in some regions of an image; for networks that take any input size.
 
         Args:
@@ -103,17 +105,17 @@ class FullImageNetwork:
                 people = self._best_first(concatenate([people, others], len(card.joints)))
         patches = merged_maps(maps, people, self.config) if maps else None
         scale = max([region.net_size[1] / (region.box[2] - region.box[0]) for region in regions], default=0.0)
-        return Finding(people, patches, scale)
+        return ImageDetections(people, patches, scale)
 
-    def people_in(self, image: Array, region: Region) -> People:
+    def people_in(self, image: Array, region: Region) -> DetectedPeople:
         """Detect the people in a region of an image, best first, without maps."""
         return self._best_first(self._region(image, region)[0])
 
-    def _best_first(self, people: People) -> People:
+    def _best_first(self, people: DetectedPeople) -> DetectedPeople:
         order = np.argsort(-people.person_scores, kind="stable")
         return seen_people(people.select(order), self.config)[0]
 
-    def _region(self, image: Array, region: Region) -> tuple[People, dict[str, Array], Array]:
+    def _region(self, image: Array, region: Region) -> tuple[DetectedPeople, dict[str, Array], Array]:
         """Return the people in a region in px of the image, the outputs by role, and net_from_image."""
         left, top, right, bottom = region.box
         outputs, net_from_cut = self._run(image[top:bottom, left:right], region.net_size, quick=True)
@@ -139,7 +141,7 @@ class FullImageNetwork:
     def _patches(
         self,
         heat: Array,
-        people: People,
+        people: DetectedPeople,
         net_from_image: Array,
         image_shape: tuple[int, ...],
         net_size: tuple[int, ...],
@@ -172,7 +174,7 @@ def decode_image(
     net_size: tuple[int, int],
     threshold: float,
     variance: float | None = None,
-) -> People:
+) -> DetectedPeople:
     """Decode the people of one image, in the network's own coordinates.
 
     Args:
@@ -192,7 +194,7 @@ def decode_image(
     return decode_detections(outputs, threshold, iou, most)
 
 
-def seen_people(people: People, config: DetectionConfig) -> tuple[People, Array]:
+def seen_people(people: DetectedPeople, config: DetectionConfig) -> tuple[DetectedPeople, Array]:
     """Return the people with joints above the threshold, without duplicates, and their input indices.
 
     Their boxes are enlarged to contain these joints. Joints with a position that is not finite count as

@@ -30,7 +30,7 @@ SHRINK_GAIN, ENLARGE_GAIN = 1.03, 1.2  # ratio of expected quality; enlarging co
 
 
 @dataclass(frozen=True)
-class Answer:
+class InputSizeResult:
     """Result of one run of the network, as far as it concerns the input size.
 
     Args:
@@ -57,7 +57,7 @@ class Answer:
 
 
 @dataclass
-class SideChooser:
+class InputSizeChooser:
     """Chooser of the longer side of the network input for one camera.
 
     Args:
@@ -99,7 +99,7 @@ class SideChooser:
             return (self.side, other) if other != self.side else (self.side,)
         return (self.side,)
 
-    def learn(self, answers: Sequence[Answer], image_side: int) -> int:
+    def learn(self, answers: Sequence[InputSizeResult], image_side: int) -> int:
         """Update with the results for the planned sides; return the index of the best."""
         best = 0
         for index, answer in enumerate(answers):
@@ -117,12 +117,12 @@ class SideChooser:
             self._follow(chosen, image_side)
         return best
 
-    def saw(self, answer: Answer, image_side: int) -> None:
+    def saw(self, answer: InputSizeResult, image_side: int) -> None:
         """Update with the result for another side than the present one: it gives the height of people."""
         if self.adaptive:
             self._follow(answer, image_side)
 
-    def _follow(self, answer: Answer, image_side: int) -> None:
+    def _follow(self, answer: InputSizeResult, image_side: int) -> None:
         """Count frames with missed people, and change to the side that suits the people of recent frames."""
         lost = not answer.sure.any() or answer.unclaimed >= UNCLAIMED_JOINTS
         self._missing = self._missing + 1 if lost else 0

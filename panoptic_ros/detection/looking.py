@@ -30,7 +30,7 @@ MOST_VAIN = 4  # unsuccessful closer looks up to which the wait grows: 2, 4, ...
 SAME_PLACE = 0.3  # least intersection over union of two boxes of the same unexplained person
 
 
-class Look(Enum):
+class DetectionMode(Enum):
     """Processing of one image: network on the whole image, network on regions, or optical flow only."""
 
     WHOLE = "whole"
@@ -39,7 +39,7 @@ class Look(Enum):
 
 
 @dataclass
-class CameraLooks:
+class CameraSchedule:
     """Schedule state of one camera.
 
     Args:
@@ -70,7 +70,7 @@ class CameraLooks:
 
 
 @dataclass
-class Ignored:
+class IgnoredAlarm:
     """Unexplained person who raised an alarm.
 
     Args:
@@ -86,7 +86,7 @@ class Ignored:
 
 
 @dataclass
-class Lookout:
+class DetectionScheduler:
     """Scheduler that decides for every image of every camera, from timestamps alone.
 
     Args:
@@ -100,9 +100,9 @@ class Lookout:
     looks_per_s: float
     guided: bool
     allowance: Allowance | None = None
-    cameras: dict[str, CameraLooks] = field(default_factory=dict)
+    cameras: dict[str, CameraSchedule] = field(default_factory=dict)
     alarm_ns: int = -1
-    ignored: list[Ignored] = field(default_factory=list)
+    ignored: list[IgnoredAlarm] = field(default_factory=list)
     _raising: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
 
     def reset(self) -> None:
@@ -110,7 +110,9 @@ class Lookout:
         self.cameras.clear()
         self.alarm_ns, self.ignored = -1, []
 
-    def look(self, camera: str, stamp_ns: int, nobody: bool, door: bool = False) -> tuple[Look, bool]:
+    def look(
+        self, camera: str, stamp_ns: int, nobody: bool, door: bool = False
+    ) -> tuple[DetectionMode, bool]:
         """Return how to process an image, and whether to scan it for new people; call it once per image.
 
         Args:
@@ -121,21 +123,23 @@ class Lookout:
         known = self.cameras.get(camera)
         step = stamp_ns - known.last_ns if known is not None else -1
         if known is None or not 0 < step <= LONGEST_GAP_NS:
-            self.cameras[camera] = known = CameraLooks(stamp_ns, self.alarm_ns)
-            return (Look.REGIONS if self.guided and not nobody else Look.WHOLE), False
+            self.cameras[camera] = known = CameraSchedule(stamp_ns, self.alarm_ns)
+            return (DetectionMode.REGIONS if self.guided and not nobody else DetectionMode.WHOLE), False
         before, known.last_ns = known.last_ns, stamp_ns
         if self.alarm_ns > known.answered_ns and stamp_ns > self.alarm_ns:
             known.answered_ns, known.left = self.alarm_ns, self._whole_images
         if known.left:
             known.left, known.whole_ns = known.left - 1, stamp_ns
-            return Look.WHOLE, False
+            return DetectionMode.WHOLE, False
         place = self.names.index(camera)
         due = not self.looks_per_s or self._phase(place, stamp_ns) != self._phase(place, before)
         if self.guided and not nobody:
-            return (Look.REGIONS if due else Look.CARRY), self._scans(place, before, stamp_ns, door)
-        return (Look.WHOLE if due else Look.CARRY), False
+            return (DetectionMode.REGIONS if due else DetectionMode.CARRY), self._scans(
+                place, before, stamp_ns, door
+            )
+        return (DetectionMode.WHOLE if due else DetectionMode.CARRY), False
 
-    def allowed(self, camera: str, stamp_ns: int, number: int, wish: Look) -> Look:
+    def allowed(self, camera: str, stamp_ns: int, number: int, wish: DetectionMode) -> DetectionMode:
         """Return what the allowance permits for an image, where `wish` is due.
 
         A later image makes up for a postponed whole image of an alarm.
@@ -145,12 +149,12 @@ class Lookout:
         """
         if self.allowance is None:
             return wish
-        if self.allowance.takes(camera, stamp_ns, number, self.looks_per_s, wish is not Look.CARRY):
-            return Look.REGIONS if wish is Look.CARRY else wish
+        if self.allowance.takes(camera, stamp_ns, number, self.looks_per_s, wish is not DetectionMode.CARRY):
+            return DetectionMode.REGIONS if wish is DetectionMode.CARRY else wish
         known = self.cameras[camera]
-        if wish is Look.WHOLE and known.whole_ns == stamp_ns:
+        if wish is DetectionMode.WHOLE and known.whole_ns == stamp_ns:
             known.left += 1
-        return Look.CARRY
+        return DetectionMode.CARRY
 
     def raise_alarm(self, camera: str, boxes: Array, stamp_ns: int) -> bool:
         """Raise an alarm for unexplained people with boxes (N, 4) px: all cameras look at whole images.
@@ -183,7 +187,9 @@ class Lookout:
                 None,
             )
             if before is None:
-                self.ignored.append(Ignored(camera, np.array(box), stamp_ns + FIRST_WAIT_NS, FIRST_WAIT_NS))
+                self.ignored.append(
+                    IgnoredAlarm(camera, np.array(box), stamp_ns + FIRST_WAIT_NS, FIRST_WAIT_NS)
+                )
                 heard = True
             elif before.until_ns <= stamp_ns:
                 before.wait_ns = min(2 * before.wait_ns, LONGEST_WAIT_NS)

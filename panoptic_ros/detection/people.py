@@ -12,7 +12,7 @@ Array = np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
-class People:
+class DetectedPeople:
     """P people with K joints each, best first. Coordinates are px with the first pixel's centre as origin.
 
     Args:
@@ -30,15 +30,17 @@ class People:
     def __len__(self) -> int:
         return len(self.person_scores)
 
-    def select(self, index: Array) -> People:
+    def select(self, index: Array) -> DetectedPeople:
         """Return the people at the given indices, in that order."""
-        return People(self.points[index], self.scores[index], self.person_scores[index], self.boxes[index])
+        return DetectedPeople(
+            self.points[index], self.scores[index], self.person_scores[index], self.boxes[index]
+        )
 
-    def transformed(self, affine: Array) -> People:
+    def transformed(self, affine: Array) -> DetectedPeople:
         """Apply a (2, 3) affine map without rotation or mirroring to points and boxes."""
         corners = self.boxes.reshape(-1, 2) @ affine[:, :2].T + affine[:, 2]
         points = self.points @ affine[:, :2].T + affine[:, 2]
-        return People(points, self.scores, self.person_scores, corners.reshape(-1, 4))
+        return DetectedPeople(points, self.scores, self.person_scores, corners.reshape(-1, 4))
 
     def heights(self) -> Array:
         """Return the longer side (P,) of each box: the length of a person, whether lying or standing."""
@@ -46,16 +48,18 @@ class People:
         return sizes
 
 
-def no_people(joint_count: int) -> People:
+def no_people(joint_count: int) -> DetectedPeople:
     """Return an empty instance."""
-    return People(np.zeros((0, joint_count, 2)), np.zeros((0, joint_count)), np.zeros(0), np.zeros((0, 4)))
+    return DetectedPeople(
+        np.zeros((0, joint_count, 2)), np.zeros((0, joint_count)), np.zeros(0), np.zeros((0, 4))
+    )
 
 
-def concatenate(parts: list[People], joint_count: int) -> People:
+def concatenate(parts: list[DetectedPeople], joint_count: int) -> DetectedPeople:
     """Concatenate the people of several parts, in their order."""
     if not parts:
         return no_people(joint_count)
-    return People(
+    return DetectedPeople(
         np.concatenate([part.points for part in parts]),
         np.concatenate([part.scores for part in parts]),
         np.concatenate([part.person_scores for part in parts]),
@@ -93,7 +97,7 @@ def suppress_overlaps(boxes: Array, scores: Array, iou: float) -> Array:
     return np.array(kept, int)
 
 
-def without_duplicates(people: People, seen: Array, overlap: float) -> Array:
+def without_duplicates(people: DetectedPeople, seen: Array, overlap: float) -> Array:
     """Return the indices of people whose joints do not coincide with those of a better person.
 
     The similarity of two people is the mean of exp(-d^2 / 2 s^2) over the joints that both have. The distance

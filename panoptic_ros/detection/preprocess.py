@@ -92,7 +92,7 @@ def input_tensor(images: Sequence[Array], card: InputCard) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Turn:
+class ImageRotation:
     """Rotation from px of a camera's image to px of the upright image, which contains the whole image.
 
     Args:
@@ -139,7 +139,7 @@ class Turn:
 
 
 @lru_cache(maxsize=1024)
-def turn_by(degrees: float, image_size: tuple[int, int]) -> Turn:
+def turn_by(degrees: float, image_size: tuple[int, int]) -> ImageRotation:
     """Return the rotation of images (width, height) px by `degrees` counter-clockwise."""
     angle = math.radians(degrees)
     cosine, sine = math.cos(angle), math.sin(angle)
@@ -149,7 +149,7 @@ def turn_by(degrees: float, image_size: tuple[int, int]) -> Turn:
     width, height = np.ceil(np.abs(turn) @ image_size - 1e-6).astype(int).tolist()
     middle, centre = np.array([width - 1, height - 1]) / 2.0, (np.array(image_size) - 1) / 2.0
     affine = np.column_stack([turn, middle - turn @ centre])
-    return Turn(degrees, (width, height), affine, max(width, height) / max(image_size))
+    return ImageRotation(degrees, (width, height), affine, max(width, height) / max(image_size))
 
 
 def moved(points: Array, affine: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.detection.patch_kernels import raise_levels
-from panoptic_ros.detection.people import People
+from panoptic_ros.detection.people import DetectedPeople
 from panoptic_ros.detection.preprocess import composed, inverted
 from panoptic_ros.detection.score_maps import PatchSet, gate_radius, merged_patches, quantised
 
@@ -39,7 +39,7 @@ class RegionMaps:
         return int(columns), int(rows)
 
 
-def merged_maps(parts: Sequence[RegionMaps], people: People, config: DetectionConfig) -> PatchSet:
+def merged_maps(parts: Sequence[RegionMaps], people: DetectedPeople, config: DetectionConfig) -> PatchSet:
     """Merge the maps of one or more regions into patches; people are in px of the image.
 
     One region keeps its grid. For several regions, the finest grid is extended over all of them, and the

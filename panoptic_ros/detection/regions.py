@@ -67,7 +67,7 @@ def person_boxes(
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class PeopleGroup:
     """Group of people whose boxes touch.
 
     Args:
@@ -80,10 +80,10 @@ class Group:
     tallest: float
     people: tuple[int, ...]
 
-    def joined(self, other: Group) -> Group:
+    def joined(self, other: PeopleGroup) -> PeopleGroup:
         """Return the union of both groups."""
         low, high = np.minimum(self.box[:2], other.box[:2]), np.maximum(self.box[2:], other.box[2:])
-        return Group(
+        return PeopleGroup(
             np.concatenate([low, high]), max(self.tallest, other.tallest), self.people + other.people
         )
 
@@ -101,9 +101,11 @@ class Group:
         return _region(self.box, min(enlarged, tallest / max(self.tallest, 1.0)), image_size, multiple)
 
 
-def groups_of(boxes: Array, heights: Array, people: Array) -> list[Group]:
+def groups_of(boxes: Array, heights: Array, people: Array) -> list[PeopleGroup]:
     """Merge people (N,) with boxes (N, 4) px and heights (N,) px into groups with touching boxes."""
-    groups = [Group(box, tall, (who,)) for box, tall, who in zip(boxes, heights.tolist(), people.tolist())]
+    groups = [
+        PeopleGroup(box, tall, (who,)) for box, tall, who in zip(boxes, heights.tolist(), people.tolist())
+    ]
     merged = True
     while merged:
         merged = False

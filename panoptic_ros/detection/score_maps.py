@@ -25,7 +25,7 @@ GATE_CELLS = (3.0, 14.0)  # least and greatest radius
 
 
 @dataclass(frozen=True, eq=False)
-class Patch:
+class MapPatch:
     """Window of one joint's map, with 0 in all cells of other owners."""
 
     joint: int  # network's joint index
@@ -35,7 +35,7 @@ class Patch:
 
 
 @dataclass(frozen=True, eq=False)
-class Patches:
+class PatchArrays:
     """N patches in two arrays.
 
     Args:
@@ -47,7 +47,7 @@ class Patches:
     data: Array
 
     @classmethod
-    def of(cls, patches: Sequence[Patch]) -> Patches:
+    def of(cls, patches: Sequence[MapPatch]) -> PatchArrays:
         """Combine single patches."""
         begins = np.cumsum([0] + [patch.values.size for patch in patches])
         rows = [
@@ -60,17 +60,17 @@ class Patches:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def __iter__(self) -> Iterator[Patch]:
+    def __iter__(self) -> Iterator[MapPatch]:
         for joint, person, left, top, width, height, begin in self.rows.tolist():
             values = self.data[begin : begin + width * height].reshape(height, width)
-            yield Patch(joint, person, (left, top), values)
+            yield MapPatch(joint, person, (left, top), values)
 
-    def chosen(self, index: Array) -> Patches:
+    def chosen(self, index: Array) -> PatchArrays:
         """Return the patches at the indices (M,), in this order."""
         if np.array_equal(index, np.arange(len(self))):
             return self
         kept = list(self)
-        return Patches.of([kept[i] for i in index])
+        return PatchArrays.of([kept[i] for i in index])
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class PatchSet:
 
     grid_size: tuple[int, int]  # width, height
     grid_from_image: Array  # (2, 3)
-    patches: Patches
+    patches: PatchArrays
 
     def score_maps(self, joint_map: JointMap) -> ScoreMaps:
         """Return the record in the joints of the working skeleton; joints that are means have no maps."""
@@ -138,7 +138,7 @@ def gate_radius(heights: Array) -> Array:
     return np.clip(GATE_PER_HEIGHT * heights, *GATE_CELLS)
 
 
-def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> Patches:
+def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> PatchArrays:
     """Cut maps (K, h, w) uint8 that all people share into patches.
 
     Args:
@@ -147,14 +147,14 @@ def merged_patches(levels: Array, cells: Array, seen: Array, radius: Array) -> P
         radius: (P,) gate radius in cells.
     """
     places = np.array(cells, np.float64).reshape(len(radius), len(levels), 2)
-    return Patches(
+    return PatchArrays(
         *patches_of(np.ascontiguousarray(levels), places, np.array(seen, bool), np.array(radius, np.float64))
     )
 
 
-def person_patches(levels: Array, person: int, corner: tuple[int, int] = (0, 0)) -> list[Patch]:
+def person_patches(levels: Array, person: int, corner: tuple[int, int] = (0, 0)) -> list[MapPatch]:
     """Cut maps (K, h, w) uint8 of one person alone into patches; they start at column and row `corner`."""
-    patches: list[Patch] = []
+    patches: list[MapPatch] = []
     for joint, values in enumerate(levels):
         patches += _trimmed(joint, person, corner, values)
     return patches
@@ -191,13 +191,13 @@ def _window(x: float, y: float, radius: float, shape: tuple[int, ...]) -> tuple[
     return min(left, columns), min(top, rows), max(right, 0), max(bottom, 0)
 
 
-def _trimmed(joint: int, person: int, corner: tuple[int, int], values: Array) -> list[Patch]:
+def _trimmed(joint: int, person: int, corner: tuple[int, int], values: Array) -> list[MapPatch]:
     """Return the patch without its empty margins, or no patch if all values are 0."""
     left, top, width, height = cv2.boundingRect(values) if values.size else (0, 0, 0, 0)
     if not width:
         return []
     inner = values[top : top + height, left : left + width]
-    return [Patch(joint, person, (corner[0] + left, corner[1] + top), inner)]
+    return [MapPatch(joint, person, (corner[0] + left, corner[1] + top), inner)]
 
 
 def warm_up() -> None:

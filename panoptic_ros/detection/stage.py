@@ -9,20 +9,20 @@ import numpy as np
 
 from panoptic_ros.detection import region_maps, resemblance, score_maps
 from panoptic_ros.detection.allowance import Allowance
-from panoptic_ros.detection.budget import FEW, Budget, Pace, Processor
+from panoptic_ros.detection.budget import FEW, Budget, DetectionPace, Processor
 from panoptic_ros.detection.card import CROP_FAMILIES
 from panoptic_ros.detection.config import DetectionConfig, with_card_thresholds
 from panoptic_ros.detection.crops import CropNetwork
 from panoptic_ros.detection.decoders import center_heads
-from panoptic_ros.detection.flow import Memory
-from panoptic_ros.detection.full_image import Finding, FullImageNetwork
-from panoptic_ros.detection.input_size import SURE, Answer, SideChooser
-from panoptic_ros.detection.looking import CameraLooks, Ignored
+from panoptic_ros.detection.flow import FlowReference
+from panoptic_ros.detection.full_image import FullImageNetwork, ImageDetections
+from panoptic_ros.detection.input_size import SURE, InputSizeChooser, InputSizeResult
+from panoptic_ros.detection.looking import CameraSchedule, IgnoredAlarm
 from panoptic_ros.detection.model import DetectorModel
-from panoptic_ros.detection.people import People, boxes_of_points
-from panoptic_ros.detection.preprocess import Turn, composed, turn_by
+from panoptic_ros.detection.people import DetectedPeople, boxes_of_points
+from panoptic_ros.detection.preprocess import ImageRotation, composed, turn_by
 from panoptic_ros.detection.upright import rolls_of
-from panoptic_ros.detection.watching import Watch
+from panoptic_ros.detection.watching import RigDetector
 from panoptic_ros.domain import (
     NO_CAMERAS,
     DepthFrame,
@@ -77,7 +77,7 @@ class DetectionStage(Stateful):
             "_watch.lookout.alarm_ns",
             "_watch.lookout.ignored",
         ),
-        (SideChooser, DepthFrame, Memory, People, TrackSet, CameraLooks, Ignored),
+        (InputSizeChooser, DepthFrame, FlowReference, DetectedPeople, TrackSet, CameraSchedule, IgnoredAlarm),
         same={"configuration": "config", "model": "model_name", "skeleton": "skeleton_hash"},
     )
 
@@ -107,16 +107,16 @@ class DetectionStage(Stateful):
             for name, degrees in self._rolls.degrees.items()
         }
         self._said_up = False
-        self._sides: dict[str, SideChooser] = {}
+        self._sides: dict[str, InputSizeChooser] = {}
         self._outside: dict[str, int] = {}
         self._noticed: set[str] = set()
         self._depths: dict[str, deque[DepthFrame]] = {}
         processor = context.extras.get("processor")
         live = isinstance(processor, Processor)
         self._hurried = live and config.rationed
-        self._watch: Watch | None = None  # None: the network runs on the whole of every image
+        self._watch: RigDetector | None = None  # None: the network runs on the whole of every image
         if config.guided or config.rationed:
-            self._watch = Watch(
+            self._watch = RigDetector(
                 self.config,
                 self.network,
                 context.rig,
@@ -128,7 +128,7 @@ class DetectionStage(Stateful):
             )
         self._budget: tuple[Budget, Processor] | None = None
         if config.budget and isinstance(processor, Processor):
-            begin = Pace(config.looks_per_s or FEW, config.region_height)
+            begin = DetectionPace(config.looks_per_s or FEW, config.region_height)
             budget = Budget(config.budget, processor.cores, config.region_height, begin)
             self._budget = budget, processor
 
@@ -166,7 +166,7 @@ class DetectionStage(Stateful):
         record = self._record(item, finding if turn is None else _back(finding, turn), limit, carried)
         return StepResult((record,), (*self._up_notice(), *told, *self._size_notice(item.camera, finding)))
 
-    def _upright(self, item: ViewFrame) -> tuple[Turn | None, ViewFrame]:
+    def _upright(self, item: ViewFrame) -> tuple[ImageRotation | None, ViewFrame]:
         """Rotate an image upright; return None and the image itself if it is upright already."""
         degrees = self._rolls.degrees.get(item.camera)
         if degrees is None:
@@ -181,7 +181,9 @@ class DetectionStage(Stateful):
         self._said_up = True
         return (self._rolls.notice,)
 
-    def _paced(self, item: ViewFrame, watch: Watch, finding: Finding, start: float) -> tuple[Notice, ...]:
+    def _paced(
+        self, item: ViewFrame, watch: RigDetector, finding: ImageDetections, start: float
+    ) -> tuple[Notice, ...]:
         """Report the cost of an image, and apply the new pace if the budget changes it.
 
         Args:
@@ -204,7 +206,7 @@ class DetectionStage(Stateful):
         values = {"looks_per_s": chosen.looks_per_s, "region_height": chosen.region_height, "cores": used}
         return (Notice("detection.pace", "info", text, values),)
 
-    def _whole(self, item: ViewFrame) -> Finding:
+    def _whole(self, item: ViewFrame) -> ImageDetections:
         """Detect the people in the whole image, at the input size that suits its camera."""
         if not self.network.any_size:
             return self.network.find(item.image, 0)
@@ -216,7 +218,7 @@ class DetectionStage(Stateful):
         answers = [self._answer(finding, side) for finding, side in zip(findings, sides)]
         return findings[chooser.learn(answers, max(item.image_size))]
 
-    def _small(self, item: ViewFrame, chooser: SideChooser, side: int) -> Finding:
+    def _small(self, item: ViewFrame, chooser: InputSizeChooser, side: int) -> ImageDetections:
         """Detect the people in a smaller whole image: enough to find them, in live runs with few looks."""
         multiple = self.network.multiple
         finding = self.network.find(item.image, multiple * max(round(SMALL * side / multiple), 1))
@@ -238,12 +240,12 @@ class DetectionStage(Stateful):
         if self._watch is not None:
             self._watch.reset()
 
-    def _chooser(self, item: ViewFrame) -> SideChooser:
+    def _chooser(self, item: ViewFrame) -> InputSizeChooser:
         if item.camera not in self._sides:
             config, multiple = self.config, self.network.multiple
             enlarged = self._enlarged.get(item.camera, 1.0)
             largest = min(round(enlarged * config.largest_input), max(item.image_size))
-            self._sides[item.camera] = SideChooser(
+            self._sides[item.camera] = InputSizeChooser(
                 start=round(enlarged * config.input_side),
                 least=config.smallest_input,
                 most=max(config.smallest_input, largest),
@@ -252,11 +254,11 @@ class DetectionStage(Stateful):
             )
         return self._sides[item.camera]
 
-    def _answer(self, finding: Finding, side: int) -> Answer:
+    def _answer(self, finding: ImageDetections, side: int) -> InputSizeResult:
         unclaimed = finding.patches.unclaimed_joints(UNCLAIMED_PEAK) if finding.patches else 0
-        return Answer(side, finding.people.person_scores, self._heights(finding), unclaimed)
+        return InputSizeResult(side, finding.people.person_scores, self._heights(finding), unclaimed)
 
-    def _heights(self, finding: Finding) -> Array:
+    def _heights(self, finding: ImageDetections) -> Array:
         """Return the longer side (P,) of the box round the seen joints, image px."""
         people = finding.people
         boxes = boxes_of_points(people.points, people.scores >= self.config.joint_threshold)
@@ -264,7 +266,7 @@ class DetectionStage(Stateful):
         return sizes
 
     def _record(
-        self, item: ViewFrame, finding: Finding, limit: VisibilityLimit | None, carried: Array | None
+        self, item: ViewFrame, finding: ImageDetections, limit: VisibilityLimit | None, carried: Array | None
     ) -> ViewDetections:
         people = finding.people
         scores = np.where(people.scores >= self.config.joint_threshold, people.scores, 0.0)
@@ -300,7 +302,7 @@ class DetectionStage(Stateful):
             return depths.popleft()
         return None
 
-    def _size_notice(self, camera: str, finding: Finding) -> tuple[Notice, ...]:
+    def _size_notice(self, camera: str, finding: ImageDetections) -> tuple[Notice, ...]:
         """Return a notice when people stay too small or too large for the network, once each time."""
         sure = finding.people.person_scores >= SURE
         if not finding.scale or not sure.any():
@@ -325,7 +327,7 @@ class DetectionStage(Stateful):
         return (Notice("detection.person_size", "warning", text, values),)
 
 
-def _back(finding: Finding, turn: Turn) -> Finding:
+def _back(finding: ImageDetections, turn: ImageRotation) -> ImageDetections:
     """Map people and score maps of an upright image back. Boxes stay, as no record holds them."""
     people, patches = finding.people, finding.patches
     people = replace(people, points=turn.back(people.points))

@@ -1,7 +1,8 @@
 """Rotation that makes each camera's images upright, from the rig's up direction.
 
-Networks detect upright people. So the images of rolled cameras are rotated on arrival (`preprocess.Turn`),
-and all coordinates inside detection are px of the upright image. Records are in px of the camera.
+Networks detect upright people. So the images of rolled cameras are rotated on arrival
+(`preprocess.ImageRotation`), and all coordinates inside detection are px of the upright image. Records are in
+px of the camera.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ FINDING = "`panoptic rig check RIG --detections FILE` finds from people which wa
 
 
 @dataclass(frozen=True)
-class Rolls:
+class CameraRolls:
     """Rotations of the images of a rig.
 
     Args:
@@ -41,7 +42,7 @@ class Rolls:
     notice: Notice | None
 
 
-def rolls_of(rig: Rig, up: Sequence[float] = ()) -> Rolls:
+def rolls_of(rig: Rig, up: Sequence[float] = ()) -> CameraRolls:
     """Return the rotations that make the images of a rig's cameras upright.
 
     No image is rotated in two cases: if up is unknown, or if all images are upright along another axis than
@@ -63,23 +64,23 @@ def rolls_of(rig: Rig, up: Sequence[float] = ()) -> Rolls:
         if degrees:
             text += f". If +z is up, images of {', '.join(degrees)} must be turned: --set detection.up=0,0,1"
         severity: Severity = "warning" if degrees else "info"
-        return Rolls({}, Notice("detection.up", severity, text, {"cameras": list(degrees)}))
+        return CameraRolls({}, Notice("detection.up", severity, text, {"cameras": list(degrees)}))
     if not degrees:
-        return Rolls({}, None)
+        return CameraRolls({}, None)
     seen = None if up else _up_of_untouched(rig)
     if seen is not None and abs(float(np.dot(seen, known))) < CONTRARY:
         text = (
             f"{_named(known)} is up in this rig, but images of all cameras are upright along {_named(seen)}, "
             f"so no image is turned; {FINDING}"
         )
-        return Rolls({}, Notice("detection.up", "warning", text, {"cameras": list(degrees)}))
+        return CameraRolls({}, Notice("detection.up", "warning", text, {"cameras": list(degrees)}))
     turns: dict[str, list[str]] = {}
     for name, angle in degrees.items():
         way = "" if angle == 180.0 else " clockwise" if angle < 0.0 else " counter-clockwise"
         turns.setdefault(f"by {abs(angle):.0f} degrees{way}", []).append(name)
     listed = "; ".join(f"{', '.join(names)} {turn}" for turn, names in turns.items())
     text = f"images are turned upright for the network, as {_named(known)} is up: {listed}"
-    return Rolls(degrees, Notice("detection.turned", "info", text, {"degrees": degrees}))
+    return CameraRolls(degrees, Notice("detection.turned", "info", text, {"degrees": degrees}))
 
 
 def _turns(rig: Rig, up: Direction) -> dict[str, float]:

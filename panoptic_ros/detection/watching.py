@@ -1,8 +1,8 @@
 """Detection guided by tracks, where the network does not run on all of every image.
 
-`Watch` decides for each image between the whole image, regions, a scan for new people and propagation by
-optical flow. `KnownPeople` holds the tracks. `Expected` holds the image positions at which a camera should
-see them.
+`RigDetector` decides for each image between the whole image, regions, a scan for new people and propagation
+by optical flow. `TrackedPeople` holds the tracks. `ExpectedPeople` holds the image positions at which a
+camera should see them.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from functools import cached_property
 import numpy as np
 
 from panoptic_ros.detection.allowance import Allowance
-from panoptic_ros.detection.budget import Pace
+from panoptic_ros.detection.budget import DetectionPace
 from panoptic_ros.detection.config import DetectionConfig
-from panoptic_ros.detection.flow import COARSE, WIDTH, Memory, carried, is_cut, remembered
-from panoptic_ros.detection.full_image import Finding, FullImageNetwork
-from panoptic_ros.detection.looking import Look, Lookout
-from panoptic_ros.detection.people import People, boxes_of_points, concatenate, no_people
-from panoptic_ros.detection.preprocess import Turn, turn_by
-from panoptic_ros.detection.regions import Group, Region, groups_of, person_boxes
+from panoptic_ros.detection.flow import COARSE, WIDTH, FlowReference, carried, is_cut, remembered
+from panoptic_ros.detection.full_image import FullImageNetwork, ImageDetections
+from panoptic_ros.detection.looking import DetectionMode, DetectionScheduler
+from panoptic_ros.detection.people import DetectedPeople, boxes_of_points, concatenate, no_people
+from panoptic_ros.detection.preprocess import ImageRotation, turn_by
+from panoptic_ros.detection.regions import PeopleGroup, Region, groups_of, person_boxes
 from panoptic_ros.detection.resemblance import apart
 from panoptic_ros.domain import Camera, JointMap, Rig, TrackSet, ViewFrame
 from panoptic_ros.errors import ConfigError
@@ -45,12 +45,12 @@ CLOSER = 1.36  # height of people in a closer look at a crowd, relative to that 
 ENLARGED = 2.0  # greatest scale of a closer look, net px per image px
 UNKNOWN_SCAN = 0.45  # side of a scan relative to the camera's usual side, where no heights are known
 
-Whole = Callable[[ViewFrame], Finding]  # detects the people in the whole image
+Whole = Callable[[ViewFrame], ImageDetections]  # detects the people in the whole image
 Side = Callable[[ViewFrame], int]  # longer side of the network input that suits a camera
 
 
 @dataclass(frozen=True, eq=False)
-class Expected:
+class ExpectedPeople:
     """Image positions at which a camera should see P people.
 
     Args:
@@ -66,11 +66,11 @@ class Expected:
     image_size: tuple[int, int]
 
     @classmethod
-    def of_nobody(cls, image_size: tuple[int, int]) -> Expected:
+    def of_nobody(cls, image_size: tuple[int, int]) -> ExpectedPeople:
         """Return an instance without people."""
         return cls(np.zeros((0, 1, 2)), np.zeros((0, 1), bool), np.zeros(0), image_size)
 
-    def turned(self, turn: Turn) -> Expected:
+    def turned(self, turn: ImageRotation) -> ExpectedPeople:
         """Map the people to the upright image."""
         return replace(self, pixels=turn.pixels(self.pixels), image_size=turn.size)
 
@@ -84,20 +84,20 @@ class Expected:
         return self._boxes[1]
 
     @cached_property
-    def groups(self) -> list[Group]:
+    def groups(self) -> list[PeopleGroup]:
         """Return the people who are in the image, grouped by overlap."""
         return groups_of(*self._boxes)
 
     def regions(self, tallest: float, multiple: int) -> list[Region]:
-        """Return one region for each group of people in the image; see `Group.region`."""
+        """Return one region for each group of people in the image; see `PeopleGroup.region`."""
         return [group.region(self.image_size, tallest, multiple) for group in self.groups]
 
     @property
-    def crowds(self) -> list[Group]:
+    def crowds(self) -> list[PeopleGroup]:
         """Return the groups of two or more people."""
         return [group for group in self.groups if len(group.people) > 1]
 
-    def lacking(self, points: Array, scores: Array) -> list[Group]:
+    def lacking(self, points: Array, scores: Array) -> list[PeopleGroup]:
         """Return the crowds with a person who is missing among the 2D poses (N,) of an image; see `apart`."""
         if not self.crowds:
             return []
@@ -142,7 +142,7 @@ def _paired(distances: Array) -> list[tuple[int, int]]:
 
 
 @dataclass
-class KnownPeople:
+class TrackedPeople:
     """People who are tracked, and the places where people appeared.
 
     Args:
@@ -189,7 +189,7 @@ class KnownPeople:
         """Return whether there are no tracks."""
         return self.tracks is None or not len(self.tracks.ids)
 
-    def seen_by(self, camera: Camera, stamp_ns: int) -> Expected:
+    def seen_by(self, camera: Camera, stamp_ns: int) -> ExpectedPeople:
         """Return the people whom a camera should see.
 
         Args:
@@ -198,7 +198,7 @@ class KnownPeople:
         """
         tracks = self.tracks
         if tracks is None or not len(tracks.ids):
-            return Expected.of_nobody(camera.image_size)
+            return ExpectedPeople.of_nobody(camera.image_size)
         dt = 1e-9 * (stamp_ns - tracks.stamp_ns)
         dt = dt if 0.0 <= dt <= FARTHEST else 0.0
         wanted = tracks.unseen + dt <= MEMORY
@@ -215,7 +215,7 @@ class KnownPeople:
         pixels, there = camera.project(places)
         depth = _median(np.where(there, camera.cam_from_world.apply(places)[..., 2], np.nan))
         focal = float(camera.intrinsics.matrix[0, 0])
-        return Expected(pixels, there, spread * focal / np.maximum(depth, NEAREST), camera.image_size)
+        return ExpectedPeople(pixels, there, spread * focal / np.maximum(depth, NEAREST), camera.image_size)
 
 
 def _median(values: Array) -> Array:
@@ -227,14 +227,14 @@ def _median(values: Array) -> Array:
     return medians
 
 
-class Watch:
+class RigDetector:
     """Detection on the upright images of a rig, with propagation by optical flow between looks.
 
     Args:
         rolls: Degrees counter-clockwise by camera, which turn its images upright.
         whole: Detects the people in the whole image.
         side: Returns the longer side of the network input for the whole image, net px.
-        allowance: See `Lookout`.
+        allowance: See `DetectionScheduler`.
 
     Raises:
         ConfigError: if regions are configured and the network takes one input size only.
@@ -261,18 +261,20 @@ class Watch:
         self._rig, self._rolls, self._joint_map = rig, rolls, joint_map
         self._whole, self._side = whole, side
         self._region_height = config.region_height
-        self.known = KnownPeople()
+        self.known = TrackedPeople()
         self._learning = threading.Lock()  # images may be processed while tracks arrive
-        self.lookout = Lookout(rig.names, config.looks_per_s, config.guided and self._regions, allowance)
-        self.memories: dict[str, Memory] = {}
+        self.lookout = DetectionScheduler(
+            rig.names, config.looks_per_s, config.guided and self._regions, allowance
+        )
+        self.memories: dict[str, FlowReference] = {}
 
     def reset(self) -> None:
         """Forget all tracks, schedules and images."""
-        self.known = KnownPeople()
+        self.known = TrackedPeople()
         self.lookout.reset()
         self.memories.clear()
 
-    def keep(self, pace: Pace) -> None:
+    def keep(self, pace: DetectionPace) -> None:
         """Set the rate of looks and the height of people in regions from now on."""
         self.lookout.looks_per_s, self._region_height = pace
 
@@ -281,7 +283,7 @@ class Watch:
         with self._learning:
             self.known.take(tracks)
 
-    def find(self, item: ViewFrame) -> tuple[Finding, Array | None]:
+    def find(self, item: ViewFrame) -> tuple[ImageDetections, Array | None]:
         """Return the people in an image, and the time (P,) s since the network detected each.
 
         The times are None if the network detected all of them in this image.
@@ -295,55 +297,55 @@ class Watch:
             before = None
         look, scan = self.lookout.look(item.camera, item.stamp_ns, nobody, door)
         if before is None:
-            look, scan = Look.WHOLE, False
-        elif look is Look.CARRY and before.people is None:
-            look = Look.REGIONS
+            look, scan = DetectionMode.WHOLE, False
+        elif look is DetectionMode.CARRY and before.people is None:
+            look = DetectionMode.REGIONS
         look = self.lookout.allowed(item.camera, item.stamp_ns, item.frame_number, look)
-        people = carried(before, now) if look is Look.CARRY and before is not None else None
-        if look is Look.CARRY and people is None and self.lookout.allowance is None:
-            look = Look.REGIONS
-        expected = self._expected(item) if scan or look is not Look.CARRY else None
+        people = carried(before, now) if look is DetectionMode.CARRY and before is not None else None
+        if look is DetectionMode.CARRY and people is None and self.lookout.allowance is None:
+            look = DetectionMode.REGIONS
+        expected = self._expected(item) if scan or look is not DetectionMode.CARRY else None
         look_ns = item.stamp_ns
-        if look is not Look.CARRY and expected is not None:
+        if look is not DetectionMode.CARRY and expected is not None:
             finding = self._look(item, look, expected)
             people = finding.people
         elif people is not None and before is not None:
-            finding, look_ns = Finding(people, None, 0.0), before.look_ns
+            finding, look_ns = ImageDetections(people, None, 0.0), before.look_ns
         else:  # people are lost until the network runs again
-            finding = Finding(no_people(self._joint_map.source_count), None, 0.0)
+            finding = ImageDetections(no_people(self._joint_map.source_count), None, 0.0)
         ages = np.full(len(finding.people), 1e-9 * (item.stamp_ns - look_ns))
         if self.lookout.guided and expected is not None:
-            finding = self._with_strangers(item, expected, finding, scan, new=look is not Look.CARRY)
+            finding = self._with_strangers(item, expected, finding, scan, new=look is not DetectionMode.CARRY)
         kept = None if people is None else finding.people
         self.memories[item.camera] = replace(now, people=kept, look_ns=look_ns)
         ages = np.pad(ages, (0, len(finding.people) - len(ages)))
         return finding, ages if ages.any() else None
 
-    def _expected(self, item: ViewFrame) -> Expected:
+    def _expected(self, item: ViewFrame) -> ExpectedPeople:
         """Return the people whom the camera should see."""
         if not self.lookout.guided:
-            return Expected.of_nobody(item.image_size)
+            return ExpectedPeople.of_nobody(item.image_size)
         camera, degrees = self._rig.camera(item.camera), self._rolls.get(item.camera)
         with self._learning:
             expected = self.known.seen_by(camera, item.stamp_ns)
         return expected if degrees is None else expected.turned(turn_by(degrees, camera.image_size))
 
-    def _look(self, item: ViewFrame, look: Look, expected: Expected) -> Finding:
+    def _look(self, item: ViewFrame, look: DetectionMode, expected: ExpectedPeople) -> ImageDetections:
         """Detect people in the regions, or in the whole image if that costs less; look closer at crowds."""
-        if look is Look.WHOLE or not self.lookout.guided or self.known.nobody:
+        if look is DetectionMode.WHOLE or not self.lookout.guided or self.known.nobody:
             finding = self._whole(item)
             further = self._closer(item, expected, expected.crowds, finding.people)
             return replace(finding, people=concatenate([finding.people, further], further.scores.shape[1]))
         assert isinstance(self._network, FullImageNetwork)
         regions = expected.regions(float(self._region_height), self._network.multiple)
         if not regions:
-            return Finding(no_people(len(self._network.card.joints)), None, 0.0)
+            return ImageDetections(no_people(len(self._network.card.joints)), None, 0.0)
         rows, columns = self._network.size_of(self._side(item), item.image)
         if sum(region.cost for region in regions) >= rows * columns:
             return self._whole(item)
         return self._network.find_in(item.image, regions, lambda seen: self._missing(item, expected, seen))
 
-    def _missing(self, item: ViewFrame, expected: Expected, people: People) -> People:
+    def _missing(self, item: ViewFrame, expected: ExpectedPeople, people: DetectedPeople) -> DetectedPeople:
         """Return those people of crowds whom `people` lacks, from a closer look if one is due."""
         crowds, known = expected.lacking(*self._joints(people)), self.lookout.cameras[item.camera]
         if not crowds or not known.closer():
@@ -352,7 +354,9 @@ class Watch:
         known.looked_closer(len(others) > 0)
         return others
 
-    def _closer(self, item: ViewFrame, expected: Expected, crowds: list[Group], people: People) -> People:
+    def _closer(
+        self, item: ViewFrame, expected: ExpectedPeople, crowds: list[PeopleGroup], people: DetectedPeople
+    ) -> DetectedPeople:
         """Return the people that a closer look at these crowds finds in addition to `people`."""
         joint_count, parts = people.scores.shape[1], []
         for crowd in crowds:
@@ -364,14 +368,14 @@ class Watch:
             people = concatenate([people, parts[-1]], joint_count)
         return concatenate(parts, joint_count)
 
-    def _joints(self, people: People) -> tuple[Array, Array]:
+    def _joints(self, people: DetectedPeople) -> tuple[Array, Array]:
         """Return points (P, J, 2) and scores (P, J) of people in the joints of the skeleton."""
         scores = np.where(people.scores >= self._config.joint_threshold, people.scores, 0.0)
         return self._joint_map.apply(people.points, scores)
 
     def _with_strangers(
-        self, item: ViewFrame, expected: Expected, finding: Finding, scan: bool, new: bool
-    ) -> Finding:
+        self, item: ViewFrame, expected: ExpectedPeople, finding: ImageDetections, scan: bool, new: bool
+    ) -> ImageDetections:
         """Add the unexplained people of a scan to the finding, and raise an alarm for all unexplained people.
 
         Args:
@@ -390,7 +394,7 @@ class Watch:
             self.lookout.raise_alarm(item.camera, boxes, item.stamp_ns)
         return replace(finding, people=people)
 
-    def _strangers(self, people: People, expected: Expected) -> Array:
+    def _strangers(self, people: DetectedPeople, expected: ExpectedPeople) -> Array:
         """Return which 2D poses (P,) have a high score and are explained by no track."""
         if not len(people):
             return np.zeros(0, bool)
@@ -399,7 +403,7 @@ class Watch:
         strange: Array = sure & expected.strangers(points, scores)
         return strange
 
-    def _scan(self, item: ViewFrame, heights: Array) -> People:
+    def _scan(self, item: ViewFrame, heights: Array) -> DetectedPeople:
         """Detect people in a small version of the whole image, scaled for people of these heights (P,) px."""
         assert isinstance(self._network, FullImageNetwork)
         side, image_side = self._side(item), max(item.image_size)
@@ -411,7 +415,7 @@ class Watch:
         return self._network.find(item.image, small, maps=False).people
 
 
-def _others(found: People, people: People) -> People:
+def _others(found: DetectedPeople, people: DetectedPeople) -> DetectedPeople:
     """Return the people found whose box centres lie in no box of `people`."""
     if not len(found) or not len(people):
         return found

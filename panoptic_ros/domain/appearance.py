@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes, check_magnitude, check_stamp
+from panoptic_ros.domain.checks import ShapeChecks, check_magnitude, check_stamp
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -38,7 +38,7 @@ class ViewAppearance:
         if not self.camera:
             raise DataError("ViewAppearance without the name of its camera")
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
-        colours = Shapes(self).store("colours", np.float32, f"P {len(REGIONS)} {CHANNELS}")
+        colours = ShapeChecks(self).store("colours", np.float32, f"P {len(REGIONS)} {CHANNELS}")
         if np.isinf(colours).any():
             raise DataError(f"ViewAppearance.colours of camera {self.camera} are infinite")
         check_magnitude(f"ViewAppearance.colours of camera {self.camera}", colours, LARGEST)

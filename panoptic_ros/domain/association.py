@@ -11,7 +11,7 @@ import numpy as np
 
 from panoptic_ros.domain.checks import (
     NOT_GIVEN,
-    Shapes,
+    ShapeChecks,
     check_not_infinite,
     check_scores,
     check_stamp,
@@ -279,7 +279,7 @@ class ProposalSet:
     part_scores: Array
 
     def __post_init__(self) -> None:
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         nodes = shapes.store("nodes", np.float64, "N 3")
         shapes.store("node_joints", np.int32, "N")
         check_scores(self, "node_scores", shapes.store("node_scores", np.float64, "N"))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes
+from panoptic_ros.domain.checks import ShapeChecks
 from panoptic_ros.errors import ConfigError
 from panoptic_ros.geometry.torso import torso_frames
 
@@ -34,7 +34,7 @@ class BiasTable:
     torso: tuple[int, int, int, int]
 
     def __post_init__(self) -> None:
-        offsets = Shapes(self).store("offsets", np.float64, "J 3")
+        offsets = ShapeChecks(self).store("offsets", np.float64, "J 3")
         if not (np.abs(offsets) < 1.0).all():
             raise ConfigError(f"bias table {self.name}: an offset is not below one torso length")
 

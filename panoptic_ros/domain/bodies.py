@@ -9,7 +9,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes, check_magnitude, check_not_infinite, check_stamp
+from panoptic_ros.domain.checks import ShapeChecks, check_magnitude, check_not_infinite, check_stamp
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -45,7 +45,7 @@ class ImuSample:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         for name, size, limit, unit in _MEASURED:
             values = shapes.store(name, np.float64, size)
             numbers = values.tolist()  # lists are faster to check, at thousands of samples a second
@@ -136,7 +136,7 @@ class BodyStateSet:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
         object.__setattr__(self, "newest_ns", check_stamp(self, self.newest_ns, "newest_ns"))
         object.__setattr__(self, "segment_names", tuple(str(name) for name in self.segment_names))
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         shapes.sizes["S"] = len(self.segment_names)
         shapes.sizes["D"] = 3 + 3 * len(self.segment_names)
         parents = shapes.store("parents", np.int32, "S")

@@ -29,7 +29,7 @@ def known_good(kind: type[Record], values: dict[str, Any]) -> Record:
     return record
 
 
-class Shapes:
+class ShapeChecks:
     """Shape checks of one record's arrays against letters: equal letters are equal sizes."""
 
     def __init__(self, record: Any):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import NOT_GIVEN, Shapes, check_not_infinite, check_stamp
+from panoptic_ros.domain.checks import NOT_GIVEN, ShapeChecks, check_not_infinite, check_stamp
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -47,7 +47,7 @@ class SubjectSet:
         ):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, nothing)
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         ids = shapes.store("ids", np.int64, "S")
         shapes.store("places", np.float64, "S 3")
         shapes.store("times", np.int64, "S")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes, check_magnitude, check_missing, check_scores, check_stamp
+from panoptic_ros.domain.checks import ShapeChecks, check_magnitude, check_missing, check_scores, check_stamp
 from panoptic_ros.domain.visibility import VisibilityLimit
 from panoptic_ros.errors import DataError
 
@@ -77,7 +77,7 @@ class ScoreMaps:
     data: Array
 
     def __post_init__(self) -> None:
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         affine = shapes.store("grid_from_image", np.float64, "2 3")
         joints = shapes.store("joints", np.int32, "N")
         shapes.store("persons", np.int32, "N")
@@ -159,7 +159,7 @@ class ViewDetections:
         if width <= 0 or height <= 0:
             raise DataError(f"ViewDetections.image_size = {width} x {height} of camera {self.camera}")
         object.__setattr__(self, "image_size", (width, height))
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         points = shapes.store("points", np.float64, "P J 2")
         scores = shapes.store("scores", np.float64, "P J")
         check_scores(self, "scores", scores)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes
+from panoptic_ros.domain.checks import ShapeChecks
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -28,7 +28,7 @@ class Occluders:
     triangles: Array
 
     def __post_init__(self) -> None:
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         vertices = shapes.store("vertices", np.float64, "N 3")
         triangles = shapes.store("triangles", np.int64, "M 3")
         if not np.isfinite(vertices).all():

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes, check_magnitude, check_stamp
+from panoptic_ros.domain.checks import ShapeChecks, check_magnitude, check_stamp
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -51,7 +51,7 @@ class PatchTracks:
         object.__setattr__(self, "before_ns", check_stamp(self, self.before_ns, "before_ns"))
         if self.before_ns >= self.stamp_ns:
             raise DataError(f"PatchTracks of camera {self.camera} lead back in time")
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         for name, letters in (("begins", "N 2"), ("ends", "N 2"), ("information", "N 3")):
             values = shapes.store(name, np.float32, letters)
             if not np.isfinite(values).all():
@@ -91,7 +91,7 @@ class PartMotions:
     residuals: Array
 
     def __post_init__(self) -> None:
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         shapes.store("people", np.int64, "M")
         shapes.store("parts", np.int32, "M")
         shapes.store("tracks", np.int32, "M")
@@ -148,7 +148,7 @@ class PatchTrajectories:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
         object.__setattr__(self, "before_ns", check_stamp(self, self.before_ns, "before_ns"))
         object.__setattr__(self, "cameras", tuple(str(name) for name in self.cameras))
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         for name, kind, letters in (
             ("ids", np.int64, "N"),
             ("ages", np.int32, "N"),

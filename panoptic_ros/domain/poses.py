@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes, check_missing, check_scores, check_stamp
+from panoptic_ros.domain.checks import ShapeChecks, check_missing, check_scores, check_stamp
 from panoptic_ros.domain.time_shift import TimeShift
 from panoptic_ros.domain.view_sources import ViewSources
 from panoptic_ros.errors import DataError
@@ -71,7 +71,7 @@ class PoseSet:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
         newest = self.stamp_ns if self.newest_ns < 0 else check_stamp(self, self.newest_ns, "newest_ns")
         object.__setattr__(self, "newest_ns", newest)
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         positions = shapes.store("positions", np.float64, "P J 3")
         covariances = shapes.store("covariances", np.float64, "P J 3 3")
         scores = shapes.store("scores", np.float64, "P J")

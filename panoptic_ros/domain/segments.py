@@ -100,7 +100,7 @@ class SegmentModel:
         """Return the number of degrees of freedom."""
         return 3 + 3 * len(self.names)
 
-    def body(self, stature: float) -> Body:
+    def body(self, stature: float) -> SegmentedBody:
         """Return the body of a person of this stature, m.
 
         Raises:
@@ -109,7 +109,7 @@ class SegmentModel:
         if not SHORTEST <= stature <= TALLEST:
             raise DataError(f"height_m = {stature} is no stature; expected {SHORTEST} to {TALLEST} m")
         points = {name: (self.index(s), stature * share) for name, (s, share) in self.keypoints.items()}
-        return Body(self, stature * self.shares, points)
+        return SegmentedBody(self, stature * self.shares, points)
 
     def with_joint_offsets(self, offsets: Mapping[str, JointOffset]) -> SegmentModel:
         """Return the model with the measured offsets of a detector's joints.
@@ -139,7 +139,7 @@ class SegmentModel:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class SegmentedBody:
     """Segments of one person.
 
     Args:
@@ -175,7 +175,7 @@ class Body:
             found[name] = (frame, begin + np.array(measured.offset))
         return found
 
-    def with_offsets(self, offsets: Mapping[str, Array]) -> Body:
+    def with_offsets(self, offsets: Mapping[str, Array]) -> SegmentedBody:
         """Return the body with these joints, in their parents' frames, instead of the scaled ones.
 
         Raises:
@@ -187,7 +187,7 @@ class Body:
         own[0] = 0.0
         return replace(self, offsets=own)
 
-    def with_keypoints(self, keypoints: Mapping[str, tuple[str, Array]]) -> Body:
+    def with_keypoints(self, keypoints: Mapping[str, tuple[str, Array]]) -> SegmentedBody:
         """Return the body with these detector joints instead of the nominal ones."""
         own = {name: (self.model.index(segment), offset) for name, (segment, offset) in keypoints.items()}
         return replace(self, keypoints={**self.keypoints, **own}, own=self.own | own.keys())

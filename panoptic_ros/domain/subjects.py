@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain.segments import Body
+from panoptic_ros.domain.segments import SegmentedBody
 
 Array = np.ndarray
 
@@ -51,7 +51,7 @@ class Subject:
     """
 
     id: int
-    body: Body
+    body: SegmentedBody
     devices: tuple[Device, ...] = ()
     t_pose: TPose | None = None
     start: Array | None = None
@@ -75,7 +75,7 @@ class ViewPeople(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
+class InstantViews:
     """2D poses of one instant, by camera index."""
 
     stamp_ns: int

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes, check_stamp
+from panoptic_ros.domain.checks import ShapeChecks, check_stamp
 from panoptic_ros.errors import ClockError, DataError, shown
 
 Array = np.ndarray
@@ -122,7 +122,7 @@ class AudioBlock:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
         given = np.asarray(self.samples)
         object.__setattr__(self, "samples", given[:, None] if given.ndim == 1 else given)
-        samples = Shapes(self).store("samples", np.float32, "N C")
+        samples = ShapeChecks(self).store("samples", np.float32, "N C")
         object.__setattr__(self, "clocks", tuple(self.clocks))
         if not np.isfinite(samples).all():
             raise DataError(f"audio of {self.device} has samples that are not finite")
@@ -211,7 +211,7 @@ class ClockModel:
     def __post_init__(self) -> None:
         for name in ("reference_ns", "from_ns", "until_ns"):
             object.__setattr__(self, name, check_stamp(self, getattr(self, name), name))
-        covariance = Shapes(self).store("covariance", np.float64, "2 2")
+        covariance = ShapeChecks(self).store("covariance", np.float64, "2 2")
         numbers = [self.offset_ns, self.residual_ns, self.drift, self.wander]
         if not (np.isfinite(covariance).all() and np.isfinite(np.array(numbers, float)).all()):
             raise DataError(f"clock model of {self.device} is not finite")

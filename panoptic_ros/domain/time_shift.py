@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes
+from panoptic_ros.domain.checks import ShapeChecks
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -35,7 +35,7 @@ class TimeShift:
     information: Array
 
     def __post_init__(self) -> None:
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         for name in ("delays", "information"):
             shapes.store(name, np.float64, "P J 3 3")
         for name in ("assumed", "velocities"):

@@ -9,13 +9,13 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes
+from panoptic_ros.domain.checks import ShapeChecks
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
 
 
-class OfFrame(Protocol):
+class FrameRecord(Protocol):
     """Record that belongs to one image of a camera."""
 
     @property
@@ -23,7 +23,7 @@ class OfFrame(Protocol):
         """Return the frame number of the image."""
 
 
-Record = TypeVar("Record", bound=OfFrame)
+Record = TypeVar("Record", bound=FrameRecord)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +46,7 @@ class ViewSources:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cameras", tuple(str(name) for name in self.cameras))
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         frames = shapes.store("frames", np.int64, "V")
         persons = shapes.store("persons", np.int32, "P V")
         if len(frames) != len(self.cameras):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import Shapes
+from panoptic_ros.domain.checks import ShapeChecks
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -33,7 +33,7 @@ class VisibilityLimit:
         given = np.asarray(self.cells)
         if given.dtype != np.uint16 or not given.size:
             raise DataError(f"VisibilityLimit.cells is {given.dtype} {given.shape}, expected uint16 (H, W)")
-        Shapes(self).store("cells", np.uint16, "H W")
+        ShapeChecks(self).store("cells", np.uint16, "H W")
 
     @classmethod
     def of_depths(cls, depths: Array, margin: float) -> VisibilityLimit:

@@ -24,7 +24,7 @@ LONGEST_STEP_S = 0.2  # s; largest frame interval from which accelerations are c
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
+class QuantileSummary:
     """Median and 90th percentile of `count` values; NaN without values."""
 
     count: int
@@ -76,7 +76,7 @@ class PersonSummary:
     joints_found: float
     limb_joints_found: float
     measured: float
-    reprojection_px: Spread
+    reprojection_px: QuantileSummary
     bone_length_cm: dict[str, float]
     bone_std_cm: dict[str, float]
     limbs: tuple[str, ...]
@@ -104,8 +104,8 @@ class CaptureSummary:
     frames: int
     frames_with_people: int
     people: tuple[PersonSummary, ...]
-    reprojection_px: Spread
-    reprojection_by_camera: dict[str, Spread]
+    reprojection_px: QuantileSummary
+    reprojection_by_camera: dict[str, QuantileSummary]
 
 
 def summarise_capture(
@@ -193,14 +193,14 @@ def typical_acceleration(stamps_ns: Array, positions: Array) -> float:
     return float(np.median(values)) if values.size else math.nan
 
 
-def spread(values: Array) -> Spread:
+def spread(values: Array) -> QuantileSummary:
     """Return count, median and 90th percentile of the finite values."""
     finite = np.asarray(values, float)
     finite = finite[np.isfinite(finite)]
     if not finite.size:
-        return Spread(0, math.nan, math.nan)
+        return QuantileSummary(0, math.nan, math.nan)
     median, p90 = np.percentile(finite, [50, 90])
-    return Spread(int(finite.size), float(median), float(p90))
+    return QuantileSummary(int(finite.size), float(median), float(p90))
 
 
 def limb_joints(skeleton: SkeletonModel) -> tuple[int, ...]:

@@ -20,7 +20,7 @@ Array = np.ndarray
 FEWEST = 10  # smallest number of observations of a joint
 
 
-class PosedPeople(NamedTuple):
+class MatchedSkeletons(NamedTuple):
     """M detected skeletons with their ground truth.
 
     Args:
@@ -35,12 +35,12 @@ class PosedPeople(NamedTuple):
     seen: Array
     frames: Array
 
-    def rows(self, which: Array) -> PosedPeople:
+    def rows(self, which: Array) -> MatchedSkeletons:
         """Return the rows selected by an index or mask."""
-        return PosedPeople(*(values[which] for values in self))
+        return MatchedSkeletons(*(values[which] for values in self))
 
 
-class Kept(NamedTuple):
+class SegmentOffset(NamedTuple):
     """Offset of a joint in the frame of one segment.
 
     Args:
@@ -55,7 +55,7 @@ class Kept(NamedTuple):
 
 
 def measure_joint_offsets(
-    people: PosedPeople, joint_names: Sequence[str], model: SegmentModel
+    people: MatchedSkeletons, joint_names: Sequence[str], model: SegmentModel
 ) -> dict[str, JointOffset]:
     """Return the offsets by joint name, for all joints observed in enough frames on both sides together."""
     columns = {name: j for j, name in enumerate(joint_names)}
@@ -74,7 +74,9 @@ def measure_joint_offsets(
             values = values[np.isfinite(values).all(-1)]
             if len(values) >= FEWEST:
                 middle = np.median(values, axis=0)
-                kept.append(Kept(frame, middle, float(np.linalg.norm(values - middle, axis=-1).mean())))
+                kept.append(
+                    SegmentOffset(frame, middle, float(np.linalg.norm(values - middle, axis=-1).mean()))
+                )
         if not kept:
             continue
         best = min(kept, key=lambda found: found.spread)
@@ -88,7 +90,10 @@ def measure_joint_offsets(
 
 
 def corrected_joints(
-    people: PosedPeople, joint_names: Sequence[str], model: SegmentModel, offsets: Mapping[str, JointOffset]
+    people: MatchedSkeletons,
+    joint_names: Sequence[str],
+    model: SegmentModel,
+    offsets: Mapping[str, JointOffset],
 ) -> Array:
     """Return the detected joints (M, J, 3) m with these offsets removed."""
     found = people.seen.copy()
@@ -99,7 +104,7 @@ def corrected_joints(
 
 
 def judge_joint_offsets(
-    people: PosedPeople, joint_names: Sequence[str], model: SegmentModel
+    people: MatchedSkeletons, joint_names: Sequence[str], model: SegmentModel
 ) -> tuple[Benefit, ...]:
     """Return each person's benefit from the offsets measured on all others.
 
@@ -115,7 +120,7 @@ def judge_joint_offsets(
     return tuple(found)
 
 
-def _looks(people: PosedPeople, joint: int, segment: int) -> Array:
+def _looks(people: MatchedSkeletons, joint: int, segment: int) -> Array:
     """Return the offsets (M, 3) m of a detected joint from its true position, in a segment's frame."""
     apart = people.seen[:, joint] - people.truth[:, joint]
     found: Array = (people.frames[:, segment].swapaxes(1, 2) @ apart[..., None])[..., 0]

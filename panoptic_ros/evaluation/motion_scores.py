@@ -19,7 +19,7 @@ MEDIAN_OF_CHI2, COVER_OF_CHI2 = 2.3659738843753377, 7.814727903251179
 
 
 @dataclass(frozen=True, slots=True)
-class ConsistencyOfSome:
+class ViewCountConsistency:
     """NEES, as in `Consistency`, of the joints measured by a certain number of views."""
 
     kind: str
@@ -45,7 +45,7 @@ class Consistency:
     median_per_expected: float
     cover95: float
     joints: int
-    by_views: tuple[ConsistencyOfSome, ...]
+    by_views: tuple[ViewCountConsistency, ...]
 
 
 def acceleration_error(pairs: Sequence[FramePair]) -> float:
@@ -94,13 +94,13 @@ def score_consistency(pairs: Sequence[FramePair]) -> Consistency | None:
     )
 
 
-def _by_views(nees: Array, views: Array) -> Iterator[ConsistencyOfSome]:
+def _by_views(nees: Array, views: Array) -> Iterator[ViewCountConsistency]:
     """Yield the NEES of joints (N,) by kind of number of views, for kinds with any joints."""
     kinds = np.searchsorted(FIRST_VIEWS, views, side="right") - 1  # -1 = not reported
     for kind, name in enumerate(VIEWS):
         own = nees[kinds == kind]
         if own.size:
-            yield ConsistencyOfSome(name, float(own.mean() / 3.0), _cover(own), int(own.size))
+            yield ViewCountConsistency(name, float(own.mean() / 3.0), _cover(own), int(own.size))
 
 
 def _cover(nees: Array) -> float:

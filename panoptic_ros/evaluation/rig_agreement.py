@@ -42,7 +42,7 @@ SIGMA = 1.4826  # ratio of the standard deviation to the median absolute deviati
 
 
 @dataclass(frozen=True, eq=False)
-class Met:
+class MatchedPairs:
     """People matched between two cameras, over all instants.
 
     Args:
@@ -61,7 +61,7 @@ class Met:
     plane: Array
 
     @classmethod
-    def nobody(cls) -> Met:
+    def nobody(cls) -> MatchedPairs:
         """Return an empty match."""
         return cls(np.zeros(0), np.zeros(0), np.zeros((0, 0, 3)), np.zeros((0, 0)), np.zeros((0, 0, 2)))
 
@@ -130,10 +130,10 @@ def meet(
     camera_b: Camera,
     views: Sequence[tuple[ViewDetections, ViewDetections]],
     cache: RayCache,
-) -> Met:
+) -> MatchedPairs:
     """Return the people that two cameras saw at the same instants, matched one to one."""
     if not views:
-        return Met.nobody()
+        return MatchedPairs.nobody()
     rays_a = cache.rays(camera_a, [a for a, _ in views])[:, :, None]
     rays_b = cache.rays(camera_b, [b for _, b in views])[:, None]
     offset = camera_b.centre - camera_a.centre
@@ -160,7 +160,7 @@ def meet(
         signed = (normals @ offset) / np.linalg.norm(normals, axis=-1) * scale
     late = np.array([1e-9 * abs(a.stamp_ns - b.stamp_ns) for a, b in views])[at[0]]
     walked = EXTENTS_PER_S * np.minimum(late, LATEST_S) * _extent(plane) * _focal(camera_a)
-    return Met(
+    return MatchedPairs(
         np.maximum(residual[at] - walked, 0.0),
         _median(distance, known, enough)[at],
         points,

@@ -21,10 +21,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from panoptic_ros.domain import Camera, DetectionSet, Rig, SkeletonModel
-from panoptic_ros.evaluation.rig_agreement import BEHIND, Met, RayCache, camera_pairs, meet
+from panoptic_ros.evaluation.rig_agreement import BEHIND, MatchedPairs, RayCache, camera_pairs, meet
 from panoptic_ros.evaluation.rig_mistakes import (
     Instants,
-    Suspect,
+    RigMistake,
     scaled_intrinsics,
     suspects,
 )
@@ -108,7 +108,7 @@ def check_rig(rig: Rig, sets: Sequence[DetectionSet], skeleton: SkeletonModel) -
     every: Instants = [{view.camera: view for view in s.views if view.camera in rig.names} for s in sets]
     told = [own for own in every if sum(len(view.scores) > 0 for view in own.values()) > 1]
     instants = told[:: max(1, -(-len(told) // MOST_INSTANTS))] or every[:MOST_INSTANTS]
-    trial = _Trial.of(_fitted(rig, instants), instants)
+    trial = _RigTrial.of(_fitted(rig, instants), instants)
     for _ in range(MOST_MISTAKES):
         bad = trial.suspicious()
         found = _explanation(trial, bad, skeleton) if bad else None
@@ -155,7 +155,7 @@ def _fitted(rig: Rig, instants: Instants) -> Rig:
 
 
 @dataclass(frozen=True)
-class _Trial:
+class _RigTrial:
     """Rig on trial: its views, and the agreement of each camera pair.
 
     Args:
@@ -164,17 +164,17 @@ class _Trial:
 
     rig: Rig
     instants: Instants
-    met: dict[tuple[int, int], Met]
+    met: dict[tuple[int, int], MatchedPairs]
     cache: RayCache
     noise: Mapping[str, float]
 
     @classmethod
-    def of(cls, rig: Rig, instants: Instants) -> _Trial:
+    def of(cls, rig: Rig, instants: Instants) -> _RigTrial:
         cache = RayCache()
         met = {pair: _meet(rig, instants, pair, cache) for pair in camera_pairs(rig)}
         return cls(rig, instants, met, cache, _noise_of(rig, met))
 
-    def changed(self, suspect: Suspect) -> _Trial:
+    def changed(self, suspect: RigMistake) -> _RigTrial:
         """Return the trial with a mistake undone; only the pairs of its cameras are recomputed."""
         rig, instants = suspect.undo(self.rig, self.instants)
         touched = {self.rig.index(name) for name in suspect.cameras}
@@ -182,9 +182,9 @@ class _Trial:
             pair: _meet(rig, instants, pair, self.cache) if touched & set(pair) else old
             for pair, old in self.met.items()
         }
-        return _Trial(rig, instants, met, self.cache, self.noise)
+        return _RigTrial(rig, instants, met, self.cache, self.noise)
 
-    def measured(self) -> _Trial:
+    def measured(self) -> _RigTrial:
         """Return the trial with the noise estimated from its own residuals."""
         return replace(self, noise=_noise_of(self.rig, self.met))
 
@@ -194,7 +194,7 @@ class _Trial:
     def suspicion(self, name: str) -> float:
         return suspicion_px(self.rig.camera(name), self.noise.get(name, np.inf))
 
-    def speaks(self, met: Met) -> bool:
+    def speaks(self, met: MatchedPairs) -> bool:
         return len(met.pixels) >= LEAST_PEOPLE
 
     def said(self) -> int:
@@ -289,7 +289,7 @@ def _upper(values: Sequence[float]) -> float:
     return values[len(values) // 2] if values else 0.0
 
 
-def _noise_of(rig: Rig, met: Mapping[tuple[int, int], Met]) -> dict[str, float]:
+def _noise_of(rig: Rig, met: Mapping[tuple[int, int], MatchedPairs]) -> dict[str, float]:
     """Return the noise (px) by camera, the minimum over its pairs.
 
     A wrong pose of the other camera adds to the noise of a pair.
@@ -303,17 +303,17 @@ def _noise_of(rig: Rig, met: Mapping[tuple[int, int], Met]) -> dict[str, float]:
     return {name: min(row) for name, row in rows.items()}
 
 
-def _meet(rig: Rig, instants: Instants, pair: tuple[int, int], cache: RayCache) -> Met:
+def _meet(rig: Rig, instants: Instants, pair: tuple[int, int], cache: RayCache) -> MatchedPairs:
     a, b = (rig.cameras[i] for i in pair)
     views = [(i[a.name], i[b.name]) for i in instants if a.name in i and b.name in i]
     return meet(a, b, views, cache)
 
 
 def _explanation(
-    trial: _Trial, bad: tuple[str, ...], skeleton: SkeletonModel
-) -> tuple[Notice, _Trial] | None:
+    trial: _RigTrial, bad: tuple[str, ...], skeleton: SkeletonModel
+) -> tuple[Notice, _RigTrial] | None:
     """Return a notice about the mistake that explains most, and the trial without it."""
-    best: tuple[float, Suspect, _Trial] | None = None
+    best: tuple[float, RigMistake, _RigTrial] | None = None
     for stage in suspects(trial.rig, bad, skeleton.mirror):
         for suspect in stage:
             other = trial.changed(suspect)
@@ -332,14 +332,14 @@ def _explanation(
     return Notice(suspect.code, "warning", text, {"cameras": list(suspect.cameras)}), other
 
 
-def _helps(trial: _Trial, other: _Trial, suspect: Suspect) -> bool:
+def _helps(trial: _RigTrial, other: _RigTrial, suspect: RigMistake) -> bool:
     """Return whether the rays of the suspect's cameras meet far better without the mistake."""
     before, after = (_middle(t, suspect.cameras) for t in (trial, other))
     enough = other.said() >= 0.5 * trial.said()
     return enough and after < DROP * before and other.agrees(suspect.cameras)
 
 
-def _middle(trial: _Trial, names: Sequence[str], in_metres: bool = False) -> float:
+def _middle(trial: _RigTrial, names: Sequence[str], in_metres: bool = False) -> float:
     values = [value for name in names for value in trial.residuals(name, in_metres)]
     return float(np.median(values)) if values else BEHIND
 
@@ -348,7 +348,7 @@ def _length(metres: float) -> str:
     return f"{metres:.3g} m" if metres >= 0.995 else f"{100 * metres:.2g} cm"
 
 
-def _disagreement(trial: _Trial, name: str) -> Notice:
+def _disagreement(trial: _RigTrial, name: str) -> Notice:
     residual, noise = _upper(trial.residuals(name)), trial.noise.get(name, np.nan)
     apart = f"by {residual:.0f} px" if residual < BEHIND / 2 else "altogether"
     if noise < residual < BEHIND / 2:

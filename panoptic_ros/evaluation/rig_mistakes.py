@@ -25,7 +25,7 @@ ALL_TRIPLES = 8
 
 
 @dataclass(frozen=True)
-class Suspect:
+class RigMistake:
     """One possible mistake.
 
     Args:
@@ -41,7 +41,7 @@ class Suspect:
     undo: Callable[[Rig, Instants], tuple[Rig, Instants]]
 
 
-def suspects(rig: Rig, bad: tuple[str, ...], mirror: tuple[int, ...]) -> Iterator[list[Suspect]]:
+def suspects(rig: Rig, bad: tuple[str, ...], mirror: tuple[int, ...]) -> Iterator[list[RigMistake]]:
     """Yield groups of possible mistakes, the simplest first, given the cameras that disagree with the others.
 
     Args:
@@ -50,15 +50,15 @@ def suspects(rig: Rig, bad: tuple[str, ...], mirror: tuple[int, ...]) -> Iterato
     """
     names = rig.names
     everywhere = [
-        Suspect(code, names, f"all cameras {what.format(s='')}", _change(names, undo))
+        RigMistake(code, names, f"all cameras {what.format(s='')}", _change(names, undo))
         for code, what, undo in _POSES
     ]
     for scale in SCALES:
         text = f"the intrinsics of all cameras look like those of images {_size(scale)}"
-        everywhere.append(Suspect("rig.image_size", names, text, _change(names, _scaled(scale))))
+        everywhere.append(RigMistake("rig.image_size", names, text, _change(names, _scaled(scale))))
     if all(could_be_reordered(camera.intrinsics) for camera in rig.cameras):
         text = f"the distortion of all cameras {_REORDERED}"
-        everywhere.append(Suspect("rig.distortion_order", names, text, _change(names, in_our_order)))
+        everywhere.append(RigMistake("rig.distortion_order", names, text, _change(names, in_our_order)))
     if 2 * len(bad) > len(names):  # a mistake of all cameras leaves few that agree
         yield everywhere
     yield [suspect for name in bad for suspect in _of_one_camera(rig.camera(name), mirror)]
@@ -67,19 +67,19 @@ def suspects(rig: Rig, bad: tuple[str, ...], mirror: tuple[int, ...]) -> Iterato
     yield [suspect for pair in itertools.product(bad, others) for suspect in _exchanges(rig, *pair)]
 
 
-def _of_one_camera(camera: Camera, mirror: tuple[int, ...]) -> Iterator[Suspect]:
+def _of_one_camera(camera: Camera, mirror: tuple[int, ...]) -> Iterator[RigMistake]:
     name = camera.name
     for code, what, undo in _POSES:
-        yield Suspect(code, (name,), f"camera {name} {what.format(s='s')}", _change((name,), undo))
+        yield RigMistake(code, (name,), f"camera {name} {what.format(s='s')}", _change((name,), undo))
     if could_be_reordered(camera.intrinsics):
         text = f"the distortion of camera {name} {_REORDERED}"
-        yield Suspect("rig.distortion_order", (name,), text, _change((name,), in_our_order))
+        yield RigMistake("rig.distortion_order", (name,), text, _change((name,), in_our_order))
     for scale in SCALES:
         text = f"the intrinsics of camera {name} look like those of images {_size(scale)}"
-        yield Suspect("rig.image_size", (name,), text, _change((name,), _scaled(scale)))
+        yield RigMistake("rig.image_size", (name,), text, _change((name,), _scaled(scale)))
     for what, turn in _turns(mirror):
         text = f"the images of camera {name} look {what}"
-        yield Suspect("rig.image_turned", (name,), text, _turn_views(name, turn))
+        yield RigMistake("rig.image_turned", (name,), text, _turn_views(name, turn))
 
 
 def _size(scale: float) -> str:
@@ -203,7 +203,7 @@ Order = Mapping[str, str]  # camera -> camera under whose name its own views, in
 Undo = Callable[[Rig, Instants], tuple[Rig, Instants]]
 
 
-def _orders(rig: Rig, bad: tuple[str, ...]) -> Iterator[Suspect]:
+def _orders(rig: Rig, bad: tuple[str, ...]) -> Iterator[RigMistake]:
     """Yield exchanges of two cameras, or of their intrinsics or poses.
 
     With few suspects, it also yields longer permutations.
@@ -214,16 +214,16 @@ def _orders(rig: Rig, bad: tuple[str, ...]) -> Iterator[Suspect]:
         for kind in _KINDS if len(bad) <= ALL_ORDERS else _KINDS[:1]:
             if kind.could_be(rig, tuple(moved)):
                 turns = ", ".join(f"{source} is really {name}" for name, source in moved.items())
-                yield Suspect("rig.exchanged", tuple(moved), f"{kind.several}: {turns}", kind.undo(moved))
+                yield RigMistake("rig.exchanged", tuple(moved), f"{kind.several}: {turns}", kind.undo(moved))
 
 
-def _exchanges(rig: Rig, *pair: str) -> Iterator[Suspect]:
+def _exchanges(rig: Rig, *pair: str) -> Iterator[RigMistake]:
     """Yield exchanges of two cameras, of their intrinsics and of their poses."""
     a, b = sorted(pair, key=rig.index)
     for kind in _KINDS:
         if kind.could_be(rig, pair):
             text = kind.pair.format(a=a, b=b)
-            yield Suspect("rig.exchanged", (a, b), text, kind.undo({a: b, b: a}))
+            yield RigMistake("rig.exchanged", (a, b), text, kind.undo({a: b, b: a}))
 
 
 def _longer_orders(bad: tuple[str, ...]) -> Iterator[dict[str, str]]:
@@ -290,7 +290,7 @@ def _differ_within_a_size(rig: Rig, names: Sequence[str]) -> bool:
 
 
 @dataclass(frozen=True)
-class _Kind:
+class _ExchangeKind:
     """Kind of exchange.
 
     Args:
@@ -307,14 +307,14 @@ class _Kind:
 
 
 _KINDS = (  # if two kinds explain the same, the first is reported
-    _Kind("cameras {a} and {b} look exchanged", "cameras look mixed up", _views_of),
-    _Kind(
+    _ExchangeKind("cameras {a} and {b} look exchanged", "cameras look mixed up", _views_of),
+    _ExchangeKind(
         "the intrinsics of cameras {a} and {b} look exchanged",
         "the intrinsics of cameras look mixed up",
         _fields_of("intrinsics"),
         _differ_within_a_size,
     ),
-    _Kind(
+    _ExchangeKind(
         "the poses of cameras {a} and {b} look exchanged",
         "the poses of cameras look mixed up",
         _fields_of("cam_from_world"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.domain.checks import NOT_GIVEN, Shapes, check_stamp
+from panoptic_ros.domain.checks import NOT_GIVEN, ShapeChecks, check_stamp
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
@@ -39,7 +39,7 @@ class SkeletonFrame:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "stamp_ns", check_stamp(self, self.stamp_ns))
-        shapes = Shapes(self)
+        shapes = ShapeChecks(self)
         ids = shapes.store("ids", np.int64, "P")
         if len(np.unique(ids)) != len(ids):
             raise DataError(f"an id stands twice in the frame at {self.stamp_ns} ns: {ids.tolist()}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from panoptic_ros.evaluation.identity_scores import IdentityScores
-from panoptic_ros.evaluation.motion_scores import Consistency, ConsistencyOfSome
+from panoptic_ros.evaluation.motion_scores import Consistency, ViewCountConsistency
 from panoptic_ros.evaluation.pcp import PcpReport
 from panoptic_ros.evaluation.report import Report
 
@@ -77,7 +77,7 @@ def _consistency(report: Report) -> str:
     return f"{_consistency_of(report.consistency)} (per degree of freedom, 1 = consistent)"
 
 
-def _consistency_of(nees: Consistency | ConsistencyOfSome) -> str:
+def _consistency_of(nees: Consistency | ViewCountConsistency) -> str:
     return f"{nees.mean_per_dof:.2f}, {nees.cover95:.3f} within the 95 % ellipsoid, {nees.joints} joints"
 
 

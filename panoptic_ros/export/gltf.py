@@ -11,7 +11,7 @@ import numpy as np
 
 from panoptic_ros.domain.body_shape import BodyShape
 from panoptic_ros.domain.subjects import BodyState
-from panoptic_ros.export.resampled import Motion, local_turns, motion_of
+from panoptic_ros.export.resampled import ResampledMotion, local_turns, motion_of
 from panoptic_ros.geometry.capsules import capsule_mesh
 from panoptic_ros.geometry.rotations import to_quaternions
 
@@ -109,7 +109,7 @@ def glb_bytes(
 
 def _segments(
     shape: BodyShape,
-    motion: Motion,
+    motion: ResampledMotion,
     buffer: _Buffer,
     meshes: list[dict[str, Any]],
     material: int,
@@ -145,7 +145,7 @@ def _segments(
     return found
 
 
-def _smooth(quaternions: Array, motion: Motion) -> Array:
+def _smooth(quaternions: Array, motion: ResampledMotion) -> Array:
     """Convert quaternions w x y z to x y z w (N, S, 4) without sign changes between successive frames."""
     rows = quaternions.reshape(*motion.frames.shape[:2], 4)[..., [1, 2, 3, 0]]
     signs = np.where((rows[1:] * rows[:-1]).sum(-1) < 0.0, -1.0, 1.0)

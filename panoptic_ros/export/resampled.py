@@ -15,7 +15,7 @@ from panoptic_ros.errors import DataError
 Array = np.ndarray
 
 
-class Motion(NamedTuple):
+class ResampledMotion(NamedTuple):
     """Motion of one person at a fixed rate: N frames of S segments.
 
     Args:
@@ -33,7 +33,7 @@ class Motion(NamedTuple):
     first_ns: int
 
 
-def motion_of(model: SegmentModel, states: Sequence[BodyState], what: str) -> Motion:
+def motion_of(model: SegmentModel, states: Sequence[BodyState], what: str) -> ResampledMotion:
     """Return the motion of one person; a missing body is replaced by the previous one.
 
     Args:
@@ -51,7 +51,7 @@ def motion_of(model: SegmentModel, states: Sequence[BodyState], what: str) -> Mo
     instants = stamps[0] + period * (np.arange(count) + 0.5)
     rows = np.searchsorted(stamps, instants, side="right") - 1
     places, frames = (np.array([getattr(s, name) for s in states])[rows] for name in ("places", "frames"))
-    return Motion(1e-9 * period, places, frames, offsets_of(model, places, frames), int(stamps[0]))
+    return ResampledMotion(1e-9 * period, places, frames, offsets_of(model, places, frames), int(stamps[0]))
 
 
 def local_turns(model: SegmentModel, frames: Array) -> Array:

@@ -8,7 +8,7 @@ from panoptic_ros.geometry.pinhole import Intrinsics, Lens
 from panoptic_ros.geometry.rigid import Rigid
 from panoptic_ros.geometry.triangulation import (
     ProjectionStack,
-    Triangulated,
+    Triangulation,
     triangulate_linear,
     triangulate_robust,
 )
@@ -18,7 +18,7 @@ __all__ = [
     "Lens",
     "ProjectionStack",
     "Rigid",
-    "Triangulated",
+    "Triangulation",
     "triangulate_linear",
     "triangulate_robust",
 ]

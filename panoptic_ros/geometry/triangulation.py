@@ -43,7 +43,7 @@ class ProjectionStack:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Triangulated:
+class Triangulation:
     """Triangulation result for N points seen by C cameras.
 
     points: (N, 3) m, NaN where fewer than two views were left.
@@ -90,7 +90,7 @@ def triangulate_robust(
     cauchy: float = 3.0,
     gate: float = 5.0,
     iterations: int = 8,
-) -> Triangulated:
+) -> Triangulation:
     """Triangulate by Gauss-Newton with Cauchy weights on the reprojection error, gated in the last steps.
 
     Args:
@@ -102,7 +102,7 @@ def triangulate_robust(
         iterations: Number of steps.
 
     Returns:
-        see `Triangulated`. The covariance is that of the remaining views, without inflation.
+        see `Triangulation`. The covariance is that of the remaining views, without inflation.
     """
     from panoptic_ros.geometry.robust import growth  # imported here, because numba is slow to load
 
@@ -133,7 +133,7 @@ def triangulate_robust(
     good = solvable & (inliers.sum(1) >= 2)
     covariances = np.linalg.inv(np.where(good[:, None, None], _damped(normal), np.eye(3)))
     pixels = np.where(given, residual / np.maximum(precision, 1e-12) * stack.focals, np.nan)
-    return Triangulated(
+    return Triangulation(
         np.where(good[:, None], x, np.nan),
         np.where(good[:, None, None], covariances, np.nan),
         np.where(good[:, None], pixels, np.nan),

@@ -19,7 +19,7 @@ MOST_PUBLISHERS = 4  # publishers that are tracked per topic
 MOST_LOST = 3600  # messages; a larger gap is a restarted publisher or an invalid number
 
 
-class Arrivals:
+class ArrivalCounters:
     """Message counters of one topic, bounded in memory. Times are of one monotonic clock, ns.
 
     Args:

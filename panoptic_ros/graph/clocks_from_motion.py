@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import records_of
-from panoptic_ros.graph.recording import HeldRecording
+from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.offsets import CameraClocks, MotionClocks, MotionClocksConfig, regroup
 from panoptic_ros.params import Config
 from panoptic_ros.stage import Progress, StageContext, untold
@@ -17,7 +17,7 @@ TO_TRACKING = FUSION[: FUSION.index("tracking") + 1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Corrected:
+class ClockCorrection:
     """Camera clocks, and the detection sets regrouped by these clocks."""
 
     clocks: CameraClocks
@@ -44,8 +44,8 @@ def find_clocks(
     configs: Mapping[str, Config],
     trusted: str = "",
     progress: Progress = untold,
-) -> Corrected:
+) -> ClockCorrection:
     """Return the estimated clocks, and the sets regrouped by them; see `motion_clocks`."""
-    recording = HeldRecording({"detection_sets": sets})
+    recording = InMemoryRecording({"detection_sets": sets})
     clocks = motion_clocks(context, configs, trusted).run(recording, progress)
-    return Corrected(clocks, regroup(sets, clocks.corrections(sets)) if sets else [])
+    return ClockCorrection(clocks, regroup(sets, clocks.corrections(sets)) if sets else [])

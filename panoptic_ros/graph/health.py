@@ -1,7 +1,7 @@
 """Health of a node, its stages and inputs, and of the whole graph, as published on /diagnostics.
 
-`Health` derives the statuses of one node. `GraphHealth` combines the statuses of all nodes and reports silent
-nodes.
+`NodeHealth` derives the statuses of one node. `GraphHealth` combines the statuses of all nodes and reports
+silent nodes.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from panoptic_ros.graph.arrivals import SECOND, Arrivals
+from panoptic_ros.graph.arrivals import SECOND, ArrivalCounters
 from panoptic_ros.graph.counters import StageStatistics
 
 CALM_NS = 10 * SECOND  # 10 s; a warning clears this long after the last drop or notice
@@ -36,7 +36,7 @@ class Status(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Told:
+class ReceivedStatus:
     """Diagnostic status of a graph as a listener received it.
 
     Args:
@@ -54,7 +54,7 @@ class Told:
     heard_s: float
 
 
-class Doing(NamedTuple):
+class Activity(NamedTuple):
     """Current activity: the stage that performs a step, its start time, and the kernel being compiled."""
 
     stage: str = ""
@@ -63,7 +63,7 @@ class Doing(NamedTuple):
 
 
 @dataclass
-class _Changes:
+class _CounterChanges:
     """Recent increases of counters, relative to their value before the increases began."""
 
     seen: Counter[str] = field(default_factory=Counter)
@@ -86,8 +86,8 @@ class _Changes:
 @dataclass
 class _StageHealth:
     statistics: StageStatistics
-    drops: _Changes = field(default_factory=_Changes)
-    warnings: _Changes = field(default_factory=_Changes)
+    drops: _CounterChanges = field(default_factory=_CounterChanges)
+    warnings: _CounterChanges = field(default_factory=_CounterChanges)
     taken: int = 0
     newest_ns: int | None = None  # time at which `taken` was last found increased
     seen: deque[tuple[int, int]] = field(default_factory=deque)  # (time, `taken`) over the last RATE_NS
@@ -101,7 +101,7 @@ class _StageHealth:
         return SECOND * (after - before) / max(1, ended_ns - begun_ns)
 
 
-class Health:
+class NodeHealth:
     """Statuses of a node. Times are of one monotonic clock, ns.
 
     Args:
@@ -113,13 +113,13 @@ class Health:
     def __init__(self, node: str, statistics: Mapping[str, StageStatistics], live: bool):
         self._node, self._live = node, live
         self._stages = {name: _StageHealth(own) for name, own in statistics.items()}
-        self._inputs: list[tuple[Arrivals, str]] = []
+        self._inputs: list[tuple[ArrivalCounters, str]] = []
         self.awaited: Sequence[str] = ()  # latched facts that have not arrived
         self.unfit: Sequence[str] = ()  # reasons why the newest latched facts are not adopted
-        self.doing = Doing()
+        self.doing = Activity()
         self.finished = False
 
-    def add(self, arrivals: Arrivals, stage: str) -> None:
+    def add(self, arrivals: ArrivalCounters, stage: str) -> None:
         """Add an input, and the first stage that takes it."""
         self._inputs.append((arrivals, stage))
 
@@ -192,7 +192,7 @@ NAMED = 4  # most problems in the message
 
 
 @dataclass
-class _Heard:
+class _NodeStatus:
     newest_ns: int
     finished: bool = False
     troubles: dict[str, str] = field(default_factory=dict)  # by status name
@@ -202,7 +202,7 @@ class GraphHealth:
     """Combined status of all nodes of a graph. Times are of one monotonic clock, ns."""
 
     def __init__(self) -> None:
-        self._nodes: dict[str, _Heard] = {}
+        self._nodes: dict[str, _NodeStatus] = {}
 
     def heard(self, name: str, values: Mapping[str, str], trouble: str, now_ns: int) -> None:
         """Take a status of a node.
@@ -215,7 +215,7 @@ class GraphHealth:
         node = values.get("node")
         if node is None:
             return
-        known = self._nodes.setdefault(node, _Heard(now_ns))
+        known = self._nodes.setdefault(node, _NodeStatus(now_ns))
         known.newest_ns = now_ns
         if "finished" in values:
             known.finished = values["finished"] == "true"

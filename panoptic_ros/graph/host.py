@@ -47,7 +47,7 @@ class Lane(NamedTuple):
     shift_ns: int | None = None
 
 
-class Origins(NamedTuple):
+class ClockOrigins(NamedTuple):
     """Time origins of the clocks.
 
     Args:
@@ -59,7 +59,7 @@ class Origins(NamedTuple):
     begin: int
 
     @classmethod
-    def of(cls, firsts: Mapping[str, int], shifted: Sequence[int] = ()) -> Origins:
+    def of(cls, firsts: Mapping[str, int], shifted: Sequence[int] = ()) -> ClockOrigins:
         """Return origins from the first timestamps of the clocks: all clocks begin with the common one ("").
 
         Args:
@@ -71,7 +71,7 @@ class Origins(NamedTuple):
         return cls({clock: first - begin for clock, first in firsts.items() if clock}, begin)
 
 
-class BesideStream:
+class CompanionStream:
     """Records that are passed on just before the records of another topic of the same owner.
 
     Depth maps, for example, come before their images. An image with timestamp t takes along all depth maps
@@ -152,7 +152,9 @@ class StampedStream:
         """Mark the stream as completely arrived."""
         self.ended = True
 
-    def take(self, origins: Origins, beside: Sequence[BesideStream] = ()) -> list[tuple[Lane, Place, Any]]:
+    def take(
+        self, origins: ClockOrigins, beside: Sequence[CompanionStream] = ()
+    ) -> list[tuple[Lane, Place, Any]]:
         """Remove and return the arrived records as (lane, place, record), each after its companions.
 
         Args:
@@ -177,7 +179,7 @@ class StampedStream:
         """Return the place of the newest record that has one."""
         return (self._time, *self.lane.order)
 
-    def _time_of(self, stamp: int, origins: Origins) -> int:
+    def _time_of(self, stamp: int, origins: ClockOrigins) -> int:
         if self._last is None:
             known = self.lane.shift_ns
             self._shift = -origins.shifts.get(self.lane.clock, 0) if known is None else known
@@ -201,15 +203,15 @@ class StampedStream:
         return self._time
 
 
-class Group:
+class StreamGroup:
     """Merged streams: all of a host, or those of one camera or device."""
 
     def __init__(self, lanes: Sequence[Lane]):
         self.streams = {(lane.topic, lane.owner): StampedStream(lane) for lane in lanes if not lane.ahead_ns}
-        self.beside = {(lane.topic, lane.owner): BesideStream(lane) for lane in lanes if lane.ahead_ns}
+        self.beside = {(lane.topic, lane.owner): CompanionStream(lane) for lane in lanes if lane.ahead_ns}
         self._placed: list[tuple[Place, int, Lane, Any, bool]] = []  # a heap
         self._number = 0
-        self._origins: Origins | None = None
+        self._origins: ClockOrigins | None = None
         self._ends: dict[Key, bool] = {}  # ends that have arrived: whether they have a place
 
     def put(self, key: Key, stamp_ns: int, record: Any) -> None:
@@ -278,7 +280,7 @@ class Group:
         self._number += 1
         heappush(self._placed, (place, self._number, lane, record, is_end))
 
-    def _find_origins(self) -> Origins | None:
+    def _find_origins(self) -> ClockOrigins | None:
         """Return the time origins of all clocks; None if a lane has no record yet."""
         if any(stream.first_stamp is None and not stream.empty for stream in self.streams.values()):
             return None
@@ -290,7 +292,7 @@ class Group:
                 shifted.append(first + shift)
             elif first is not None:
                 firsts[clock] = min(first, firsts.get(clock, first))
-        return Origins.of(firsts, shifted)
+        return ClockOrigins.of(firsts, shifted)
 
 
 class Host:
@@ -319,7 +321,7 @@ class Host:
         self._apart = all(spec.apart for spec in wiring.specs)
         owners = dict.fromkeys(lane.owner if self._apart else "" for lane in merged)
         self._groups = {
-            owner: Group([lane for lane in merged if not self._apart or lane.owner == owner])
+            owner: StreamGroup([lane for lane in merged if not self._apart or lane.owner == owner])
             for owner in owners
         }
         self._reaching = [
@@ -370,7 +372,7 @@ class Host:
 
     # ------------------------------------------------------------------ helpers
 
-    def _group(self, owner: str) -> Group:
+    def _group(self, owner: str) -> StreamGroup:
         return self._groups[owner if self._apart else ""]
 
     def _add(self, place: Place, lane: Lane, record: Any, is_end: bool) -> None:

@@ -42,7 +42,7 @@ ROUNDS = 2  # rounds of placing patches on people
 Taken = PatchTracks | DepthFrame | TrackedPoseSet
 
 
-class Instant(NamedTuple):
+class PoseInstant(NamedTuple):
     """Set of tracked 3D poses, and the records that came since the previous set."""
 
     before: tuple[PatchTracks | DepthFrame, ...]
@@ -50,15 +50,17 @@ class Instant(NamedTuple):
     free: Any  # (F, 2) ids and joints in space that depth sensors measured as free; None = unknown
 
 
-class Round:
+class RefinementRound:
     """One round: patches on given skeletons, and smoothing of the measured joints with the patch motions."""
 
     def __init__(self, patches: PatchesConfig, refinement: RefinementConfig, context: StageContext):
         self._patches = make_stage("patches", patches, context) if patches.active else None
         self._refinement = make_stage("refinement", refinement, context)
-        self._waiting: deque[Instant] = deque()
+        self._waiting: deque[PoseInstant] = deque()
 
-    def take(self, instant: Instant, shown: TrackedPoseSet) -> Iterator[tuple[Instant, RefinedPoseSet]]:
+    def take(
+        self, instant: PoseInstant, shown: TrackedPoseSet
+    ) -> Iterator[tuple[PoseInstant, RefinedPoseSet]]:
         """Yield the sets that are smoothed by now.
 
         Args:
@@ -76,12 +78,12 @@ class Round:
         self._waiting.append(instant)
         yield from self._matched(self._refinement.step(instant.poses).outputs)
 
-    def flush(self) -> Iterator[tuple[Instant, RefinedPoseSet]]:
+    def flush(self) -> Iterator[tuple[PoseInstant, RefinedPoseSet]]:
         """Yield the remaining sets."""
         yield from self._matched(self._refinement.flush().outputs)
         self._waiting.clear()
 
-    def _matched(self, outputs: Iterable[RefinedPoseSet]) -> Iterator[tuple[Instant, RefinedPoseSet]]:
+    def _matched(self, outputs: Iterable[RefinedPoseSet]) -> Iterator[tuple[PoseInstant, RefinedPoseSet]]:
         for output in outputs:
             while self._waiting[0].poses.index != output.index:
                 self._waiting.popleft()  # refinement dropped this set, because it came too late
@@ -110,7 +112,9 @@ class OfflineRefinement:
         )
         kept = replace(patches, carry_gain=1.0)  # follow skeletons without noise and gaps exactly
         rounds = ROUNDS if patches.active else 1
-        self._rounds = [Round(patches if k == 0 else kept, refinement, context) for k in range(rounds)]
+        self._rounds = [
+            RefinementRound(patches if k == 0 else kept, refinement, context) for k in range(rounds)
+        ]
         self._before: list[PatchTracks | DepthFrame] = []
 
     def take(self, item: Taken) -> Iterator[RefinedPoseSet]:
@@ -118,7 +122,7 @@ class OfflineRefinement:
         if not isinstance(item, TrackedPoseSet):
             self._before.append(item)
             return
-        instant = Instant(tuple(self._before), item, None)
+        instant = PoseInstant(tuple(self._before), item, None)
         self._before = []
         yield from self._next(0, self._rounds[0].take(instant, item))
 
@@ -127,7 +131,7 @@ class OfflineRefinement:
         for k, one in enumerate(self._rounds):
             yield from self._next(k, one.flush())
 
-    def _next(self, k: int, found: Iterable[tuple[Instant, RefinedPoseSet]]) -> Iterator[RefinedPoseSet]:
+    def _next(self, k: int, found: Iterable[tuple[PoseInstant, RefinedPoseSet]]) -> Iterator[RefinedPoseSet]:
         """Pass the output of round k through the later rounds."""
         for instant, output in found:
             if k + 1 == len(self._rounds):

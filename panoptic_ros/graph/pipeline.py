@@ -15,11 +15,19 @@ from panoptic_ros.domain import EndOfStream, Rig
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import make_stage, ports_in_use, rows_in_use, switched_on
 from panoptic_ros.graph.nodes import CHAIN, FUSION, NODES, Port
-from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, Schedule, Turn
+from panoptic_ros.graph.schedule import END, FLUSH, Bounds, Place, StageSchedule, StageTurn
 from panoptic_ros.graph.topics import TOPICS, number_of, owner_of
 from panoptic_ros.graph.wiring import Table, Wiring
 from panoptic_ros.params import Config
-from panoptic_ros.stage import Notice, Punctual, Resting, Stage, StageContext, StepResult, Timed
+from panoptic_ros.stage import (
+    ArrivalAwareStage,
+    LastingStateStage,
+    LatenessAwareStage,
+    Notice,
+    Stage,
+    StageContext,
+    StepResult,
+)
 
 Observer = Callable[[str, Any], None]  # (key of the topic, record)
 NoticeObserver = Callable[[str, Notice], None]  # (stage, notice)
@@ -84,7 +92,7 @@ class Pipeline:
         table = rows_in_use(ports_in_use(configs, table) if used is None else used, table)
         names = switched_on(stages, configs, table)
         self.wiring = Wiring(names, names if everywhere is None else everywhere, table)
-        self.schedule = Schedule(self.wiring)
+        self.schedule = StageSchedule(self.wiring)
         self._configs, self._context = configs, context
         self._stages = [self._make(spec.name) for spec in self.wiring.specs]
         self._find_live_stages()
@@ -119,7 +127,7 @@ class Pipeline:
             stage.waited(ns)
 
     def arrived(self, came_ns: int, host_ns: int) -> None:
-        """Report to the stages when the next pushed records arrived (live, see `stage.Timed`)."""
+        """Report to the stages when the next pushed records arrived (live, see `stage.ArrivalAwareStage`)."""
         for stage in self._timed_stages:
             stage.arrived(came_ns, host_ns)
 
@@ -170,7 +178,7 @@ class Pipeline:
     def lasting_state(self) -> dict[str, bytes]:
         """Return the state that matters after a pause, by stage; some stages need less than `state`."""
         return {
-            name: stage.lasting_state() if isinstance(stage, Resting) else stage.state()
+            name: stage.lasting_state() if isinstance(stage, LastingStateStage) else stage.state()
             for name, stage in zip(self.names, self._stages)
         }
 
@@ -220,7 +228,7 @@ class Pipeline:
     def flush_stage(self, number: int) -> None:
         """Flush a stage; it takes no more records, including feedback."""
         self.schedule.close(number)
-        turn = Turn((FLUSH, self.wiring.ranks[number]), number, None)
+        turn = StageTurn((FLUSH, self.wiring.ranks[number]), number, None)
         self._hand_on(turn, self._stages[number].flush())
 
     def run(self, bounds: Bounds | None = None) -> None:
@@ -243,14 +251,14 @@ class Pipeline:
 
     def _find_live_stages(self) -> None:
         """Find the stages that use information of a live graph."""
-        self._punctual = [stage for stage in self._stages if isinstance(stage, Punctual)]
-        self._timed_stages = [stage for stage in self._stages if isinstance(stage, Timed)]
+        self._punctual = [stage for stage in self._stages if isinstance(stage, LatenessAwareStage)]
+        self._timed_stages = [stage for stage in self._stages if isinstance(stage, ArrivalAwareStage)]
 
     def _place_of_push(self, topic: str) -> Place:
         self._pushed += 1
         return (self._pushed, 0, number_of(topic))
 
-    def _take_end(self, turn: Turn, end: _End) -> None:
+    def _take_end(self, turn: StageTurn, end: _End) -> None:
         """Report an end to the stage if its port wants it, and to the readers of its one-to-one outputs."""
         if end.port.tells_end:
             self._step(turn._replace(record=EndOfStream(end.owner)))
@@ -259,7 +267,7 @@ class Pipeline:
             self.add_end(topic, end.owner, (*end.last[:-1], number_of(topic)))
             self._on_end(topic, end.owner)
 
-    def _step(self, turn: Turn) -> None:
+    def _step(self, turn: StageTurn) -> None:
         if isinstance(turn.record, _End):
             self._take_end(turn, turn.record)
             return
@@ -286,7 +294,7 @@ class Pipeline:
         start, cpu = self._clock(), self._cpu_clock()
         return stage.step(record), self._clock() - start, self._cpu_clock() - cpu
 
-    def _hand_on(self, turn: Turn, result: StepResult[Any]) -> None:
+    def _hand_on(self, turn: StageTurn, result: StepResult[Any]) -> None:
         spec = self.wiring.specs[turn.stage]
         for notice in result.notices:
             self._on_notice(spec.name, notice)

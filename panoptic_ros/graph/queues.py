@@ -17,7 +17,7 @@ from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.graph.wiring import Wiring
 
 
-class Item(NamedTuple):
+class QueuedMessage(NamedTuple):
     """Message that has arrived on a topic of a camera or device, with its time of arrival (monotonic, ns)."""
 
     topic: str
@@ -28,11 +28,11 @@ class Item(NamedTuple):
 
 
 @dataclass
-class _Beside:
+class _CompanionQueue:
     """Waiting companions of one topic."""
 
     port: Port
-    waiting: deque[Item] = field(default_factory=deque)
+    waiting: deque[QueuedMessage] = field(default_factory=deque)
 
 
 class Companions:
@@ -47,15 +47,15 @@ class Companions:
     """
 
     def __init__(self, ports: Sequence[Port], present: Collection[tuple[str, str]]):
-        self._beside: dict[str, list[_Beside]] = {}
-        self._records: dict[str, deque[Item]] = {}
+        self._beside: dict[str, list[_CompanionQueue]] = {}
+        self._records: dict[str, deque[QueuedMessage]] = {}
         topics = {port.topic: port for port in ports}
         for topic, owner in sorted(present):
             if topic in topics:
-                self._beside.setdefault(owner, []).append(_Beside(topics[topic]))
+                self._beside.setdefault(owner, []).append(_CompanionQueue(topics[topic]))
                 self._records[owner] = deque()
 
-    def put(self, item: Item) -> list[tuple[Item, ...]]:
+    def put(self, item: QueuedMessage) -> list[tuple[QueuedMessage, ...]]:
         """Add an item; return the bundles that are ready, each with the record after its companions."""
         if item.owner not in self._beside:
             return [(item,)]
@@ -66,14 +66,14 @@ class Companions:
         self._records[item.owner].append(item)
         return self._ready(item.owner, item.stamp_ns)
 
-    def _keep(self, beside: _Beside, item: Item) -> None:
+    def _keep(self, beside: _CompanionQueue, item: QueuedMessage) -> None:
         """Add a companion, and drop old ones: they must not pile up if the camera sends no records."""
         waiting = beside.waiting
         while waiting and not 0 <= item.stamp_ns - waiting[0].stamp_ns <= beside.port.patience_ns:
             waiting.popleft()
         waiting.append(item)
 
-    def _ready(self, owner: str, newest_ns: int | None) -> list[tuple[Item, ...]]:
+    def _ready(self, owner: str, newest_ns: int | None) -> list[tuple[QueuedMessage, ...]]:
         records, found = self._records[owner], []
         while records and all(_has_come(b, records[0].stamp_ns, newest_ns) for b in self._beside[owner]):
             record = records.popleft()
@@ -82,13 +82,13 @@ class Companions:
         return found
 
 
-def _has_come(beside: _Beside, stamp_ns: int, newest_ns: int | None) -> bool:
+def _has_come(beside: _CompanionQueue, stamp_ns: int, newest_ns: int | None) -> bool:
     """Return whether the wait for companions of a record is over."""
     late = newest_ns is not None and newest_ns - stamp_ns >= beside.port.patience_ns
     return late or any(item.stamp_ns > stamp_ns - beside.port.ahead_ns for item in beside.waiting)
 
 
-def _before(beside: _Beside, stamp_ns: int) -> list[Item]:
+def _before(beside: _CompanionQueue, stamp_ns: int) -> list[QueuedMessage]:
     """Remove and return the companions that are passed on before a record."""
     found = []
     while beside.waiting and beside.waiting[0].stamp_ns < stamp_ns + beside.port.ahead_ns:
@@ -100,7 +100,7 @@ PERIODS = 3  # frame periods without a frame, after which a camera has failed
 LONGEST_NS = 2_000_000_000  # 2 s; a longer time between frames is a pause, not a period
 
 
-class Waiting(Protocol):
+class MessageQueue(Protocol):
     """Queue between the callbacks of a node and its worker. Not thread-safe."""
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:
@@ -110,7 +110,7 @@ class Waiting(Protocol):
         """Remove and return the next items to process, in order; [] if there are none."""
 
 
-class InOrder:
+class FifoQueue:
     """First-in-first-out queue that drops the oldest item of a topic above the limit of the topic.
 
     Args:
@@ -127,7 +127,7 @@ class InOrder:
         self._newest = 0
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:
-        """Add an item, see `Waiting`."""
+        """Add an item, see `MessageQueue`."""
         own, limit, dropped = self._numbers[key], self._limit_of(key), 0
         if limit is not None and len(own) >= limit:
             del self._items[own.popleft()]
@@ -138,7 +138,7 @@ class InOrder:
         return dropped
 
     def take(self) -> list[Any]:
-        """Remove and return the next items, see `Waiting`."""
+        """Remove and return the next items, see `MessageQueue`."""
         if not self._items:
             return []
         found = []
@@ -152,7 +152,7 @@ class InOrder:
         return found
 
 
-class InstantsAndOthers:
+class InstantQueue:
     """Queue that gives all other items in order first, and then images as instants.
 
     Args:
@@ -164,23 +164,23 @@ class InstantsAndOthers:
 
     def __init__(
         self,
-        instants: Waiting,
+        instants: MessageQueue,
         keys: Collection[str],
-        others: Waiting,
+        others: MessageQueue,
         full: Callable[[], bool] = lambda: False,
     ):
         self._instants, self._keys, self._others, self._full = instants, frozenset(keys), others, full
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:
-        """Add an item, see `Waiting`."""
+        """Add an item, see `MessageQueue`."""
         return (self._instants if key in self._keys else self._others).put(key, stamp_ns, item)
 
     def take(self) -> list[Any]:
-        """Remove and return the next items, see `Waiting`."""
+        """Remove and return the next items, see `MessageQueue`."""
         return self._others.take() or ([] if self._full() else self._instants.take())
 
 
-class NewestInstant:
+class NewestInstantQueue:
     """Queue for a detector that cannot keep up: it gives the newest views of one instant together.
 
     If each camera dropped frames independently, the remaining frames would belong to different instants. No
@@ -202,7 +202,7 @@ class NewestInstant:
         self._dropped = 0
 
     def put(self, key: str, stamp_ns: int, item: Any) -> int:
-        """Add an item, see `Waiting`."""
+        """Add an item, see `MessageQueue`."""
         frames = self._frames[key]
         frames.append((stamp_ns, item))
         if self._seen[key] >= 0:
@@ -243,7 +243,7 @@ def queue_for(
     flow: Flow,
     present: Collection[tuple[str, str]],
     full: Callable[[], bool] = lambda: False,
-) -> Waiting:
+) -> MessageQueue:
     """Return the queue of a node.
 
     Live: images wait as instants. Other topics keep a few messages, IMUs more, and topics where every message
@@ -254,7 +254,7 @@ def queue_for(
         full: Returns whether no further instant may begin yet.
     """
     if flow.queue_limit is None:
-        return InOrder()
+        return FifoQueue()
     kinds = {
         topic: {wiring.specs[reader.stage].queue for reader in readers}
         for topic, readers in wiring.readers.items()
@@ -264,9 +264,9 @@ def queue_for(
         for topic, kind in kinds.items()
     }
     frequent = [f"{topic} {owner}" for topic, owner in present if TOPICS[topic].scope == "imu"]
-    others = InOrder(lambda key: limits[key.split(" ")[0]], frequent)
+    others = FifoQueue(lambda key: limits[key.split(" ")[0]], frequent)
     beside = {port.topic for port in wiring.inputs if port.patience_ns}
     instants = [
         f"{topic} {owner}" for topic, owner in present if "instant" in kinds[topic] and topic not in beside
     ]
-    return InstantsAndOthers(NewestInstant(instants), instants, others, full) if instants else others
+    return InstantQueue(NewestInstantQueue(instants), instants, others, full) if instants else others

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 
-class HeldRecording:
+class InMemoryRecording:
     """Records in memory, as a `stage.Recording`.
 
     Args:

@@ -25,7 +25,7 @@ from heapq import heappop, heappush
 from typing import Any, NamedTuple
 
 from panoptic_ros.graph.topics import TOPICS, number_of
-from panoptic_ros.graph.wiring import Reader, Wiring
+from panoptic_ros.graph.wiring import TopicReader, Wiring
 
 Place = tuple[int, ...]
 DONE = 2**63 - 1  # p + (DONE,) is after everything that follows from p
@@ -35,7 +35,7 @@ FIRST = -(2**31)  # added to the rank of a stage for a port marked `first`
 Bounds = Callable[[int], Place]  # stage -> lower bound of the places that may still come from outside
 
 
-class Turn(NamedTuple):
+class StageTurn(NamedTuple):
     """Turn of a stage to process a record.
 
     Args:
@@ -52,7 +52,7 @@ class Turn(NamedTuple):
 
 
 @dataclass
-class _Open:
+class _OpenRecord:
     """Current record of a head.
 
     Args:
@@ -61,7 +61,7 @@ class _Open:
         last: Place of the newest output, if its timestamp gives one.
     """
 
-    turn: Turn
+    turn: StageTurn
     given: int = 0
     last: Place = ()
 
@@ -71,14 +71,14 @@ class _Open:
         return (*self.last, DONE) if self.last else (*self.turn.time, self.given + 1)
 
 
-class Schedule:
+class StageSchedule:
     """Queues of the records that wait for the stages of one process."""
 
     def __init__(self, wiring: Wiring):
         self._wiring = wiring
         self._waiting: list[list[tuple[Place, int, Any, bool]]] = [[] for _ in wiring.specs]  # heaps by turn
         self._back: list[deque[Any]] = [deque() for _ in wiring.specs]
-        self._open: list[_Open] = []  # current records of heads, the innermost last
+        self._open: list[_OpenRecord] = []  # current records of heads, the innermost last
         self._given: tuple[Place, int] = (
             (),
             0,
@@ -100,7 +100,7 @@ class Schedule:
             else:
                 self.wait(reader, record, place)
 
-    def wait(self, reader: Reader, record: Any, place: Place) -> None:
+    def wait(self, reader: TopicReader, record: Any, place: Place) -> None:
         """Add a record for one stage."""
         rank = self._wiring.ranks[reader.stage]
         port = self._wiring.port(reader)
@@ -119,7 +119,7 @@ class Schedule:
         """Open all stages again."""
         self._closed.clear()
 
-    def place_of_next(self, turn: Turn, topic: str) -> Place:
+    def place_of_next(self, turn: StageTurn, topic: str) -> Place:
         """Return the place of the next output of a stage at its turn."""
         head = self._open[-1] if self._open else None
         if head is not None and (head.turn.stage, head.turn.time) != (turn.stage, turn.time):
@@ -137,7 +137,7 @@ class Schedule:
         self._given = turn.time, count
         return (*turn.time, count)
 
-    def next(self, bounds: Bounds | None) -> Turn | None:
+    def next(self, bounds: Bounds | None) -> StageTurn | None:
         """Return the next turn; None if it is not determined yet or nothing waits."""
         while self._open:
             head = self._open[-1]
@@ -149,7 +149,7 @@ class Schedule:
                 return self._begun(self._earliest(bounds, waiting))  # earlier stages continue meanwhile
             stage = head.turn.stage
             if self._back[stage]:
-                return Turn(head.turn.time, stage, self._back[stage].popleft(), True)
+                return StageTurn(head.turn.time, stage, self._back[stage].popleft(), True)
             self._open.pop()
         return self._begun(self._earliest(bounds))
 
@@ -166,15 +166,15 @@ class Schedule:
 
     # ------------------------------------------------------------------ turns
 
-    def _begun(self, turn: Turn | None) -> Turn | None:
+    def _begun(self, turn: StageTurn | None) -> StageTurn | None:
         """Remove the record of a turn from its queue and return the turn."""
         if turn is not None:
             heappop(self._waiting[turn.stage])
             if turn.stage in self._wiring.heads:
-                self._open.append(_Open(turn))
+                self._open.append(_OpenRecord(turn))
         return turn
 
-    def _earliest(self, bounds: Bounds | None, held: Collection[int] = ()) -> Turn | None:
+    def _earliest(self, bounds: Bounds | None, held: Collection[int] = ()) -> StageTurn | None:
         """Return the earliest turn that no record from outside can precede; None if there is none.
 
         A stage that waits for outside records holds up the later stages that depend on it.
@@ -189,6 +189,6 @@ class Schedule:
                 continue
             if bounds is None or time <= bounds(stage):
                 _, _, record, beside = self._waiting[stage][0]
-                return Turn(time, stage, record, beside)
+                return StageTurn(time, stage, record, beside)
             held.add(stage)
         return None

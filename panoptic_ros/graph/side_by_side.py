@@ -27,11 +27,11 @@ AHEAD = 2  # images per camera that may always wait with their results
 HELD = 1 << 26
 TABLE: Mapping[str, NodeSpec] = {
     **NODES,
-    "detection": replace(NODES["detection"], stage=f"{__name__}:LookedAt"),
+    "detection": replace(NODES["detection"], stage=f"{__name__}:PrecomputedDetection"),
 }
 
 
-class _Look(NamedTuple):
+class _DetectionResult(NamedTuple):
     """Image with the result of the stage, or the error if the stage refused it."""
 
     frame: ViewFrame
@@ -39,11 +39,11 @@ class _Look(NamedTuple):
     duration_ns: int
 
 
-class LookedAt:
-    """Replacement of the detection stage: it gives the results of `SideBySide`, the extra "looks"."""
+class PrecomputedDetection:
+    """Replacement of the detection stage: it gives the results of `ParallelDetection`, the extra "looks"."""
 
     def __init__(self, config: Config, context: StageContext):
-        self._looks: SideBySide = context.extras["looks"]
+        self._looks: ParallelDetection = context.extras["looks"]
 
     def step(self, item: ViewFrame) -> StepResult[ViewDetections]:
         """Return the result for an image.
@@ -71,7 +71,7 @@ class LookedAt:
         """Do nothing: there is no state."""
 
 
-class SideBySide:
+class ParallelDetection:
     """Context manager that runs a detection stage over the images of several cameras in threads.
 
     The threads end when the context is left.
@@ -91,9 +91,9 @@ class SideBySide:
         clock: Callable[[], int],
     ):
         self._stage, self._inputs, self._clock = stage, inputs, clock
-        self._ready: dict[str, deque[_Look]] = {name: deque() for name in inputs}
+        self._ready: dict[str, deque[_DetectionResult]] = {name: deque() for name in inputs}
         # results passed on to the pipeline
-        self._given: dict[str, deque[_Look]] = {name: deque() for name in inputs}
+        self._given: dict[str, deque[_DetectionResult]] = {name: deque() for name in inputs}
         self._held = 0  # size of the waiting images, bytes
         self._busy: set[str] = set()
         self._ended: set[str] = set()
@@ -106,7 +106,7 @@ class SideBySide:
             for k in range(min(threads, max(len(inputs), 1)))
         ]
 
-    def __enter__(self) -> SideBySide:
+    def __enter__(self) -> ParallelDetection:
         for thread in self._threads:
             thread.start()
         return self
@@ -139,7 +139,7 @@ class SideBySide:
             yield look.frame
 
     def take(self, frame: ViewFrame) -> StepResult[ViewDetections]:
-        """Return the result for the next image of a camera; see `LookedAt.step`."""
+        """Return the result for the next image of a camera; see `PrecomputedDetection.step`."""
         look = self._given[frame.camera].popleft()
         self.duration_ns = look.duration_ns
         if isinstance(look.result, DataError):
@@ -189,13 +189,13 @@ class SideBySide:
                 self._held += look.frame.image.nbytes
             self._changed.notify_all()
 
-    def _step(self, frame: ViewFrame) -> _Look:
+    def _step(self, frame: ViewFrame) -> _DetectionResult:
         start = self._clock()
         try:
             result: StepResult[ViewDetections] | DataError = self._stage.step(frame)
         except DataError as error:
             result = error
-        return _Look(frame, result, self._clock() - start)
+        return _DetectionResult(frame, result, self._clock() - start)
 
 
 def looked_ahead(
@@ -203,14 +203,14 @@ def looked_ahead(
     stage: Stage[Any, ViewDetections],
     threads: int,
     clock: Callable[[], int],
-) -> SideBySide:
+) -> ParallelDetection:
     """Make a detection stage run ahead on the records of cameras, by (topic, camera).
 
     In `records`, images are replaced by images with finished detection, and their depth maps are removed.
     """
     cameras = [owner for topic, owner in records if topic == "image"]
     inputs = {name: by_stamp(records["image", name], records.pop(("depth", name), None)) for name in cameras}
-    looks = SideBySide(stage, inputs, threads, clock)
+    looks = ParallelDetection(stage, inputs, threads, clock)
     records.update({("image", camera): looks.frames(camera) for camera in cameras})
     return looks
 

@@ -17,7 +17,7 @@ from panoptic_ros.graph.pipeline import Pipeline
 Work = tuple["Future[Any]", Callable[[], Any]]
 
 
-class Lines:
+class CameraTaskQueues:
     """Task queues on a thread pool, one per camera: tasks of a camera run in order, cameras in parallel.
 
     Args:
@@ -63,7 +63,7 @@ class Lines:
 INSTANTS = 2
 
 
-class UnderWay:
+class ParallelPipeline:
     """Parallel start of records on a thread pool; finished records are passed on through the pipeline.
 
     Records of one camera stay in order, but cameras overtake each other. All methods are called on one
@@ -76,7 +76,7 @@ class UnderWay:
 
     def __init__(self, pipeline: Pipeline, pool: Executor | None, note: Callable[[Callable[[], None]], None]):
         self._pipeline, self._note = pipeline, note
-        self._lines = None if pool is None else Lines(pool)
+        self._lines = None if pool is None else CameraTaskQueues(pool)
         self._instants: list[set[Future[Any]]] = []
 
     @property
@@ -89,7 +89,7 @@ class UnderWay:
         self._pipeline.waited(ns)
 
     def arrived(self, came_ns: int, host_ns: int) -> None:
-        """Report the arrival of the records of the next instant (see `stage.Timed`)."""
+        """Report the arrival of the records of the next instant (see `stage.ArrivalAwareStage`)."""
         self._pipeline.arrived(came_ns, host_ns)
 
     def begin(self, records: Sequence[tuple[str, Any]]) -> None:

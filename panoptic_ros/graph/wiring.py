@@ -13,7 +13,7 @@ Table = Mapping[str, NodeSpec]
 
 
 @dataclass(frozen=True)
-class Reader:
+class TopicReader:
     """Stage that takes a topic: its number among the stages, and the number of the port in its row."""
 
     stage: int
@@ -46,12 +46,12 @@ class Wiring:
         self._around = tuple(spec for spec in table.values() if spec.name in around or spec.name in names)
 
     @cached_property
-    def readers(self) -> dict[str, tuple[Reader, ...]]:
+    def readers(self) -> dict[str, tuple[TopicReader, ...]]:
         """Return the readers of each topic, in the order of the rows."""
-        found: dict[str, list[Reader]] = {}
+        found: dict[str, list[TopicReader]] = {}
         for stage, spec in enumerate(self.specs):
             for place, port in enumerate(spec.inputs):
-                found.setdefault(port.topic, []).append(Reader(stage, place))
+                found.setdefault(port.topic, []).append(TopicReader(stage, place))
         return {topic: tuple(readers) for topic, readers in found.items()}
 
     @cached_property
@@ -95,11 +95,11 @@ class Wiring:
             found.append(frozenset({stage}).union(*(found[k] for k in givers)))
         return tuple(found)
 
-    def port(self, reader: Reader) -> Port:
+    def port(self, reader: TopicReader) -> Port:
         """Return the port of a reader."""
         return self.specs[reader.stage].inputs[reader.port]
 
-    def is_beside(self, reader: Reader) -> bool:
+    def is_beside(self, reader: TopicReader) -> bool:
         """Return whether a reader's records are companions of the records that its stage works on.
 
         This holds if its port is optional and the stage also has ports that are not.
@@ -107,7 +107,7 @@ class Wiring:
         inputs = self.specs[reader.stage].inputs
         return self.port(reader).optional and not all(port.optional for port in inputs)
 
-    def comes_back(self, reader: Reader, giver: int | None) -> bool:
+    def comes_back(self, reader: TopicReader, giver: int | None) -> bool:
         """Return whether a record is feedback for a reader.
 
         Args:
@@ -121,5 +121,5 @@ class Wiring:
         takers = {reader.stage for reader in self.readers[topic]}
         return frozenset(stage for stage in range(len(self.specs)) if self.above[stage] & takers)
 
-    def _is_given_below(self, reader: Reader) -> bool:
+    def _is_given_below(self, reader: TopicReader) -> bool:
         return any(self.port(reader).topic in spec.outputs for spec in self.specs[reader.stage + 1 :])

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from panoptic_ros.errors import ContractError, DataError, EnvironmentProblem, PanopticError
 from panoptic_ros.io.bag_connections import Connection
-from panoptic_ros.io.bag_split import GB, Split
+from panoptic_ros.io.bag_split import GB, SplitLimits
 from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.cdr_heads import number_in, stamp_in
 from panoptic_ros.io.files import file_errors
@@ -110,7 +110,7 @@ class BagRecorder:
         path: Path,
         budget: int = 0,
         keep_free: int = GB,
-        split: Split | None = None,
+        split: SplitLimits | None = None,
         opening: Callable[[], Sequence[tuple[Connection, bytes]]] = tuple,
         beside: Callable[[], None] = lambda: None,
     ):

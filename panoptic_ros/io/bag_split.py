@@ -13,7 +13,7 @@ SECONDS = {"s": 1.0, "m": 60.0, "h": 3600.0}
 
 
 @dataclass(frozen=True)
-class Split:
+class SplitLimits:
     """Limits at which a recording continues in another bag; 0 = no limit.
 
     Args:
@@ -29,7 +29,7 @@ class Split:
         return bool((self.size and size >= self.size) or (self.seconds and seconds >= self.seconds))
 
 
-def split_of(text: str) -> Split:
+def split_of(text: str) -> SplitLimits:
     """Parse a split limit such as 90s, 30m, 1h, 500MB or 2GB.
 
     Raises:
@@ -40,5 +40,5 @@ def split_of(text: str) -> Split:
         raise UsageError(f"--split {text!r}: give a time or a size, e.g. 90s, 30m, 1h, 500MB, 2GB")
     amount, unit = float(found[1]), found[2]
     if unit in SECONDS:
-        return Split(seconds=amount * SECONDS[unit])
-    return Split(size=max(1, round(amount * BYTES[unit])))
+        return SplitLimits(seconds=amount * SECONDS[unit])
+    return SplitLimits(size=max(1, round(amount * BYTES[unit])))

@@ -16,7 +16,7 @@ from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.cdr_heads import stamp_in, with_stamp
 from panoptic_ros.io.foreign_people import ForeignPeople
 from panoptic_ros.io.messages import depth_frame_from_message, frame_from_message, from_message, stamp_of
-from panoptic_ros.io.messages.encodings import Shown, shown_by
+from panoptic_ros.io.messages.encodings import EncodingCheck, shown_by
 from panoptic_ros.io.messages.family import decode_cdr
 from panoptic_ros.io.messages.sensors import read_imu
 
@@ -193,15 +193,15 @@ class BagStream:
                 problem = error
         raise problem
 
-    def shown_encoding(self, bag: BagReader) -> Shown:
+    def shown_encoding(self, bag: BagReader) -> EncodingCheck:
         """Estimate the pixel encoding from the first raw images, unless `encoding` is given."""
         if self.key != IMAGE_KEY or self.encoding:
-            return Shown("", "")
+            return EncodingCheck("", "")
         for item in islice(self.messages(bag), TRIES):
             with suppress(DataError):
                 if isinstance(item, BagMessage) and (shown := shown_by(item.message, self.topic)):
                     return shown
-        return Shown("", "")
+        return EncodingCheck("", "")
 
     def first_stamps(self, bag: BagReader) -> list[int]:
         """Return the timestamps (ns) of the first messages."""

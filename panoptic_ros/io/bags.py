@@ -27,9 +27,9 @@ from panoptic_ros.io.bag_metadata import NAME, BagMetadata, chosen_files, count_
 from panoptic_ros.io.files import file_errors
 from panoptic_ros.io.messages.earlier import bringing_up
 from panoptic_ros.io.messages.family import PACKAGE, bag_typestore, decode_cdr
-from panoptic_ros.io.storages import Foreign, Storage, is_storage, merged, opened
-from panoptic_ros.io.storages.opening import ROS_1_SUFFIX, OfRos1Error, of_ros_1, unpacked_message
-from panoptic_ros.io.storages.storage import NEVER_NS, Part, Row
+from panoptic_ros.io.storages import ForeignTopic, Storage, is_storage, merged, opened
+from panoptic_ros.io.storages.opening import ROS_1_SUFFIX, Ros1BagError, of_ros_1, unpacked_message
+from panoptic_ros.io.storages.storage import NEVER_NS, MessageBatch, Row
 from panoptic_ros.io.takes import sync_files
 
 
@@ -177,7 +177,7 @@ class BagReader:
             raise
         self._connections: dict[str, Connection] = {}
         self.counts: dict[str, int] = {}
-        foreign: Counter[Foreign] = Counter()
+        foreign: Counter[ForeignTopic] = Counter()
         for held in (storage.contents for storage in self._storages):
             for number, known in held.topics.items():
                 known = known._replace(digest=known.digest or self._metadata.digests.get(known.topic, ""))
@@ -209,7 +209,7 @@ class BagReader:
             metadata = read_metadata(self.path)
             files = chosen_files(self.path, metadata)
             return [opened(path, self._stack) for path in files.paths], metadata, list(files.problems)
-        except (EnvironmentProblem, OfRos1Error):
+        except (EnvironmentProblem, Ros1BagError):
             raise
         except Exception as error:  # a damaged file can raise any exception
             raise DataError(
@@ -217,7 +217,7 @@ class BagReader:
                 f"cut off, `panoptic bag repair {self.path}` saves what is whole"
             ) from None
 
-    def _tell(self, foreign: Counter[Foreign], problems: list[str]) -> None:
+    def _tell(self, foreign: Counter[ForeignTopic], problems: list[str]) -> None:
         """Warn of all content of the bag that is not read.
 
         Raises:
@@ -285,7 +285,7 @@ class BagReader:
             if not chosen:
                 continue
             ways.append({n: (c.topic, c.kind, self._brought_up(c)) for n, c in chosen.items()})
-            parts.append(Part(held.begin_ns, partial(storage.messages, list(chosen), begin, end)))
+            parts.append(MessageBatch(held.begin_ns, partial(storage.messages, list(chosen), begin, end)))
         try:
             for number, (stamp, topic_number, packed) in self._one_by_one(merged(parts)):
                 topic, kind, bring = ways[number][topic_number]
@@ -384,7 +384,7 @@ def _is_outdated(connection: Connection) -> bool:
 
 
 @dataclass(frozen=True)
-class Upgrade:
+class UpgradeResult:
     """Result of an upgrade.
 
     Args:
@@ -398,7 +398,7 @@ class Upgrade:
     left_out: dict[str, str]
 
 
-def upgrade(source: Path, target: Path) -> Upgrade | None:
+def upgrade(source: Path, target: Path) -> UpgradeResult | None:
     """Rewrite a bag with the current message types; return None and write nothing if it is up to date.
 
     Messages of other packages are copied with their own definitions.
@@ -424,4 +424,4 @@ def upgrade(source: Path, target: Path) -> Upgrade | None:
                 else:
                     new.write_described(bag.connection(topic), stamp_ns, data)
     kept = tuple(topic for topic in wanted if topic not in outdated)
-    return Upgrade(tuple(topic for topic in outdated if topic not in left_out), kept, left_out)
+    return UpgradeResult(tuple(topic for topic in outdated if topic not in left_out), kept, left_out)

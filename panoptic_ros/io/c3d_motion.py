@@ -21,7 +21,7 @@ import numpy as np
 
 from panoptic_ros.errors import DataError, EnvironmentProblem, one_line, shown
 from panoptic_ros.io.loading import file_errors, largest_document, parsing, read_bytes
-from panoptic_ros.io.motion_files import JointMotion
+from panoptic_ros.io.motion_files import JointTrajectories
 
 Array = np.ndarray
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
@@ -39,7 +39,7 @@ UPRIGHT = {
 }
 
 
-def read_c3d(path: Path) -> JointMotion:
+def read_c3d(path: Path) -> JointTrajectories:
     """Read all points of a C3D file by their labels; samples with a negative residual become NaN.
 
     Without POINT:Y_SCREEN, z is up.
@@ -56,7 +56,7 @@ def read_c3d(path: Path) -> JointMotion:
         return _motion(package, data, path)
 
 
-def _motion(package: Any, data: bytes, path: Path) -> JointMotion:
+def _motion(package: Any, data: bytes, path: Path) -> JointTrajectories:
     # ezc3d trusts the lengths in a file, so a damaged file can crash its process
     what = f"{path} is no C3D file that is whole; it"
     points, residuals, point = apart(lambda: _content(package, path), what, len(data))
@@ -71,7 +71,7 @@ def _motion(package: Any, data: bytes, path: Path) -> JointMotion:
     joints[np.asarray(residuals)[0].T < 0.0] = np.nan
     joints[~(np.abs(joints) < LARGEST_VALUE)] = np.nan
     turn = np.array(UPRIGHT[_up(path, point)], float)
-    return JointMotion(path.stem, labels, _unit(path, point) * joints @ turn.T, rate)
+    return JointTrajectories(path.stem, labels, _unit(path, point) * joints @ turn.T, rate)
 
 
 def _content(package: Any, path: Path) -> tuple[Array, Array, dict[str, dict[str, list[Any]]]]:

@@ -110,13 +110,13 @@ def _yaml(text: str, path: Path, most: int) -> Any:
         node = loader.get_single_node()
         if node is None:
             return None
-        _Expanded(path, most).size(node, 0)
+        _ExpansionCounter(path, most).size(node, 0)
         return loader.construct_document(node)
     finally:
         loader.dispose()
 
 
-class _Expanded:
+class _ExpansionCounter:
     """Counter of the values and nesting levels of a document with its aliases expanded."""
 
     def __init__(self, path: Path | str, most: int):

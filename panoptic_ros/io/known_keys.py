@@ -42,7 +42,7 @@ def tell_unknown(document: Any, known: Any, path: Path | str) -> None:
         known: `Keys` of a table, or a list of one `Keys` for a list of tables.
         path: named in warnings.
     """
-    search = _Search()
+    search = _UnknownKeySearch()
     search.look(document, known, "")
     if not search.found:
         return
@@ -57,7 +57,7 @@ def _warn(text: str) -> None:
     warnings.warn(text, UnknownKeyWarning, stacklevel=3)
 
 
-class _Search:
+class _UnknownKeySearch:
     """Search for unknown keys in a document.
 
     Attributes:

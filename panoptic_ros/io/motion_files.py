@@ -24,7 +24,7 @@ UPPER_ARMS = ("leftarm", "rightarm", "upperarm", "uparm")  # name endings of upp
 ROTATIONS = ("Xrotation", "Yrotation", "Zrotation")
 
 
-class JointMotion(NamedTuple):
+class JointTrajectories(NamedTuple):
     """Joint positions (T, J, 3) of one person, with joint names and frame rate (Hz)."""
 
     name: str
@@ -33,7 +33,7 @@ class JointMotion(NamedTuple):
     rate: float
 
 
-def read_clip_arrays(path: Path) -> list[JointMotion]:
+def read_clip_arrays(path: Path) -> list[JointTrajectories]:
     """Read the clips of an .npz: `clips` (names), `joint_names`, `fps`, and `clip_<name>` (T, J, 3) m, z up.
 
     Raises:
@@ -50,7 +50,7 @@ def read_clip_arrays(path: Path) -> list[JointMotion]:
             raise DataError(f"{path} has no clips of joints: {one_line(error)}") from None
 
 
-def read_bvh(path: Path, unit: float) -> JointMotion:
+def read_bvh(path: Path, unit: float) -> JointTrajectories:
     """Read the joints of a BVH file; y is up in the file, as usual.
 
     Args:
@@ -64,7 +64,9 @@ def read_bvh(path: Path, unit: float) -> JointMotion:
         return _bvh(words, path, unit)
 
 
-def _checked(name: str, joint_names: tuple[str, ...], joints: Array, rate: float, path: Path) -> JointMotion:
+def _checked(
+    name: str, joint_names: tuple[str, ...], joints: Array, rate: float, path: Path
+) -> JointTrajectories:
     """Return the motion after checking its shape and rate.
 
     Raises:
@@ -75,10 +77,10 @@ def _checked(name: str, joint_names: tuple[str, ...], joints: Array, rate: float
         raise DataError(f"{path}: clip {shown(name)} is {shape}, expected frames x {len(joint_names)} x 3")
     if not 0.0 < rate < math.inf:
         raise DataError(f"{path}: fps is {rate:g}, expected a rate in Hz")
-    return JointMotion(name, joint_names, joints, rate)
+    return JointTrajectories(name, joint_names, joints, rate)
 
 
-def _bvh(words: Iterator[str], path: Path, unit: float) -> JointMotion:
+def _bvh(words: Iterator[str], path: Path, unit: float) -> JointTrajectories:
     try:
         names, parents, offsets, channels = _hierarchy(words)
         _expect(words, "MOTION", "Frames:")
@@ -93,7 +95,7 @@ def _bvh(words: Iterator[str], path: Path, unit: float) -> JointMotion:
         raise DataError(f"{path}: frames of {period} s or numbers that are none")
     places = _placed(parents, np.array(offsets), channels, table)
     upright = np.stack([places[..., 2], places[..., 0], places[..., 1]], axis=-1)
-    return JointMotion(path.stem, tuple(names), unit * upright, 1.0 / period)
+    return JointTrajectories(path.stem, tuple(names), unit * upright, 1.0 / period)
 
 
 def read_sites(model: SegmentModel) -> dict[str, Site]:
@@ -185,7 +187,7 @@ def _about(axis: int, angles: Array) -> Array:
     return found
 
 
-def named_plainly(motion: JointMotion, sites: Mapping[str, Site]) -> JointMotion:
+def named_plainly(motion: JointTrajectories, sites: Mapping[str, Site]) -> JointTrajectories:
     """Rename the joints of a motion to the names of the sites; drop joints without a site.
 
     The prefix that all names share is removed. Names are compared exactly first, then without underscores and

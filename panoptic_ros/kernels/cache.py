@@ -137,7 +137,7 @@ class _Locator:
         return str(self._line)
 
 
-class KeptFile(IndexDataCacheFile):
+class KernelFile(IndexDataCacheFile):
     """Index of one function and its code files, with checksums; see `numba.core.caching`."""
 
     def _load_index(self) -> Any:
@@ -178,7 +178,7 @@ class KernelCache(FunctionCache):
     def __init__(self, function: Callable[..., Any]):
         super().__init__(function)
         locator = self._impl.locator
-        self._cache_file = KeptFile(
+        self._cache_file = KernelFile(
             locator.get_cache_path(), self._impl.filename_base, locator.get_source_stamp()
         )
         if edited_meanwhile(function.__module__):

@@ -14,7 +14,7 @@ import numpy as np
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.domain.bodies import BodyStateSet
-from panoptic_ros.domain.segments import Body, SegmentModel
+from panoptic_ros.domain.segments import SegmentedBody, SegmentModel
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.geometry.rotations import to_quaternions, vectors_of
 from panoptic_ros.kernels import njit
@@ -22,7 +22,7 @@ from panoptic_ros.kernels import njit
 Array = np.ndarray
 
 
-class Solved(NamedTuple):
+class SolvedBody(NamedTuple):
     """Body of a person at an instant, and the data from which it was solved.
 
     Attributes:
@@ -31,7 +31,7 @@ class Solved(NamedTuple):
     """
 
     state: BodyState
-    body: Body
+    body: SegmentedBody
     source: int
     views: int
     devices: int
@@ -43,7 +43,7 @@ def body_set(
     newest_ns: int,
     model: SegmentModel,
     skeleton: SkeletonModel,
-    bodies: Sequence[Solved],
+    bodies: Sequence[SolvedBody],
 ) -> BodyStateSet:
     """Return the record of an instant, with bodies in the order of their ids.
 
@@ -106,7 +106,7 @@ def _freedoms(model: SegmentModel, places: Array, frames: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _sites(body: Body, skeleton: SkeletonModel) -> tuple[Array, Array, Array]:
+def _sites(body: SegmentedBody, skeleton: SkeletonModel) -> tuple[Array, Array, Array]:
     """Return the skeleton's joints (N,) that a body has, their segments (N,) and offsets (N, 3) m.
 
     Offsets are in the frames of the segments.

@@ -5,58 +5,64 @@ Classes that do not declare their attributes have them listed here.
 
 from __future__ import annotations
 
-from panoptic_ros.domain.segments import Body
+from panoptic_ros.domain.segments import SegmentedBody
 from panoptic_ros.domain.subjects import BodyState, Device, Subject, TPose
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.segment_chain import Chain
-from panoptic_ros.kinematics.body.between import BetweenInstants, Contact
-from panoptic_ros.kinematics.body.evidence import NoiseLevel, Weighing
-from panoptic_ros.kinematics.body.lengths import Lengthening, LengthEstimate
+from panoptic_ros.kinematics.body.between import FootContacts, IncrementEvidenceBuilder
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder, NoiseLevel
+from panoptic_ros.kinematics.body.lengths import LengthEstimate, LengthTransition
 from panoptic_ros.kinematics.body.measured_body import MeasuredBody
-from panoptic_ros.kinematics.body.tracker import Past, SubjectTracker
+from panoptic_ros.kinematics.body.tracker import RecentInstants, SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.imus.balance import Balance
-from panoptic_ros.kinematics.imus.devices import Wearing, WornDevices
+from panoptic_ros.kinematics.imus.balance import BalanceEstimate
+from panoptic_ros.kinematics.imus.devices import RotationComparison, WornDevices
 from panoptic_ros.kinematics.imus.fitting import ImuFitting
-from panoptic_ros.kinematics.imus.mounting import Looks, MountingEstimate
+from panoptic_ros.kinematics.imus.mounting import MeanObservation, MountingEstimate
 from panoptic_ros.kinematics.imus.streams import ImuStreams
-from panoptic_ros.kinematics.people.person import Behind, Person
-from panoptic_ros.kinematics.people.presence import Absence, Presence
-from panoptic_ros.kinematics.people.seen_people import SeenJoints, SeenPerson, SeenPoints
-from panoptic_ros.kinematics.pose.targets import Floor, Hinges, PosePrior
-from panoptic_ros.kinematics.pose.window import Afterwards, Linked, Motion, PoseWindow, _Eliminated
-from panoptic_ros.kinematics.timeline import HeldInstants, Pace, Timeline, _Apart
+from panoptic_ros.kinematics.people.person import PersonState, SolveSources
+from panoptic_ros.kinematics.people.presence import SubjectPresence, SubjectSearch
+from panoptic_ros.kinematics.people.seen_people import JointPositions, PersonSamples, ViewJoints
+from panoptic_ros.kinematics.pose.targets import FloorPoints, Hinges, PosePrior
+from panoptic_ros.kinematics.pose.window import (
+    AccelerationModel,
+    LaterInformation,
+    PoseWindow,
+    WindowEntry,
+    _EliminatedPose,
+)
+from panoptic_ros.kinematics.timeline import InstantSchedule, InstantSelection, LagBuffer, _StampGap
 from panoptic_ros.state import Fields
 
 CLASSES = (
     KinematicsConfig,
-    Body,
+    SegmentedBody,
     BodyState,
     Device,
     Subject,
     TPose,
     Chain,
     Pose,
-    Behind,
-    SeenJoints,
-    SeenPoints,
-    Floor,
+    SolveSources,
+    JointPositions,
+    ViewJoints,
+    FloorPoints,
     Hinges,
     PosePrior,
-    Motion,
-    _Apart,
-    _Eliminated,
-    Linked,
-    Afterwards,
-    Looks,
+    AccelerationModel,
+    _StampGap,
+    _EliminatedPose,
+    WindowEntry,
+    LaterInformation,
+    MeanObservation,
     Fields.named(
-        Person,
+        PersonState,
         "_config subject weighing seen fitting tracker behind of_track came worn _alone _mounted "
         "_mounted_devices _without _unseen presence _returns _awaited_s _lost_s _several_s",
     ),
-    Fields.named(Presence, "last_ns _missed _usual _company _absence"),
-    Fields.named(Absence, "_place _stamp_ns _alone _others _first_ns _newcomer"),
-    Fields.named(SeenPerson, "views joints"),
+    Fields.named(SubjectPresence, "last_ns _missed _usual _company _absence"),
+    Fields.named(SubjectSearch, "_place _stamp_ns _alone _others _first_ns _newcomer"),
+    Fields.named(PersonSamples, "views joints"),
     Fields.named(
         ImuFitting,
         "heading offset_ns looking _clocks _states _stamps _turns _forces _held _poseless _settled _seen_s "
@@ -67,12 +73,12 @@ CLASSES = (
         "names _numbers _stamps _values _force _weight _odd _silent _taken _flooding _rates _learnt "
         "_rates_told _unoriented _batch _batched _period _first _batches_told",
     ),
-    Fields.named(Lengthening, "_begin _body _passed_s"),
+    Fields.named(LengthTransition, "_begin _body _passed_s"),
     Fields.named(MeasuredBody, "_seen _count _stride"),
-    Fields.named(HeldInstants, "_instants"),
-    Fields.named(Pace, "_most waited_ns _left_out"),
+    Fields.named(LagBuffer, "_instants"),
+    Fields.named(InstantSelection, "_most waited_ns _left_out"),
     Fields.named(
-        Timeline,
+        InstantSchedule,
         "_rate_hz _origin _count _before _first_imu _last _awaited _periods _slowest _ahead _others_go_on "
         "newest_ns",
     ),
@@ -81,9 +87,9 @@ CLASSES = (
         "subject body weighing _config _chain _count devices _window _pose _before _past _between "
         "iterations lengths _lengthening _length_spreads _next_look _next_update _noise",
     ),
-    Fields.named(Past, "_stamps _strides _held"),
-    Fields.named(BetweenInstants, "_rate_hz _contact _unseen_s"),
-    Fields.named(Contact, "_ground _rate _tops _above _feet _unrest _apart _before _stood"),
+    Fields.named(RecentInstants, "_stamps _strides _held"),
+    Fields.named(IncrementEvidenceBuilder, "_rate_hz _contact _unseen_s"),
+    Fields.named(FootContacts, "_ground _rate _tops _above _feet _unrest _apart _before _stood"),
     Fields.named(NoiseLevel, "_square _looks _since"),
     Fields.named(LengthEstimate, "_usual _sure _lengths _information _pull looks scales _unsure _moved"),
     Fields.named(
@@ -91,8 +97,8 @@ CLASSES = (
         "_config _subject _chain _devices names mounts segments positions _turn _unseen mounting _wearing "
         "_since_look _notices _told accelerated pushes _oriented _goals _rows _balance",
     ),
-    Fields.named(Wearing, "_looks _count"),
-    Fields.named(Balance, "_chain _segments _masses _ground _shares _information _pull _state"),
+    Fields.named(RotationComparison, "_looks _count"),
+    Fields.named(BalanceEstimate, "_chain _segments _masses _ground _shares _information _pull _state"),
     Fields.named(
         PoseWindow,
         "_chain _motion _lag _size _weights _poses _next _stride _information _pulled _open _eliminated "
@@ -104,7 +110,7 @@ CLASSES = (
         "_recent _several _suspect _moved mistaken slipped",
     ),
     Fields.named(
-        Weighing,
+        EvidenceBuilder,
         "_config _subject _names _columns _segments _offsets _unmeasured _anchors rotations translations "
         "_paper_focal prior floor",
     ),

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.domain.subjects import BodyState, ImuSeries, Instant, Subject, ViewSeries
+from panoptic_ros.domain.subjects import BodyState, ImuSeries, InstantViews, Subject, ViewSeries
 from panoptic_ros.errors import DataError
 from panoptic_ros.kinematics.body.sight import People
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.alignment import align, cameras_alone, felt_of, taken_over
-from panoptic_ros.kinematics.imus.measured import Measured, measured_by, resample
+from panoptic_ros.kinematics.imus.measured import ImuMeasurements, measured_by, resample
 from panoptic_ros.kinematics.imus.recorded import looked_through
 from panoptic_ros.kinematics.imus.t_pose import (
     bent_line,
@@ -28,7 +28,7 @@ from panoptic_ros.kinematics.imus.t_pose import (
 from panoptic_ros.kinematics.people.allotment import find_people, give_people
 from panoptic_ros.kinematics.people.nearest_people import nearest_to_start
 from panoptic_ros.kinematics.people.pairwise_sorting import PairwiseSorter
-from panoptic_ros.kinematics.people.person import SEVERAL_S, Person
+from panoptic_ros.kinematics.people.person import SEVERAL_S, PersonState
 from panoptic_ros.kinematics.people.presence import middle_expected
 from panoptic_ros.kinematics.people.seen_people import LONGEST_GAP_NS, NEAR_NS
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
@@ -39,7 +39,7 @@ SAME_SET = 0.75  # fraction of the fastest camera's period: images within it for
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class BodyRecording:
     """Data of a recording.
 
     Attributes:
@@ -55,7 +55,7 @@ class Recording:
 
 
 @dataclass(frozen=True, eq=False)
-class Solved:
+class BodySolution:
     """Result for a recording.
 
     Attributes:
@@ -65,16 +65,19 @@ class Solved:
     """
 
     states: list[BodyState]
-    people: list[Person]
+    people: list[PersonState]
     notices: list[str]
 
 
 def solve_recording(
-    recording: Recording, subjects: Sequence[Subject], config: KinematicsConfig, statistics: PoseStatistics
-) -> Solved:
+    recording: BodyRecording,
+    subjects: Sequence[Subject],
+    config: KinematicsConfig,
+    statistics: PoseStatistics,
+) -> BodySolution:
     """Return the bodies of the subjects at the configured rate.
 
-    The class `Person` solves for them, as in the live stage. Heading, clock and mountings of IMUs are
+    The class `PersonState` solves for them, as in the live stage. Heading, clock and mountings of IMUs are
     determined from the recording first, and so are the instants.
 
     Raises:
@@ -95,16 +98,16 @@ def solve_recording(
     for subject in wearers if not recording.views else ():
         if not subject.heading_known and t_pose_decides(subject):
             headings[subject.id] = _bent_heading(subject, stamps, felt, statistics, notices)
-    people: list[Person] = []
+    people: list[PersonState] = []
     for subject in subjects:
         heading = headings.get(subject.id, 0.0)
         mounts, lines = t_pose_mounts(subject, stamps, felt, heading)
         notices += lines
-        person = Person(config, subject, statistics, recording.rig, recording.joint_names)
+        person = PersonState(config, subject, statistics, recording.rig, recording.joint_names)
         person.settle(heading, mounts, len(recording.views))
         people.append(person)
     measured = [measured_by(subject.devices, felt, len(stamps)) for subject in subjects]
-    seen, states = RecordedPeople(config, recording, people, stamps), list[BodyState]()
+    seen, states = RecordedPoseSource(config, recording, people, stamps), list[BodyState]()
     for k, stamp in enumerate(stamps.tolist()):
         seen.take(k)
         for person, rows in zip(people, measured):
@@ -119,7 +122,7 @@ def solve_recording(
                 f"subject {person.subject.id} has not come: no camera sees anybody near where it starts, "
                 "and no IMU that is mounted tells of it; look at `start` and the devices of its file"
             )
-    return Solved(states, people, notices)
+    return BodySolution(states, people, notices)
 
 
 def instants_of(views: Mapping[int, ViewSeries], devices: Mapping[str, ImuSeries], rate_hz: float) -> Array:
@@ -138,7 +141,9 @@ def instants_of(views: Mapping[int, ViewSeries], devices: Mapping[str, ImuSeries
     return found
 
 
-def _without_odd_devices(recording: Recording, subjects: Sequence[Subject]) -> tuple[Recording, list[str]]:
+def _without_odd_devices(
+    recording: BodyRecording, subjects: Sequence[Subject]
+) -> tuple[BodyRecording, list[str]]:
     """Return the recording with the usable data of worn devices, and lines about their faults."""
     worn = [device.name for subject in subjects for device in subject.devices]
     seen = [view.stamps for view in recording.views.values() if len(view.stamps)]
@@ -149,13 +154,13 @@ def _without_odd_devices(recording: Recording, subjects: Sequence[Subject]) -> t
 
 
 def _aligned(
-    recording: Recording,
+    recording: BodyRecording,
     wearers: Sequence[Subject],
     subjects: Sequence[Subject],
     config: KinematicsConfig,
     statistics: PoseStatistics,
     notices: list[str],
-) -> tuple[Recording, dict[int, float]]:
+) -> tuple[BodyRecording, dict[int, float]]:
     """Return the recording with the wearers' IMUs on the clock of the cameras, and their headings, rad."""
     first = min(int(view.stamps[0]) for view in recording.views.values() if len(view.stamps))
     until = first + round(ALIGNED_S * 1e9)
@@ -164,7 +169,7 @@ def _aligned(
         for camera, view in recording.views.items()
     }
     alone = [replace(other, devices=()) for other in subjects]
-    cameras = Recording(recording.rig, recording.joint_names, views, {})
+    cameras = BodyRecording(recording.rig, recording.joint_names, views, {})
     seen = solve_recording(cameras, alone, cameras_alone(config), statistics)
     headings, devices = {}, dict(recording.devices)
     for subject in wearers:
@@ -187,7 +192,7 @@ def _aligned(
 def _bent_heading(
     subject: Subject,
     stamps: Array,
-    felt: Mapping[str, Measured],
+    felt: Mapping[str, ImuMeasurements],
     statistics: PoseStatistics,
     notices: list[str],
 ) -> float:
@@ -204,7 +209,7 @@ def _bent_heading(
     return found
 
 
-class RecordedPeople:
+class RecordedPoseSource:
     """Source of recorded 2D poses. It gives people their 2D poses before the instants that need them.
 
     Args:
@@ -212,7 +217,7 @@ class RecordedPeople:
     """
 
     def __init__(
-        self, config: KinematicsConfig, recording: Recording, people: Sequence[Person], stamps: Array
+        self, config: KinematicsConfig, recording: BodyRecording, people: Sequence[PersonState], stamps: Array
     ):
         self._people, self._cameras, self._gate = people, len(recording.views), config.gate
         self._sets, self._needed = _sets_of(recording.views, stamps)
@@ -242,7 +247,7 @@ class RecordedPeople:
                         found[k] = self._first(person, instant)
             give_people(self._people, found, instant, stamps)
 
-    def _first(self, person: Person, instant: Instant) -> People:
+    def _first(self, person: PersonState, instant: InstantViews) -> People:
         """Return the 2D poses at the subject's start position.
 
         If no position is stated, they are those of the only person.
@@ -261,7 +266,7 @@ class RecordedPeople:
 
 def _sets_of(
     views: Mapping[int, ViewSeries], stamps: Array
-) -> tuple[list[tuple[Instant, dict[int, int]]], Array]:
+) -> tuple[list[tuple[InstantViews, dict[int, int]]], Array]:
     """Return sets of images of about the same time, and the last set (T,) that each instant needs.
 
     A set comes with the timestamps of its images, by camera. An instant needs the sets up to the first images
@@ -287,7 +292,7 @@ def _sets_of(
     for own in rows:
         there = {camera: int(series[camera].stamps[row]) for camera, row in own.items()}
         people = {camera: series[camera].people[row] for camera, row in own.items()}
-        sets.append((Instant(max(there.values()), people), there))
+        sets.append((InstantViews(max(there.values()), people), there))
     needed = np.full(len(stamps), -1)
     for camera, view in series.items():
         after = np.searchsorted(view.stamps, stamps - NEAR_NS)

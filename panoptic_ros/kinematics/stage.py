@@ -15,23 +15,23 @@ import numpy as np
 from panoptic_ros.domain import DetectionSet, TrackedPoseSet
 from panoptic_ros.domain.bodies import BodySource, BodyStateSet, ImuSample
 from panoptic_ros.domain.segments import SegmentModel
-from panoptic_ros.domain.subjects import BodyState, Device, Instant, Subject, ViewPeople
+from panoptic_ros.domain.subjects import BodyState, Device, InstantViews, Subject, ViewPeople
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import from_quaternions
 from panoptic_ros.kinematics.body.measured_body import MeasuredBody
-from panoptic_ros.kinematics.body_records import Solved, body_set
+from panoptic_ros.kinematics.body_records import SolvedBody, body_set
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.imus.alignment import Felt, align
-from panoptic_ros.kinematics.imus.measured import Measured
-from panoptic_ros.kinematics.imus.streams import ImuStreams, Wearers
-from panoptic_ros.kinematics.people.allotment import Allotment, SeenSet, SeenView
+from panoptic_ros.kinematics.imus.alignment import DeviceSignals, align
+from panoptic_ros.kinematics.imus.measured import ImuMeasurements
+from panoptic_ros.kinematics.imus.streams import DeviceAssignment, ImuStreams
+from panoptic_ros.kinematics.people.allotment import InstantObservations, PoseAssignment, ViewObservations
 from panoptic_ros.kinematics.people.nearest_people import assign_people
-from panoptic_ros.kinematics.people.person import Behind, Person
-from panoptic_ros.kinematics.people.seen_people import SeenJoints, SeenPoints, joints_as_seen
+from panoptic_ros.kinematics.people.person import PersonState, SolveSources
+from panoptic_ros.kinematics.people.seen_people import JointPositions, ViewJoints, joints_as_seen
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.remembered import CLASSES
-from panoptic_ros.kinematics.timeline import HeldInstants, Pace, Timeline
+from panoptic_ros.kinematics.timeline import InstantSchedule, InstantSelection, LagBuffer
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
@@ -46,12 +46,12 @@ SECONDS = 0.3  # longer than the lag, so that poses are smoothed and lengths and
 
 
 def step_examples(
-    new_person: Callable[[Subject], Person],
+    new_person: Callable[[Subject], PersonState],
     model: SegmentModel,
     statistics: PoseStatistics,
     joint_names: tuple[str, ...],
     rate_hz: float,
-) -> Solved:
+) -> SolvedBody:
     """Return the first body of a person with an IMU, solved from 3D joints and from views."""
     body = model.body(STATURE)
     device = Device("example", 0, np.zeros(3), np.eye(3))
@@ -68,7 +68,7 @@ def step_examples(
     of_record = spread.copy()
     of_record.flags.writeable = False  # kernels are compiled for both
     level = from_quaternions(np.array([1.0, 0.0, 0.0, 0.0]))
-    measured = Measured(np.ones(1, bool), level[None], np.array([[0.0, 0.0, 9.81]]))
+    measured = ImuMeasurements(np.ones(1, bool), level[None], np.array([[0.0, 0.0, 9.81]]))
     period = round(1e9 / rate_hz)
     rotations, translations = person.weighing.rotations, person.weighing.translations
     seen = joints @ rotations.swapaxes(1, 2) + translations[:, None]
@@ -78,23 +78,23 @@ def step_examples(
     for k in range(round(SECONDS * rate_hz)):
         stamp = k * period
         if k <= 1:
-            person.seen.take_joints(SeenJoints(stamp, joints, (spread, of_record)[k]))
+            person.seen.take_joints(JointPositions(stamp, joints, (spread, of_record)[k]))
         if k > 1:
             for c, view in views.items():
-                person.see(SeenPoints(stamp, view.points[0], view.scores[0]), c, of_track=True)
+                person.see(ViewJoints(stamp, view.points[0], view.scores[0]), c, of_track=True)
         states += person.step(stamp, measured, period, statistics)[0]
-    assign_people([person.tracker], Instant(stamp, views), rotations, translations, GATE)
+    assign_people([person.tracker], InstantViews(stamp, views), rotations, translations, GATE)
     states += person.flush()
     _compare(person.subject, states[0], measured, rate_hz)
-    return Solved(states[0], body, BodySource.TRACK, len(views), 1)
+    return SolvedBody(states[0], body, BodySource.TRACK, len(views), 1)
 
 
-def _compare(subject: Subject, state: BodyState, measured: Measured, rate_hz: float) -> None:
+def _compare(subject: Subject, state: BodyState, measured: ImuMeasurements, rate_hz: float) -> None:
     """Estimate heading and clock of IMUs from data without motion."""
     stamps = np.round(np.arange(round(COMPARED_S * rate_hz) + 10) * 1e9 / rate_hz).astype(np.int64)
     turns, forces = (np.repeat(part, len(stamps), axis=0) for part in measured[1:])
     states = [replace(state, stamp_ns=stamp) for stamp in stamps.tolist()]
-    align(subject, states, {"example": Felt(stamps, turns, forces)})
+    align(subject, states, {"example": DeviceSignals(stamps, turns, forces)})
 
 
 def unworn(device: str) -> Notice:
@@ -148,7 +148,7 @@ class KinematicsStage(Stateful):
     LAYOUT = StateLayout(
         "kinematics",
         "_people _measured _timeline _pace _streams _waiting _given _last_set _tracks_come _told".split(),
-        (*CLASSES, SeenView, SeenSet),
+        (*CLASSES, ViewObservations, InstantObservations),
         shared=("_config", "_model", "_parents", "_mean"),
         same={"configuration": "_config", "skeleton": "_hash", "cameras": "_rig.names"},
     )
@@ -157,12 +157,12 @@ class KinematicsStage(Stateful):
         self._config, self._skeleton, self._rig = config, context.skeleton, context.rig
         self._hash, self._joint_names = context.skeleton.hash, context.skeleton.joint_names
         self._subjects: tuple[Subject, ...] = tuple(context.extras.get("subjects", ()))
-        self._wearers = Wearers(self._subjects)
+        self._wearers = DeviceAssignment(self._subjects)
         self._model: SegmentModel | None = context.extras.get("segments")
         self._statistics: PoseStatistics | None = context.extras.get("pose_prior")
         self._parents = None if self._model is None else self._model.parents
         self._mean = None if self._statistics is None else self._statistics.mean
-        self._allotment = Allotment(context.rig, config.gate)
+        self._allotment = PoseAssignment(context.rig, config.gate)
         self._lag = round(config.lag * config.rate_hz) if config.window else 0
         self.reset()
         if self._model is not None and self._statistics is not None:
@@ -172,14 +172,17 @@ class KinematicsStage(Stateful):
 
     def reset(self) -> None:
         """Discard all people and data."""
-        self._people: dict[int, Person] = {}
+        self._people: dict[int, PersonState] = {}
         for subject in self._subjects:
             self._people[subject.id] = self._new_person(subject)
         self._measured: dict[int, MeasuredBody] = {}  # people without a subject file, by id
-        self._timeline, self._pace = Timeline(self._config.rate_hz), Pace(self._config.rate_hz)
+        self._timeline, self._pace = (
+            InstantSchedule(self._config.rate_hz),
+            InstantSelection(self._config.rate_hz),
+        )
         self._streams = ImuStreams(self._wearers.devices)
-        self._waiting: SeenSet | None = None
-        self._given = HeldInstants()
+        self._waiting: InstantObservations | None = None
+        self._given = LagBuffer()
         self._last_set = -1  # index of the last detection set
         self._tracks_come = False
         self._told: set[str] = set()
@@ -212,17 +215,17 @@ class KinematicsStage(Stateful):
         return StepResult(tuple(self._run(notices)), tuple(notices))
 
     def waited(self, ns: int) -> None:
-        """Record the waiting time of the data, ns: see `stage.Punctual` and `Pace`."""
+        """Record the waiting time of the data, ns: see `stage.LatenessAwareStage` and `InstantSelection`."""
         self._pace.waited_ns = ns
 
     def lasting_state(self) -> bytes:
-        """Return the state that counts after a pause, see `stage.Resting`.
+        """Return the state that counts after a pause, see `stage.LastingStateStage`.
 
         It lacks the windows of the bodies, which are nearly all of the full state.
         """
         resting = copy.copy(self)
         resting._people = {number: person.at_rest() for number, person in self._people.items()}
-        resting._given = HeldInstants()
+        resting._given = LagBuffer()
         return Stateful.state(resting)
 
     # ------------------------------------------------------------------ inputs
@@ -242,10 +245,10 @@ class KinematicsStage(Stateful):
         if item.index <= self._last_set:
             self._last_set = item.index  # a recording that restarts: timestamps show what is old
         views = tuple(
-            SeenView(self._allotment.camera(v.camera), v.stamp_ns, v.frame_number, v.points, v.scores)
+            ViewObservations(self._allotment.camera(v.camera), v.stamp_ns, v.frame_number, v.points, v.scores)
             for v in item.views
         )
-        self._waiting = SeenSet(item.index, views)
+        self._waiting = InstantObservations(item.index, views)
         if not self._tracks_come and len(self._allotment.cameras) < 2:
             notices += self._take_waiting(None)
         return notices
@@ -278,7 +281,7 @@ class KinematicsStage(Stateful):
         positions = joints_as_seen(item, self._model, item.sources is not None)
         for k, number in enumerate(item.ids.tolist()):
             if number in self._people:
-                joints = SeenJoints(item.stamp_ns, positions[k], item.covariances[k])
+                joints = JointPositions(item.stamp_ns, positions[k], item.covariances[k])
                 self._people[number].seen.take_joints(joints)
 
     def _take_waiting(self, item: TrackedPoseSet | None) -> list[Notice]:
@@ -345,7 +348,7 @@ class KinematicsStage(Stateful):
                 outputs.append(self._give())
         return outputs
 
-    def _measured_at(self, stamp_ns: int) -> dict[int, Measured]:
+    def _measured_at(self, stamp_ns: int) -> dict[int, ImuMeasurements]:
         """Return what each person's devices measured at an instant, by id."""
         offsets = {number: person.fitting.offset_ns for number, person in self._people.items()}
         return self._wearers.measured(self._streams, stamp_ns, offsets)
@@ -383,20 +386,20 @@ class KinematicsStage(Stateful):
         rows = []
         for number, state in states.items():
             person = self._people[number]
-            rows.append(Solved(state, person.body, *person.behind.pop(stamp_ns, Behind(0, 0, 0))))
+            rows.append(SolvedBody(state, person.body, *person.behind.pop(stamp_ns, SolveSources(0, 0, 0))))
         assert self._model is not None
         return body_set(index - 1, stamp_ns, self._timeline.newest_ns, self._model, self._skeleton, rows)
 
     # ------------------------------------------------------------------ helpers
 
-    def _new_person(self, subject: Subject) -> Person:
+    def _new_person(self, subject: Subject) -> PersonState:
         """Return a new person with its own copy of the subject.
 
         States do not contain the objects that the constructor received.
         """
         assert self._statistics is not None
         subject = copy.deepcopy(subject, {id(self._model): self._model})
-        return Person(self._config, subject, self._statistics, self._rig, self._joint_names)
+        return PersonState(self._config, subject, self._statistics, self._rig, self._joint_names)
 
     def _is_designated(self, number: int) -> bool:
         return any(subject.id == number for subject in self._subjects)

@@ -1,10 +1,10 @@
 """Instants of a fixed rate, and the time at which the data of an instant are complete.
 
-`HeldInstants` are the instants within the lag, with the bodies that were solved at them so far.
+`LagBuffer` holds the instants within the lag, with the bodies that were solved at them so far.
 
-`Pace` selects the instants that a late stage skips to catch up. If data have waited for n sixtieths of a
-second, one instant of n is solved, and the time steps are n times as long. This is stable: the fewer instants
-a machine can solve, the longer its data wait, and the fewer instants are selected.
+`InstantSelection` selects the instants that a late stage skips to catch up. If data have waited for n
+sixtieths of a second, one instant of n is solved, and the time steps are n times as long. This is stable: the
+fewer instants a machine can solve, the longer its data wait, and the fewer instants are selected.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PACE_NS = 1_000_000_000 // 60
 LONGEST_S = 0.1  # maximum interval between solved instants
 
 
-class _Apart(NamedTuple):
+class _StampGap(NamedTuple):
     """Timestamps of one source that are too far from those of the others.
 
     Attributes:
@@ -47,7 +47,7 @@ class _Apart(NamedTuple):
     newest: int
 
 
-class Timeline:
+class InstantSchedule:
     """Schedule of the instants.
 
     Sources are cameras and devices. Cameras are given by index, where negative means skeletons; devices are
@@ -68,7 +68,7 @@ class Timeline:
         self._periods: dict[int | str, int] = {}
         self._slowest = USUAL_PERIOD_NS  # longest period of a camera
         # by source, since its last timestamp that was not too far off
-        self._ahead: dict[int | str, _Apart] = {}
+        self._ahead: dict[int | str, _StampGap] = {}
         self._others_go_on = False  # other sources continued since the first of these
         self.newest_ns = -1
 
@@ -99,7 +99,7 @@ class Timeline:
         """
         if self.newest_ns >= 0 and abs(stamp_ns - self.newest_ns) > JUMP_NS:
             self._others_go_on &= bool(self._ahead)
-            before = self._ahead.get(source, _Apart(0, stamp_ns, self.newest_ns, stamp_ns))
+            before = self._ahead.get(source, _StampGap(0, stamp_ns, self.newest_ns, stamp_ns))
             self._ahead[source] = before._replace(number=before.number + 1, newest=stamp_ns)
             if not self._goes_on_elsewhere():
                 return "odd" if self._others_go_on else "early"
@@ -128,7 +128,7 @@ class Timeline:
         told = sum(self._ahead[name].number for name in ahead)
         return told >= BELIEVED and 2 * len(ahead) > len(cameras or sources)
 
-    def _may_be_late(self, apart: _Apart) -> bool:
+    def _may_be_late(self, apart: _StampGap) -> bool:
         """Return whether timestamps from the past are those of delayed samples.
 
         After the start of a busy machine, for example, samples wait and then come faster than time passes. A
@@ -204,7 +204,7 @@ class Timeline:
         return self._awaited is not None
 
 
-class HeldInstants:
+class LagBuffer:
     """Instants within the lag, the oldest first, with their bodies."""
 
     def __init__(self) -> None:
@@ -238,7 +238,7 @@ class HeldInstants:
         return self._instants.popleft()
 
 
-class Pace:
+class InstantSelection:
     """Selection of the instants that are solved.
 
     Args:

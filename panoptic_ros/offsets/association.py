@@ -10,7 +10,7 @@ import numpy as np
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.offsets.frames import CameraFrame
-from panoptic_ros.offsets.tracks import Tracks
+from panoptic_ros.offsets.tracks import TrackInterpolation
 from panoptic_ros.solving import scene
 from panoptic_ros.solving.agreement import agreement_with_people
 
@@ -22,11 +22,11 @@ GATE = 3.0  # maximum distance of a joint from its track, in units of `scale`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Observations:
+class JointObservations:
     """N observed 2D joints with their rays.
 
     Args:
-        track: (N,) row of `Tracks.ids`.
+        track: (N,) row of `TrackInterpolation.ids`.
         joint, camera: (N,) indices.
         stamp: (N,) s from the reference, on the camera's own clock.
         scores: (N,) detection scores.
@@ -48,11 +48,11 @@ def associate(
     frames: Sequence[CameraFrame],
     times: Array,
     stamps: Array,
-    tracks: Tracks,
+    tracks: TrackInterpolation,
     arrays: RigArrays,
     skeleton: SkeletonModel,
     scale: float,
-) -> Observations:
+) -> JointObservations:
     """Associate the 2D poses of every frame with the tracks one to one, in order of decreasing agreement.
 
     Args:
@@ -71,12 +71,12 @@ def associate(
     if not parts:
         empty = np.empty(0)
         none = np.empty(0, np.int64)
-        return Observations(none, none, none, empty, empty, np.empty((0, 2, 3)), np.empty((0, 2)), empty)
+        return JointObservations(none, none, none, empty, empty, np.empty((0, 2, 3)), np.empty((0, 2)), empty)
     track, joint, camera, plane, scores, depth, stamp = (np.concatenate(c) for c in zip(*parts))
     rotations, translations = arrays.rotations[camera], arrays.translations[camera]
     sight = plane[..., None] * rotations[:, None, 2] - rotations[:, :2]
     rights = translations[:, :2] - plane * translations[:, 2:]
-    return Observations(track, joint, camera, stamp, scores, sight, rights, depth)
+    return JointObservations(track, joint, camera, stamp, scores, sight, rights, depth)
 
 
 def _pairs(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from panoptic_ros.domain import ClockModel, DetectionSet
-from panoptic_ros.offsets.estimate import Fit
+from panoptic_ros.offsets.estimate import ClockFit
 from panoptic_ros.offsets.uncertainty import (
     KNOWN,
     acquainted,
@@ -83,7 +83,7 @@ class CameraClocks:
 
     @classmethod
     def of(
-        cls, fit: Fit, cameras: Iterable[str], reference_ns: int, prior: Array, trusted: str = ""
+        cls, fit: ClockFit, cameras: Iterable[str], reference_ns: int, prior: Array, trusted: str = ""
     ) -> CameraClocks:
         """Return the clocks of a fit.
 
@@ -102,7 +102,7 @@ class CameraClocks:
         state: Array,
         covariance: Array,
         trusted: str,
-        fit: Fit,
+        fit: ClockFit,
         held: Array | None = None,
     ) -> CameraClocks:
         """Return the clocks of a state (2C,) and its covariance about the mean.
@@ -256,7 +256,7 @@ def _mean(values: Array) -> float:
     return float(values.mean()) if len(values) else 0.0
 
 
-def straying(fit: Fit, bias: float, inflation: float) -> Array:
+def straying(fit: ClockFit, bias: float, inflation: float) -> Array:
     """Return the maximum deviation (C,) s of each clock from its line over the parts of the time; 0 if none.
 
     The rays of a camera in one part measure its clock there, given everything else. Deviations that chance or

@@ -1,7 +1,8 @@
 """Estimate the clocks of cameras from motion: the offsets for which the rays of a joint intersect.
 
-`ClockFilter` is an information filter of the clocks over blocks of motion, with slow forgetting. `Noise`
-estimates the noise of 2D joints from the residuals of the fit. `Series` holds the observations by trajectory.
+`ClockFilter` is an information filter of the clocks over blocks of motion, with slow forgetting.
+`JointNoiseModel` estimates the noise of 2D joints from the residuals of the fit. `TrajectoryObservations`
+holds the observations by trajectory.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.geometry.robust import growth
-from panoptic_ros.offsets.association import Observations
-from panoptic_ros.offsets.trajectories import SPAN, Curves, Rays, fit_series
+from panoptic_ros.offsets.association import JointObservations
+from panoptic_ros.offsets.trajectories import SPAN, Curves, ObservationRays, fit_series
 
 Array = np.ndarray
 CAUCHY = 3.0  # standard deviations, scale of the Cauchy weights
@@ -39,7 +40,7 @@ VAGUE = 1e-3  # share of the prior's information, added to make the information 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
+class ClockFit:
     """Estimated clocks of C cameras: corrected = timestamp + offset + drift * (timestamp - reference).
 
     Args:
@@ -59,19 +60,19 @@ class Fit:
     information: Array
     converged: bool
     iterations: int
-    seen: Observations
+    seen: JointObservations
     misses: Array
     across: Array
     precision: Array
 
 
-class _Problem:
+class _ClockProblem:
     """Rays and the quantities learnt from them during the iterations: noise, stiffness, outlier weights."""
 
-    def __init__(self, series: Series, cameras: int):
+    def __init__(self, series: TrajectoryObservations, cameras: int):
         seen = series.seen
         self.series, self.cameras = series, cameras
-        self._noise = Noise(seen.camera, seen.joint, seen.scores, FIRST_NOISE)
+        self._noise = JointNoiseModel(seen.camera, seen.joint, seen.scores, FIRST_NOISE)
         self._stiffness = np.full(len(series.counts), 1.0 / (FIRST_ROUGHNESS**2 * KNOTS**3))
         self._ratio = np.zeros(len(seen.stamp))
         self.misses = self.across = np.zeros((len(seen.stamp), 2))
@@ -85,7 +86,9 @@ class _Problem:
         weights = 1.0 / growth(self._ratio**2, CAUCHY)
         curves = Curves(series.starts, series.origins, series.counts, KNOTS, self._stiffness)
         rows, rights = seen.rows * scale[:, None, None], seen.rights * scale[:, None]
-        fit = fit_series(curves, Rays(times, seen.camera, seen.stamp, rows, rights, weights), self.cameras)
+        fit = fit_series(
+            curves, ObservationRays(times, seen.camera, seen.stamp, rows, rights, weights), self.cameras
+        )
         self.misses = np.einsum("nij,nj->ni", seen.rows, fit.positions) - seen.rights
         self.across = np.einsum("nij,nj->ni", seen.rows, fit.velocities)
         self.precision = weights * scale**2
@@ -98,14 +101,14 @@ class _Problem:
 
 
 def fit_clocks(
-    seen: Observations,
+    seen: JointObservations,
     cameras: int,
     offsets: Array,
     drifts: Array,
     prior: Array,
     rounds: int = 40,
     progress: Callable[[float], None] = lambda share: None,
-) -> Fit:
+) -> ClockFit:
     """Estimate offsets and drifts from the joints of tracked persons.
 
     The clocks take Gauss-Newton steps with Cauchy weights and eliminated trajectories. Once noise and
@@ -119,7 +122,7 @@ def fit_clocks(
         rounds: maximum number of iterations.
         progress: callback with the share of completed iterations, 0..1.
     """
-    problem = _Problem(make_series(seen), cameras)
+    problem = _ClockProblem(make_series(seen), cameras)
     state = centred(np.concatenate([offsets, drifts]).astype(np.float64), cameras)
     information, converged, done = np.zeros((2 * cameras, 2 * cameras)), False, 0
     history: list[tuple[Array, Array]] = []
@@ -135,7 +138,7 @@ def fit_clocks(
         step *= min(1.0, LARGEST_STEP / max(longest, 1e-12))
         history = [*history[-MEMORY:], (state, step)]
         state = state + step if done <= LEARNING // 2 else _accelerated(history, cameras)
-    return Fit(
+    return ClockFit(
         state[:cameras],
         state[cameras:],
         information,
@@ -177,7 +180,7 @@ def _accelerated(history: list[tuple[Array, Array]], cameras: int) -> Array:
     return mixed if jump <= LARGEST_JUMP * longest else plain
 
 
-class Noise:
+class JointNoiseModel:
     """Standard deviations of 2D joints on the normalised image plane, by score, camera and joint.
 
     All values come from medians of residuals, so outliers hardly affect them.
@@ -209,7 +212,7 @@ class Noise:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Series:
+class TrajectoryObservations:
     """Observations of S trajectories.
 
     Args:
@@ -222,10 +225,10 @@ class Series:
     starts: Array
     origins: Array
     counts: Array
-    seen: Observations
+    seen: JointObservations
 
 
-def make_series(seen: Observations) -> Series:
+def make_series(seen: JointObservations) -> TrajectoryObservations:
     """Sort rays into trajectories; drop those with too few rays or with rays of one camera only."""
     order = np.lexsort((seen.stamp, seen.joint, seen.track))
     track, joint, stamp = seen.track[order], seen.joint[order], seen.stamp[order]
@@ -242,8 +245,8 @@ def make_series(seen: Observations) -> Series:
     last = np.array([seen.stamp[rays[-1]] + MARGIN for rays in kept])
     counts = np.ceil((last - first) / KNOTS).astype(np.int64) + SPAN - 1
     rays = np.concatenate([np.empty(0, np.int64), *kept])
-    fields = {name: getattr(seen, name)[rays] for name in Observations.__slots__}
-    return Series(starts, first, counts, Observations(**fields))
+    fields = {name: getattr(seen, name)[rays] for name in JointObservations.__slots__}
+    return TrajectoryObservations(starts, first, counts, JointObservations(**fields))
 
 
 def _runs(begins: Array) -> list[tuple[int, int]]:

@@ -15,7 +15,7 @@ from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.estimate import fit_clocks
 from panoptic_ros.offsets.frames import CameraFrame, camera_frames
 from panoptic_ros.offsets.regroup import regroup
-from panoptic_ros.offsets.tracks import Tracks
+from panoptic_ros.offsets.tracks import TrackInterpolation
 from panoptic_ros.stage import Progress, Recording, StageContext, each, part_of, untold
 
 Array = np.ndarray
@@ -70,7 +70,7 @@ def clocks_from_motion(
     cameras = np.array([frame.camera for frame in frames], np.int64)
     times = stamps + start.offsets[cameras] + start.drifts[cameras] * stamps
     progress(0.0, "associating 2D people with tracks")
-    tracks = Tracks(tracked, start.reference_ns)
+    tracks = TrackInterpolation(tracked, start.reference_ns)
     seen = associate(frames, times, stamps, tracks, arrays or RigArrays.of(rig), skeleton, scale)
     prior = np.repeat([PRIOR_OFFSET, PRIOR_DRIFT], count)
     fit = fit_clocks(

@@ -26,7 +26,7 @@ from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.offsets.estimate import ClockFilter, fit_clocks
 from panoptic_ros.offsets.frames import CameraFrame, camera_frames
 from panoptic_ros.offsets.passes import PRIOR_DRIFT, PRIOR_OFFSET, SCALES
-from panoptic_ros.offsets.tracks import Tracks
+from panoptic_ros.offsets.tracks import TrackInterpolation
 from panoptic_ros.offsets.uncertainty import honest_information
 from panoptic_ros.params import named_numbers, of_name
 from panoptic_ros.solving.example import cloud_of_joints, easy_instants
@@ -200,7 +200,7 @@ class OffsetsStage(Stateful):
         stamps = np.array([1e-9 * (frame.stamp_ns - reference) for frame in frames])
         times = np.array([1e-9 * (self._master(frame) - reference) for frame in frames])
         scale = SCALES[0] if before is None or not self._correcting.any() else SCALES[1]
-        tracks = Tracks(self._tracked, reference)
+        tracks = TrackInterpolation(self._tracked, reference)
         seen = associate(frames, times, stamps, tracks, self._arrays, self._skeleton, scale)
         fit = fit_clocks(seen, count, start[:count], start[count:], self._prior)
         jumps = np.zeros(count)
@@ -254,7 +254,7 @@ def compile_kernels(rig: Rig, skeleton: SkeletonModel, arrays: RigArrays, prior:
     frames = camera_frames(sets, arrays, skeleton)
     stamps = np.array([1e-9 * frame.stamp_ns for frame in frames])
     tracked = [_tracked(k, cloud_of_joints(rig, skeleton), skeleton) for k in range(FRAMES)]
-    seen = associate(frames, stamps, stamps, Tracks(tracked, 0), arrays, skeleton, 0.1)
+    seen = associate(frames, stamps, stamps, TrackInterpolation(tracked, 0), arrays, skeleton, 0.1)
     fit_clocks(seen, len(rig), np.zeros(len(rig)), np.zeros(len(rig)), prior)
 
 

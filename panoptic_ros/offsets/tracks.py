@@ -13,7 +13,7 @@ LONGEST_GAP = 0.25  # s, maximum time between two instants for linear interpolat
 BEYOND = 0.12  # s before the first and after the last instant in which the nearest pose is used
 
 
-class Tracks:
+class TrackInterpolation:
     """Joint positions of persons at any instant, by linear interpolation between the instants of the sets.
 
     Args:

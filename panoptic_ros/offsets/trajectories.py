@@ -106,7 +106,7 @@ class SeriesFit(NamedTuple):
     rough: np.ndarray
 
 
-class Rays(NamedTuple):
+class ObservationRays(NamedTuple):
     """Rays of N observations.
 
     Args:
@@ -160,7 +160,7 @@ class _Knots(NamedTuple):
     step: float
 
 
-class _Clocks(NamedTuple):
+class _ClockSums(NamedTuple):
     """Sums for C clocks.
 
     Args:
@@ -174,7 +174,7 @@ class _Clocks(NamedTuple):
     cross: np.ndarray
 
 
-class _Followed(NamedTuple):
+class _CurveValues(NamedTuple):
     """Values of the trajectory per observation: positions and velocities (N, 3), and leverage (N,)."""
 
     positions: np.ndarray
@@ -208,14 +208,14 @@ def fit_series(curves, rays, clocks):
 
     Args:
         curves: `Curves`.
-        rays: `Rays`.
+        rays: `ObservationRays`.
         clocks: number of cameras.
     """
     series = len(curves.counts)
     unknowns = 2 * clocks
     information, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
     total = len(rays.times)
-    followed = _Followed(np.zeros((total, 3)), np.zeros((total, 3)), np.zeros(total))
+    followed = _CurveValues(np.zeros((total, 3)), np.zeros((total, 3)), np.zeros(total))
     rough, own = np.zeros((series, 2)), np.empty((unknowns, unknowns))
     for s in range(series):
         knots = _Knots(
@@ -234,7 +234,7 @@ def fit_series(curves, rays, clocks):
         penalty_moments(z, inverse, rough[s])
         cross = np.zeros((n, unknowns))
         own[:] = 0.0
-        add_clocks(_Clocks(own, right, cross), z, inverse, knots, rays, followed)
+        add_clocks(_ClockSums(own, right, cross), z, inverse, knots, rays, followed)
         forward(band, cross)
         information += own - cross.T @ cross
     return SeriesFit(information, right, followed.positions, followed.velocities, followed.leverage, rough)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.offsets.estimate import Fit
+from panoptic_ros.offsets.estimate import ClockFit
 
 Array = np.ndarray
 KNOWN = 0.012  # s, maximum standard deviation of a known offset
@@ -19,7 +19,7 @@ AGREE = 3e-3  # s; offsets that differ by less count as equal
 CHANCE = 2.0  # standard deviations of the difference, by which equal offsets may differ by chance
 
 
-def covariance_of(fit: Fit, prior: Array) -> Array:
+def covariance_of(fit: ClockFit, prior: Array) -> Array:
     """Return the covariance (2C, 2C) of (offsets, drifts) about their means over the cameras.
 
     It is the covariance of the estimate, inflated if noise is correlated over several frames. Timestamp
@@ -34,14 +34,14 @@ def covariance_of(fit: Fit, prior: Array) -> Array:
     return covariances
 
 
-def honest_information(fit: Fit, prior: Array) -> Array:
+def honest_information(fit: ClockFit, prior: Array) -> Array:
     """Return the information (2C, 2C) that corresponds to `covariance_of`, without the prior."""
     weak = np.diag(1e-3 * prior**-2.0)  # makes the information invertible
     covariance = np.linalg.inv(fit.information / inflation(fit) + weak)
     return np.linalg.inv(covariance + np.diag(np.minimum(_floor(fit), prior**2))) - 0.99 * weak
 
 
-def inflation(fit: Fit) -> float:
+def inflation(fit: ClockFit) -> float:
     """Return the factor of the variances, at least 1: the squared excess of short blocks.
 
     It is squared because correlated noise is longer than a short block.
@@ -49,7 +49,7 @@ def inflation(fit: Fit) -> float:
     return _excess(*_block_means(fit, SHORT_BLOCK)) ** 2
 
 
-def _floor(fit: Fit) -> Array:
+def _floor(fit: ClockFit) -> Array:
     """Return the variance (2C,) that more joints do not reduce: timestamp jitter and detector biases."""
     cameras = len(fit.offsets)
     frames = [len(np.unique(fit.seen.stamp[fit.seen.camera == c])) for c in range(cameras)]
@@ -57,7 +57,7 @@ def _floor(fit: Fit) -> Array:
     return np.concatenate([jitter + _bias_variance(fit, detector_bias(fit)), np.zeros(cameras)])
 
 
-def detector_bias(fit: Fit) -> float:
+def detector_bias(fit: ClockFit) -> float:
     """Return the typical distance (m) of detected joints from the point where the rays of all cameras meet.
 
     It is averaged over blocks of `LONG_BLOCK`, and measured across the motion, where clocks have no effect.
@@ -70,7 +70,7 @@ def detector_bias(fit: Fit) -> float:
     return float(np.sqrt(max(whole - np.median(expected), 0.0)))
 
 
-def _block_means(fit: Fit, length: float) -> tuple[Array, Array]:
+def _block_means(fit: ClockFit, length: float) -> tuple[Array, Array]:
     """Return mean residuals (B,) m per joint, camera and block of `length` s, with their variances (B,) m^2.
 
     The variances are those of independent residuals.
@@ -100,7 +100,7 @@ def _excess(means: Array, expected: Array) -> float:
     return max(1.0, ratio)
 
 
-def _bias_variance(fit: Fit, bias: float) -> Array:
+def _bias_variance(fit: ClockFit, bias: float) -> Array:
     """Return the variance (C,) s^2 of the offsets that a detector bias of `bias` m causes.
 
     Persons who move in another direction have another bias. One direction of one person counts as one bias,

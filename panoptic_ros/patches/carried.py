@@ -20,14 +20,14 @@ LEAST_GAIN = 0.1  # least gain, so that wrong positions are corrected in time
 
 
 @dataclass(eq=False)
-class Carried:
+class PropagatedJoints:
     """Propagated joints (J, 3) m of a person, NaN = unknown, and the time since their measurement (J,) s."""
 
     positions: Array
     ages: Array
 
     @classmethod
-    def measured(cls, positions: Array) -> Carried:
+    def measured(cls, positions: Array) -> PropagatedJoints:
         """Return the state of a new person, from measured joints (J, 3) m."""
         return cls(positions.copy(), np.zeros(len(positions)))
 

@@ -27,7 +27,7 @@ def ready() -> None:
     splat(depth, np.zeros((2, 2, 2)), 1, eye, np.zeros(3), np.zeros(2), 1.0, np.ones((2, 2)))
 
 
-class SensedMap(NamedTuple):
+class SensorDepthMap(NamedTuple):
     """Map of a depth sensor: (h, w) m along its z axis, 0 = unknown."""
 
     camera: Camera  # camera of the sensor
@@ -50,7 +50,7 @@ class DepthBuffer:
         columns, rows = np.ceil((corners.max(axis=0) - self._low) / self._cell).astype(int) + 1
         self._shape = (int(rows), int(columns))
 
-    def drawn(self, maps: Sequence[SensedMap]) -> Array:
+    def drawn(self, maps: Sequence[SensorDepthMap]) -> Array:
         """Return the cells (R, C) m for these maps, infinite where nothing is known."""
         cells, pose = np.full(self._shape, np.inf), self._pose
         for sensed in maps:

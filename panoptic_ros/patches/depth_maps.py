@@ -14,7 +14,7 @@ import numpy as np
 from panoptic_ros.domain import Camera, DepthFrame, Rig, TrackedPoseSet
 from panoptic_ros.domain.parts import Part
 from panoptic_ros.errors import DataError
-from panoptic_ros.patches.depth_buffer import SensedMap
+from panoptic_ros.patches.depth_buffer import SensorDepthMap
 from panoptic_ros.patches.lifting import Capsules
 from panoptic_ros.stage import Notice
 
@@ -63,7 +63,7 @@ class DepthMaps:
         if not own or item.stamp_ns > own[-1].stamp_ns:
             own.append(item)
 
-    def near(self, stamp_ns: int) -> list[tuple[int, SensedMap]]:
+    def near(self, stamp_ns: int) -> list[tuple[int, SensorDepthMap]]:
         """Return the timestamp and the map nearest to an instant, for each reliable sensor."""
         return [
             found
@@ -71,7 +71,7 @@ class DepthMaps:
             if self.believed.get(name, False) and self.meets.get(name, False)
         ]
 
-    def nearest(self, stamp_ns: int) -> list[tuple[str, tuple[int, SensedMap]]]:
+    def nearest(self, stamp_ns: int) -> list[tuple[str, tuple[int, SensorDepthMap]]]:
         """Return the same for all sensors, with their names, regardless of reliability."""
         found = []
         for name in sorted(self.maps):
@@ -80,10 +80,10 @@ class DepthMaps:
                 found.append((name, (item.stamp_ns, self._sensed(item))))
         return found
 
-    def _sensed(self, item: DepthFrame) -> SensedMap:
+    def _sensed(self, item: DepthFrame) -> SensorDepthMap:
         depth = np.ascontiguousarray(item.depth)
         depth.flags.writeable = False
-        return SensedMap(self.cameras[item.camera], self._planes[item.camera], depth)
+        return SensorDepthMap(self.cameras[item.camera], self._planes[item.camera], depth)
 
     def judge(self, stamp_ns: int, capsules: Capsules) -> tuple[Notice, ...]:
         """Compare the maps of an instant with the people there, and update which sensors are reliable.
@@ -132,7 +132,7 @@ def _plane(camera: Camera) -> Array:
     return plane
 
 
-def meeting(sensed: SensedMap, capsules: Capsules) -> float:
+def meeting(sensed: SensorDepthMap, capsules: Capsules) -> float:
     """Return the share of points on people whose surface a map measures at the expected depth.
 
     It is NaN if too few points have a known depth.
@@ -152,7 +152,7 @@ def meeting(sensed: SensedMap, capsules: Capsules) -> float:
     return float((missed < MEETS).mean())
 
 
-def in_front(sensed: SensedMap, points: Array) -> Array:
+def in_front(sensed: SensorDepthMap, points: Array) -> Array:
     """Return which points (N, 3) m are in free space: in front of every surface in the window (N,).
 
     Holes are unknown, never free. Joo et al. 2017, 6.2, test one pixel only. With the noise of this pixel,
@@ -164,7 +164,7 @@ def in_front(sensed: SensedMap, points: Array) -> Array:
     return free
 
 
-def _window(sensed: SensedMap, points: Array) -> tuple[Array, Array]:
+def _window(sensed: SensorDepthMap, points: Array) -> tuple[Array, Array]:
     """Return the smallest depth (N,) m in a window round each point (N, 3) m, and whether it is known.
 
     It is known if enough pixels of the window have a depth.

@@ -17,11 +17,11 @@ import numpy as np
 from panoptic_ros.domain import Camera, PartMotions, PatchTracks, Rig, SkeletonModel, TrackedPoseSet
 from panoptic_ros.domain.parts import Part
 from panoptic_ros.geometry.rotations import rotation_of
-from panoptic_ros.patches.carried import Carried
+from panoptic_ros.patches.carried import PropagatedJoints
 from panoptic_ros.patches.config import PatchesConfig
-from panoptic_ros.patches.depth_buffer import DepthBuffer, SensedMap
+from panoptic_ros.patches.depth_buffer import DepthBuffer, SensorDepthMap
 from panoptic_ros.patches.lifting import Capsules, axes, lift
-from panoptic_ros.patches.rigid import Bodies, Solved, Tracks, misses, solved, unsolved
+from panoptic_ros.patches.rigid import PartProblems, PartSolution, PointTracks, misses, solved, unsolved
 
 TIE_SIGMA = 0.003  # m, standard deviation between two parts' motions at a joint (its position is rough)
 Array = np.ndarray
@@ -31,7 +31,7 @@ NEAR_SURFACE = 0.1  # m, greatest distance between a measured surface and the ca
 STILL = 0.0005  # m and rad, least standard deviation of a motion
 
 
-class Ties:
+class PartConnections:
     """Connections of parts: part above, part, and shared joint."""
 
     def __init__(self, parts: tuple[Part, ...]):
@@ -90,10 +90,10 @@ def _composed(motion: Array, step: Array) -> Array:
     return np.concatenate([motion[:3] + half, motion[3:] + step[3:]])
 
 
-class Lifted(NamedTuple):
+class LiftedTracks(NamedTuple):
     """N tracks on people, ordered by part, and the person and part of each."""
 
-    tracks: Tracks
+    tracks: PointTracks
     normals: Array  # (N, 3) of the surface, at the first instant
     groups: Array  # (N,) index into `keys`
     keys: tuple[tuple[int, int], ...]  # (M) person and part
@@ -107,7 +107,7 @@ class PartTracker:
         poses = [camera.cam_from_world for camera in rig.cameras]
         self.views = np.array([np.column_stack([pose.rotation, pose.translation]) for pose in poses])
         self.origins = np.array([-pose.rotation.T @ pose.translation for pose in poses]).reshape(-1, 3)
-        self._ties = Ties(parts)
+        self._ties = PartConnections(parts)
         self._buffers = [DepthBuffer(camera) for camera in rig.cameras] if rig.depth_sensors else []
         turn, move = config.turn_sigma, config.move_sigma
         self._spread = np.array([turn, turn, turn, move, move, move])
@@ -116,10 +116,10 @@ class PartTracker:
         self,
         before: TrackedPoseSet,
         dt: float,
-        people: Mapping[int, Carried],
+        people: Mapping[int, PropagatedJoints],
         tracks: Mapping[str, PatchTracks],
-        maps: Sequence[SensedMap] = (),
-    ) -> Lifted:
+        maps: Sequence[SensorDepthMap] = (),
+    ) -> LiftedTracks:
         """Return the tracks of each camera, on the people of the previous instant, dt s ago.
 
         Args:
@@ -141,7 +141,7 @@ class PartTracker:
         return self._ordered(found, ids)
 
     def _of_view(
-        self, item: PatchTracks, dt: float, persons: Array, capsules: Capsules, maps: Sequence[SensedMap]
+        self, item: PatchTracks, dt: float, persons: Array, capsules: Capsules, maps: Sequence[SensorDepthMap]
     ) -> Iterator[tuple[Array, ...]]:
         """Yield the tracks of a view that are on people, as one tuple or none.
 
@@ -185,7 +185,7 @@ class PartTracker:
         rows = (xx * c - xy * b) * fx * fx, (xy * a - xx * b) * fx * fy, (yy * a - xy * b) * fy * fy
         return np.stack([row / whole for row in rows], axis=1)
 
-    def _ordered(self, found: list[tuple[Array, ...]], ids: list[int]) -> Lifted:
+    def _ordered(self, found: list[tuple[Array, ...]], ids: list[int]) -> LiftedTracks:
         """Return all tracks, sorted by part; parts without a track are left out."""
         none = (
             np.zeros((0, 3)),
@@ -202,10 +202,10 @@ class PartTracker:
         kinds, groups = np.unique(own[order], return_inverse=True)
         keys = tuple((ids[k // len(self._parts)], k % len(self._parts)) for k in kinds.tolist())
         nothing = np.full(len(order), np.inf)
-        tracks = Tracks(points[order], cameras[order], targets[order], information[order], nothing)
-        return Lifted(tracks, normals[order], groups, keys)
+        tracks = PointTracks(points[order], cameras[order], targets[order], information[order], nothing)
+        return LiftedTracks(tracks, normals[order], groups, keys)
 
-    def _solved(self, lifted: Lifted, bodies: Bodies) -> Solved:
+    def _solved(self, lifted: LiftedTracks, bodies: PartProblems) -> PartSolution:
         """Return the motions of all parts, solved for the torsos first.
 
         A track that also fits the torso's motion, or a point at rest, gets a low weight for a limb that moves
@@ -228,9 +228,9 @@ class PartTracker:
 
     def motions(
         self,
-        lifted: Lifted,
+        lifted: LiftedTracks,
         expected: Mapping[tuple[int, int], Array],
-        bodies: Mapping[int, Carried],
+        bodies: Mapping[int, PropagatedJoints],
         last: PartMotions,
     ) -> PartMotions:
         """Return the motions of the parts on which enough tracks agree.
@@ -257,7 +257,7 @@ class PartTracker:
                 rotation, translation = last.rotations[row], last.translations[row]
                 arm = centres[k] - last.centres[row] - translation
                 guesses[k, 2] = np.concatenate([rotation, translation + np.cross(rotation, arm)])
-        result = self._solved(lifted, Bodies(starts, centres, guesses))
+        result = self._solved(lifted, PartProblems(starts, centres, guesses))
         totals = np.diff(starts)
         enough = (result.agreeing >= self._config.fewest) & (result.agreeing >= AGREEING_SHARE * totals)
         kept = np.flatnonzero(enough & np.isfinite(result.covariances).all(axis=(1, 2)))
@@ -282,7 +282,12 @@ class PartTracker:
 
 
 def on_surface(
-    buffer: DepthBuffer, maps: Sequence[SensedMap], view: Array, origin: Array, points: Array, seen: Array
+    buffer: DepthBuffer,
+    maps: Sequence[SensorDepthMap],
+    view: Array,
+    origin: Array,
+    points: Array,
+    seen: Array,
 ) -> None:
     """Move points (N, 3) m to the measured surface near them, in place.
 

@@ -19,7 +19,7 @@ LEAST_WEIGHT = 0.2  # least weight of the tracks near a patch for a view that co
 VISIBLE = (-2.2, 1.5, 2.5, 1.0)
 
 
-class Measured(NamedTuple):
+class PatchMeasurements(NamedTuple):
     """Measurements of N patches."""
 
     corrections: Array  # (N, 3) m, relative to the motion of their parts
@@ -40,7 +40,7 @@ def measure(before, after, normals, numbers, starts, tracks, carried, views, see
         carried: (T, 3) m, points of the tracks as moved by the parts.
         views: (V, 3, 4) cam_from_world.
         seen: (N, V) visibility at the previous instant.
-        found: `Measured`, output.
+        found: `PatchMeasurements`, output.
     """
     count = len(views)
     weights, cosines = np.empty(count), np.empty(count)

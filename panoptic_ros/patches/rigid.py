@@ -24,7 +24,7 @@ FREEDOM = 6  # number of parameters of a motion
 AGREES = 9.0  # squared standard deviations, greatest residual of a track that agrees with the motion
 
 
-class Tracks(NamedTuple):
+class PointTracks(NamedTuple):
     """N 2D tracks, ordered by part."""
 
     points: Array  # (N, 3) m, at the first instant
@@ -34,7 +34,7 @@ class Tracks(NamedTuple):
     others: Array  # (N,) squared residual, in variances, under the best other motion; see `misses`
 
 
-class Solved(NamedTuple):
+class PartSolution(NamedTuple):
     """Motions of M parts."""
 
     motions: Array  # (M, 6) rotation vector rad and translation m
@@ -43,7 +43,7 @@ class Solved(NamedTuple):
     spreads: Array  # (M,) root mean square of their residuals, in standard deviations
 
 
-class Bodies(NamedTuple):
+class PartProblems(NamedTuple):
     """M parts to solve for."""
 
     starts: Array  # (M + 1,) first track of each part
@@ -51,7 +51,7 @@ class Bodies(NamedTuple):
     guesses: Array  # (M, G, 6) motions; the search starts from the best. The first is the expected one
 
 
-class _Sums(NamedTuple):
+class _NormalEquations(NamedTuple):
     """Rotation (3, 3) of a part at a motion, and the normal equations (6, 6) and (6,)."""
 
     rotation: Array
@@ -59,7 +59,9 @@ class _Sums(NamedTuple):
     gradient: Array
 
 
-def solved(tracks: Tracks, bodies: Bodies, which: Array, views: Array, spread: Array, result: Solved) -> None:
+def solved(
+    tracks: PointTracks, bodies: PartProblems, which: Array, views: Array, spread: Array, result: PartSolution
+) -> None:
     """Solve for the motions of some parts, into `result`.
 
     Args:
@@ -73,14 +75,16 @@ def solved(tracks: Tracks, bodies: Bodies, which: Array, views: Array, spread: A
     _solve(tracks, bodies, which, views, 1.0 / spread**2, result)
 
 
-def unsolved(count: int) -> Solved:
+def unsolved(count: int) -> PartSolution:
     """Return a result for `count` parts, none of which has a motion yet."""
-    return Solved(np.zeros((count, 6)), np.zeros((count, 6, 6)), np.zeros(count, np.int32), np.zeros(count))
+    return PartSolution(
+        np.zeros((count, 6)), np.zeros((count, 6, 6)), np.zeros(count, np.int32), np.zeros(count)
+    )
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _solve(tracks, bodies, which, views, priors, result):
-    guesses, sums = bodies.guesses, _Sums(np.empty((3, 3)), np.empty((6, 6)), np.empty(6))
+    guesses, sums = bodies.guesses, _NormalEquations(np.empty((3, 3)), np.empty((6, 6)), np.empty(6))
     rotation, normal, gradient = sums
     turn, trial, step = np.empty((3, 3)), np.empty(6), np.empty(6)
     for part in which:

@@ -18,12 +18,12 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.errors import DataError
-from panoptic_ros.patches.carried import Carried
+from panoptic_ros.patches.carried import PropagatedJoints
 from panoptic_ros.patches.config import PatchesConfig
 from panoptic_ros.patches.depth_buffer import ready
 from panoptic_ros.patches.depth_maps import DepthMaps, free_joints
 from panoptic_ros.patches.lifting import Capsules, axes, joined
-from panoptic_ros.patches.motions import Lifted, PartTracker, expectation, no_motions
+from panoptic_ros.patches.motions import LiftedTracks, PartTracker, expectation, no_motions
 from panoptic_ros.patches.surface import Surface, moved, no_surface, seeded
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
@@ -62,7 +62,7 @@ class PatchesStage(Stateful):
         "patches",
         "_tracks _people _before _last _surface _next _silent _blind _free _depth.maps _depth.shares "
         "_depth.believed _depth.meets _depth.told".split(),
-        (PatchTracks, TrackedPoseSet, ViewSources, Carried, PartMotions, Surface, DepthFrame),
+        (PatchTracks, TrackedPoseSet, ViewSources, PropagatedJoints, PartMotions, Surface, DepthFrame),
         same={"configuration": "_config", "cameras": "_names", "skeleton": "_hash", "sensors": "_sensors"},
     )
 
@@ -83,7 +83,7 @@ class PatchesStage(Stateful):
     def reset(self) -> None:
         """Forget all people."""
         self._tracks: dict[str, deque[PatchTracks]] = {}
-        self._people: dict[int, Carried] = {}
+        self._people: dict[int, PropagatedJoints] = {}
         self._before: TrackedPoseSet | None = None
         self._last = no_motions()
         self._surface = no_surface(len(self._names))
@@ -139,7 +139,8 @@ class PatchesStage(Stateful):
 
     def _begin_anew(self, item: TrackedPoseSet) -> None:
         self._people = {
-            number: Carried.measured(points) for number, points in zip(item.ids.tolist(), item.positions)
+            number: PropagatedJoints.measured(points)
+            for number, points in zip(item.ids.tolist(), item.positions)
         }
         self._last, self._surface = no_motions(), no_surface(len(self._names))
 
@@ -165,7 +166,7 @@ class PatchesStage(Stateful):
         self._next += len(new.ids) - len(surface.ids)
         self._surface = new
 
-    def _expected(self, measured: dict[int, Array], lifted: Lifted) -> dict[tuple[int, int], Array]:
+    def _expected(self, measured: dict[int, Array], lifted: LiftedTracks) -> dict[tuple[int, int], Array]:
         """Return the motions of parts according to the skeletons, by person and part; see `expectation`."""
         found = {}
         for person, part in lifted.keys:
@@ -195,7 +196,7 @@ class PatchesStage(Stateful):
             if np.isfinite(carried.positions).any()
         }
         for person in measured.keys() - self._people.keys():
-            self._people[person] = Carried.measured(measured[person])
+            self._people[person] = PropagatedJoints.measured(measured[person])
 
     def _record(self, before: TrackedPoseSet, item: TrackedPoseSet, free: Array) -> PatchTrajectories:
         own = self._surface

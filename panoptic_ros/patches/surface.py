@@ -16,8 +16,8 @@ import numpy as np
 from panoptic_ros.domain import PartMotions
 from panoptic_ros.geometry.rotations import rotation_of
 from panoptic_ros.patches.lifting import Capsules, nearest_parts
-from panoptic_ros.patches.motions import Lifted
-from panoptic_ros.patches.patch_motion import SOFT, Measured, measure
+from panoptic_ros.patches.motions import LiftedTracks
+from panoptic_ros.patches.patch_motion import SOFT, PatchMeasurements, measure
 
 Array = np.ndarray
 LOOSE = 0.03  # m, correction from which a patch ends, because it does not move with its part
@@ -48,7 +48,7 @@ def no_surface(views: int) -> Surface:
 def moved(
     surface: Surface,
     motions: PartMotions,
-    lifted: Lifted,
+    lifted: LiftedTracks,
     bodies: Mapping[int, Capsules],
     life: int,
     views: Array,
@@ -73,7 +73,7 @@ def moved(
     positions = centres + translations + arms
     normals = np.einsum("nij,nj->ni", turns, surface.normals)
     count, seen = len(rows), surface.visible
-    found = Measured(np.zeros((count, 3)), np.zeros(count), np.zeros((count, views.shape[0])))
+    found = PatchMeasurements(np.zeros((count, 3)), np.zeros(count), np.zeros((count, views.shape[0])))
     numbers = np.array([lifted.keys.index(key) for key in row_of], np.int64)
     starts = np.searchsorted(lifted.groups, np.arange(len(lifted.keys) + 1))
     carried = carried_tracks(lifted, motions, numbers)
@@ -108,7 +108,7 @@ def moved(
 def seeded(
     surface: Surface,
     motions: PartMotions,
-    lifted: Lifted,
+    lifted: LiftedTracks,
     bodies: Mapping[int, Capsules],
     most: Array,
     first_id: int,
@@ -154,7 +154,7 @@ def seeded(
     return Surface(*(np.concatenate(values) for values in zip(surface, fresh)))
 
 
-def carried_tracks(lifted: Lifted, motions: PartMotions, numbers: Array) -> Array:
+def carried_tracks(lifted: LiftedTracks, motions: PartMotions, numbers: Array) -> Array:
     """Return the points (N, 3) m of the tracks, moved by their parts; NaN where a part has no motion.
 
     Args:

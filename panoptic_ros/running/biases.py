@@ -9,7 +9,7 @@ import numpy as np
 
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.evaluation.bias import Benefit, BiasConfig, BiasPass, MeasuredBiases
-from panoptic_ros.graph.recording import HeldRecording
+from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.io.biases import torso_of, write_bias_table
 from panoptic_ros.io.compared_skeletons import read_sequence, spelt_alike
 from panoptic_ros.io.skeletons import in_vocabulary
@@ -46,7 +46,7 @@ def write_biases(
         tuple(_other_side(word, words) for word in words),
         tuple(leave_out),
     )
-    recording = HeldRecording({"truth": truth.frames, "skeletons": result.frames})
+    recording = InMemoryRecording({"truth": truth.frames, "skeletons": result.frames})
     found = BiasPass(config).run(recording, progress)
     _check_people(found, config.leave_out, truth_path, result_path)
     left = [not word.startswith("right_") for word in words]

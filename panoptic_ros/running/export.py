@@ -25,7 +25,7 @@ from panoptic_ros.stage import Progress, untold
 from panoptic_ros.view.page.recorded import RecordedScene
 
 
-class Wanted(NamedTuple):
+class ExportOptions(NamedTuple):
     """Options of an export.
 
     Args:
@@ -41,12 +41,12 @@ class Wanted(NamedTuple):
     rig: Path | None = None
 
 
-Writer = Callable[[Path, Path, Wanted, Progress], list[Path]]
+Writer = Callable[[Path, Path, ExportOptions, Progress], list[Path]]
 # returns the content of one person's file
 TextWriter = Callable[[SegmentModel, Sequence[BodyState], Path], str]
 
 
-def export(path: Path, out: Path, wanted: Wanted, progress: Progress = untold) -> list[Path]:
+def export(path: Path, out: Path, wanted: ExportOptions, progress: Progress = untold) -> list[Path]:
     """Write results or a bag to a file and return the paths of all files written.
 
     Formats for a single person give one file per person.
@@ -63,7 +63,7 @@ def export(path: Path, out: Path, wanted: Wanted, progress: Progress = untold) -
     return writer(path, out, wanted, progress)
 
 
-def _write_html(path: Path, out: Path, wanted: Wanted, progress: Progress) -> list[Path]:
+def _write_html(path: Path, out: Path, wanted: ExportOptions, progress: Progress) -> list[Path]:
     """Write one HTML page that shows the whole recording, with images."""
     from panoptic_ros.view.page.one_file import one_file
 
@@ -83,7 +83,7 @@ def _write_html(path: Path, out: Path, wanted: Wanted, progress: Progress) -> li
     return [out]
 
 
-def _people_of(path: Path, wanted: Wanted) -> tuple[SegmentModel, dict[int, list[BodyState]]]:
+def _people_of(path: Path, wanted: ExportOptions) -> tuple[SegmentModel, dict[int, list[BodyState]]]:
     """Return the segment model, and the bodies of the results by id in time order.
 
     Raises:
@@ -110,7 +110,7 @@ def _each(write: TextWriter) -> Writer:
     A single person's file is named `out`. With several people, the id is added to each name.
     """
 
-    def write_all(path: Path, out: Path, wanted: Wanted, progress: Progress) -> list[Path]:
+    def write_all(path: Path, out: Path, wanted: ExportOptions, progress: Progress) -> list[Path]:
         model, people = _people_of(path, wanted)
         files = []
         for done, (number, own) in enumerate(people.items()):
@@ -130,7 +130,7 @@ def _urdf(model: SegmentModel, states: Sequence[BodyState], out: Path) -> str:
     return urdf_text(read_body_shape(model), offsets, f"p{number}", rgb_of(number))
 
 
-def _write_glb(path: Path, out: Path, wanted: Wanted, progress: Progress) -> list[Path]:
+def _write_glb(path: Path, out: Path, wanted: ExportOptions, progress: Progress) -> list[Path]:
     """Write one animated scene that contains all people."""
     model, people = _people_of(path, wanted)
     colours = {number: rgb_of(number) for number in people}

@@ -35,7 +35,7 @@ def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:
         UserError: if a file is missing, exists twice or is invalid.
     """
     subject, action = _split(take)
-    files = _Files(folder, subject)
+    files = _FileIndex(folder, subject)
     both = (action, f"{subject}_{action}")
     sensors = [f"{name}_xsens{end}.sensors" for end in ("_auxfields", "") for name in both]
     calibration = [f"{subject}_{action}_calib_imu_{kind}.txt" for kind in ("bone", "ref")]
@@ -83,7 +83,7 @@ def import_human36m(folder: Path, take: str, out: Path) -> list[str]:
     number = re.fullmatch(r"s(\d+)", subject)
     if number is None:
         raise UsageError(f"--take {take!r}: subjects of Human3.6M are S1 to S{human36m.SUBJECTS}")
-    files = _Files(folder, subject)
+    files = _FileIndex(folder, subject)
     joints = human36m.read_joints(files.one(f"{action}.cdf", inside="d3_positions"))
     rig = human36m.read_cameras(files.one("metadata.xml", anybody=True), int(number[1]))
     frames = [
@@ -128,7 +128,7 @@ def _split(take: str) -> tuple[str, str]:
     return subject, action
 
 
-class _Files:
+class _FileIndex:
     """Index of all files below a folder by name.
 
     It ignores case and depth, as archives are unpacked in many ways.

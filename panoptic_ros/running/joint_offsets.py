@@ -12,7 +12,7 @@ from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence
 from panoptic_ros.evaluation.bias import Benefit
-from panoptic_ros.evaluation.joint_offsets import PosedPeople, judge_joint_offsets, measure_joint_offsets
+from panoptic_ros.evaluation.joint_offsets import MatchedSkeletons, judge_joint_offsets, measure_joint_offsets
 from panoptic_ros.evaluation.pairing import pairs_in_turn
 from panoptic_ros.io.body_files import KINEMATICS, read_bodies
 from panoptic_ros.io.body_models import read_body_model
@@ -129,7 +129,7 @@ def _posed(
     states: dict[int, list[BodyState]],
     model: SegmentModel,
     of_truth: bool,
-) -> PosedPeople:
+) -> MatchedSkeletons:
     """Return all people of the result that match a true person and have a body.
 
     Args:
@@ -149,7 +149,7 @@ def _posed(
                 rows.append((ids[0], pair.truth[t], pair.result[r], state.frames))
     count, joints, segments = len(rows), len(truth.joint_names), len(model.names)
     columns = [[row[k] for row in rows] for k in range(4)]
-    return PosedPeople(
+    return MatchedSkeletons(
         np.array(columns[0], np.int64),
         np.array(columns[1]).reshape(count, joints, 3),
         np.array(columns[2]).reshape(count, joints, 3),

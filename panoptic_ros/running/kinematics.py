@@ -20,7 +20,7 @@ from panoptic_ros.io.kinematic_files import read_imus
 from panoptic_ros.io.plain_formats import PlainDetections, read_detections
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
-from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
+from panoptic_ros.kinematics.session import BodyRecording, BodySolution, solve_recording
 from panoptic_ros.params import load
 from panoptic_ros.running.plans.rig_files import read_rig_at
 
@@ -43,7 +43,7 @@ class BodyTask:
     """Input of the body solver, with lines about irregularities in the files."""
 
     config: KinematicsConfig
-    recording: Recording
+    recording: BodyRecording
     subjects: tuple[Subject, ...]
     statistics: PoseStatistics
     notices: tuple[str, ...] = ()
@@ -96,7 +96,7 @@ def read_body_task(
         if odd:
             text = f"nobody sees its keypoints {', '.join(odd)}; look at their names"
             notices.append(f"subject {subject.id}: {text}")
-    recording = Recording(used, names, views, devices)
+    recording = BodyRecording(used, names, views, devices)
     return BodyTask(config, recording, people, known["pose_prior"], tuple(notices))
 
 
@@ -119,7 +119,7 @@ def _worn_devices(imu: Path, people: Sequence[Subject], notices: list[str]) -> d
     return devices
 
 
-def solve_bodies(task: BodyTask) -> Solved:
+def solve_bodies(task: BodyTask) -> BodySolution:
     """Solve a recording for the bodies of its subjects."""
     solved = solve_recording(task.recording, task.subjects, task.config, task.statistics)
     return replace(solved, notices=[*task.notices, *solved.notices])

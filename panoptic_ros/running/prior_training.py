@@ -13,7 +13,13 @@ from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.io.body_files import read_bodies
 from panoptic_ros.io.body_models import DEFAULT_MODEL, read_body_model
 from panoptic_ros.io.c3d_motion import read_c3d
-from panoptic_ros.io.motion_files import JointMotion, named_plainly, read_bvh, read_clip_arrays, read_sites
+from panoptic_ros.io.motion_files import (
+    JointTrajectories,
+    named_plainly,
+    read_bvh,
+    read_clip_arrays,
+    read_sites,
+)
 from panoptic_ros.io.pose_prior import write_prior
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.body.fitting import fit_motion, with_trunk
@@ -85,7 +91,7 @@ def _motions(path: Path, model: SegmentModel, unit: float) -> list[tuple[str, Ar
 
 
 def _fitted(
-    path: Path, motion: JointMotion, model: SegmentModel, named: JointMotion
+    path: Path, motion: JointTrajectories, model: SegmentModel, named: JointTrajectories
 ) -> tuple[str, Array, str]:
     every, sites = max(int(motion.rate / RATE), 1), read_sites(model)
     try:

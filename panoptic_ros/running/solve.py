@@ -50,7 +50,7 @@ class SolveTask:
 
 
 @dataclass(frozen=True)
-class Solution:
+class SolveResult:
     """Output of `solve`.
 
     Args:
@@ -114,7 +114,7 @@ def check(task: SolveTask) -> tuple[Notice, ...]:
     return check_rig(task.context.rig, sets, task.context.skeleton).warnings
 
 
-def solve(task: SolveTask, warnings: Sequence[Notice] = ()) -> Solution:
+def solve(task: SolveTask, warnings: Sequence[Notice] = ()) -> SolveResult:
     """Run all detection sets through the stages that follow sync.
 
     Views whose timestamps disagree with the majority of their set are left out.
@@ -138,4 +138,4 @@ def solve(task: SolveTask, warnings: Sequence[Notice] = ()) -> Solution:
         pipeline.push("detection_sets", item)
     pipeline.flush()
     notices += why_nobody(sets, sum(len(item.ids) for item in poses), warnings)
-    return Solution(poses, spent, notices)
+    return SolveResult(poses, spent, notices)

@@ -15,7 +15,7 @@ from panoptic_ros.io.files import write_json
 from panoptic_ros.io.folders import whole_folder
 from panoptic_ros.io.frame_stream import CutFileWarning, read_frames
 from panoptic_ros.io.salvage import repair
-from panoptic_ros.io.salvage.repair import Repair
+from panoptic_ros.io.salvage.repair import RepairResult
 from panoptic_ros.io.storages import is_storage
 from panoptic_ros.io.takes import OPEN, is_recorded_now, mark_saved, unclosed_takes
 
@@ -33,7 +33,7 @@ class SavedTake:
         lost: One line about each loss.
     """
 
-    bags: dict[str, Repair]
+    bags: dict[str, RepairResult]
     frames: dict[str, int]
     lost: tuple[str, ...]
 
@@ -67,7 +67,7 @@ def save_take(source: Path, target: Path) -> SavedTake:
         saved = SavedTake({"": (made := repair(source, target))}, {}, made.lost)
         mark_saved(source)
         return saved
-    bags: dict[str, Repair] = {}
+    bags: dict[str, RepairResult] = {}
     frames: dict[str, int] = {}
     lost: list[str] = []
     with whole_folder(target) as folder:

@@ -10,7 +10,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.utilities import try_shutdown
 
 from panoptic_ros.errors import EnvironmentProblem
-from panoptic_ros.graph.health import Told
+from panoptic_ros.graph.health import ReceivedStatus
 from panoptic_ros.nodes.listeners.watch_node import WatchNode
 from panoptic_ros.nodes.middleware.runtime import start_ros
 from panoptic_ros.running.processes.children import prepare_environment
@@ -19,7 +19,9 @@ PATIENCE_S = 6.0  # s, timeout for the first status: covers discovery and the 1 
 GATHERING_S = 1.5  # s from the first status until all nodes have published theirs
 
 
-def watched(namespace: str | None, period_s: float, stop: Callable[[], bool]) -> Iterator[list[Told]]:
+def watched(
+    namespace: str | None, period_s: float, stop: Callable[[], bool]
+) -> Iterator[list[ReceivedStatus]]:
     """Yield the newest statuses of all nodes of live graphs, once per period.
 
     Args:
@@ -36,7 +38,7 @@ def watched(namespace: str | None, period_s: float, stop: Callable[[], bool]) ->
     executor.add_node(node)
     wanted = None if namespace is None else namespace.strip("/")
 
-    def own() -> list[Told]:
+    def own() -> list[ReceivedStatus]:
         return [item for item in node.told.values() if wanted in (None, item.namespace)]
 
     def spin_until(until: float, ready: Callable[[], bool]) -> None:

@@ -1,8 +1,8 @@
 """Simulated captures with exact ground truth: people, cameras, faulty 2D detections, and images.
 
-Input: a declarative `Scene` (see `SCENES`) and a seed. Output: a `Simulation` with the rig, the detection
-sets of all instants (`detection_sets`) and the true skeletons (`truth_document`). The package `rendering`
-adds images with depth and person ids per pixel. The same scene and seed give the same take.
+Input: a declarative `SimulatedScene` (see `SCENES`) and a seed. Output: a `Simulation` with the rig, the
+detection sets of all instants (`detection_sets`) and the true skeletons (`truth_document`). The package
+`rendering` adds images with depth and person ids per pixel. The same scene and seed give the same take.
 
 People are bodies of constant limb lengths. Their joints are smooth functions of time, exact at any instant
 (`people`, `body`), so cameras need not be synchronised (`timing`). A simulated detector (`detector`) projects
@@ -15,9 +15,9 @@ fingers. Noise is unbiased about the true joint, unlike the noise of real detect
 
 from panoptic_ros.simulation.degradation import CLEAN, MILD, NOISY, Degradation
 from panoptic_ros.simulation.detector import Absence, Sightings, SimulatedDetector
-from panoptic_ros.simulation.people import ACTIVITIES, Person
+from panoptic_ros.simulation.people import ACTIVITIES, SimulatedPerson
 from panoptic_ros.simulation.rigs import Corners, Dome, Lens, PanelDome, Ring, farthest_first
-from panoptic_ros.simulation.scenes import SCENES, Scene, scene
+from panoptic_ros.simulation.scenes import SCENES, SimulatedScene, scene
 from panoptic_ros.simulation.simulate import Simulation, simulate
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
 from panoptic_ros.simulation.timing import Timing
@@ -36,11 +36,11 @@ __all__ = [
     "Dome",
     "Lens",
     "PanelDome",
-    "Person",
     "Ring",
-    "Scene",
     "Sightings",
     "SimulatedDetector",
+    "SimulatedPerson",
+    "SimulatedScene",
     "Simulation",
     "Timing",
     "farthest_first",

@@ -35,7 +35,7 @@ _SHARES = {  # segment lengths as fractions of the body height
 
 
 @dataclass(frozen=True)
-class Body:
+class BodyLengths:
     """Segment lengths of one person, m."""
 
     height: float
@@ -50,7 +50,7 @@ class Body:
     head: float  # scale of the head, 1 = adult
 
     @classmethod
-    def draw(cls, rng: np.random.Generator, height: float) -> Body:
+    def draw(cls, rng: np.random.Generator, height: float) -> BodyLengths:
         """Draw the body of a person of this height (m), with each length varied by about 3 %.
 
         Children get relatively larger heads.
@@ -107,7 +107,7 @@ class Posture:
     head: Array
 
 
-def assume_posture(body: Body, lower: LowerBody, upper: UpperBody) -> Posture:
+def assume_posture(body: BodyLengths, lower: LowerBody, upper: UpperBody) -> Posture:
     """Return the posture that follows the targets as far as the limbs reach."""
     pelvis = axes_of(lower.heading, np.zeros_like(lower.heading))
     chest = axes_of(lower.heading + upper.twist, lower.lean)

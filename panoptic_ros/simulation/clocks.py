@@ -20,7 +20,7 @@ from panoptic_ros.domain import FrameRate, Timecode, TimecodeReading
 
 SECOND = 1_000_000_000
 # (arrival time in s, stream number, item)
-Stream = Iterator[tuple[float, int, "TimecodeReading | CameraFrame"]]
+Stream = Iterator[tuple[float, int, "TimecodeReading | TrueFrame"]]
 # spacing of the cameras' frame number ranges, so that a number identifies the camera even after a renaming
 FRAMES = 100_000_000
 
@@ -54,7 +54,7 @@ class SimulatedClock:
 
 
 @dataclass(frozen=True)
-class HearingDevice:
+class TimecodeDevice:
     """Device that receives timecode.
 
     Args:
@@ -98,7 +98,7 @@ class SimulatedCamera:
 
 
 @dataclass(frozen=True)
-class CameraFrame:
+class TrueFrame:
     """Frame with its timestamp and its true exposure time."""
 
     camera: str
@@ -119,7 +119,7 @@ class ClockWorld:
             its own clock and data.
     """
 
-    devices: Sequence[HearingDevice]
+    devices: Sequence[TimecodeDevice]
     cameras: Sequence[SimulatedCamera]
     seconds: float
     first_s: int = 1001
@@ -131,7 +131,7 @@ class ClockWorld:
         """Return the master time (ns) of a true time (ns)."""
         return self.first_s * SECOND + true_ns
 
-    def events(self) -> Iterator[TimecodeReading | CameraFrame]:
+    def events(self) -> Iterator[TimecodeReading | TrueFrame]:
         """Yield readings and frames in the order of their arrival."""
         readings = (self._readings(device, k) for k, device in enumerate(self.devices))
         frames = (self._frames(camera, k) for k, camera in enumerate(self.cameras))
@@ -142,7 +142,7 @@ class ClockWorld:
         at, names = self.swap
         return names.get(name, name) if true_s >= at else name
 
-    def _readings(self, device: HearingDevice, order: int) -> Stream:
+    def _readings(self, device: TimecodeDevice, order: int) -> Stream:
         rng = np.random.default_rng([self.seed, order])
         rate = device.rate.exact
         first = round(self.first_s * rate)
@@ -171,7 +171,7 @@ class ClockWorld:
             if rng.random() < camera.lost or _within(seconds, camera.off):
                 continue
             name = self._name(camera.name, seconds)
-            frame = CameraFrame(name, clock.stamp(true_ns), FRAMES * order + k, true_ns)
+            frame = TrueFrame(name, clock.stamp(true_ns), FRAMES * order + k, true_ns)
             yield seconds + camera.latency_s, 1000 + order, frame
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.simulation.body import ADULT
 from panoptic_ros.simulation.degradation import Degradation
-from panoptic_ros.simulation.people import Person, draw_person
+from panoptic_ros.simulation.people import SimulatedPerson, draw_person
 from panoptic_ros.simulation.silhouettes import box_overlap, boxes_of, seen_from_behind
 from panoptic_ros.simulation.skeleton import JOINTS, J, both_sides
 from panoptic_ros.simulation.walls import Wall, behind_walls
@@ -45,7 +45,7 @@ POINT_DIGITS, SCORE_DIGITS = 6, 3
 
 
 @dataclass(frozen=True)
-class Capsule:
+class OccluderCapsule:
     """Capsule of a body part, the volume that hides joints.
 
     Args:
@@ -60,32 +60,33 @@ class Capsule:
     spares: tuple[str, ...] = ()
 
 
-def _side(side: str) -> list[Capsule]:
+def _side(side: str) -> list[OccluderCapsule]:
     limbs = (
         ("Shoulder", "Elbow", 0.045),
         ("Elbow", "Wrist", 0.036),
         ("Hip", "Knee", 0.072),
         ("Knee", "Ankle", 0.050),
     )
-    flank = Capsule(
+    flank = OccluderCapsule(
         {side + "Shoulder": 0.75, "Neck": 0.25},
         {side + "Hip": 0.8, "BodyCenter": 0.2},
         0.085,
         ("Neck", "BodyCenter", side + "Shoulder", side + "Hip"),
     )
     return [flank] + [
-        Capsule({side + a: 1.0}, {side + b: 1.0}, radius, (side + a, side + b)) for a, b, radius in limbs
+        OccluderCapsule({side + a: 1.0}, {side + b: 1.0}, radius, (side + a, side + b))
+        for a, b, radius in limbs
     ]
 
 
 CAPSULES = [  # trunk, head, and both sides
-    Capsule(
+    OccluderCapsule(
         {"Neck": 0.9, "BodyCenter": 0.1},
         {"BodyCenter": 1.0},
         0.120,
         ("Neck", "BodyCenter", "lHip", "rHip"),
     ),
-    Capsule({"lEar": 0.5, "rEar": 0.5}, {"lEar": 0.65, "rEar": 0.65, "Neck": -0.3}, 0.095),
+    OccluderCapsule({"lEar": 0.5, "rEar": 0.5}, {"lEar": 0.65, "rEar": 0.65, "Neck": -0.3}, 0.095),
     *_side("l"),
     *_side("r"),
 ]
@@ -277,7 +278,7 @@ class Sightings:
 
 
 @dataclass(frozen=True, eq=False)
-class _Marks:
+class _JointDetections:
     """Joint detections (C, P, 19, ...) before they are assembled into people."""
 
     points: Array
@@ -298,7 +299,7 @@ class SimulatedDetector:
         seed: Sequence[int],
         degradation: Degradation,
         rig: Rig,
-        people: Sequence[Person],
+        people: Sequence[SimulatedPerson],
         absences: Sequence[Absence] = (),
         table: float = 0.0,
         walls: Sequence[Wall] = (),
@@ -346,7 +347,7 @@ class SimulatedDetector:
         visible: Array,
         hidden: Array,
         boxes: Array,
-    ) -> _Marks:
+    ) -> _JointDetections:
         """Return the joints with noise, outliers, misses and scores."""
         faults, shape = self._faults, visible.shape
         quality = np.where(hidden, rng.beta(3.0, 4.0, shape), rng.beta(6.0, 2.0, shape))
@@ -366,7 +367,7 @@ class SimulatedDetector:
         scores = np.clip(quality + 0.05 * rng.standard_normal(shape), 0.02, 0.99)
         missed = rng.random(shape) < np.where(hidden, faults.hidden_miss, faults.joint_miss)
         inside = np.stack([camera.contains(p) for camera, p in zip(self._rig.cameras, points)])
-        return _Marks(points, scores, visible & inside & ~missed, sigmas, outliers)
+        return _JointDetections(points, scores, visible & inside & ~missed, sigmas, outliers)
 
     def _report(self, rng: np.random.Generator, times: Array, seen: Array) -> Array:
         """Return a mask (C, P) of reported people, given their numbers of visible joints `seen` (C, P)."""
@@ -409,7 +410,7 @@ class SimulatedDetector:
                 pick[c, [[a], [b]], limb] = pick[c, [[b], [a]], limb]
 
     def _collect(
-        self, rng: np.random.Generator, marks: _Marks, reported: Array, pick: Array
+        self, rng: np.random.Generator, marks: _JointDetections, reported: Array, pick: Array
     ) -> list[Sightings]:
         """Return the people of every view in random order, with duplicates and ghosts."""
         doubled = rng.random(reported.shape) < self._faults.duplicate

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.simulation.body import UpperBody
-from panoptic_ros.simulation.smooth import Pulses, Wander, ease
+from panoptic_ros.simulation.smooth import Pulses, SmoothNoise, ease
 
 Array = np.ndarray
 HANGING = np.array([0.06, 0.10, -0.95])
@@ -25,8 +25,8 @@ HandMove = Callable[[Array, Array], Array]  # times (T,), gait cycles (T,) -> ch
 class Gesture:
     """Upper-body motion: hanging, wandering arms with `move` added, and a head that looks around."""
 
-    look: Wander  # twist of the chest, turn and nod of the head, rad
-    wander: Wander  # random motion of both hands
+    look: SmoothNoise  # twist of the chest, turn and nod of the head, rad
+    wander: SmoothNoise  # random motion of both hands
     move: HandMove
 
     def __call__(self, t: Array, steps: Array) -> UpperBody:
@@ -37,7 +37,7 @@ class Gesture:
 
 
 @dataclass(frozen=True)
-class Swinging:
+class ArmSwing:
     """Arms that swing opposite to the legs."""
 
     def __call__(self, t: Array, steps: Array) -> Array:
@@ -49,10 +49,10 @@ class Swinging:
 
 
 @dataclass(frozen=True)
-class Talking:
+class TalkGesture:
     """Gestures of both hands in front of the body."""
 
-    motion: Wander
+    motion: SmoothNoise
 
     def __call__(self, t: Array, steps: Array) -> Array:
         hands: Array = np.array([0.38, 0.0, 0.50]) + self.motion(t).reshape(-1, 2, 3)
@@ -60,7 +60,7 @@ class Talking:
 
 
 @dataclass(frozen=True)
-class Reaching:
+class ReachGesture:
     """Repeated reaching of one hand to a fixed goal and back."""
 
     hand: int
@@ -72,7 +72,7 @@ class Reaching:
 
 
 @dataclass(frozen=True)
-class Waving:
+class WaveGesture:
     """Fast waving of one raised hand."""
 
     hand: int
@@ -84,11 +84,11 @@ class Waving:
 
 
 @dataclass(frozen=True)
-class AtTable:
+class TableGesture:
     """Hands held over a table, with one hand going to the mouth at intervals."""
 
     hand: int
-    motion: Wander
+    motion: SmoothNoise
     pulses: Pulses
 
     def __call__(self, t: Array, steps: Array) -> Array:
@@ -99,7 +99,7 @@ class AtTable:
 
 
 @dataclass(frozen=True)
-class Embracing:
+class EmbraceGesture:
     """Embrace: both arms reach around a person in front, hold, and return."""
 
     begin: float  # s; begin of raising the arms
@@ -113,19 +113,19 @@ class Embracing:
 
 def draw_gesture(rng: np.random.Generator, kind: str) -> Gesture:
     """Draw a random gesture of a kind: "swing", "talk", "reach", "wave", "table" or "embrace"."""
-    look = Wander.draw(rng, [0.07, 0.25, 0.085], 0.1, 0.5)
-    wander = Wander.draw(rng, [0.014] * 6, 0.2, 0.8)
+    look = SmoothNoise.draw(rng, [0.07, 0.25, 0.085], 0.1, 0.5)
+    wander = SmoothNoise.draw(rng, [0.014] * 6, 0.2, 0.8)
     hand = int(rng.integers(2))
     goal = (float(rng.uniform(0.6, 0.8)), 0.15, float(rng.uniform(-0.2, 0.55)))
     moves: dict[str, Callable[[], HandMove]] = {
-        "swing": Swinging,
-        "talk": lambda: Talking(Wander.draw(rng, [0.09, 0.07, 0.11] * 2, 0.3, 1.4)),
-        "reach": lambda: Reaching(hand, Pulses.draw(rng, 2.0, 3.5), goal),
-        "wave": lambda: Waving(hand),
-        "table": lambda: AtTable(
-            hand, Wander.draw(rng, [0.07, 0.055, 0.035] * 2, 0.2, 0.9), Pulses.draw(rng, 2.5, 4.5)
+        "swing": ArmSwing,
+        "talk": lambda: TalkGesture(SmoothNoise.draw(rng, [0.09, 0.07, 0.11] * 2, 0.3, 1.4)),
+        "reach": lambda: ReachGesture(hand, Pulses.draw(rng, 2.0, 3.5), goal),
+        "wave": lambda: WaveGesture(hand),
+        "table": lambda: TableGesture(
+            hand, SmoothNoise.draw(rng, [0.07, 0.055, 0.035] * 2, 0.2, 0.9), Pulses.draw(rng, 2.5, 4.5)
         ),
-        "embrace": lambda: Embracing(*EMBRACE),
+        "embrace": lambda: EmbraceGesture(*EMBRACE),
     }
     return Gesture(look, wander, moves[kind]())
 

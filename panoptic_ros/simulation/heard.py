@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from panoptic_ros.domain import AudioBlock
-from panoptic_ros.simulation.room_sound import DrySound, Recorder, Room, record
+from panoptic_ros.simulation.room_sound import AcousticRoom, DrySound, SimulatedRecorder, record
 from panoptic_ros.simulation.simulate import Simulation
 from panoptic_ros.simulation.skeleton import JOINTS
 from panoptic_ros.simulation.voices import talk
@@ -25,11 +25,11 @@ REVERBERATION = (0.3, 0.6)  # s; range of the reverberation time
 BLOCK = 8000  # samples of an audio block
 
 
-def recorders(take: Simulation) -> list[Recorder]:
+def recorders(take: Simulation) -> list[SimulatedRecorder]:
     """Return one microphone per camera, at the camera's position."""
     corner = _corner(take)
     return [
-        Recorder(
+        SimulatedRecorder(
             tuple(np.clip(camera.centre - corner, 0.1, None)),
             RATES[k % len(RATES)],
             begin_s=-EARLY_S,
@@ -40,13 +40,13 @@ def recorders(take: Simulation) -> list[Recorder]:
     ]
 
 
-def heard_by(take: Simulation) -> Iterator[tuple[str, Recorder, Array]]:
+def heard_by(take: Simulation) -> Iterator[tuple[str, SimulatedRecorder, Array]]:
     """Yield each camera's name, its microphone, and the recorded samples (N,)."""
     rng = np.random.default_rng([*take.seed, 6])
     corner = _corner(take)
     centres = np.array([camera.centre for camera in take.rig.cameras])
     size = np.ptp(centres, axis=0) + 2.0 * WALL
-    room = Room((float(size[0]), float(size[1]), HEIGHT), float(rng.uniform(*REVERBERATION)))
+    room = AcousticRoom((float(size[0]), float(size[1]), HEIGHT), float(rng.uniform(*REVERBERATION)))
     sounds = _voices(take, rng, corner)
     for k, (camera, recorder) in enumerate(zip(take.rig.cameras, recorders(take))):
         length = EARLY_S + take.seconds + LATE_S

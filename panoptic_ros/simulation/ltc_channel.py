@@ -32,7 +32,7 @@ RAMP_SECONDS = 5.0  # s; duration of a speed ramp
 
 
 @dataclass(frozen=True, kw_only=True)
-class Channel:
+class ChannelDistortion:
     """Distortions of a channel, all off by default.
 
     Args:
@@ -73,7 +73,7 @@ def play_ltc(
     start: Timecode,
     words: int,
     sample_rate: int,
-    channel: Channel,
+    channel: ChannelDistortion,
     *,
     lead: float = 0.25,
     user_bits: int = 0,
@@ -110,7 +110,7 @@ def play_ltc(
     return LtcSignal(samples.astype(np.float32), sample_rate, tuple(labels), starts * sample_rate)
 
 
-def _warped(times: Array, channel: Channel) -> Array:
+def _warped(times: Array, channel: ChannelDistortion) -> Array:
     """Return the actual times (s) of events with nominal times `times` (s), given the speed errors."""
     warped = times
     if channel.ramp:
@@ -126,7 +126,7 @@ def _warped(times: Array, channel: Channel) -> Array:
     return warped
 
 
-def _in_the_room(wave: Array, rate: int, channel: Channel, rng: np.random.Generator) -> Array:
+def _in_the_room(wave: Array, rate: int, channel: ChannelDistortion, rng: np.random.Generator) -> Array:
     """Return the wave with echoes after the direct sound."""
     if not channel.echo_s:
         return wave
@@ -138,7 +138,7 @@ def _in_the_room(wave: Array, rate: int, channel: Channel, rng: np.random.Genera
     return fftconvolve(wave, echoes)[: len(wave)]
 
 
-def _recorded(wave: Array, sample_rate: int, channel: Channel) -> Array:
+def _recorded(wave: Array, sample_rate: int, channel: ChannelDistortion) -> Array:
     """Return the wave at `sample_rate`, after the low pass and the high pass of the recorder."""
     corner = RECORDER_BAND * sample_rate
     if channel.low_pass_hz:

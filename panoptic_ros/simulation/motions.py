@@ -10,19 +10,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.simulation.body import Body, LowerBody, axes_of
+from panoptic_ros.simulation.body import BodyLengths, LowerBody, axes_of
 from panoptic_ros.simulation.paths import Path
 from panoptic_ros.simulation.skeleton import SIDES
-from panoptic_ros.simulation.smooth import Pulses, Wander, ease
+from panoptic_ros.simulation.smooth import Pulses, SmoothNoise, ease
 
 Array = np.ndarray
-Motion = Callable[[Array, Body], LowerBody]
+Motion = Callable[[Array, BodyLengths], LowerBody]
 STANCE = 0.58  # share of a gait cycle in which a foot is on the floor
 SITTING_DOWN = 1.4  # s; duration of sitting down
 
 
 @dataclass(frozen=True)
-class Stepping:
+class StepMotion:
     """Walking, running or turning along a path; a foot does not move while it is on the floor."""
 
     path: Path
@@ -30,7 +30,7 @@ class Stepping:
     start: float = 0.0  # gait cycles at t = 0
     lift: float = 0.09  # m; peak height of the swinging foot
 
-    def __call__(self, t: Array, body: Body) -> LowerBody:
+    def __call__(self, t: Array, body: BodyLengths) -> LowerBody:
         # a small variation, because people do not keep an exact cadence
         steps = self.start + self.cadence * t + 0.02 * np.sin(0.9 * t)
         ground, heading = self.path(steps)
@@ -39,7 +39,7 @@ class Stepping:
         pelvis = np.column_stack([ground, height])
         return LowerBody(pelvis, heading, np.full_like(t, 0.05), ankles, steps)
 
-    def _ankle(self, steps: Array, body: Body, k: int) -> Array:
+    def _ankle(self, steps: Array, body: BodyLengths, k: int) -> Array:
         """Return the ankle (T, 3) m of the left leg (k = 0) or the right leg, which is half a cycle later."""
         late = 0.5 * k
         cycle = np.floor(steps + late)
@@ -49,23 +49,23 @@ class Stepping:
         ground = before + ease(swing)[:, None] * (after - before)
         return np.column_stack([ground, body.ankle + self.lift * (4.0 * swing * (1.0 - swing)) ** 3])
 
-    def _footprint(self, steps: Array, body: Body, k: int) -> Array:
+    def _footprint(self, steps: Array, body: BodyLengths, k: int) -> Array:
         ground, heading = self.path(steps)
         left = np.stack([-np.sin(heading), np.cos(heading)], axis=-1)
         return ground + SIDES[k][1] * body.hip * left
 
 
 @dataclass(frozen=True)
-class Standing:
+class StandMotion:
     """Standing and swaying on both feet, with optional crouching at intervals or sitting down once."""
 
     place: tuple[float, float]  # m; point between the feet
     heading: float  # rad
-    sway: Wander  # forward m, sideways m, turn rad
+    sway: SmoothNoise  # forward m, sideways m, turn rad
     crouch: Callable[[Array], Array] | None = None  # crouch depth, 0 to 1, at times (T,) s
     sit_at: float | None = None  # s
 
-    def __call__(self, t: Array, body: Body) -> LowerBody:
+    def __call__(self, t: Array, body: BodyLengths) -> LowerBody:
         sway = self.sway(t)
         down = np.zeros_like(t) if self.crouch is None else self.crouch(t)
         sit = np.zeros_like(t) if self.sit_at is None else ease((t - self.sit_at) / SITTING_DOWN)
@@ -85,15 +85,15 @@ class Standing:
 
 
 @dataclass(frozen=True)
-class Sitting:
+class SitMotion:
     """Sitting on a chair, leaning forward at intervals."""
 
     place: tuple[float, float]  # m; floor point under the pelvis
     heading: float  # rad
-    sway: Wander  # forward m, sideways m, turn rad
+    sway: SmoothNoise  # forward m, sideways m, turn rad
     lean: Pulses
 
-    def __call__(self, t: Array, body: Body) -> LowerBody:
+    def __call__(self, t: Array, body: BodyLengths) -> LowerBody:
         sway = self.sway(t)
         local = np.column_stack([0.5 * sway[:, 0], 0.5 * sway[:, 1], np.full_like(t, body.seat)])
         pelvis, ankles = _planted(self.place, self.heading, body, local, 0.9 * body.thigh, 1.5)
@@ -102,7 +102,7 @@ class Sitting:
 
 
 def _planted(
-    place: tuple[float, float], heading: float, body: Body, local: Array, ahead: float, spread: float
+    place: tuple[float, float], heading: float, body: BodyLengths, local: Array, ahead: float, spread: float
 ) -> tuple[Array, Array]:
     """Return the pelvis (T, 3) m from body axes to world, and fixed ankles (T, 2, 3) m.
 

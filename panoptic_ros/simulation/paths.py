@@ -14,7 +14,7 @@ Path = Callable[[Array], tuple[Array, Array]]  # cycles (T,) -> positions (T, 2)
 
 
 @dataclass(frozen=True)
-class Straight:
+class StraightPath:
     """Straight path from `start` (m, at cycle 0)."""
 
     start: tuple[float, float]
@@ -28,7 +28,7 @@ class Straight:
 
 
 @dataclass(frozen=True)
-class ThereAndBack:
+class ReturnPath:
     """Straight path to a goal, a stay, and the same way backwards.
 
     Steps continue during the stay.
@@ -48,7 +48,7 @@ class ThereAndBack:
 
 
 @dataclass(frozen=True)
-class Round:
+class RoundPath:
     """Closed path around a centre: a circle with radial variations of two and three lobes."""
 
     centre: tuple[float, float]  # m
@@ -72,7 +72,7 @@ class Round:
 
 
 @dataclass(frozen=True)
-class OnTheSpot:
+class StationaryPath:
     """Turning on the spot."""
 
     centre: tuple[float, float]  # m

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.errors import UsageError
-from panoptic_ros.simulation.body import Body, Posture, assume_posture
+from panoptic_ros.simulation.body import BodyLengths, Posture, assume_posture
 from panoptic_ros.simulation.gestures import Gesture, draw_gesture
-from panoptic_ros.simulation.motions import Motion, Sitting, Standing, Stepping
-from panoptic_ros.simulation.paths import OnTheSpot, Round
-from panoptic_ros.simulation.smooth import Pulses, Wander
+from panoptic_ros.simulation.motions import Motion, SitMotion, StandMotion, StepMotion
+from panoptic_ros.simulation.paths import RoundPath, StationaryPath
+from panoptic_ros.simulation.smooth import Pulses, SmoothNoise
 
 Array = np.ndarray
 
@@ -33,11 +33,11 @@ TRIES = 200  # largest number of people drawn to find one at a sufficient distan
 
 
 @dataclass(frozen=True)
-class Person:
+class SimulatedPerson:
     """Simulated person whose joints are exact at every instant."""
 
     id: int
-    body: Body
+    body: BodyLengths
     motion: Motion
     gesture: Gesture
     present: tuple[float, float] = (-np.inf, np.inf)  # s, from and until
@@ -58,12 +58,14 @@ class Person:
         return (t >= self.present[0]) & (t < self.present[1])
 
 
-def draw_sway(rng: np.random.Generator) -> Wander:
+def draw_sway(rng: np.random.Generator) -> SmoothNoise:
     """Draw the sway of a person who stays on the spot."""
-    return Wander.draw(rng, [0.014, 0.021, 0.14], 0.1, 0.5)
+    return SmoothNoise.draw(rng, [0.014, 0.021, 0.14], 0.1, 0.5)
 
 
-def draw_person(rng: np.random.Generator, number: int, activity: str, height: float, area: float) -> Person:
+def draw_person(
+    rng: np.random.Generator, number: int, activity: str, height: float, area: float
+) -> SimulatedPerson:
     """Draw a person of this height (m) who does `activity` within `area` m of the origin.
 
     Raises:
@@ -71,27 +73,29 @@ def draw_person(rng: np.random.Generator, number: int, activity: str, height: fl
     """
     if activity not in ACTIVITIES:
         raise UsageError(f"unknown activity {activity!r}; there are {', '.join(ACTIVITIES)}")
-    body = Body.draw(rng, height)
+    body = BodyLengths.draw(rng, height)
     motion = _draw_motion(rng, activity, body, area)
-    return Person(number, body, motion, draw_gesture(rng, ACTIVITIES[activity]))
+    return SimulatedPerson(number, body, motion, draw_gesture(rng, ACTIVITIES[activity]))
 
 
 def draw_group(
     rng: np.random.Generator, activities: Sequence[str], area: float, gap: float = 0.75
-) -> list[Person]:
+) -> list[SimulatedPerson]:
     """Draw one person per activity, at least `gap` m apart where possible; every fifth is a child."""
-    people: list[Person] = []
+    people: list[SimulatedPerson] = []
     for number, activity in enumerate(activities):
         tall = rng.uniform(1.1, 1.4) if number % 5 == 4 else rng.uniform(1.55, 1.95)
 
-        def make(number: int = number, activity: str = activity, tall: float = tall) -> Person:
+        def make(number: int = number, activity: str = activity, tall: float = tall) -> SimulatedPerson:
             return draw_person(rng, number, activity, tall, area)
 
         people.append(keep_apart(make, people, gap))
     return people
 
 
-def keep_apart(make: Callable[[], Person], others: Sequence[Person], gap: float) -> Person:
+def keep_apart(
+    make: Callable[[], SimulatedPerson], others: Sequence[SimulatedPerson], gap: float
+) -> SimulatedPerson:
     """Return the first drawn person who stays `gap` m away from the others, or the best of `TRIES` draws."""
     best, best_distance = make(), -1.0
     for attempt in range(TRIES):
@@ -104,37 +108,37 @@ def keep_apart(make: Callable[[], Person], others: Sequence[Person], gap: float)
     return best
 
 
-def _closest(person: Person, others: Sequence[Person]) -> float:
+def _closest(person: SimulatedPerson, others: Sequence[SimulatedPerson]) -> float:
     """Return the smallest floor distance (m) between the person and any other."""
     own = person.motion(APART_UNTIL, person.body).pelvis[:, :2]
     tracks = [other.motion(APART_UNTIL, other.body).pelvis[:, :2] for other in others]
     return min((float(np.linalg.norm(own - track, axis=1).min()) for track in tracks), default=np.inf)
 
 
-def _draw_motion(rng: np.random.Generator, activity: str, body: Body, area: float) -> Motion:
+def _draw_motion(rng: np.random.Generator, activity: str, body: BodyLengths, area: float) -> Motion:
     if activity in ("walk", "run"):
         return _draw_walk(rng, body, area, fast=activity == "run")
     away, angle = area * np.sqrt(rng.uniform(0.0, 1.0)), rng.uniform(0.0, 2.0 * np.pi)
     place = (float(away * np.cos(angle)), float(away * np.sin(angle)))
     heading = float(angle + np.pi + rng.normal(0.0, 0.8))  # mostly towards the origin
     if activity == "turn":
-        return Stepping(OnTheSpot(place, heading, rng.uniform(0.7, 1.2)), 0.8, rng.uniform(0, 1), 0.05)
+        return StepMotion(StationaryPath(place, heading, rng.uniform(0.7, 1.2)), 0.8, rng.uniform(0, 1), 0.05)
     sway = draw_sway(rng)
     if activity == "sit":
-        return Sitting(place, heading, sway, Pulses.draw(rng, 3.0, 6.0))
+        return SitMotion(place, heading, sway, Pulses.draw(rng, 3.0, 6.0))
     if activity == "crouch":
-        return Standing(place, heading, sway, crouch=Pulses.draw(rng, 3.0, 4.5))
+        return StandMotion(place, heading, sway, crouch=Pulses.draw(rng, 3.0, 4.5))
     if activity == "sit-down":
-        return Standing(place, heading, sway, sit_at=float(rng.uniform(0.5, 1.2)))
-    return Standing(place, heading, sway)
+        return StandMotion(place, heading, sway, sit_at=float(rng.uniform(0.5, 1.2)))
+    return StandMotion(place, heading, sway)
 
 
-def _draw_walk(rng: np.random.Generator, body: Body, area: float, fast: bool) -> Stepping:
+def _draw_walk(rng: np.random.Generator, body: BodyLengths, area: float, fast: bool) -> StepMotion:
     """Draw a walk or run on a closed path within `area` m of the origin."""
     radius = float(rng.uniform(0.55 if fast else 0.27, 0.62) * area)
     away, angle = rng.uniform(0.0, max(area - 1.1 * radius, 0.0)), rng.uniform(0.0, 2.0 * np.pi)
     stride = min((0.80 if fast else 0.62) * body.height, 0.9 * radius)
-    path = Round(
+    path = RoundPath(
         (float(away * np.cos(angle)), float(away * np.sin(angle))),
         radius,
         start=float(rng.uniform(0.0, 2.0 * np.pi)),
@@ -143,4 +147,4 @@ def _draw_walk(rng: np.random.Generator, body: Body, area: float, fast: bool) ->
         shifts=(float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.uniform(0.0, 2.0 * np.pi))),
     )
     cadence = rng.uniform(1.3, 1.5) if fast else rng.uniform(0.70, 0.92)
-    return Stepping(path, float(cadence), start=float(rng.uniform(0.0, 1.0)))
+    return StepMotion(path, float(cadence), start=float(rng.uniform(0.0, 1.0)))

@@ -26,7 +26,7 @@ FINER = 2  # oversampling factor before a recorder samples the sound
 
 
 @dataclass(frozen=True)
-class Room:
+class AcousticRoom:
     """Box-shaped room with one corner at the origin.
 
     Args:
@@ -96,7 +96,7 @@ class DrySound:
 
 
 @dataclass(frozen=True)
-class Recorder:
+class SimulatedRecorder:
     """Microphone with the clock and the sample counter of its device.
 
     Sample n has the true time begin_s + n / (sample_rate (1 + drift)). The device clock then shows clock_s +
@@ -122,7 +122,11 @@ class Recorder:
 
 
 def record(
-    room: Room, sounds: Sequence[DrySound], recorder: Recorder, seconds: float, seed: Sequence[int]
+    room: AcousticRoom,
+    sounds: Sequence[DrySound],
+    recorder: SimulatedRecorder,
+    seconds: float,
+    seed: Sequence[int],
 ) -> Array:
     """Return the samples (N,) float32 of a recorder, `seconds` long on its nominal rate, with peak 0.5.
 

@@ -15,7 +15,7 @@ from panoptic_ros.simulation.walls import Wall
 
 
 @dataclass(frozen=True)
-class Scene:
+class SimulatedScene:
     """Declarative scene: people, cameras, and the faults of the cameras' detector.
 
     Raises:
@@ -73,21 +73,23 @@ _VGA_LENS = Lens(VGA, (425.0, 440.0), distorted_every=0)
 _VGA_RING = Ring(6, radius=3.9, heights=(1.2, 2.6), lens=_VGA_LENS)
 _NEAR_RING = Ring(8, radius=3.3, heights=(1.0, 2.8), lens=_VGA_LENS)
 
-SCENES: dict[str, Scene] = {
-    "clean-4p5v": Scene("1 px of noise, bodies hide joints", _FOUR, Ring(5)),
-    "noisy-4p5v": Scene("all faults of a detector", _FOUR, Ring(5), degradation=NOISY),
-    "noisy-8p5v": Scene("crowded, all faults", _EIGHT, Ring(5, radius=4.6), area=2.7, degradation=NOISY),
-    "noisy-8p10v": Scene(
+SCENES: dict[str, SimulatedScene] = {
+    "clean-4p5v": SimulatedScene("1 px of noise, bodies hide joints", _FOUR, Ring(5)),
+    "noisy-4p5v": SimulatedScene("all faults of a detector", _FOUR, Ring(5), degradation=NOISY),
+    "noisy-8p5v": SimulatedScene(
+        "crowded, all faults", _EIGHT, Ring(5, radius=4.6), area=2.7, degradation=NOISY
+    ),
+    "noisy-8p10v": SimulatedScene(
         "crowded, all faults, more views", _EIGHT, Ring(10, radius=4.6), area=2.7, degradation=NOISY
     ),
-    "noisy-8p31v": Scene("a dome of HD cameras", _EIGHT, Dome(31), area=1.8, degradation=NOISY),
-    "exchanged-4p5v": Scene(
+    "noisy-8p31v": SimulatedScene("a dome of HD cameras", _EIGHT, Dome(31), area=1.8, degradation=NOISY),
+    "exchanged-4p5v": SimulatedScene(
         "most views exchange left and right for half a second",
         _FOUR,
         Ring(5),
         degradation=replace(MILD, back_swap=0.7, limb_swap=0.2, hold=15),
     ),
-    "ghosts-8p31v": Scene(
+    "ghosts-8p31v": SimulatedScene(
         "a false person in every view of a dome",
         _EIGHT,
         Dome(31),
@@ -95,21 +97,21 @@ SCENES: dict[str, Scene] = {
         degradation=replace(NOISY, ghosts=1.0),
         frames=40,
     ),
-    "fragments-8p5v": Scene(
+    "fragments-8p5v": SimulatedScene(
         "half of the joints missing, and a third of the people",
         _EIGHT,
         Ring(5, radius=4.6),
         area=2.7,
         degradation=replace(NOISY, joint_miss=0.5, person_miss=0.3, fewest_joints=1, hold=5),
     ),
-    "crossing": Scene(
+    "crossing": SimulatedScene(
         "two people meet head-on",
         ("walk", "walk"),
         Ring(5),
         staging="crossing",
         degradation=replace(MILD, merge=0.10),
     ),
-    "rooms-4p31v": Scene(
+    "rooms-4p31v": SimulatedScene(
         "walls between people and most cameras",
         ("talk", "reach", "turn", "wave"),
         Ring(31, radius=4.4),
@@ -117,21 +119,21 @@ SCENES: dict[str, Scene] = {
         degradation=NOISY,
         walls=(Wall((6.0, 0.1, 2.6)), Wall((0.1, 6.0, 2.6))),
     ),
-    "occluded": Scene(
+    "occluded": SimulatedScene(
         "nobody sees person 0 for a second",
         ("walk", "walk", "talk"),
         Ring(5),
         degradation=MILD,
         absences=(Absence(0, 1.0, 2.0),),
     ),
-    "bystanders": Scene(
+    "bystanders": SimulatedScene(
         "three people behind the cameras",
         ("walk", "talk", "reach"),
         Ring(5),
         staging="bystanders",
         degradation=MILD,
     ),
-    "enter-leave": Scene(
+    "enter-leave": SimulatedScene(
         "people come and go",
         ("walk", "walk", "walk", "talk"),
         Ring(5),
@@ -139,8 +141,8 @@ SCENES: dict[str, Scene] = {
         degradation=MILD,
         frames=150,
     ),
-    "three-views-2p": Scene("few views", ("walk", "talk"), Corners(3), area=1.6, degradation=MILD),
-    "dome-480-7p": Scene(
+    "three-views-2p": SimulatedScene("few views", ("walk", "talk"), Corners(3), area=1.6, degradation=MILD),
+    "dome-480-7p": SimulatedScene(
         "480 VGA views",
         ("walk", "turn", "talk", "reach", "crouch", "wave", "talk"),
         PanelDome(24),
@@ -149,14 +151,14 @@ SCENES: dict[str, Scene] = {
         timing=Timing(rate=25.0),
         frames=10,
     ),
-    "unsync-5v": Scene(
+    "unsync-5v": SimulatedScene(
         "cameras out of phase, fast motion",
         ("run", "wave", "walk", "wave"),
         Ring(5),
         degradation=replace(CLEAN, noise_px=1.5, joint_miss=0.03),
         timing=Timing(phase=1.0 / 60.0, stamp_jitter=0.0005),
     ),
-    "mixed-rates": Scene(
+    "mixed-rates": SimulatedScene(
         "25 and 29.97 Hz, drift, lost frames",
         ("walk", "talk", "wave"),
         Corners(4),
@@ -164,7 +166,7 @@ SCENES: dict[str, Scene] = {
         degradation=MILD,
         timing=Timing(29.97, (25.0, 29.97), phase=0.02, drift_ppm=30.0, stamp_jitter=0.001, drop=0.02),
     ),
-    "two-clocks-3p6v": Scene(
+    "two-clocks-3p6v": SimulatedScene(
         "cameras locked to timecodes of 25 and 29.97 Hz, and their sound",
         ("walk", "wave", "run"),
         Ring(6),
@@ -172,7 +174,7 @@ SCENES: dict[str, Scene] = {
         timing=_TWO_CLOCKS,
         frames=150,
     ),
-    "own-clocks-3p5v": Scene(
+    "own-clocks-3p5v": SimulatedScene(
         "cameras whose clocks are seconds apart, and what they hear",
         ("walk", "talk", "wave"),
         Ring(5, radius=3.0),
@@ -181,7 +183,7 @@ SCENES: dict[str, Scene] = {
         frames=150,
         timing=Timing(stamp_jitter=0.0005, own_clocks=OwnClocks()),
     ),
-    "sitting-group-6p5v": Scene(
+    "sitting-group-6p5v": SimulatedScene(
         "round a table, faults that last",
         ("sit",) * 6,
         Ring(5, radius=3.2),
@@ -199,7 +201,7 @@ SCENES: dict[str, Scene] = {
             hold=4,
         ),
     ),
-    "walk-out-3p8v": Scene(
+    "walk-out-3p8v": SimulatedScene(
         "eight views of one person become two of the upper half, then one",
         ("walk", "talk", "reach"),
         Ring(8),
@@ -207,7 +209,7 @@ SCENES: dict[str, Scene] = {
         frames=210,
         absences=_walk_out(0, 3.0, 4.5, 6.0),
     ),
-    "child-among-3p8v": Scene(
+    "child-among-3p8v": SimulatedScene(
         "a child among adults who bend over it, seen by two views for a second",
         ("stand", "crouch", "crouch", "crouch"),
         Ring(8),
@@ -216,7 +218,7 @@ SCENES: dict[str, Scene] = {
         frames=150,
         absences=(Absence(0, 2.0, 3.0, (1, 2, 3, 5, 6, 7)),),
     ),
-    "rendered-4p6v": Scene(
+    "rendered-4p6v": SimulatedScene(
         "images of four people in six VGA views",
         ("walk", "talk", "wave", "stand"),
         _VGA_RING,
@@ -225,7 +227,7 @@ SCENES: dict[str, Scene] = {
         frames=75,
         rendered=True,
     ),
-    "rendered-2p4v": Scene(
+    "rendered-2p4v": SimulatedScene(
         "images of two people in four VGA views",
         ("walk", "reach"),
         replace(_VGA_RING, cameras=4),
@@ -234,7 +236,7 @@ SCENES: dict[str, Scene] = {
         frames=75,
         rendered=True,
     ),
-    "rendered-clocks-2p4v": Scene(
+    "rendered-clocks-2p4v": SimulatedScene(
         "images of cameras locked to two timecodes, and their sound",
         ("walk", "wave"),
         replace(_VGA_RING, cameras=4),
@@ -243,7 +245,7 @@ SCENES: dict[str, Scene] = {
         frames=75,
         rendered=True,
     ),
-    "rendered-own-clocks-2p4v": Scene(
+    "rendered-own-clocks-2p4v": SimulatedScene(
         "images of cameras whose clocks are seconds apart, and what they hear",
         ("walk", "wave"),
         replace(_VGA_RING, cameras=4),
@@ -252,7 +254,7 @@ SCENES: dict[str, Scene] = {
         frames=75,
         timing=Timing(rate=25.0, own_clocks=OwnClocks()),
     ),
-    "rendered-3p8v": Scene(
+    "rendered-3p8v": SimulatedScene(
         "images of three people close together in eight views",
         ("talk", "wave", "walk"),
         _NEAR_RING,
@@ -262,7 +264,7 @@ SCENES: dict[str, Scene] = {
         frames=50,
         rendered=True,
     ),
-    "rendered-6p8v": Scene(
+    "rendered-6p8v": SimulatedScene(
         "images of a crowd in eight views",
         ("walk", "talk", "wave", "stand", "turn", "reach"),
         replace(_NEAR_RING, radius=3.9),
@@ -271,7 +273,7 @@ SCENES: dict[str, Scene] = {
         frames=50,
         rendered=True,
     ),
-    "rendered-crossing-2p8v": Scene(
+    "rendered-crossing-2p8v": SimulatedScene(
         "images of two people who meet head-on",
         ("walk", "walk"),
         replace(_NEAR_RING, radius=3.9),
@@ -280,7 +282,7 @@ SCENES: dict[str, Scene] = {
         frames=60,
         rendered=True,
     ),
-    "rendered-embrace-2p8v": Scene(
+    "rendered-embrace-2p8v": SimulatedScene(
         "images of two people who embrace",
         ("walk", "walk"),
         replace(_NEAR_RING, radius=3.9),
@@ -289,7 +291,7 @@ SCENES: dict[str, Scene] = {
         frames=85,
         rendered=True,
     ),
-    "rendered-enter-4p8v": Scene(
+    "rendered-enter-4p8v": SimulatedScene(
         "images of people who come and go",
         ("walk", "walk", "walk", "talk"),
         replace(_NEAR_RING, radius=3.9),
@@ -298,7 +300,7 @@ SCENES: dict[str, Scene] = {
         frames=90,
         rendered=True,
     ),
-    "rendered-close-3p8v": Scene(
+    "rendered-close-3p8v": SimulatedScene(
         "images of three people within arm's reach: one sits down, one crouches",
         ("sit-down", "crouch", "reach"),
         _NEAR_RING,
@@ -308,7 +310,7 @@ SCENES: dict[str, Scene] = {
         frames=60,
         rendered=True,
     ),
-    "rendered-child-4p8v": Scene(
+    "rendered-child-4p8v": SimulatedScene(
         "images of a child among three adults who crouch round it",
         ("stand", "crouch", "crouch", "crouch"),
         _NEAR_RING,
@@ -317,7 +319,7 @@ SCENES: dict[str, Scene] = {
         frames=100,
         rendered=True,
     ),
-    "rendered-table-4p8v": Scene(
+    "rendered-table-4p8v": SimulatedScene(
         "images of four people round a table",
         ("sit",) * 4,
         _NEAR_RING,
@@ -330,7 +332,7 @@ SCENES: dict[str, Scene] = {
 }
 
 
-def scene(name: str) -> Scene:
+def scene(name: str) -> SimulatedScene:
     """Return the scene with this name.
 
     Raises:

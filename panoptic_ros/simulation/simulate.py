@@ -13,11 +13,17 @@ from panoptic_ros.domain import DetectionSet, Rig, ViewDetections
 from panoptic_ros.errors import UsageError
 from panoptic_ros.simulation.detector import Sightings, SimulatedDetector
 from panoptic_ros.simulation.generators import Generator
-from panoptic_ros.simulation.people import Person
-from panoptic_ros.simulation.scenes import Scene
+from panoptic_ros.simulation.people import SimulatedPerson
+from panoptic_ros.simulation.scenes import SimulatedScene
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
-from panoptic_ros.simulation.stagings import STAGINGS, Stage
-from panoptic_ros.simulation.timing import CameraClock, Schedule, camera_clocks, make_schedule, to_stamp
+from panoptic_ros.simulation.stagings import STAGINGS, StagingArea
+from panoptic_ros.simulation.timing import (
+    ExposureSchedule,
+    SimulatedCameraClock,
+    camera_clocks,
+    make_schedule,
+    to_stamp,
+)
 from panoptic_ros.simulation.walls import occluders_of
 
 Array = np.ndarray
@@ -28,12 +34,12 @@ POSITION_DIGITS = 9
 class Simulation:
     """One take of a scene: rig, people, exposure times and camera clocks."""
 
-    scene: Scene
+    scene: SimulatedScene
     seed: tuple[int, ...]  # root seed of all random numbers
     rig: Rig
-    people: tuple[Person, ...]
-    schedule: Schedule
-    clocks: tuple[CameraClock, ...] = ()  # one clock per camera, empty if the cameras share one
+    people: tuple[SimulatedPerson, ...]
+    schedule: ExposureSchedule
+    clocks: tuple[SimulatedCameraClock, ...] = ()  # one clock per camera, empty if the cameras share one
 
     def sightings(self) -> Iterator[tuple[int, list[Sightings]]]:
         """Yield each set's index and the detections of every camera, including cameras without an image."""
@@ -82,7 +88,7 @@ class Simulation:
         generators = self.scene.timing.generators
         return generators[camera % len(generators)].stamp_ns(seconds) if generators else to_stamp(seconds)
 
-    def is_ignored(self, person: Person, tick: float) -> bool:
+    def is_ignored(self, person: SimulatedPerson, tick: float) -> bool:
         """Return whether a result may contain a person or not.
 
         This holds for bystanders and for people while no camera can detect them.
@@ -114,7 +120,7 @@ class Simulation:
         return {"format": "panoptic-skeletons-1", "joint_names": list(JOINTS), "frames": frames}
 
 
-def simulate(scene: Scene, seed: int, frames: int | None = None) -> Simulation:
+def simulate(scene: SimulatedScene, seed: int, frames: int | None = None) -> Simulation:
     """Return one take of a scene; the same scene and seed always give the same take.
 
     A longer take begins with a shorter one.
@@ -132,7 +138,7 @@ def simulate(scene: Scene, seed: int, frames: int | None = None) -> Simulation:
     # the seed ignores the detector's faults, so that other faults act on the same people
     root = (seed, zlib.crc32(setting.encode()))
     rig = replace(scene.rig.build(np.random.default_rng([*root, 1])), occluders=occluders_of(scene.walls))
-    stage = Stage(scene.activities, scene.area, scene.table)
+    stage = StagingArea(scene.activities, scene.area, scene.table)
     people = STAGINGS[scene.staging](np.random.default_rng([*root, 2]), stage)
     schedule = make_schedule((*root, 3), scene.timing, count, len(rig))
     rig = _with_clocks(rig, scene.timing.generators)

@@ -15,7 +15,7 @@ LENGTHS = (5, 15)  # (shortest, longest) gap in instants
 GAPS = 2  # number of gaps per wrist, one in each half of the recording
 
 
-class Faulty(NamedTuple):
+class FaultyJoints(NamedTuple):
     """Faulty joints (J, 3) m by instant and person, NaN = missing, and the set of joints missing in gaps."""
 
     joints: list[dict[int, Array]]
@@ -23,7 +23,7 @@ class Faulty(NamedTuple):
     covariance: Array  # covariance (3, 3) m^2 of the noise
 
 
-def with_faults(truth: Sequence[Mapping[int, Array]], joint_names: Sequence[str], seed: int) -> Faulty:
+def with_faults(truth: Sequence[Mapping[int, Array]], joint_names: Sequence[str], seed: int) -> FaultyJoints:
     """Return the true joints (J, 3) m, by instant and person, with random faults drawn from the seed."""
     rng, sigma = np.random.default_rng(seed), NOISE / np.sqrt(3.0)
     gaps: set[tuple[int, int, int]] = set()
@@ -47,4 +47,4 @@ def with_faults(truth: Sequence[Mapping[int, Array]], joint_names: Sequence[str]
             found[[wrist for wrist in wrists if (number, person, wrist) in gaps]] = np.nan
             own[person] = found
         joints.append(own)
-    return Faulty(joints, gaps, sigma**2 * np.eye(3))
+    return FaultyJoints(joints, gaps, sigma**2 * np.eye(3))

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 Array = np.ndarray
-WAVES = 3  # number of sinusoids in a `Wander`
+WAVES = 3  # number of sinusoids in a `SmoothNoise`
 
 
 @dataclass(frozen=True, eq=False)
-class Wander:
+class SmoothNoise:
     """Random signals, one per column: sums of sinusoids with a given root mean square."""
 
     scale: Array  # (C,) root mean square
@@ -23,7 +23,7 @@ class Wander:
     phase: Array  # (WAVES, C) rad
 
     @classmethod
-    def draw(cls, rng: np.random.Generator, scale: Sequence[float], low: float, high: float) -> Wander:
+    def draw(cls, rng: np.random.Generator, scale: Sequence[float], low: float, high: float) -> SmoothNoise:
         """Draw signals with root mean squares `scale` and frequencies between `low` and `high` Hz."""
         shape = (WAVES, len(scale))
         return cls(np.array(scale), rng.uniform(low, high, shape), rng.uniform(0.0, 2.0 * np.pi, shape))

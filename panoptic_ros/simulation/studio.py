@@ -9,7 +9,7 @@ import numpy as np
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.simulation.degradation import NOISY, Degradation
-from panoptic_ros.simulation.scenes import Scene
+from panoptic_ros.simulation.scenes import SimulatedScene
 from panoptic_ros.simulation.timing import Timing
 
 Array = np.ndarray
@@ -31,11 +31,11 @@ class GivenRig:
         return f"GivenRig({self.rig.names})"
 
 
-def study_scene(rig: Rig, people: int, area: float, faults: Degradation) -> Scene:
+def study_scene(rig: Rig, people: int, area: float, faults: Degradation) -> SimulatedScene:
     """Return a scene of `people` persons who move within `area` m of the middle of a rig."""
     activities = tuple(np.resize(ACTIVITIES, people).tolist())
     plan = GivenRig(centred(rig))
-    return Scene("study", activities, plan, area=area, degradation=faults, timing=Timing(rate=RATE))
+    return SimulatedScene("study", activities, plan, area=area, degradation=faults, timing=Timing(rate=RATE))
 
 
 def relative_noise(share: float) -> Degradation:

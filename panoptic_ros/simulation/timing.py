@@ -47,7 +47,7 @@ IN_STEP = Timing()
 
 
 @dataclass(frozen=True, eq=False)
-class Schedule:
+class ExposureSchedule:
     """Schedule of F sets of C cameras, times in s.
 
     Args:
@@ -73,7 +73,7 @@ class Schedule:
         return numbers
 
 
-def make_schedule(seed: Sequence[int], timing: Timing, frames: int, cameras: int) -> Schedule:
+def make_schedule(seed: Sequence[int], timing: Timing, frames: int, cameras: int) -> ExposureSchedule:
     """Assign every camera's exposures to the sets nearest in time.
 
     A longer schedule begins with a shorter one.
@@ -96,11 +96,11 @@ def make_schedule(seed: Sequence[int], timing: Timing, frames: int, cameras: int
         exposures[groups[inside], camera] = times[first[inside]]
     exposures[losses.random((frames, cameras)) < timing.drop] = np.nan
     stamps = exposures + timing.stamp_jitter * noise.standard_normal((frames, cameras))
-    return Schedule(np.arange(frames) / timing.rate, exposures, stamps, rates)
+    return ExposureSchedule(np.arange(frames) / timing.rate, exposures, stamps, rates)
 
 
 @dataclass(frozen=True)
-class CameraClock:
+class SimulatedCameraClock:
     """Clock of a camera. At time t (s) it shows OWN_EPOCH_NS - behind_s + t (1 + drift)."""
 
     behind_s: float = 0.0
@@ -111,7 +111,7 @@ class CameraClock:
         return OWN_EPOCH_NS + round(1e9 * (float(seconds) * (1.0 + self.drift) - self.behind_s))
 
 
-def camera_clocks(seed: Sequence[int], timing: Timing, cameras: int) -> tuple[CameraClock, ...]:
+def camera_clocks(seed: Sequence[int], timing: Timing, cameras: int) -> tuple[SimulatedCameraClock, ...]:
     """Return each camera's own clock, the first one exact, or () if the cameras share a clock."""
     if timing.own_clocks is None:
         return ()
@@ -119,7 +119,7 @@ def camera_clocks(seed: Sequence[int], timing: Timing, cameras: int) -> tuple[Ca
     behind = rng.uniform(*timing.own_clocks.behind, cameras)
     drift = 1e-6 * timing.own_clocks.drift_ppm * np.clip(rng.standard_normal(cameras), -2.0, 2.0)
     behind[0] = drift[0] = 0.0
-    return tuple(CameraClock(float(b), float(d)) for b, d in zip(behind, drift))
+    return tuple(SimulatedCameraClock(float(b), float(d)) for b, d in zip(behind, drift))
 
 
 def to_stamp(seconds: float) -> int:

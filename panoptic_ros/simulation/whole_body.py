@@ -12,7 +12,7 @@ import numpy as np
 
 from panoptic_ros.domain import DetectionSet, Rig, SkeletonModel, ViewDetections
 from panoptic_ros.errors import UsageError
-from panoptic_ros.simulation.people import Person
+from panoptic_ros.simulation.people import SimulatedPerson
 from panoptic_ros.simulation.skeleton import JOINTS, SIDES
 from panoptic_ros.simulation.timing import to_stamp
 
@@ -28,7 +28,7 @@ MISS = 0.05  # probability that a joint is missing
 SCORE = (0.6, 0.95)
 
 
-def landmarks(person: Person, t: Array) -> dict[str, Array]:
+def landmarks(person: SimulatedPerson, t: Array) -> dict[str, Array]:
     """Return positions (T, 3) m of every landmark at times (T,) s, by its name in the vocabulary."""
     posture = person.posture(t)
     joints = dict(zip(JOINTS, posture.joints.swapaxes(0, 1)))
@@ -110,7 +110,7 @@ def _face() -> Array:
     return np.concatenate([jaw, brow, left_brow, bridge, nostrils, right_eye, left_eye, mouth])
 
 
-def named_joints(person: Person, t: Array, names: Sequence[str]) -> Array:
+def named_joints(person: SimulatedPerson, t: Array, names: Sequence[str]) -> Array:
     """Return positions (T, J, 3) m of landmarks by their names in the vocabulary.
 
     Raises:

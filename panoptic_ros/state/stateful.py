@@ -53,7 +53,7 @@ def closed(
 
     Args:
         conditions: hashes of what must be equal, see `StateLayout`.
-        tree: values of the state, see `Writer`.
+        tree: values of the state, see `StateWriter`.
         arrays: arrays of the tree, in order.
     """
     head = {"stage": layout.stage, "layout": layout.schema, "same": dict(conditions), "tree": tree}
@@ -112,7 +112,7 @@ MANY = 8  # minimum number of ints or floats that are written as an array
 KINDS = "biufcSU"  # permitted dtype kinds of arrays
 
 
-class Writer:
+class StateWriter:
     """Converts the values of one state to a tree, and collects their arrays in order."""
 
     def __init__(self, layout: StateLayout, shared: Mapping[str, Any]):
@@ -220,7 +220,7 @@ UNFINISHED = object()
 NO_NUMBER = -1  # immutable values have no number
 
 
-class Reader:
+class StateReader:
     """Restores the values of one state from its tree and arrays.
 
     No code of the value classes runs, as fields are set directly. The exception is a class with a `make`
@@ -406,7 +406,7 @@ class Stateful:
     def state(self) -> bytes:
         """Return everything that later steps depend on, as bytes. The stage is unchanged."""
         layout = self.LAYOUT
-        writer = Writer(layout, layout.shared_objects(self))
+        writer = StateWriter(layout, layout.shared_objects(self))
         tree = writer.node(layout.values(self))
         return closed(layout, layout.conditions(self), tree, writer.arrays)
 
@@ -419,4 +419,4 @@ class Stateful:
         """
         layout = self.LAYOUT
         tree, data = opened(layout, layout.conditions(self), state)
-        layout.set_values(self, Reader(layout, layout.shared_objects(self), data).values(tree))
+        layout.set_values(self, StateReader(layout, layout.shared_objects(self), data).values(tree))

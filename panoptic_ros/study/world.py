@@ -33,7 +33,7 @@ from panoptic_ros.io.detector_context import detector_extras
 from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.recorded_people import read_people
 from panoptic_ros.io.rigs import read_rig
-from panoptic_ros.simulation import SCENES, SKELETON, Scene, Simulation, simulate
+from panoptic_ros.simulation import SCENES, SKELETON, SimulatedScene, Simulation, simulate
 from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.simulation.timing import to_stamp
@@ -142,7 +142,7 @@ def frames_of(name: str, most: int | None) -> int:
     return own if most is None else min(own, most)
 
 
-def split(name: str) -> tuple[Scene, list[str]]:
+def split(name: str) -> tuple[SimulatedScene, list[str]]:
     """Split a name into its scene and its variants.
 
     Raises:

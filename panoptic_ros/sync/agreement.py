@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import Generic, Protocol, TypeVar
 
 from panoptic_ros.stage import Notice
-from panoptic_ros.sync.majority import Group, Majority
+from panoptic_ros.sync.majority import ClockGroup, Majority
 
 SECOND = 1_000_000_000
 SURE = 3  # minimum number of frames that decide on a pending line
@@ -224,7 +224,7 @@ class Agreement(Generic[Frame]):
         if tie:
             on_line = [g for g in groups if majority.agrees(g.offset)]
             rivals = [g for g in groups if len(g.names) == len(best.names)]
-            others = Group(majority.offset, on_line[0].names if on_line else ())
+            others = ClockGroup(majority.offset, on_line[0].names if on_line else ())
             best = _choose([others, *(g for g in rivals if g not in on_line)], majority, host, others)
         if camera in best.names and not majority.agrees(best.offset):
             majority.offset = best.offset
@@ -268,8 +268,8 @@ class Agreement(Generic[Frame]):
 
 
 def _choose(
-    groups: Iterable[Group], majority: Majority, host: int | None, incumbent: Group | None = None
-) -> Group:
+    groups: Iterable[ClockGroup], majority: Majority, host: int | None, incumbent: ClockGroup | None = None
+) -> ClockGroup:
     """Return the group that agrees with the host's time, else the incumbent group, else the first group."""
     groups = list(groups)
     if host is not None:
@@ -299,7 +299,7 @@ def _off_text(view: StampedFrame, offset: int, whom: str) -> str:
     )
 
 
-def _decided(view: StampedFrame, best: Group, groups: Sequence[Group]) -> Notice:
+def _decided(view: StampedFrame, best: ClockGroup, groups: Sequence[ClockGroup]) -> Notice:
     """Return a notice with the cameras of both sides if the host's time decided for a new offset."""
     others = [name for group in groups for name in group.names if name not in best.names]
     text = (

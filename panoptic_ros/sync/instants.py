@@ -20,7 +20,7 @@ PHASE_GAIN = 0.05  # gain of the update of a camera's phase relative to the mast
 ALIKE = 0.05  # periods; timestamps closer than this come from one trigger
 
 
-class Pace:
+class PeriodEstimate:
     """Period of a camera, from the timestamps of its newest frames alone."""
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ def exact_rate(rate_hz: float) -> Fraction:
     return Fraction(rate_hz).limit_denominator(10_000)
 
 
-class Grid:
+class InstantGrid:
     """Instants at whole multiples of a period on the master clock."""
 
     def __init__(self, config: SyncConfig):
@@ -133,7 +133,7 @@ class CameraInstants:
         return middle if farthest <= ALIKE * self.period else instant
 
 
-Instants = Grid | CameraInstants
+Instants = InstantGrid | CameraInstants
 
 
 def choose_master(periods: Mapping[str, float], wanted: str) -> tuple[str, float, frozenset[str]]:

@@ -41,7 +41,7 @@ class Vote:
         return sorted(self.gaps)[len(self.gaps) // 2] if self.gaps else 0
 
 
-class Group(NamedTuple):
+class ClockGroup(NamedTuple):
     """Cameras whose clock offsets agree; `offset` is their median, ns."""
 
     offset: int
@@ -84,10 +84,10 @@ class Majority:
         """Return whether every camera has given a frame."""
         return all(vote.at is not None for vote in self.votes.values())
 
-    def groups(self, at: int) -> list[Group]:
+    def groups(self, at: int) -> list[ClockGroup]:
         """Return the groups of cameras with valid votes, sorted by size (descending), then by rig order."""
         fresh = self._fresh(at)
-        found: list[Group] = []
+        found: list[ClockGroup] = []
         left = dict(fresh)
         while left:
             ordered = sorted(left.items(), key=lambda item: item[1])
@@ -99,7 +99,7 @@ class Majority:
                 key=len,
             )
             names = tuple(name for name in fresh if name in best)
-            found.append(Group(_median([fresh[name] for name in names]), names))
+            found.append(ClockGroup(_median([fresh[name] for name in names]), names))
             left = {name: offset for name, offset in left.items() if name not in best}
         order = list(self.votes)
         return sorted(found, key=lambda group: (-len(group.names), order.index(group.names[0])))

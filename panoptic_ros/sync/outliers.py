@@ -17,7 +17,7 @@ LATEST_NS = (2**31 - 1) * SECOND  # ns; ROS messages cannot hold later timestamp
 
 
 @dataclass
-class StampLine:
+class StampGate:
     """Timestamps of one camera.
 
     Args:
@@ -41,7 +41,7 @@ class StampOutliers:
     """
 
     def __init__(self, cameras: Sequence[str]):
-        self._cameras = {name: StampLine() for name in cameras}
+        self._cameras = {name: StampGate() for name in cameras}
 
     def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
         """Add a frame; return the frames now on the line of their camera, and notices on outliers."""

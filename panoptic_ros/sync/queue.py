@@ -6,14 +6,14 @@ from collections import deque
 from dataclasses import dataclass
 
 from panoptic_ros.domain import ViewDetections
-from panoptic_ros.sync.instants import Pace
+from panoptic_ros.sync.instants import PeriodEstimate
 
 EARLY = 0.45  # periods; a frame closer before an instant is taken without waiting for the next frame
 SLOWER = 1.05  # minimum ratio of a slower camera's period to the time between instants
 
 
 @dataclass(frozen=True)
-class Waiting:
+class QueuedFrame:
     """Queued frame, with the period of its camera when it was queued, ns (0: unknown)."""
 
     view: ViewDetections
@@ -25,7 +25,7 @@ class Waiting:
 
 
 @dataclass(frozen=True)
-class Choice:
+class FrameChoice:
     """Frame that a camera contributes to an instant.
 
     Args:
@@ -35,7 +35,7 @@ class Choice:
     """
 
     decided: bool
-    frame: Waiting | None = None
+    frame: QueuedFrame | None = None
     surplus: tuple[ViewDetections, ...] = ()
 
 
@@ -47,11 +47,11 @@ class CameraQueue:
 
     def __init__(self, keeps_last: bool = True) -> None:
         self._keeps_last = keeps_last
-        self.frames: deque[Waiting] = deque()
-        self.pace = Pace()
+        self.frames: deque[QueuedFrame] = deque()
+        self.pace = PeriodEstimate()
         self.ended = False
         self.silent = False
-        self.last_given: Waiting | None = None  # newest frame taken or dropped
+        self.last_given: QueuedFrame | None = None  # newest frame taken or dropped
 
     @property
     def gives_no_more(self) -> bool:
@@ -62,10 +62,10 @@ class CameraQueue:
         """Append a frame; return False if it is not later than the previous one."""
         if self.pace.newest is not None and view.stamp_ns <= self.pace.newest:
             return False
-        self.frames.append(Waiting(view, self.pace.add(view.stamp_ns)))
+        self.frames.append(QueuedFrame(view, self.pace.add(view.stamp_ns)))
         return True
 
-    def choose(self, instant: int, reach: float, spacing: float, over: bool) -> Choice:
+    def choose(self, instant: int, reach: float, spacing: float, over: bool) -> FrameChoice:
         """Return the frame nearest to an instant; the queue is unchanged until `take`.
 
         Args:
@@ -80,13 +80,13 @@ class CameraQueue:
         while frames and frames[0].stamp < instant - reach:
             surplus.append(frames.pop(0).view)
         if not frames:
-            return Choice(over, None, tuple(surplus))
+            return FrameChoice(over, None, tuple(surplus))
         best = frames[0]
         while best.stamp < instant:
             if len(frames) == 1:
                 early = EARLY * best.period if best.period else 0.0
                 if not over and instant - best.stamp > early:
-                    return Choice(False)
+                    return FrameChoice(False)
                 break
             following = frames[1]
             enough = best.period and instant - best.stamp <= EARLY * best.period
@@ -96,10 +96,10 @@ class CameraQueue:
             best = following
         slower = best.period > SLOWER * spacing
         if best.stamp > instant + (min(reach, 0.5 * spacing) if slower else reach):
-            return Choice(True, None, tuple(surplus))
-        return Choice(True, best, tuple(surplus))
+            return FrameChoice(True, None, tuple(surplus))
+        return FrameChoice(True, best, tuple(surplus))
 
-    def take(self, choice: Choice) -> None:
+    def take(self, choice: FrameChoice) -> None:
         """Remove the chosen frame and all older ones."""
         count = len(choice.surplus) + (choice.frame is not None)
         for _ in range(count):

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from panoptic_ros.domain import Camera, ViewDetections
-from panoptic_ros.sync.queue import CameraQueue, Choice, Waiting
+from panoptic_ros.sync.queue import CameraQueue, FrameChoice, QueuedFrame
 
 Array = np.ndarray
 FARTHEST = 0.25  # person sizes, maximum motion of a joint between two frames
@@ -27,13 +27,13 @@ LEAST_AGREEMENT = 0.2
 class Neighbours:
     """Chosen frame of a camera with its neighbouring frames."""
 
-    before: Waiting | None
-    chosen: Waiting
-    after: Waiting | None
+    before: QueuedFrame | None
+    chosen: QueuedFrame
+    after: QueuedFrame | None
     camera: Camera
 
     @classmethod
-    def of(cls, queue: CameraQueue, choice: Choice, camera: Camera) -> Neighbours:
+    def of(cls, queue: CameraQueue, choice: FrameChoice, camera: Camera) -> Neighbours:
         """Return the frame chosen from a queue with its neighbours, before it is removed from the queue."""
         assert choice.frame is not None
         surplus = len(choice.surplus)

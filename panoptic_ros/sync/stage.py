@@ -20,13 +20,13 @@ from panoptic_ros.state import Fields, Stateful, StateLayout
 from panoptic_ros.sync.agreement import Agreement, PendingLine
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.sync.correction import CameraClock, StampCorrection
-from panoptic_ros.sync.instants import CameraInstants, Grid, Instants, Pace, choose_master
+from panoptic_ros.sync.instants import CameraInstants, InstantGrid, Instants, PeriodEstimate, choose_master
 from panoptic_ros.sync.jumps import GuardedCamera, SetBackGuard
 from panoptic_ros.sync.liveness import LiveCamera, Liveness
 from panoptic_ros.sync.majority import Majority, Vote
-from panoptic_ros.sync.outliers import LATEST_NS, StampLine, StampOutliers
+from panoptic_ros.sync.outliers import LATEST_NS, StampGate, StampOutliers
 from panoptic_ros.sync.overlap import Overlap
-from panoptic_ros.sync.queue import CameraQueue, Waiting
+from panoptic_ros.sync.queue import CameraQueue, QueuedFrame
 from panoptic_ros.sync.resample import Neighbours, interpolate
 
 SECOND = 1_000_000_000
@@ -65,9 +65,9 @@ LAYOUT = StateLayout(
         GuardedCamera,
         LiveCamera,
         PendingLine,
-        StampLine,
+        StampGate,
         Vote,
-        Waiting,
+        QueuedFrame,
         Fields.named(StampOutliers, "_cameras"),
         Fields.named(
             StampCorrection, "_device _delays _clocks _cameras _most_held _heard _told _implausible"
@@ -78,8 +78,8 @@ LAYOUT = StateLayout(
         Fields.named(Overlap, "_cameras _joined _apart _told started _begin"),
         Fields.named(SetBackGuard, "_cameras _shift"),
         Fields.named(CameraQueue, "frames pace ended silent last_given _keeps_last"),
-        Fields.named(Pace, "_steps newest"),
-        Fields.named(Grid, "_rate _phase period"),
+        Fields.named(PeriodEstimate, "_steps newest"),
+        Fields.named(InstantGrid, "_rate _phase period"),
         Fields.named(CameraInstants, "master period _same_rate _phases _last"),
         Fields.named(Fraction, "_numerator _denominator", is_value=True),
     ),
@@ -127,7 +127,7 @@ class SyncStage(Stateful):
         self._in_order = list(self._queues.values())
         self._current: int | None = None  # instant that waits for its frames
         self._decided = 0  # number of queues in `_in_order` with a decided choice for that instant
-        self._instants: Instants | None = Grid(self._config) if self._config.rate_hz > 0.0 else None
+        self._instants: Instants | None = InstantGrid(self._config) if self._config.rate_hz > 0.0 else None
         self._next: int | None = None  # next instant
         self._closed: int | None = None  # newest instant whose set was published or dropped
         self._stamp = -1  # timestamp of the newest set
@@ -135,7 +135,7 @@ class SyncStage(Stateful):
         self._index = 0
 
     def arrived(self, came_ns: int, host_ns: int) -> None:
-        """Set the arrival time of the records that follow (see `stage.Timed`)."""
+        """Set the arrival time of the records that follow (see `stage.ArrivalAwareStage`)."""
         self._came = came_ns, host_ns
 
     def step(self, item: ViewDetections | EndOfStream | ClockModel) -> StepResult[DetectionSet]:

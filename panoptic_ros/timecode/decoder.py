@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.timecode.config import TimecodeConfig
-from panoptic_ros.timecode.follow.following import Follow
+from panoptic_ros.timecode.follow.following import SignalTracker
 from panoptic_ros.timecode.follow.lock import lock
 from panoptic_ros.timecode.follow.reading import Word, read_word, word_complete
 from panoptic_ros.timecode.signal.stream import Hops, Stream
@@ -36,7 +36,7 @@ class LtcDecoder:
         self._hop = int(HOP_SECONDS * sample_rate)
         self._hops = Hops(self._hop)
         self._stream = Stream(sample_rate, config.high_pass_hz)
-        self._follow: Follow | None = None  # locked signal; None while searching
+        self._follow: SignalTracker | None = None  # locked signal; None while searching
         # words read but not reported: no later word has ruled out the neighbouring labels
         self._held: list[Word] = []
         self._read_until = -np.inf  # samples, end of the last reported word
@@ -60,7 +60,7 @@ class LtcDecoder:
         self._stream.forget()
         return words
 
-    def _search(self, last: bool) -> Follow | None:
+    def _search(self, last: bool) -> SignalTracker | None:
         """Search for a signal and lock to it: just after its start, in noise, or at changing speed.
 
         Returns: the locked signal, or None if none is found.
@@ -75,7 +75,7 @@ class LtcDecoder:
                     return follow
         return None
 
-    def _next_word(self, follow: Follow) -> list[Word]:
+    def _next_word(self, follow: SignalTracker) -> list[Word]:
         """Read the next word and return the words that can now be reported."""
         early = follow.early
         word = read_word(follow, self._stream)

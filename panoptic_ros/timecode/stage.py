@@ -1,7 +1,7 @@
 """Timecode stage: decode the audio blocks of any number of devices into timecode readings.
 
-The stage keeps one `Device` record per device, with one decoder per channel. `compile_kernels` calls every
-compiled loop of the timecode package once, with the argument types of later calls.
+The stage keeps one `DeviceStream` record per device, with one decoder per channel. `compile_kernels` calls
+every compiled loop of the timecode package once, with the argument types of later calls.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 from panoptic_ros.timecode.config import TimecodeConfig
 from panoptic_ros.timecode.decoder import LtcDecoder
-from panoptic_ros.timecode.follow.breaks import Heard, find_break, is_one_timecode
-from panoptic_ros.timecode.follow.following import Follow
+from panoptic_ros.timecode.follow.breaks import WordReading, find_break, is_one_timecode
+from panoptic_ros.timecode.follow.following import SignalTracker
 from panoptic_ros.timecode.follow.reading import Word
 from panoptic_ros.timecode.follow.wander import Wander
-from panoptic_ros.timecode.label.counting import Counting
-from panoptic_ros.timecode.label.evidence import Evidence, UserBits, Verdict
+from panoptic_ros.timecode.label.counting import LabelSequence
+from panoptic_ros.timecode.label.evidence import LabelLikelihood, LabelScore, UserBits
 from panoptic_ros.timecode.label.expected import ExpectedLabels
-from panoptic_ros.timecode.label.stretch import Solution
+from panoptic_ros.timecode.label.stretch import StretchLabels
 from panoptic_ros.timecode.signal.clicks import ClickLimits, bridge_clicks
 from panoptic_ros.timecode.signal.conditioning import Conditioner, between, hat_sums, high_pass, limit
-from panoptic_ros.timecode.signal.half_cells import Grid, half_levels, moved_grid, tick_levels
+from panoptic_ros.timecode.signal.half_cells import CellGrid, half_levels, moved_grid, tick_levels
 from panoptic_ros.timecode.signal.stream import Buffer, Hops, Stream
 from panoptic_ros.timecode.word.edges import EVEN, fit_edges
 from panoptic_ros.timecode.word.layout import FREE
@@ -57,11 +57,11 @@ class Channel:
     number: int
     clock: str | None
     decoder: LtcDecoder
-    last: Heard | None = None
+    last: WordReading | None = None
 
 
 @dataclass
-class Device:
+class DeviceStream:
     """One uninterrupted stream of a device.
 
     Args:
@@ -91,14 +91,14 @@ LAYOUT = StateLayout(
     (
         Channel,
         ClickLimits,
-        Counting,
-        Device,
+        LabelSequence,
+        DeviceStream,
         FrameRate,
-        Grid,
-        Heard,
-        Solution,
+        CellGrid,
+        WordReading,
+        StretchLabels,
         Timecode,
-        Verdict,
+        LabelScore,
         Word,
         WordLevels,
         Fields.named(Fraction, "_numerator _denominator", is_value=True),
@@ -110,7 +110,7 @@ LAYOUT = StateLayout(
             Conditioner, "up _step _low_pass _between _half _beside reach _piece _clicks _raw _history"
         ),
         Fields.named(
-            Follow,
+            SignalTracker,
             "grid number labels reverse wander misses read signal first _line _wavers _scatter",
         ),
         Fields.named(
@@ -119,7 +119,7 @@ LAYOUT = StateLayout(
         ),
         Fields.named(Wander, "reverse level _place _cell _tracked"),
         Fields.named(UserBits, "_nats certain _other _bits _value"),
-        Fields.named(Evidence, "_levels _free _user contradiction same_user"),
+        Fields.named(LabelLikelihood, "_levels _free _user contradiction same_user"),
     ),
     shared=("_config",),
     same={"configuration": "_config"},
@@ -142,7 +142,7 @@ def _compile_conditioning() -> None:
 
 
 def _compile_words() -> None:
-    sums, grid, few = np.cumsum(np.ones(400)), Grid(200.0, 20.0), np.zeros(1)
+    sums, grid, few = np.cumsum(np.ones(400)), CellGrid(200.0, 20.0), np.zeros(1)
     halves, wanted = np.ones(16), np.full(8, FREE, np.int8)
     half_levels(sums, grid, -4.0, 8)
     tick_levels(sums, track(sums, 20.0, 8.0, 10, 1.0))
@@ -175,7 +175,7 @@ class TimecodeStage(Stateful):
             device: tuple(name.strip() for name in names.split(","))
             for device, names in named_words("TimecodeConfig.channels", config.channels).items()
         }
-        self._devices: dict[str, Device] = {}
+        self._devices: dict[str, DeviceStream] = {}
         compile_kernels()
 
     def step(self, item: AudioBlock) -> StepResult[TimecodeReading]:
@@ -229,7 +229,7 @@ class TimecodeStage(Stateful):
             )
         return named
 
-    def _start(self, block: AudioBlock, clocks: tuple[str, ...]) -> Device:
+    def _start(self, block: AudioBlock, clocks: tuple[str, ...]) -> DeviceStream:
         """Create the device record, with one decoder per channel that may carry timecode.
 
         A channel with the name of its own device carries the timecode of the device's own clock.
@@ -240,9 +240,9 @@ class TimecodeStage(Stateful):
             for number, name in enumerate(names)
             if name != ""
         ]
-        return Device(block.device, block.sample_rate, block.first_sample, clocks, channels)
+        return DeviceStream(block.device, block.sample_rate, block.first_sample, clocks, channels)
 
-    def _finish(self, device: Device) -> list[TimecodeReading]:
+    def _finish(self, device: DeviceStream) -> list[TimecodeReading]:
         """Return the readings completed by the end of a device's stream."""
         readings = []
         for channel in device.channels:
@@ -252,7 +252,7 @@ class TimecodeStage(Stateful):
         return readings
 
 
-def _continues(device: Device, block: AudioBlock, clocks: tuple[str, ...]) -> bool:
+def _continues(device: DeviceStream, block: AudioBlock, clocks: tuple[str, ...]) -> bool:
     """Return whether a block directly continues the stream of a device."""
     return (
         block.first_sample == device.next_sample
@@ -262,7 +262,7 @@ def _continues(device: Device, block: AudioBlock, clocks: tuple[str, ...]) -> bo
     )
 
 
-def _choose(device: Device, channel: Channel, words: list[Word]) -> list[Notice]:
+def _choose(device: DeviceStream, channel: Channel, words: list[Word]) -> list[Notice]:
     """Select the main channel of a device with unnamed channels: the first one decoded.
 
     Returns: one notice per device, the first time that another channel carries a different timecode.
@@ -284,7 +284,7 @@ def _choose(device: Device, channel: Channel, words: list[Word]) -> list[Notice]
     return [Notice("timecode.several", "warning", text, {"device": device.name})]
 
 
-def _read(device: Device, channel: Channel, words: list[Word]) -> list[TimecodeReading]:
+def _read(device: DeviceStream, channel: Channel, words: list[Word]) -> list[TimecodeReading]:
     if channel.clock is None and channel.number != device.main:
         return []
     return [
@@ -303,11 +303,11 @@ def _read(device: Device, channel: Channel, words: list[Word]) -> list[TimecodeR
     ]
 
 
-def _breaks(device: Device, channel: Channel, words: list[Word]) -> list[Notice]:
+def _breaks(device: DeviceStream, channel: Channel, words: list[Word]) -> list[Notice]:
     """Return notices for words whose labels or samples do not continue those of the previous word."""
     notices: list[Notice] = []
     for word in words:
-        heard = Heard(word, _stamp(device, device.first_sample + word.start))
+        heard = WordReading(word, _stamp(device, device.first_sample + word.start))
         found = find_break(device.name, device.sample_rate, channel.last, heard) if channel.last else ()
         if found is not None:
             notices += found
@@ -315,13 +315,13 @@ def _breaks(device: Device, channel: Channel, words: list[Word]) -> list[Notice]
     return notices
 
 
-def _stamp(device: Device, sample: float) -> int:
+def _stamp(device: DeviceStream, sample: float) -> int:
     """Return the timestamp (ns, device clock) of a fractional sample, from the block that contains it."""
     first, stamp = next((block for block in reversed(device.stamps) if block[0] <= sample), device.stamps[0])
     return max(0, stamp + round((sample - first) / device.sample_rate * 1e9))
 
 
-def _gap(device: Device, block: AudioBlock) -> Notice:
+def _gap(device: DeviceStream, block: AudioBlock) -> Notice:
     lost = block.first_sample - device.next_sample
     if block.sample_rate != device.sample_rate:
         text = f"audio of {device.name} changed from {device.sample_rate} to {block.sample_rate} Hz"

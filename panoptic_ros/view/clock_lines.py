@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.offsets import CameraClocks
-from panoptic_ros.offsets.sound import HeardClocks
+from panoptic_ros.offsets.sound import SoundClockEstimate
 
 AIR = 3.0  # gate, in standard deviations of the difference, beyond which motion and sound offsets contradict
 
@@ -37,7 +37,7 @@ def clock_lines(clocks: CameraClocks) -> list[str]:
     return lines
 
 
-def sound_lines(found: HeardClocks) -> list[str]:
+def sound_lines(found: SoundClockEstimate) -> list[str]:
     """Return text lines with the offset and drift of every camera, estimated from sound."""
     clocks = found.clocks
     width = max(len(name) for name in clocks.cameras)
@@ -65,7 +65,7 @@ def sound_lines(found: HeardClocks) -> list[str]:
     return lines
 
 
-def pair_lines(found: HeardClocks) -> list[str]:
+def pair_lines(found: SoundClockEstimate) -> list[str]:
     """Return one text line about each camera pair."""
     lines = []
     for pair in found.pairs:
@@ -78,7 +78,7 @@ def pair_lines(found: HeardClocks) -> list[str]:
     return lines
 
 
-def contradictions(sound: HeardClocks, motion: CameraClocks) -> list[str]:
+def contradictions(sound: SoundClockEstimate, motion: CameraClocks) -> list[str]:
     """Return warnings about cameras whose motion offset contradicts their sound offset.
 
     Args:

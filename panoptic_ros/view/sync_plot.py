@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from panoptic_ros.clocks.report import CameraClock
+from panoptic_ros.clocks.report import CameraClockReport
 from panoptic_ros.domain import ClockModel
 from panoptic_ros.io.files import atomic_path
 from panoptic_ros.view.plotting import Figure, FigureCanvasAgg
@@ -17,7 +17,9 @@ PANELS = 32  # largest number of panels that fit into a picture
 LEAST_RANGE_MS = 0.1
 
 
-def write_sync_plot(path: Path, cameras: Sequence[CameraClock], models: Mapping[str, ClockModel]) -> None:
+def write_sync_plot(
+    path: Path, cameras: Sequence[CameraClockReport], models: Mapping[str, ClockModel]
+) -> None:
     """Draw timestamp residuals of each camera's linear clock over time, one panel per camera.
 
     Gaps with missing frames are marked red, and the title lists the timecode drift of each device. With more

@@ -27,7 +27,7 @@ FINE = 12  # libx264 CRF without visible artefacts, for images that detectors pr
 
 
 @dataclass(frozen=True)
-class Sound:
+class VideoAudio:
     """Sound track.
 
     Args:
@@ -69,7 +69,7 @@ class VideoFile:
         frame_rate: float,
         *,
         quality: int = GOOD,
-        sound: Sound | None = None,
+        sound: VideoAudio | None = None,
     ):
         self.path = Path(path)
         self.size = (int(size[0]), int(size[1]))
@@ -177,7 +177,7 @@ def _picture_track(
     return stream
 
 
-def _exact(sound: Sound | None) -> dict[str, str]:
+def _exact(sound: VideoAudio | None) -> dict[str, str]:
     """Return container options that align the tracks to the sample; by default FFmpeg rounds to ms."""
     return {} if sound is None else {"movie_timescale": str(sound.sample_rate)}
 
@@ -185,7 +185,7 @@ def _exact(sound: Sound | None) -> dict[str, str]:
 class _SoundTrack:
     """Sound track, encoded in step with the pictures."""
 
-    def __init__(self, container: OutputContainer, path: Path, sound: Sound):
+    def __init__(self, container: OutputContainer, path: Path, sound: VideoAudio):
         self._container, self._sound = container, sound
         codec = "aac" if path.suffix.lower() == ".mp4" else "pcm_s16le"
         self._layout = {1: "mono", 2: "stereo"}.get(sound.samples.shape[1], f"{sound.samples.shape[1]}c")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from panoptic_ros.graph.health import Told
+from panoptic_ros.graph.health import ReceivedStatus
 
 PERIOD_S = 1.0  # s between status messages of a node
 STALE_S = 2.5  # s without a status message after which a node counts as silent
@@ -12,7 +12,7 @@ STAGES = ("stage", "node", "state", "/s", "age s", "step ms p50", "p99", "latenc
 INPUTS = ("input", "of", "/s", "age s", "latency ms p50", "p99", "lost", "left out", "bad")
 
 
-def watch_lines(told: Sequence[Told], now_s: float) -> list[str]:
+def watch_lines(told: Sequence[ReceivedStatus], now_s: float) -> list[str]:
     """Return text lines for each graph: its warnings, its stages, its inputs."""
     lines: list[str] = []
     for namespace in sorted({item.namespace for item in told}):
@@ -21,7 +21,7 @@ def watch_lines(told: Sequence[Told], now_s: float) -> list[str]:
     return lines
 
 
-def _graph_lines(namespace: str, told: Sequence[Told], now_s: float) -> list[str]:
+def _graph_lines(namespace: str, told: Sequence[ReceivedStatus], now_s: float) -> list[str]:
     warned = [item for item in told if item.trouble and item.name != "graph"]
     gone = sorted(
         {item.values["node"] for item in told if "node" in item.values and now_s - item.heard_s > STALE_S}
@@ -39,7 +39,7 @@ def _graph_lines(namespace: str, told: Sequence[Told], now_s: float) -> list[str
     return [*lines, "", *_columns(STAGES, stages), "", *_columns(INPUTS, inputs)]
 
 
-def _stage_row(item: Told, now_s: float) -> list[str]:
+def _stage_row(item: ReceivedStatus, now_s: float) -> list[str]:
     values = item.values
     dropped = [
         f"{key.removeprefix('dropped.')} {count}"
@@ -57,7 +57,7 @@ def _stage_row(item: Told, now_s: float) -> list[str]:
     ]
 
 
-def _input_row(item: Told, now_s: float) -> list[str]:
+def _input_row(item: ReceivedStatus, now_s: float) -> list[str]:
     values = item.values
     return [
         item.name.partition(": ")[2],
@@ -76,7 +76,7 @@ def _numbers(values: Mapping[str, str], *keys: str) -> list[str]:
     return ["-" if number != number else f"{number:.1f}" for number in found]
 
 
-def _age(item: Told, now_s: float) -> str:
+def _age(item: ReceivedStatus, now_s: float) -> str:
     """Return the age (s) of the newest message: the age in the status plus the delay of an overdue status."""
     age = float(item.values["age_s"]) + max(0.0, now_s - item.heard_s - PERIOD_S)
     return "-" if age != age else f"{age:.1f}"

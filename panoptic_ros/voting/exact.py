@@ -14,7 +14,7 @@ import numpy as np
 
 from panoptic_ros.domain.of_all import selected
 from panoptic_ros.kernels import njit
-from panoptic_ros.voting.proposals import Demands, Nodes
+from panoptic_ros.voting.proposals import NodeCriteria, NodeProposals
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.seeds import pixel_rays
 from panoptic_ros.voting.volume import Volume
@@ -51,7 +51,7 @@ class Cones(NamedTuple):
     sines: Array
 
 
-def maxima(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
+def maxima(scene: VoteScene, volume: Volume, wanted: NodeCriteria) -> NodeProposals:
     """Return nodes at the centres of all local maxima, in the order of joint and voxel.
 
     A maximum is a voxel that satisfies the demands and wins against its 26 neighbours. A neighbour that
@@ -60,7 +60,7 @@ def maxima(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
     found = visit(scene, cones_of(scene), volume, wanted)
     at = found[:, :4].astype(np.int64)
     top = highest(at - (0, *volume.lower), found[:, 5])
-    nodes = Nodes(volume.centres(at[:, 1:]), at[:, 0], found[:, 5], found[:, 4].astype(np.int64))
+    nodes = NodeProposals(volume.centres(at[:, 1:]), at[:, 0], found[:, 5], found[:, 4].astype(np.int64))
     return selected(nodes, top)
 
 
@@ -187,7 +187,7 @@ def visit(scene, cones, volume, wanted):
         scene: `VoteScene`.
         cones: `Cones`.
         volume: `Volume`.
-        wanted: `Demands`.
+        wanted: `NodeCriteria`.
 
     Returns:
         found (N, 6): joint, voxel (3 indices), number of supporting views, vote as in `vote_points`.

@@ -12,7 +12,7 @@ import numpy as np
 
 from panoptic_ros.domain.of_all import selected
 from panoptic_ros.kernels import inlined, njit
-from panoptic_ros.voting.proposals import Nodes, no_nodes
+from panoptic_ros.voting.proposals import NodeProposals, no_nodes
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.votes import COVERED, DEPTH, LANES, SIZE, U, W, X, Y, Z, place, see
 
@@ -34,7 +34,7 @@ class ImagePeaks(NamedTuple):
     pixels: Array
 
 
-class Explainer(NamedTuple):
+class KnownNodes(NamedTuple):
     """Known nodes, which explain 2D peaks.
 
     Args:
@@ -43,18 +43,18 @@ class Explainer(NamedTuple):
         delays: (V,) s, timestamp of each view minus the instant of the nodes.
     """
 
-    nodes: Nodes
+    nodes: NodeProposals
     velocities: Array
     delays: Array
 
     @classmethod
-    def of_nobody(cls, delays: Array) -> Explainer:
+    def of_nobody(cls, delays: Array) -> KnownNodes:
         """Return an instance without nodes."""
         return cls(no_nodes(), np.zeros((0, 3)), delays)
 
-    def rows(self, which: Array) -> Explainer:
+    def rows(self, which: Array) -> KnownNodes:
         """Return an instance with the nodes at these indices only."""
-        return Explainer(selected(self.nodes, which), self.velocities[which], self.delays)
+        return KnownNodes(selected(self.nodes, which), self.velocities[which], self.delays)
 
     def unexplained(self, scene: VoteScene, peaks: ImagePeaks) -> ImagePeaks:
         """Return the 2D peaks that are not near the projection of a node of their joint."""
@@ -151,7 +151,7 @@ def unexplained_peaks(scene, peaks, known):
     Args:
         scene: `VoteScene`.
         peaks: `ImagePeaks`.
-        known: `Explainer`.
+        known: `KnownNodes`.
     """
     start, pixels = peaks
     joints, points, moves = known.nodes.joints, known.nodes.points, known.velocities

@@ -11,7 +11,7 @@ from panoptic_ros.kernels import njit
 Array = np.ndarray
 
 
-class Demands(NamedTuple):
+class NodeCriteria(NamedTuple):
     """Demands on a node.
 
     Args:
@@ -25,7 +25,7 @@ class Demands(NamedTuple):
     view_threshold: float
 
 
-class Nodes(NamedTuple):
+class NodeProposals(NamedTuple):
     """Node proposals.
 
     Args:
@@ -41,10 +41,10 @@ class Nodes(NamedTuple):
     support: Array
 
 
-def no_nodes() -> Nodes:
+def no_nodes() -> NodeProposals:
     """Return an empty instance."""
     nothing = np.zeros(0, np.int64)
-    return Nodes(np.zeros((0, 3)), nothing, np.zeros(0), nothing)
+    return NodeProposals(np.zeros((0, 3)), nothing, np.zeros(0), nothing)
 
 
 def distinct(nodes: Array, joints: Array, votes: Array, distance: float) -> Array:

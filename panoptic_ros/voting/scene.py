@@ -48,7 +48,7 @@ class VoteScene(NamedTuple):
     limits: Array
 
 
-class Patches(NamedTuple):
+class ViewPatches(NamedTuple):
     """Patches of all views, one after another.
 
     Args:
@@ -89,11 +89,11 @@ def build_scene(cameras: Sequence[Camera], views: Sequence[ViewDetections], join
     )
 
 
-def _patches(views: Sequence[ViewDetections]) -> Patches:
+def _patches(views: Sequence[ViewDetections]) -> ViewPatches:
     """Return the score maps of the views; a view without maps has a grid of 0 cells."""
     maps = [view.maps for view in views if view.maps is not None]
     grids = [(0, 0) if view.maps is None else view.maps.grid_size for view in views]
-    return Patches(
+    return ViewPatches(
         np.array(grids, np.int64).reshape(-1, 2),
         np.array([0 if view.maps is None else len(view.maps.joints) for view in views], np.int64),
         np.concatenate([np.zeros(0, np.int32), *(each.joints for each in maps)]),
@@ -144,7 +144,7 @@ def _area(points, d):
     return max(min(wide, high), MIN_ASPECT * longer) * longer
 
 
-def sorted_patches(patches: Patches, joint_count: int) -> tuple[Array, Array]:
+def sorted_patches(patches: ViewPatches, joint_count: int) -> tuple[Array, Array]:
     """Return `VoteScene.patch_start` and `patch_table`, stably sorted by view and joint."""
     keys = np.repeat(np.arange(len(patches.counts)), patches.counts) * joint_count + patches.joints
     cells = patches.sizes.prod(axis=1, dtype=np.int64)

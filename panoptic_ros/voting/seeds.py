@@ -10,8 +10,8 @@ from panoptic_ros.domain.of_all import selected
 from panoptic_ros.geometry.lens_kernels import undistort_points
 from panoptic_ros.kernels import inlined, njit
 from panoptic_ros.solving.triangulation import spread_views
-from panoptic_ros.voting.peaks import Explainer, find_peaks
-from panoptic_ros.voting.proposals import Demands, Nodes, distinct, no_nodes
+from panoptic_ros.voting.peaks import KnownNodes, find_peaks
+from panoptic_ros.voting.proposals import NodeCriteria, NodeProposals, distinct, no_nodes
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.soft_vote import moved
 from panoptic_ros.voting.votes import at_rest, vote_points
@@ -38,7 +38,7 @@ class _Rays(NamedTuple):
     centres: Array
 
 
-def nodes_at_seeds(scene: VoteScene, wanted: Demands, known: Explainer) -> Nodes:
+def nodes_at_seeds(scene: VoteScene, wanted: NodeCriteria, known: KnownNodes) -> NodeProposals:
     """Return nodes at seeds, each moved to the centre of the votes round it.
 
     Among seeds of one joint that are close to each other, only the one with most votes is followed.
@@ -54,7 +54,7 @@ def nodes_at_seeds(scene: VoteScene, wanted: Demands, known: Explainer) -> Nodes
     return selected(nodes, distinct(nodes.points, nodes.joints, nodes.votes, SPACING))
 
 
-def seeds(scene: VoteScene, wanted: Demands, known: Explainer) -> tuple[Array, Array]:
+def seeds(scene: VoteScene, wanted: NodeCriteria, known: KnownNodes) -> tuple[Array, Array]:
     """Return joints (S,) and points (S, 3) m where rays of `wanted.min_views` (two or more) views meet.
 
     Args:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.kernels import inlined, njit
-from panoptic_ros.voting.proposals import Nodes
+from panoptic_ros.voting.proposals import NodeProposals
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.votes import (
     COVERED,
@@ -22,7 +22,7 @@ from panoptic_ros.voting.votes import (
     SIZE,
     A,
     B,
-    Moving,
+    PointMotion,
     U,
     W,
     at_rest,
@@ -57,8 +57,8 @@ BALL = ball(2)
 
 
 def moved(
-    scene: VoteScene, joints: Array, points: Array, view_threshold: float, moving: Moving | None = None
-) -> Nodes:
+    scene: VoteScene, joints: Array, points: Array, view_threshold: float, moving: PointMotion | None = None
+) -> NodeProposals:
     """Move points (N, 3) m of joints (N,) to the centres of the votes round them, and return the nodes.
 
     Each step moves a point to the mean of the points of a ball, weighted by exp((S - S_max) / SOFTNESS) with
@@ -74,7 +74,7 @@ def moved(
     """
     moving = moving or at_rest(points, scene)
     points = move_to_votes(scene, joints, points, moving, RADII, BALL)
-    return Nodes(points, joints, *vote_points(scene, joints, points, moving, view_threshold))
+    return NodeProposals(points, joints, *vote_points(scene, joints, points, moving, view_threshold))
 
 
 class _Line(NamedTuple):

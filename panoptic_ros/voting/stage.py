@@ -15,13 +15,13 @@ from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.exact import maxima
 from panoptic_ros.voting.parts import NO_PARTS, score_parts
-from panoptic_ros.voting.peaks import Explainer
-from panoptic_ros.voting.proposals import Demands, Nodes, distinct
+from panoptic_ros.voting.peaks import KnownNodes
+from panoptic_ros.voting.proposals import NodeCriteria, NodeProposals, distinct
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.seeds import nodes_at_seeds
 from panoptic_ros.voting.soft_vote import moved
 from panoptic_ros.voting.volume import Volume, volume_of_rig
-from panoptic_ros.voting.votes import Moving
+from panoptic_ros.voting.votes import PointMotion
 
 Array = np.ndarray
 SURE_VIEWS = 3  # least number of views that support a node which explains peaks away
@@ -29,7 +29,7 @@ REACH = 2.0  # standard deviations of a prediction within which the votes of its
 ONE_PLACE = 0.03  # m; closer nodes of one joint are merged, such as those of people who are detected twice
 
 
-def demands(config: VotingConfig, view_count: int) -> Demands:
+def demands(config: VotingConfig, view_count: int) -> NodeCriteria:
     """Return the demands of the configuration, with defaults that depend on the number of views."""
     if view_count <= 7:
         threshold, min_views = 0.06, 2
@@ -37,7 +37,7 @@ def demands(config: VotingConfig, view_count: int) -> Demands:
         threshold, min_views = 0.1, 3
     else:
         threshold, min_views = 0.05, 3
-    return Demands(config.threshold or threshold, config.min_views or min_views, config.view_threshold)
+    return NodeCriteria(config.threshold or threshold, config.min_views or min_views, config.view_threshold)
 
 
 class VotingStage(Stateful):
@@ -98,7 +98,7 @@ class VotingStage(Stateful):
             nodes = maxima(scene, self.volume, wanted)
         else:
             delays = np.array([1e-9 * (view.stamp_ns - item.stamp_ns) for view in views])
-            known = Explainer.of_nobody(delays)
+            known = KnownNodes.of_nobody(delays)
             if config.explain_away:
                 known = self._known(scene, wanted, association, delays)
             sure = known.rows(known.nodes.support >= SURE_VIEWS)
@@ -120,23 +120,23 @@ class VotingStage(Stateful):
         """Do nothing: the stage has no memory."""
 
     def _known(
-        self, scene: VoteScene, wanted: Demands, association: AssociationSet, delays: Array
-    ) -> Explainer:
+        self, scene: VoteScene, wanted: NodeCriteria, association: AssociationSet, delays: Array
+    ) -> KnownNodes:
         """Return nodes at the joints of people, each moved to the centre of the votes round it."""
         guide, places = guides_of(association), association.places
         there = np.isfinite(places[..., 0])
         joints = np.ascontiguousarray(np.nonzero(there)[1])  # kernels are compiled for one memory layout
         velocities = guide.shifts[there]
-        moving = Moving(velocities, delays, REACH * guide.spreads[there])
+        moving = PointMotion(velocities, delays, REACH * guide.spreads[there])
         nodes = moved(scene, joints, places[there], wanted.view_threshold, moving)
-        return Explainer(nodes, velocities, delays).rows(self._good(nodes, wanted))
+        return KnownNodes(nodes, velocities, delays).rows(self._good(nodes, wanted))
 
-    def unexplained(self, scene: VoteScene, wanted: Demands, explainer: Explainer) -> Nodes:
+    def unexplained(self, scene: VoteScene, wanted: NodeCriteria, explainer: KnownNodes) -> NodeProposals:
         """Return nodes from the 2D peaks that known joints do not explain."""
         found = nodes_at_seeds(scene, wanted, explainer)
         return selected(found, self._good(found, wanted))
 
-    def _good(self, nodes: Nodes, wanted: Demands) -> Array:
+    def _good(self, nodes: NodeProposals, wanted: NodeCriteria) -> Array:
         """Return which nodes (N,) satisfy the demands and lie in the volume."""
         good = (nodes.votes > wanted.threshold) & (nodes.support >= wanted.min_views)
         inside: Array = good & self.volume.contains(nodes.points)

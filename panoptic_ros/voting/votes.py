@@ -25,7 +25,7 @@ SIZE = 96  # length of an array of lanes
 BROWN, FISHEYE, MANY = range(3)  # kinds of lenses: up to five terms, fisheye, up to 14 terms
 
 
-class Moving(NamedTuple):
+class PointMotion(NamedTuple):
     """Motion of N points, and the uncertainty of their positions.
 
     Args:
@@ -39,9 +39,9 @@ class Moving(NamedTuple):
     reach: Array
 
 
-def at_rest(points: Array, scene: VoteScene) -> Moving:
+def at_rest(points: Array, scene: VoteScene) -> PointMotion:
     """Return the motion of points (N, 3) at rest, or of views with one timestamp."""
-    return Moving(np.zeros((len(points), 3)), np.zeros(len(scene.cameras)), np.zeros(len(points)))
+    return PointMotion(np.zeros((len(points), 3)), np.zeros(len(scene.cameras)), np.zeros(len(points)))
 
 
 @inlined

@@ -7,13 +7,13 @@ import cv2
 import numpy as np
 import pytest
 
-from panoptic_ros.appearance.colours import DARK, Pattern, colours_of
+from panoptic_ros.appearance.colours import DARK, ColourSamples, colours_of
 from panoptic_ros.domain import ViewAppearance, ViewDetections, ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import configure, make_stage
 
 SKELETON = captures.SKELETON
-PATTERN = Pattern(SKELETON)
+PATTERN = ColourSamples(SKELETON)
 NAMES = SKELETON.joint_names
 SHIRT, TROUSERS = (40, 60, 200), (120, 70, 30)  # BGR
 FEWEST = 6

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.capture.sound import described_sound, open_sound
-from panoptic_ros.capture.sound.described import MicrophoneSource, PlayedSource
+from panoptic_ros.capture.sound.described import MicrophoneSource, SoundPlaybackSource
 from panoptic_ros.errors import BackendError, EnvironmentProblem
 from panoptic_ros.io.wav import write_wav
 
@@ -105,10 +105,11 @@ def test_a_file_is_played_in_real_time(tmp_path):
         now[0] += round(seconds * SECOND)
         return False
 
-    source = PlayedSource("mic", tmp_path / "a.wav", clocks=("A", ""), clock=lambda: now[0], wait=wait)
+    source = SoundPlaybackSource("mic", tmp_path / "a.wav", clocks=("A", ""), clock=lambda: now[0], wait=wait)
     blocks = list(source)
     assert [b.stamp_ns for b in blocks] == [50 * SECOND + k * SECOND // 10 for k in range(3)]
     assert waited == pytest.approx([0.1, 0.1, 0.05]) and blocks[0].clocks == ("A", "")
     assert isinstance(
-        open_sound(described_sound("microphone", "m", [], address=str(tmp_path / "a.wav"))), PlayedSource
+        open_sound(described_sound("microphone", "m", [], address=str(tmp_path / "a.wav"))),
+        SoundPlaybackSource,
     )

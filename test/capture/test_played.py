@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from panoptic_ros.capture.described import PlayedSource
+from panoptic_ros.capture.described import PlaybackSource
 from panoptic_ros.domain import ViewFrame
 
 PERIOD = 40_000_000
@@ -38,7 +38,7 @@ class Clock:
 
 def played(now, start=1000, most_kept=0):
     clock = Clock(now)
-    return PlayedSource(Film(), 25.0, start, clock, clock.wait, most_kept), clock
+    return PlaybackSource(Film(), 25.0, start, clock, clock.wait, most_kept), clock
 
 
 @given(behind=st.integers(0, 40 * PERIOD))

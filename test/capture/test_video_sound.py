@@ -9,7 +9,7 @@ import pytest
 
 from panoptic_ros.capture import VideoSource
 from panoptic_ros.capture.sound import SoundSource, VideoSound, described_sound, known_tracks, open_sound
-from panoptic_ros.capture.sound.track import SoundTrack, _Count, read_track
+from panoptic_ros.capture.sound.track import SoundTrack, _SampleCounter, read_track
 from panoptic_ros.errors import DataError, UsageError
 
 RATE = 48_000
@@ -176,7 +176,7 @@ def test_closing_ends_what_is_under_way(tmp_path):
 
 
 def test_times_that_jitter_are_used_and_the_count_goes_on():
-    count = _Count(Fraction(1, 90_000))
+    count = _SampleCounter(Fraction(1, 90_000))
     times = [Fraction(1), Fraction(1) + Fraction(1, 10) + Fraction(3, 1000), Fraction(12, 10)]
     placed = [count.place(time, 4800, RATE) for time in times]
     assert [first for first, _ in placed] == [0, 4800, 9600]

@@ -9,7 +9,7 @@ from panoptic_ros.io.files import write_json
 from panoptic_ros.io.plain_formats import write_detections
 from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.io.skeletons import load_skeleton, shared_names
-from panoptic_ros.simulation import CLEAN, Ring, Scene, simulate
+from panoptic_ros.simulation import CLEAN, Ring, SimulatedScene, simulate
 from panoptic_ros.simulation.whole_body import named_joints, project_joints
 
 NAME = "wholebody133"
@@ -18,7 +18,9 @@ FRAMES = 8
 
 def test_whole_bodies_are_solved_and_scored(tmp_path, capsys):
     skeleton = load_skeleton(NAME)
-    take = simulate(Scene("test", ("talk", "reach"), Ring(5), area=1.5, degradation=CLEAN), 0, FRAMES)
+    take = simulate(
+        SimulatedScene("test", ("talk", "reach"), Ring(5), area=1.5, degradation=CLEAN), 0, FRAMES
+    )
     ticks = take.schedule.ticks
     joints = np.stack([named_joints(p, ticks, shared_names(NAME)) for p in take.people], axis=1)
     sets = [

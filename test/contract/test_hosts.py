@@ -16,7 +16,7 @@ from panoptic_ros.graph import topics
 from panoptic_ros.graph.build import rows_in_use
 from panoptic_ros.graph.nodes import BESIDE_IMAGES, NODES, Port
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.graph.schedule import Schedule
+from panoptic_ros.graph.schedule import StageSchedule
 from panoptic_ros.graph.topics import number_of
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.stage import StageContext
@@ -164,7 +164,7 @@ def test_tracking_comes_back_to_detection_where_it_looks_at_regions():
 
 def test_what_comes_back_to_a_stage_is_taken_before_its_next_record_also_if_stamps_tell_places():
     wiring = Wiring(("detection", "sync", "tracking"), NODES, rows_in_use(("detection.tracks",)))
-    schedule = Schedule(wiring)
+    schedule = StageSchedule(wiring)
     for owner in (0, 1):
         schedule.add("image", f"image {owner}", (100, owner, number_of("image")))
     turn = schedule.next(None)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from panoptic_ros.geometry import Rigid
-from panoptic_ros.simulation import NOISY, SKELETON, Ring, Scene, simulate
+from panoptic_ros.simulation import NOISY, SKELETON, Ring, SimulatedScene, simulate
 from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
 
 EXACT = 1e-6  # m
@@ -27,7 +27,9 @@ with_maps = st.booleans()
 def capture(scene, maps):
     views, people, seed = scene
     activities = ("walk", "talk", "reach", "wave")[:people]
-    take = simulate(Scene("test", activities, Ring(views), area=1.8, degradation=NOISY), seed, FRAMES)
+    take = simulate(
+        SimulatedScene("test", activities, Ring(views), area=1.8, degradation=NOISY), seed, FRAMES
+    )
     sets = list(take.detection_sets())
     return take.rig, [with_drawn_maps(item, DRAWING) for item in sets] if maps else sets
 

@@ -10,7 +10,7 @@ from panoptic_ros.evaluation import SkeletonFrame
 from panoptic_ros.evaluation.bias import BiasConfig, BiasPass
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import motion_clocks
-from panoptic_ros.graph.recording import HeldRecording
+from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.offsets.sound import SoundClocks, SoundClocksConfig
 from panoptic_ros.simulation import SKELETON, simulate
 from panoptic_ros.simulation.scenes import SCENES
@@ -59,7 +59,7 @@ PASSES = {
 def case(name):
     """A recording, the pass over it, what it gives, and how often it tells of its progress."""
     records, work = PASSES[name]()
-    recording, told = HeldRecording(records), []
+    recording, told = InMemoryRecording(records), []
     artefact = work.run(recording, lambda share, doing: told.append((share, doing)))
     return recording, work, content(artefact), told
 
@@ -102,7 +102,7 @@ class TestPass:
     def test_reads_the_recording_without_changing_it(self, name):
         records, work = PASSES[name]()
         before = content(records)
-        work.run(HeldRecording(records), untold)
+        work.run(InMemoryRecording(records), untold)
         assert content(records) == before
 
     def test_progress_never_goes_back_and_ends_at_one(self, name):
@@ -130,7 +130,7 @@ class Ask:
 
 def test_records_are_given_by_topic_scope_and_time_as_often_as_wanted():
     records = [Ask(stamp) for stamp in (3, 5, 5, 9)]
-    held = HeldRecording({"skeletons": iter(records), ("image", "a"): records[:1]})
+    held = InMemoryRecording({"skeletons": iter(records), ("image", "a"): records[:1]})
     for _ in range(2):
         assert list(held.records("skeletons")) == records
         assert list(held.records("skeletons", begin_ns=5)) == records[1:]

@@ -11,7 +11,7 @@ from panoptic_ros.domain import RefinedPoseSet
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import records_of
-from panoptic_ros.simulation import NOISY, SKELETON, Ring, Scene, simulate
+from panoptic_ros.simulation import NOISY, SKELETON, Ring, SimulatedScene, simulate
 from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
 from panoptic_ros.stage import StageContext
 
@@ -22,7 +22,7 @@ FOUR = ("walk", "talk", "reach", "wave")
 @lru_cache(maxsize=8)
 def capture(noisy, maps, frames):
     more = {"degradation": NOISY} if noisy else {}
-    take = simulate(Scene("test", FOUR, Ring(5), area=1.8, **more), 11, frames)
+    take = simulate(SimulatedScene("test", FOUR, Ring(5), area=1.8, **more), 11, frames)
     sets = list(take.detection_sets())
     return take, [with_drawn_maps(item, MapDrawing((256, 144))) for item in sets] if maps else sets
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stage_cases import SECOND, known_people, watcher, watching_rig
 
-from panoptic_ros.detection.budget import FEW, FEWEST, LEAST_HEIGHT, Budget, Pace, Processor
+from panoptic_ros.detection.budget import FEW, FEWEST, LEAST_HEIGHT, Budget, DetectionPace, Processor
 from panoptic_ros.detection.config import DetectionConfig
 from panoptic_ros.detection.stage import DetectionStage
 from panoptic_ros.domain import ViewFrame
@@ -15,7 +15,7 @@ from panoptic_ros.errors import PanopticError
 
 def run(share, look_s, rest_s, cameras=8, rate=25.0, seconds=12.0, every=1):
     """Cameras at a rate, of whose frames each `every`-th is taken; gives the budget and the cores it uses."""
-    budget = Budget(share, 2, 220, Pace(FEW, 220))
+    budget = Budget(share, 2, 220, DetectionPace(FEW, 220))
     credit, used = dict.fromkeys(range(cameras), 0.0), 0.0
     for number in range(0, int(seconds * rate), every):
         for camera in range(cameras):
@@ -49,7 +49,7 @@ def test_it_uses_what_is_allowed_and_no_more(share, look_ms, rest_ms, cameras):
 
 
 def test_cheap_images_are_all_looked_at():
-    assert run(0.9, 0.002, 0.001)[0].pace == Pace(0.0, 220)
+    assert run(0.9, 0.002, 0.001)[0].pace == DetectionPace(0.0, 220)
 
 
 def test_frames_that_nobody_took_count_as_frames_of_the_camera():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.detection.flow import carried, is_cut, remembered
-from panoptic_ros.detection.people import People, no_people
+from panoptic_ros.detection.people import DetectedPeople, no_people
 
 SIZE = (480, 640)
 
@@ -25,7 +25,7 @@ def people(places, scores=None):
     places = np.asarray(places, float)
     scores = np.full(places.shape[:2], 0.8) if scores is None else np.asarray(scores, float)
     boxes = np.concatenate([places.min(axis=1), places.max(axis=1)], axis=1)
-    return People(places, scores, np.full(len(places), 0.5), boxes)
+    return DetectedPeople(places, scores, np.full(len(places), 0.5), boxes)
 
 
 PLACES = np.array(

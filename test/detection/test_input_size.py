@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from panoptic_ros.detection.input_size import Answer, SideChooser, expected_quality, input_size
+from panoptic_ros.detection.input_size import InputSizeChooser, InputSizeResult, expected_quality, input_size
 
 IMAGE = 1920
 
@@ -16,7 +16,7 @@ def look(side, heights, maps=True):
     net = heights * side / IMAGE
     found = (net > 40) & (net < 250)
     lost = int(maps and (~found & (net >= 250)).any()) * 12  # the maps outlive the person head
-    return Answer(side, np.where(found, 0.6, 0.05)[found], heights[found], lost)
+    return InputSizeResult(side, np.where(found, 0.6, 0.05)[found], heights[found], lost)
 
 
 def run(chooser, people, frames=60):
@@ -30,7 +30,7 @@ def run(chooser, people, frames=60):
 
 
 def chooser(**values):
-    return SideChooser(**{"start": 512, "least": 160, "most": 960, **values})
+    return InputSizeChooser(**{"start": 512, "least": 160, "most": 960, **values})
 
 
 @pytest.mark.parametrize("height", [150, 250, 400, 700, 900, 1300, 1800])

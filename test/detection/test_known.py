@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from stage_cases import DEPTH, FOCAL, known_people, watching_rig
 
-from panoptic_ros.detection.watching import KnownPeople
+from panoptic_ros.detection.watching import TrackedPeople
 
 CAMERA = watching_rig().cameras[0]
 PLACES = np.array([[[60.0, 40], [70, 90], [65, 150]], [[180.0, 50], [190, 95], [185, 140]]])
@@ -14,7 +14,7 @@ SECOND = 10**9
 
 
 def known(*tracks):
-    people = KnownPeople()
+    people = TrackedPeople()
     for each in tracks:
         people.take(each)
     return people
@@ -104,6 +104,6 @@ def test_of_a_second_look_those_count_who_were_missing_and_those_near_nobody():
 
 
 def test_without_tracks_everybody_is_a_stranger():
-    people = KnownPeople()
+    people = TrackedPeople()
     seen = people.seen_by(CAMERA, SECOND)
     assert people.nobody and seen.strangers(np.zeros((2, 4, 2)), np.ones((2, 4))).all()

@@ -1,13 +1,19 @@
 import numpy as np
 
-from panoptic_ros.detection.people import People, boxes_of_points, concatenate, no_people, without_duplicates
+from panoptic_ros.detection.people import (
+    DetectedPeople,
+    boxes_of_points,
+    concatenate,
+    no_people,
+    without_duplicates,
+)
 
 
 def people(points, scores=None):
     points = np.asarray(points, float)
     count = len(points)
     boxes = boxes_of_points(points, np.ones(points.shape[:2], bool))
-    return People(points, np.ones(points.shape[:2]), np.linspace(0.9, 0.5, count), boxes)
+    return DetectedPeople(points, np.ones(points.shape[:2]), np.linspace(0.9, 0.5, count), boxes)
 
 
 BODY = np.array([[0.0, 0.0], [10.0, 50.0], [-10.0, 100.0], [0.0, 30.0]])

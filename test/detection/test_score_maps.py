@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from panoptic_ros.detection.score_maps import (
     NOBODY,
-    Patches,
+    PatchArrays,
     PatchSet,
     gate_radius,
     gated,
@@ -95,7 +95,7 @@ def test_joints_are_those_of_the_working_skeleton():
 
 
 def test_no_patches_is_a_valid_record():
-    made = record(np.zeros((2, 5, 6), np.uint8), Patches.of([]))
+    made = record(np.zeros((2, 5, 6), np.uint8), PatchArrays.of([]))
     assert made.data.size == 0 and made.dense(2).max() == 0 and made.grid_size == (6, 5)
 
 

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from panoptic_ros.evaluation.joint_offsets import (
     FEWEST,
-    PosedPeople,
+    MatchedSkeletons,
     corrected_joints,
     judge_joint_offsets,
     measure_joint_offsets,
@@ -32,7 +32,7 @@ def made_people(count, noise=0.0, seed=0):
     for j, name in enumerate(NAMES):
         segment, offset = OFFSETS[name]
         seen[:, j] += frames[:, MODEL.index(segment)] @ np.array(offset)
-    return PosedPeople(np.arange(count) % 2, truth, seen, frames)
+    return MatchedSkeletons(np.arange(count) % 2, truth, seen, frames)
 
 
 def test_offsets_are_found_in_the_segment_that_carries_them():

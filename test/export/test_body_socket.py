@@ -15,12 +15,12 @@ from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.export.body_json import FORMAT, hello_text, instant_text
 from panoptic_ros.export.body_socket import BodySocket
 from panoptic_ros.geometry.rotations import from_quaternions
-from panoptic_ros.kinematics.body_records import Solved, body_set
+from panoptic_ros.kinematics.body_records import SolvedBody, body_set
 
 
 def bodies(index=0):
     frames, places = placed(some_pose(1))
-    solved = Solved(BodyState(3_000_000_005, 4, places, frames), BODY, 2, 4, 0)
+    solved = SolvedBody(BodyState(3_000_000_005, 4, places, frames), BODY, 2, 4, 0)
     return body_set(index, 3_000_000_005, 3_000_000_005, MODEL, captures.SKELETON, [solved])
 
 

@@ -5,13 +5,20 @@ A topic is left alone while it brings more than can be read.
 
 import pytest
 
-from panoptic_ros.graph.arrivals import LONGEST_PAUSE_NS, MOST_BAD, PAUSE_NS, SECOND, Arrivals, FloodGuard
+from panoptic_ros.graph.arrivals import (
+    LONGEST_PAUSE_NS,
+    MOST_BAD,
+    PAUSE_NS,
+    SECOND,
+    ArrivalCounters,
+    FloodGuard,
+)
 
 PERIOD = SECOND // 30
 
 
 def played(count, period=PERIOD, **more):
-    arrivals = Arrivals("detections", "left", "/left/detections", True, 0)
+    arrivals = ArrivalCounters("detections", "left", "/left/detections", True, 0)
     for k in range(count):
         arrivals.came(k * period, k + 1, **more)
     return arrivals
@@ -38,18 +45,18 @@ def test_silence_is_named_after_a_second_or_three_periods_and_clears(period, nam
 
 
 def test_a_camera_that_never_came_is_named():
-    arrivals = Arrivals("detections", "left", "/left/detections", True, 5 * SECOND)
+    arrivals = ArrivalCounters("detections", "left", "/left/detections", True, 5 * SECOND)
     assert not arrivals.trouble(round(5.9 * SECOND))
     assert arrivals.trouble(7 * SECOND) == "no left detections has come yet, 2.0 s after the start"
 
 
 def test_what_is_no_stream_may_be_silent():
-    arrivals = Arrivals("clock_models", "", "/clock_models", False, 0)
+    arrivals = ArrivalCounters("clock_models", "", "/clock_models", False, 0)
     assert not arrivals.trouble(100 * SECOND) and arrivals.values(100 * SECOND)["age_s"] == "nan"
 
 
 def test_how_much_is_lost_of_late():
-    arrivals = Arrivals("image", "left", "/left/image_raw", True, 0)
+    arrivals = ArrivalCounters("image", "left", "/left/image_raw", True, 0)
     shares = []
     for k in range(200):
         arrivals.came(k * PERIOD, 1 + 4 * k if k < 100 else 301 + k)
@@ -76,7 +83,7 @@ def test_a_publisher_that_begins_anew_or_an_odd_number_loses_nothing():
 
 
 def test_two_publishers_of_one_topic_do_not_make_losses():
-    arrivals = Arrivals("detections", "left", "/left/detections", True, 0)
+    arrivals = ArrivalCounters("detections", "left", "/left/detections", True, 0)
     for k in range(50):
         arrivals.came(k, 1000 + k)
         arrivals.came(k, 1 + k)

@@ -1,15 +1,17 @@
 """What a node says of its stages and inputs, and what the graph's status makes of it."""
 
-from panoptic_ros.graph.arrivals import SECOND, Arrivals
+from panoptic_ros.graph.arrivals import SECOND, ArrivalCounters
 from panoptic_ros.graph.counters import StageStatistics
-from panoptic_ros.graph.health import Doing, GraphHealth, Health
+from panoptic_ros.graph.health import Activity, GraphHealth, NodeHealth
 from panoptic_ros.stage import Notice
 
 
 def node(live=True):
     statistics = {"sync": StageStatistics(), "voting": StageStatistics()}
-    health = Health("fusion", statistics, live)
-    inputs = [Arrivals("detections", name, f"/{name}/detections", True, 0) for name in ("left", "right")]
+    health = NodeHealth("fusion", statistics, live)
+    inputs = [
+        ArrivalCounters("detections", name, f"/{name}/detections", True, 0) for name in ("left", "right")
+    ]
     for arrivals in inputs:
         health.add(arrivals, "sync")
     return health, statistics, inputs
@@ -60,13 +62,13 @@ def test_drops_and_notices_warn_for_ten_seconds_with_what_was_new():
 
 def test_a_stage_that_stalls_warns_and_one_that_compiles_says_so():
     health, _, _ = node(live=False)
-    health.doing = Doing("voting", SECOND)
+    health.doing = Activity("voting", SECOND)
     assert not by_name(health, 3 * SECOND // 2)["voting"].trouble
     assert by_name(health, 4 * SECOND)["voting"].trouble == "stalled: 3.0 s in one step"
-    health.doing = Doing("voting", SECOND, "voting.kernels.votes")
+    health.doing = Activity("voting", SECOND, "voting.kernels.votes")
     found = by_name(health, 4 * SECOND)["voting"]
     assert found.values["state"] == "compiling" and found.values["compiling"] == "voting.kernels.votes"
-    health.doing = Doing()
+    health.doing = Activity()
     assert by_name(health, 5 * SECOND)["voting"].values["state"] == "running"
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from panoptic_ros.graph.nodes import Port
-from panoptic_ros.graph.queues import Companions, InOrder, Item, NewestInstant
+from panoptic_ros.graph.queues import Companions, FifoQueue, NewestInstantQueue, QueuedMessage
 
 MS = 1_000_000
 DEPTH = Port("depth", optional=True, ahead_ns=8 * MS + 1, patience_ns=100 * MS)
@@ -27,7 +27,7 @@ def companions():
 def put(waiting, topic, stamp, message=None, owner="a"):
     return [
         tuple((item.topic, item.stamp_ns // MS) for item in bundle)
-        for bundle in waiting.put(Item(topic, owner, stamp * MS, message))
+        for bundle in waiting.put(QueuedMessage(topic, owner, stamp * MS, message))
     ]
 
 
@@ -85,14 +85,14 @@ def test_all_images_come_in_order_each_at_most_once(order, images, depths):
 
 
 def test_in_order_drops_the_oldest_of_the_same_topic():
-    queue = InOrder(lambda key: 2)
+    queue = FifoQueue(lambda key: 2)
     assert [queue.put("a", i, f"a{i}") for i in range(3)] == [0, 0, 1]
     assert queue.put("b", 0, "b0") == 0
     assert [queue.take() for _ in range(4)] == [["a1"], ["a2"], ["b0"], []]
 
 
 def test_what_is_left_of_many_topics_stays_in_order():
-    queue = InOrder(lambda key: 3)
+    queue = FifoQueue(lambda key: 3)
     assert sum(queue.put(f"{i % 7}", i, i) for i in range(70)) == 49
     assert [queue.take()[0] for _ in range(21)] == list(range(49, 70))
     assert queue.take() == []
@@ -101,7 +101,7 @@ def test_what_is_left_of_many_topics_stays_in_order():
 
 
 def test_samples_that_follow_one_another_are_taken_together_and_nothing_overtakes():
-    queue = InOrder(in_runs=("imu left", "imu right"))
+    queue = FifoQueue(in_runs=("imu left", "imu right"))
     for key, item in (("imu left", 1), ("imu right", 2), ("sets", 3), ("sets", 4), ("imu left", 5)):
         queue.put(key, 0, item)
     assert [queue.take() for _ in range(5)] == [[1, 2], [3], [4], [5], []]
@@ -110,13 +110,13 @@ def test_samples_that_follow_one_another_are_taken_together_and_nothing_overtake
 
 
 def test_without_a_limit_nothing_is_dropped():
-    queue = InOrder()
+    queue = FifoQueue()
     assert sum(queue.put("a", i, i) for i in range(1000)) == 0
     assert [queue.take()[0] for _ in range(1000)] == list(range(1000))
 
 
 def test_views_of_one_instant_are_taken_together_and_the_newest():
-    queue = NewestInstant(["a", "b"])
+    queue = NewestInstantQueue(["a", "b"])
     for i in range(4):
         queue.put("a", 100 * i, ("a", i))
         if i < 3:
@@ -128,7 +128,7 @@ def test_views_of_one_instant_are_taken_together_and_the_newest():
 
 
 def test_a_dead_camera_is_not_waited_for():
-    queue = NewestInstant(["a", "b"], patience_ns=250)
+    queue = NewestInstantQueue(["a", "b"], patience_ns=250)
     queue.put("a", 0, "a0")
     queue.put("b", 0, "b0")
     assert queue.take() == ["a0", "b0"]
@@ -139,7 +139,7 @@ def test_a_dead_camera_is_not_waited_for():
 
 
 def test_a_slow_camera_is_no_dead_one():
-    queue, ms = NewestInstant(["a", "b"]), 1_000_000
+    queue, ms = NewestInstantQueue(["a", "b"]), 1_000_000
     for i in range(2):
         queue.put("a", 700 * i * ms, f"a{i}")
         queue.put("b", (700 * i + 50) * ms, f"b{i}")
@@ -154,5 +154,5 @@ def test_a_slow_camera_is_no_dead_one():
 
 
 def test_depth_is_bounded():
-    queue = NewestInstant(["a", "b"], depth=3)
+    queue = NewestInstantQueue(["a", "b"], depth=3)
     assert sum(queue.put("a", i, i) for i in range(10)) == 7

@@ -13,7 +13,7 @@ from panoptic_ros.detection.stage import DetectionStage
 from panoptic_ros.domain import DepthFrame, ViewFrame
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph import side_by_side
-from panoptic_ros.graph.side_by_side import AHEAD, LookedAt, SideBySide, by_stamp
+from panoptic_ros.graph.side_by_side import AHEAD, ParallelDetection, PrecomputedDetection, by_stamp
 from panoptic_ros.stage import StageContext, StepResult
 
 CAMERAS = ("left", "right", "third")
@@ -50,7 +50,7 @@ class Slow:
 def looked(work, cameras=CAMERAS, count=6):
     """What a pipeline takes, instant by instant."""
     streams = {name: work.frames(name) for name in cameras}
-    row = LookedAt(DetectionConfig(), StageContext(None, None, {"looks": work}))
+    row = PrecomputedDetection(DetectionConfig(), StageContext(None, None, {"looks": work}))
     found = []
     for _ in range(count):
         for name in cameras:
@@ -67,7 +67,9 @@ def test_threads_do_not_change_what_is_found(threads):
     given = frames()
     alone = stage()
     expected = [alone.step(given[name][k]) for k in range(6) for name in CAMERAS]
-    with SideBySide(stage(), {n: iter(f) for n, f in given.items()}, threads, time.perf_counter_ns) as work:
+    with ParallelDetection(
+        stage(), {n: iter(f) for n, f in given.items()}, threads, time.perf_counter_ns
+    ) as work:
         found = looked(work)
     assert content(tuple(result.outputs for result in found)) == content(
         tuple(result.outputs for result in expected)
@@ -76,7 +78,7 @@ def test_threads_do_not_change_what_is_found(threads):
 
 def test_cameras_are_looked_at_at_a_time_and_one_camera_in_order():
     slow = Slow()
-    with SideBySide(slow, {n: iter(f) for n, f in frames().items()}, 3, time.perf_counter_ns) as work:
+    with ParallelDetection(slow, {n: iter(f) for n, f in frames().items()}, 3, time.perf_counter_ns) as work:
         found = looked(work)
         assert work.duration_ns > 0
     assert slow.most > 1
@@ -97,7 +99,7 @@ def test_it_is_never_far_ahead(held, monkeypatch):
             yield item
 
     sources = {name: counted(name, items) for name, items in frames(20).items()}
-    with SideBySide(Slow(), sources, 3, time.perf_counter_ns) as work:
+    with ParallelDetection(Slow(), sources, 3, time.perf_counter_ns) as work:
         next(work.frames("left"))
         time.sleep(0.2)
         assert sum(taken.values()) <= max(AHEAD * len(CAMERAS), held) + len(CAMERAS) + 1
@@ -108,7 +110,7 @@ def test_a_fault_of_a_source_is_raised_where_its_images_are_taken():
         yield ViewFrame("left", 1, 0, np.zeros((8, 8, 3), np.uint8))
         raise OSError("the disk is gone")
 
-    with SideBySide(Slow(), {"left": broken()}, 2, time.perf_counter_ns) as work:
+    with ParallelDetection(Slow(), {"left": broken()}, 2, time.perf_counter_ns) as work:
         images = work.frames("left")
         next(images)
         with pytest.raises(OSError, match="disk"):
@@ -116,7 +118,9 @@ def test_a_fault_of_a_source_is_raised_where_its_images_are_taken():
 
 
 def test_it_ends_when_it_is_left_early():
-    with SideBySide(Slow(), {n: iter(f) for n, f in frames(40).items()}, 3, time.perf_counter_ns) as work:
+    with ParallelDetection(
+        Slow(), {n: iter(f) for n, f in frames(40).items()}, 3, time.perf_counter_ns
+    ) as work:
         next(work.frames("left"))
     assert not any(thread.name.startswith("detection-") for thread in threading.enumerate())
 
@@ -135,7 +139,7 @@ def test_depth_maps_belong_to_their_images_in_threads_too():
             alone.step(depths[name][k])
             expected.append(alone.step(given[name][k]))
     inputs = {name: by_stamp(iter(given[name]), iter(depths[name])) for name in given}
-    with SideBySide(stage(), inputs, 2, time.perf_counter_ns) as work:
+    with ParallelDetection(stage(), inputs, 2, time.perf_counter_ns) as work:
         found = looked(work, tuple(given), 4)
     assert content(tuple(r.outputs for r in found)) == content(tuple(r.outputs for r in expected))
     assert all(result.outputs[0].limit is not None for result in found)

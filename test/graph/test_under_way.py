@@ -20,7 +20,7 @@ from panoptic_ros.graph.flow import BUSY, make_flow
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.graph.queues import queue_for
-from panoptic_ros.graph.under_way import INSTANTS, Lines, UnderWay
+from panoptic_ros.graph.under_way import INSTANTS, CameraTaskQueues, ParallelPipeline
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.stage import StepResult
 
@@ -34,7 +34,7 @@ def test_each_line_keeps_its_order_and_none_waits_for_another():
         done.append("slow 0")
 
     with ThreadPoolExecutor(2) as pool:
-        lines = Lines(pool)
+        lines = CameraTaskQueues(pool)
         slow = [lines.add("slow", hold), lines.add("slow", lambda: done.append("slow 1"))]
         began.wait(5.0)
         quick = [lines.add("quick", lambda k=k: done.append(f"quick {k}")) for k in range(5)]
@@ -58,7 +58,7 @@ def test_many_lines_on_few_threads_never_run_two_of_one_line_at_a_time():
         running.discard(line)
 
     with ThreadPoolExecutor(3) as pool:
-        lines = Lines(pool)
+        lines = CameraTaskQueues(pool)
         futures = [lines.add(f"{n}", lambda n=n, k=k: work(n, k)) for k in range(20) for n in range(7)]
         for future in futures:
             future.result(5.0)
@@ -67,7 +67,7 @@ def test_many_lines_on_few_threads_never_run_two_of_one_line_at_a_time():
 
 def test_an_error_is_told_where_the_result_is_taken_and_the_line_goes_on():
     with ThreadPoolExecutor(1) as pool:
-        lines = Lines(pool)
+        lines = CameraTaskQueues(pool)
         bad, good = lines.add("a", lambda: 1 // 0), lines.add("a", lambda: 7)
         with pytest.raises(ZeroDivisionError):
             bad.result(5.0)
@@ -111,7 +111,7 @@ class Live:
             on_record=lambda topic, record: self.given.append((record.camera, record.frame_number)),
             on_refused=lambda stage, error: self.refused.append(str(error)),
         )
-        self.under_way = UnderWay(self.pipeline, pool, self.calls.put)
+        self.under_way = ParallelPipeline(self.pipeline, pool, self.calls.put)
 
     def begin(self, number, cameras=CAMERAS):
         image = np.zeros((4, 4, 3), np.uint8)

@@ -5,7 +5,7 @@ from rosbags.rosbag2 import Reader
 
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.bag_recorder import BagRecorder
-from panoptic_ros.io.bag_split import Split, split_of
+from panoptic_ros.io.bag_split import SplitLimits, split_of
 from panoptic_ros.io.definitions import described
 from panoptic_ros.io.messages.family import bag_typestore
 
@@ -13,7 +13,7 @@ KIND = "std_msgs/msg/String"
 SECOND = 1_000_000_000
 
 
-@pytest.mark.parametrize("split, parts", [(Split(seconds=2.0), 5), (Split(size=500), 4)])
+@pytest.mark.parametrize("split, parts", [(SplitLimits(seconds=2.0), 5), (SplitLimits(size=500), 4)])
 def test_every_part_stands_alone_and_all_messages_are_there_once(tmp_path, split, parts):
     store, topic, first = bag_typestore(), described("/numbers", KIND), described("/first", KIND)
 
@@ -39,8 +39,10 @@ def test_every_part_stands_alone_and_all_messages_are_there_once(tmp_path, split
 
 
 def test_splits_are_times_or_sizes():
-    assert split_of("30m") == Split(seconds=1800.0) and split_of("1.5h") == Split(seconds=5400.0)
-    assert split_of("2GB") == Split(size=2_000_000_000) and split_of(".5MB") == Split(size=500_000)
+    assert split_of("30m") == SplitLimits(seconds=1800.0) and split_of("1.5h") == SplitLimits(seconds=5400.0)
+    assert split_of("2GB") == SplitLimits(size=2_000_000_000) and split_of(".5MB") == SplitLimits(
+        size=500_000
+    )
     for words in ("", "30", "GB", "0s", "-1h", "2 GB", "1d"):
         with pytest.raises(UsageError, match="give a time or a size"):
             split_of(words)

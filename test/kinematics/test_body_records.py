@@ -7,7 +7,7 @@ from captures import SKELETON
 
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.io.body_models import read_body_model
-from panoptic_ros.kinematics.body_records import Solved, body_set
+from panoptic_ros.kinematics.body_records import SolvedBody, body_set
 
 MODEL = read_body_model()
 
@@ -17,7 +17,7 @@ def recorded(skeleton):
     body, spreads = MODEL.body(1.75), np.tile(1e-4 * np.eye(6), (count, 1, 1))
     places, frames = np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
     state = BodyState(0, 3, places, frames, covariances=spreads)
-    return body_set(0, 0, 0, MODEL, skeleton, [Solved(state, body, 0, 2, 0)])
+    return body_set(0, 0, 0, MODEL, skeleton, [SolvedBody(state, body, 0, 2, 0)])
 
 
 def test_constant_biases_of_the_detector_are_in_what_places_say_of_their_errors_and_in_no_rotation():

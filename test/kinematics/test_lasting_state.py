@@ -3,7 +3,7 @@
 import numpy as np
 from stage_cases import cases, chain
 
-from panoptic_ros.stage import Resting
+from panoptic_ros.stage import LastingStateStage
 
 
 def items():
@@ -18,7 +18,7 @@ def test_bodies_go_on_from_it_and_it_is_small():
         stage.step(item)
     before = stage.state()
     lasting = stage.lasting_state()
-    assert isinstance(stage, Resting) and stage.state() == before and len(lasting) < len(before) / 5
+    assert isinstance(stage, LastingStateStage) and stage.state() == before and len(lasting) < len(before) / 5
     whole.begin(before)
     fresh.begin(lasting)
     bodies = {}

@@ -9,8 +9,8 @@ from stage_cases import SECOND, cases, chain, imu_samples
 from panoptic_ros.domain import BodySource, ImuSample
 from panoptic_ros.errors import DataError
 from panoptic_ros.kinematics.imus.streams import ImuStreams
-from panoptic_ros.kinematics.people.seen_people import SeenJoints, SeenPerson, SeenPoints
-from panoptic_ros.kinematics.timeline import Timeline
+from panoptic_ros.kinematics.people.seen_people import JointPositions, PersonSamples, ViewJoints
+from panoptic_ros.kinematics.timeline import InstantSchedule
 
 UP = np.array([0.0, 0.0, 9.81])
 
@@ -214,10 +214,10 @@ def test_a_sample_is_whole_or_not_there():
 
 
 def test_joints_are_taken_between_two_images_and_alone_only_when_near():
-    person, scores = SeenPerson(), np.array([1.0, 0.0])
+    person, scores = PersonSamples(), np.array([1.0, 0.0])
     ends = [np.array([[0.0, 0.0], [np.nan, np.nan]]), np.array([[0.4, 0.2], [1.0, 1.0]])]
-    person.see(0, SeenPoints(0, ends[0], scores))
-    person.see(0, SeenPoints(40_000_000, ends[1], np.array([0.6, 1.0])))
+    person.see(0, ViewJoints(0, ends[0], scores))
+    person.see(0, ViewJoints(40_000_000, ends[1], np.array([0.6, 1.0])))
     points, found = person.views_at(10_000_000, 20_000_000)[0]
     assert points[0] == pytest.approx([0.1, 0.05]) and found[0] == pytest.approx(0.9)
     assert np.isnan(points[1]).all() and found[1] == 0.0
@@ -227,16 +227,16 @@ def test_joints_are_taken_between_two_images_and_alone_only_when_near():
 
 
 def test_joints_in_space_are_taken_between_two_sets():
-    person, spread = SeenPerson(), np.tile(np.eye(3), (1, 1, 1))
+    person, spread = PersonSamples(), np.tile(np.eye(3), (1, 1, 1))
     assert person.joints_at(0, 10) is None
     for k in range(3):
-        person.take_joints(SeenJoints(k * 30_000_000, np.array([[0.3 * k, 0.0, 0.0]]), spread))
+        person.take_joints(JointPositions(k * 30_000_000, np.array([[0.3 * k, 0.0, 0.0]]), spread))
     assert person.joints_at(40_000_000, 15_000_000)[0] == pytest.approx(np.array([[0.4, 0.0, 0.0]]))
     assert person.joints_at(90_000_000, 15_000_000) is None
 
 
 def test_an_instant_waits_for_all_that_are_alive_and_no_longer_than_a_period():
-    line = Timeline(100.0)
+    line = InstantSchedule(100.0)
     for k in range(5):
         line.came(0, k * 40_000_000)
     for k in range(17):
@@ -253,7 +253,7 @@ def test_an_instant_waits_for_all_that_are_alive_and_no_longer_than_a_period():
 
 
 def test_an_instant_does_not_wait_beyond_a_sample_that_rounding_alone_puts_before_it():
-    line, period = Timeline(60.0), 1e9 / 30.0
+    line, period = InstantSchedule(60.0), 1e9 / 30.0
     waited = []
     for k in range(60):
         for source in (0, "back"):
@@ -264,7 +264,7 @@ def test_an_instant_does_not_wait_beyond_a_sample_that_rounding_alone_puts_befor
 
 
 def test_a_stamp_that_is_far_off_is_left_out_and_several_are_believed():
-    line = Timeline(50.0)
+    line = InstantSchedule(50.0)
     line.came(0, SECOND)
     assert line.came("back", 100 * SECOND) == "early" and line.newest_ns == SECOND
     assert [line.came(0, 60 * SECOND + k) for k in range(5)] == ["early"] * 4 + ["jump"]
@@ -275,7 +275,7 @@ def test_a_stamp_that_is_far_off_is_left_out_and_several_are_believed():
 def test_samples_that_waited_for_seconds_begin_nothing_anew_and_another_clock_does(behind_s):
     def told(rate):
         """Of three cameras whose stamps begin behind those of a device, and go on so many times as fast."""
-        line, found = Timeline(50.0), []
+        line, found = InstantSchedule(50.0), []
         for k in range(200):
             now = 100 * SECOND + k * SECOND // 50
             found.append(line.came("back", now))
@@ -301,7 +301,7 @@ def test_joints_that_come_before_their_views_now_and_then_hold_up_nobody():
 
 @pytest.mark.parametrize("others", [(0, 1), ("arm", "leg")])
 def test_a_device_with_a_wrong_clock_moves_nobody_elses_time(others):
-    line = Timeline(50.0)
+    line = InstantSchedule(50.0)
     told = {line.came(name, SECOND) for name in others}
     for k in range(100):
         told |= {line.came(name, (k + 50) * SECOND // 50) for name in others}
@@ -312,7 +312,7 @@ def test_a_device_with_a_wrong_clock_moves_nobody_elses_time(others):
 
 
 def test_time_goes_on_where_most_devices_say_that_it_does_and_cameras_before_them():
-    line, names = Timeline(50.0), ("back", "arm", "leg")
+    line, names = InstantSchedule(50.0), ("back", "arm", "leg")
     for name in names:
         line.came(name, SECOND)
     verdicts = [line.came(name, 90 * SECOND + k) for k in range(3) for name in names]

@@ -5,10 +5,10 @@ from stage_cases import SECOND, cases, chain
 
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.kinematics.body.tracker import Past
+from panoptic_ros.kinematics.body.tracker import RecentInstants
 from panoptic_ros.kinematics.people.seen_people import NEAR_NS
 from panoptic_ros.kinematics.stage import KinematicsStage
-from panoptic_ros.kinematics.timeline import LONGEST_S, Pace, Timeline
+from panoptic_ros.kinematics.timeline import LONGEST_S, InstantSchedule, InstantSelection
 
 MS = 1_000_000
 PERIOD, CAMERA = SECOND // 60, SECOND // 30
@@ -17,7 +17,7 @@ PERIOD, CAMERA = SECOND // 60, SECOND // 30
 @pytest.mark.parametrize(("period_ms", "late_ms"), [(16, 30), (16, 5)])
 def test_instants_wait_for_views_that_take_a_while(period_ms, late_ms):
     """Views go through association and tracking before they come; samples of IMUs come at once."""
-    timeline, newest_view, found = Timeline(60.0), -1, []
+    timeline, newest_view, found = InstantSchedule(60.0), -1, []
     for now in range(1000, 3000):
         if now % 16 == 0:
             assert timeline.came("imu", now * MS) == ""
@@ -33,7 +33,7 @@ def test_instants_wait_for_views_that_take_a_while(period_ms, late_ms):
 
 @pytest.mark.parametrize("capacity", [1.2, 0.8, 0.5, 0.25])
 def test_the_wait_settles_whatever_the_machine_can_do(capacity):
-    pace, now, waits, strides = Pace(60.0), 0, [], []
+    pace, now, waits, strides = InstantSelection(60.0), 0, [], []
     for number in range(1200):
         now = max(now, number * PERIOD)
         pace.waited_ns = now - number * PERIOD
@@ -48,7 +48,7 @@ def test_the_wait_settles_whatever_the_machine_can_do(capacity):
 
 
 def test_those_that_are_the_lag_ago_are_due_once():
-    past, given = Past(), []
+    past, given = RecentInstants(), []
     for number, stride in enumerate((1, 1, 1, 2, 4, 1, 1)):
         past.add(number, stride)
         given.append([past.stamp(back) for back in past.due(3)])

@@ -7,8 +7,8 @@ import pytest
 
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import UsageError
-from panoptic_ros.graph.clocks_from_motion import Corrected, find_clocks
-from panoptic_ros.graph.recording import HeldRecording
+from panoptic_ros.graph.clocks_from_motion import ClockCorrection, find_clocks
+from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.offsets import CameraClocks, MotionClocks, MotionClocksConfig, passes, regroup
 from panoptic_ros.offsets.passes import WINDOW_S, WINDOWS, telling_spans
 from panoptic_ros.stage import untold
@@ -19,8 +19,8 @@ def found(capture, trusted="", sets=None, tracked=None):
     sets = capture.sets if sets is None else sets
     people = capture.tracked if tracked is None else tracked
     work = MotionClocks(MotionClocksConfig(lambda items: people, trusted), capture.context)
-    clocks = work.run(HeldRecording({"detection_sets": sets}), untold)
-    return Corrected(clocks, regroup(sets, clocks.corrections(sets)))
+    clocks = work.run(InMemoryRecording({"detection_sets": sets}), untold)
+    return ClockCorrection(clocks, regroup(sets, clocks.corrections(sets)))
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def test_without_people_nothing_is_known(make_capture):
     result = found(capture, tracked=[])
     assert not result.clocks.known.any() and len(result.sets) == len(capture.sets)
     nothing = MotionClocks(MotionClocksConfig(lambda items: []), capture.context)
-    assert not nothing.run(HeldRecording({}), untold).known.any()
+    assert not nothing.run(InMemoryRecording({}), untold).known.any()
     assert find_clocks([], capture.context, {}).sets == []
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import BSpline
 
-from panoptic_ros.offsets.trajectories import Curves, Rays, fit_series
+from panoptic_ros.offsets.trajectories import Curves, ObservationRays, fit_series
 
 STEP = 0.1
 
@@ -46,7 +46,7 @@ def test_kernel_agrees_with_dense_algebra_over_two_series():
     weights = rng.uniform(0.2, 1.0, 2 * n)
     stiffness, origins = np.array([3.0, 40.0]), np.array([0.0, 2.0])
     curves = Curves(np.array([0, n, 2 * n]), origins, np.array([count, count]), STEP, stiffness)
-    fit = fit_series(curves, Rays(times, cameras, since, rows, rights, weights), clocks)
+    fit = fit_series(curves, ObservationRays(times, cameras, since, rows, rights, weights), clocks)
     parts = [
         dense(times[p], cameras[p], since[p], rows[p], rights[p], weights[p], o, count, s, clocks)
         for p, o, s in ((slice(0, n), 0.0, 3.0), (slice(n, 2 * n), 2.0, 40.0))

@@ -11,7 +11,7 @@ import pytest
 from panoptic_ros.domain import DepthFrame, DepthSensor, TrackedPoseSet
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import configure, make_stage
-from panoptic_ros.patches.depth_buffer import DepthBuffer, SensedMap
+from panoptic_ros.patches.depth_buffer import DepthBuffer, SensorDepthMap
 from panoptic_ros.patches.depth_maps import in_front
 from panoptic_ros.patches.motions import on_surface
 from panoptic_ros.stage import StageContext
@@ -126,7 +126,7 @@ def sensed(depth):
     camera = SENSORS[0]
     rows, columns = np.indices(depth.shape)
     pixels = np.stack([columns, rows], axis=-1).reshape(-1, 2).astype(float)
-    return SensedMap(camera, camera.intrinsics.undistort(pixels).reshape(*depth.shape, 2), depth)
+    return SensorDepthMap(camera, camera.intrinsics.undistort(pixels).reshape(*depth.shape, 2), depth)
 
 
 def test_a_wall_is_where_it_is_in_a_camera_elsewhere():

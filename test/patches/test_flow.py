@@ -11,7 +11,7 @@ from panoptic_ros.domain import ViewDetections, ViewFrame
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.build import configure, make_stage
-from panoptic_ros.patches.flow.stage import Pattern
+from panoptic_ros.patches.flow.stage import PointPattern
 from panoptic_ros.patches.flow.tracking import alike, followed
 
 SKELETON = captures.SKELETON
@@ -77,7 +77,7 @@ def test_points_without_texture_or_outside_of_the_image_say_nothing():
 
 def test_the_pattern_lies_on_all_parts_of_everybody():
     both = np.concatenate([person(), person() + 60.0])
-    points, persons, parts, *_ = Pattern(SKELETON).lay(both, np.ones((2, 19), bool))
+    points, persons, parts, *_ = PointPattern(SKELETON).lay(both, np.ones((2, 19), bool))
     assert set(persons.tolist()) == {0, 1} and set(parts.tolist()) == set(range(len(rigid_parts(SKELETON))))
     low, high = both[0].min(axis=0) - 20.0, both[0].max(axis=0) + 20.0
     own = points[persons == 0]
@@ -87,10 +87,10 @@ def test_the_pattern_lies_on_all_parts_of_everybody():
 def test_missing_joints_leave_their_parts_out():
     there = np.ones((1, 19), bool)
     there[0, SKELETON.joint("lWrist")] = False
-    parts = Pattern(SKELETON).lay(person(), there).parts
+    parts = PointPattern(SKELETON).lay(person(), there).parts
     names = {rigid_parts(SKELETON)[part].name for part in parts.tolist()}
     assert "lElbow-lWrist" not in names and "lShoulder-lElbow" in names
-    assert len(Pattern(SKELETON).lay(person(), there & False).points) == 0
+    assert len(PointPattern(SKELETON).lay(person(), there & False).points) == 0
 
 
 @pytest.mark.parametrize("width", [960, 160])

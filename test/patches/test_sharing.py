@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.patches.flow.stage import Pattern, Sharing
+from panoptic_ros.patches.flow.stage import PointAllocation, PointPattern
 from panoptic_ros.simulation.rigs import Ring
 
 THERE = np.ones((1, len(captures.SKELETON)), bool)
@@ -19,10 +19,10 @@ def ring(cameras):
 
 def followed(rig, views, first=None):
     """Which points of somebody in the middle each camera follows, the first of them alone."""
-    sharing, found = Sharing(rig, views), []
+    sharing, found = PointAllocation(rig, views), []
     for camera in rig.cameras[:first]:
         pixels, _ = camera.project(captures.person((0.1, -0.2), 0.4))
-        laid = Pattern(captures.SKELETON).lay(pixels[None], THERE)
+        laid = PointPattern(captures.SKELETON).lay(pixels[None], THERE)
         shares = sharing.shares(camera.name, laid.middles, laid.scales)
         found.append(sharing.followed(camera.name, laid.persons, shares))
     return np.array(found)
@@ -64,6 +64,6 @@ def test_each_person_has_a_share_of_the_own():
     rig = ring(12)
     camera, scale = rig.cameras[0], rig.stack().focals[0] / Ring(12).radius
     middles = np.array([np.array(camera.image_size) / 2.0, [np.nan, np.nan]])
-    shares = Sharing(rig, 6).shares("cam00", middles, np.array([scale, np.nan]))
+    shares = PointAllocation(rig, 6).shares("cam00", middles, np.array([scale, np.nan]))
     assert shares.tolist() == [0.5, 1.0]
-    assert Sharing(rig, 6).shares("cam00", np.zeros((0, 2)), np.zeros(0)).shape == (0,)
+    assert PointAllocation(rig, 6).shares("cam00", np.zeros((0, 2)), np.zeros(0)).shape == (0,)

@@ -5,13 +5,13 @@ import numpy as np
 import patch_scene
 import pytest
 
-from panoptic_ros.patches.motions import Ties
+from panoptic_ros.patches.motions import PartConnections
 
 NAMES = [part.name for part in patch_scene.PARTS]
 TORSO, ARM, FOREARM = (NAMES.index(name) for name in ("torso", "lShoulder-lElbow", "lElbow-lWrist"))
 JOINTS = captures.person((0.0, 0.0), 0.4)
 SHOULDER, ELBOW = captures.SKELETON.joint("lShoulder"), captures.SKELETON.joint("lElbow")
-TIES = Ties(patch_scene.PARTS)
+TIES = PartConnections(patch_scene.PARTS)
 
 
 def test_every_limb_hangs_on_one_part_that_comes_before_it():

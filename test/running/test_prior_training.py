@@ -8,7 +8,7 @@ import pytest
 from bodies import CHAIN, MODEL, S, placed, some_pose
 
 from panoptic_ros.cli.main import main
-from panoptic_ros.io.motion_files import JointMotion, named_plainly, read_bvh, read_sites
+from panoptic_ros.io.motion_files import JointTrajectories, named_plainly, read_bvh, read_sites
 from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.recorded_motions import MOTION
 from panoptic_ros.io.resources import share_folder
@@ -149,7 +149,7 @@ def test_joints_are_known_however_they_are_spelt(kind):
     names = tuple(map(SPELLINGS[kind], BODY))
     joints = np.tile(np.arange(len(names))[:, None], (2, 1, 3)).astype(float)  # the number of the joint
     sites = read_sites(MODEL)
-    motion = named_plainly(JointMotion("a", names, joints, 30.0), sites)
+    motion = named_plainly(JointTrajectories("a", names, joints, 30.0), sites)
     found = {
         MODEL.names[sites[name].segment]: list(BODY)[int(k)]
         for name, k in zip(motion.joint_names, motion.joints[0, :, 0])

@@ -13,7 +13,7 @@ from panoptic_ros.simulation import ACTIVITIES, SKELETON
 from panoptic_ros.simulation.body import reach
 from panoptic_ros.simulation.people import draw_group, draw_person
 from panoptic_ros.simulation.skeleton import J
-from panoptic_ros.simulation.stagings import STAGINGS, Stage
+from panoptic_ros.simulation.stagings import STAGINGS, StagingArea
 
 STEP = 1e-3  # s
 
@@ -108,7 +108,7 @@ def test_an_unknown_activity_is_named():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_two_who_embrace_come_close_with_their_arms_round_each_other_and_part(seed):
-    two = STAGINGS["embrace"](np.random.default_rng(seed), Stage(("walk", "walk"), 2.0, 0.0))
+    two = STAGINGS["embrace"](np.random.default_rng(seed), StagingArea(("walk", "walk"), 2.0, 0.0))
     joints = np.stack([person.joints(np.arange(0.0, 3.4, 0.02)) for person in two])
     middles = joints[:, :, J["BodyCenter"]]
     apart = np.linalg.norm(middles[0] - middles[1], axis=1)

@@ -7,7 +7,7 @@ import pytest
 
 from panoptic_ros.errors import UsageError
 from panoptic_ros.geometry import triangulate_robust
-from panoptic_ros.simulation import SCENES, SKELETON, Ring, Scene, scene, simulate
+from panoptic_ros.simulation import SCENES, SKELETON, Ring, SimulatedScene, scene, simulate
 
 PLAIN = [name for name, item in SCENES.items() if not item.rendered and "480" not in name]
 
@@ -95,7 +95,7 @@ def test_bad_scenes_are_named():
     with pytest.raises(UsageError, match="picnic"):
         scene("picnic")
     with pytest.raises(UsageError, match="upside-down"):
-        Scene("", ("walk",), Ring(4), staging="upside-down")
+        SimulatedScene("", ("walk",), Ring(4), staging="upside-down")
     for seed, frames in ((-1, 3), (0, 0)):
         with pytest.raises(UsageError):
             simulate(SCENES["crossing"], seed, frames)

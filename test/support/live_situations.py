@@ -31,9 +31,9 @@ from panoptic_ros.graph.build import configure, make_stage, resolve
 from panoptic_ros.graph.nodes import FUSION, NODES
 from panoptic_ros.graph.pipeline import Pipeline, records_of
 from panoptic_ros.io.skeletons import load_skeleton
-from panoptic_ros.simulation import NOISY, SKELETON, Ring, Scene, Timing, simulate
+from panoptic_ros.simulation import NOISY, SKELETON, Ring, SimulatedScene, Timing, simulate
 from panoptic_ros.simulation.drawn_maps import MapDrawing, with_drawn_maps
-from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
+from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, timecode_rate
 from panoptic_ros.stage import StageContext
 
@@ -74,12 +74,12 @@ def chain(cameras: int, settings: dict[str, dict[str, Any]], skeleton: str) -> s
 
 def feed(cameras: int, skeleton: str) -> tuple[Rig, list[list[DetectionSet]]]:
     """A rig, and what its cameras may see."""
-    scene = Scene("test", ("walk", "talk", "reach"), Ring(cameras), area=1.8, degradation=NOISY)
+    scene = SimulatedScene("test", ("walk", "talk", "reach"), Ring(cameras), area=1.8, degradation=NOISY)
     model = load_skeleton(skeleton) if skeleton else SKELETON
     return simulate(scene, 3, 1).rig, list(situations(scene, model))
 
 
-def situations(scene: Scene, skeleton: SkeletonModel) -> Iterator[list[DetectionSet]]:
+def situations(scene: SimulatedScene, skeleton: SkeletonModel) -> Iterator[list[DetectionSet]]:
     """Sets without and with maps, depth limits, stamps of their own, gaps, one person, nobody, one view."""
     plain = sets_of(scene, skeleton)
     maps = [with_drawn_maps(item, MapDrawing((256, 144))) for item in plain]
@@ -105,7 +105,7 @@ def situations(scene: Scene, skeleton: SkeletonModel) -> Iterator[list[Detection
     yield [plain[0], *(replace(item, views=()) for item in plain[1:])]
 
 
-def sets_of(scene: Scene, skeleton: SkeletonModel) -> list[DetectionSet]:
+def sets_of(scene: SimulatedScene, skeleton: SkeletonModel) -> list[DetectionSet]:
     """A few sets of a scene; joints that the simulation lacks are taken from others."""
     joints = np.arange(len(skeleton)) % len(SKELETON)
     frames = 5 if scene.rig.cameras < 20 else 3
@@ -136,7 +136,7 @@ def passed(stages: list[Any], items: list[Any]) -> list[Any]:
 
 def offsets() -> set[tuple[str, str, str]]:
     """Clocks from motion, of more cameras than let every frame be used; every other clock is wrong."""
-    take = simulate(Scene("test", ("walk", "talk"), Ring(12), area=1.8), 3, 80)
+    take = simulate(SimulatedScene("test", ("walk", "talk"), Ring(12), area=1.8), 3, 80)
     context = StageContext(take.rig, SKELETON)
     configs = configure({"offsets": {"active": True, "block_s": 1.0}})
     sets = list(take.detection_sets())
@@ -154,18 +154,18 @@ def offsets() -> set[tuple[str, str, str]]:
 
 def timecode() -> set[tuple[str, str, str]]:
     """Sound with all that a line does to it."""
-    context = StageContext(simulate(Scene("test", ("walk",), Ring(2)), 3, 1).rig, SKELETON)
+    context = StageContext(simulate(SimulatedScene("test", ("walk",), Ring(2)), 3, 1).rig, SKELETON)
     stages = [make_stage(name, configure({})[name], context) for name in ("timecode", "clocks")]
     before, models = kernels(), 0
     for channel in (
-        Channel(),
-        Channel(clip=0.4),
-        Channel(faults=BAD_LINE),
-        Channel(low_pass_hz=2500.0),
-        Channel(high_pass_hz=200.0),
-        Channel(echo_s=0.3, direct_db=5.0),
-        Channel(speed=1.1, ramp=0.1),
-        Channel(wow=0.02, jitter_s=1e-5, inverted=True),
+        ChannelDistortion(),
+        ChannelDistortion(clip=0.4),
+        ChannelDistortion(faults=BAD_LINE),
+        ChannelDistortion(low_pass_hz=2500.0),
+        ChannelDistortion(high_pass_hz=200.0),
+        ChannelDistortion(echo_s=0.3, direct_db=5.0),
+        ChannelDistortion(speed=1.1, ramp=0.1),
+        ChannelDistortion(wow=0.02, jitter_s=1e-5, inverted=True),
     ):
         for rate, reverse in ((48000, False), (16000, True)):
             start = Timecode.from_frame_count(1000, timecode_rate("30"))

@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from panoptic_ros.domain import Timecode
-from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
+from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, timecode_rate
 from panoptic_ros.timecode import TimecodeConfig, decode_recording
 from panoptic_ros.timecode.decoder import LtcDecoder
@@ -37,7 +37,7 @@ def test_deviations_are_honest(
 ) -> None:
     errors, stds = [], []
     for seed in (31, 32):
-        way = Channel(speed=1.00003, seed=seed, faults=AudioFaults(seed=seed, **faults), **channel)
+        way = ChannelDistortion(speed=1.00003, seed=seed, faults=AudioFaults(seed=seed, **faults), **channel)
         signal = play_ltc(START, 120, 48000, way, lead=0.5 + 7e-6 * seed)
         readings = decode_recording(TimecodeConfig(), "line", 48000, signal.samples)
         assert [reading.timecode for reading in readings] == list(signal.labels)
@@ -50,7 +50,7 @@ def test_deviations_are_honest(
 
 
 def test_a_high_pass_delays_all_words_alike() -> None:
-    way = Channel(speed=1.00003, high_pass_hz=1000.0, faults=AudioFaults(snr_db=50.0))
+    way = ChannelDistortion(speed=1.00003, high_pass_hz=1000.0, faults=AudioFaults(snr_db=50.0))
     signal = play_ltc(START, 120, 48000, way)
     readings = decode_recording(TimecodeConfig(), "line", 48000, signal.samples)
     errors = np.array([reading.start_sample for reading in readings]) - signal.starts
@@ -60,7 +60,7 @@ def test_a_high_pass_delays_all_words_alike() -> None:
 
 def test_words_do_not_stick_to_the_places_of_samples() -> None:
     """With a slow drift, words teach the shape of an unknown filter at the same places between samples."""
-    way = Channel(speed=1.000005, faults=AudioFaults(snr_db=50.0, seed=4))
+    way = ChannelDistortion(speed=1.000005, faults=AudioFaults(snr_db=50.0, seed=4))
     signal = play_ltc(START, 100, 48000, way, user_bits=0x26110721)
     numerator, denominator = butter(2, 1000.0, "high", fs=48000)
     decoder = LtcDecoder(TimecodeConfig(), 48000)

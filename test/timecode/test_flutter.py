@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.domain import AudioBlock, Timecode, TimecodeReading
-from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
+from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, LtcSignal, timecode_rate
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage, decode_recording
 
@@ -24,7 +24,9 @@ def _tape(
     words: int = WORDS,
     **swing: Any,
 ) -> LtcSignal:
-    channel = Channel(speed=1.00003, seed=seed, faults=AudioFaults(snr_db=snr_db, seed=seed), **swing)
+    channel = ChannelDistortion(
+        speed=1.00003, seed=seed, faults=AudioFaults(snr_db=snr_db, seed=seed), **swing
+    )
     start = Timecode.from_frame_count(40_000 + 1000 * seed, timecode_rate(rate))
     return play_ltc(start, words, sample_rate, channel, lead=0.3 + 7e-6 * seed, reverse=reverse)
 
@@ -113,7 +115,7 @@ def test_a_tape_that_begins_and_ceases_to_flutter() -> None:
 def test_the_first_word_of_a_fluttering_tape_is_read_where_the_recording_begins_with_it(
     rate: str, sample_rate: int, swing: dict[str, Any]
 ) -> None:
-    channel = Channel(seed=5, faults=AudioFaults(snr_db=25.0, seed=5), **swing)
+    channel = ChannelDistortion(seed=5, faults=AudioFaults(snr_db=25.0, seed=5), **swing)
     start = Timecode.from_frame_count(123_456, timecode_rate(rate))
     signal = play_ltc(start, 30, sample_rate, channel)
     samples = signal.samples[int(signal.starts[0]) :]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.offsets import CameraClocks
-from panoptic_ros.offsets.sound import HeardClocks, PairHeard
+from panoptic_ros.offsets.sound import PairSound, SoundClockEstimate
 from panoptic_ros.view.clock_lines import contradictions, pair_lines, sound_lines
 
 NAMES = ("a", "b", "c", "d")
@@ -22,9 +22,9 @@ def clocks(offsets, deviation, known=(True, True, True, True)):
 
 
 def heard(known=(True, True, True, True)):
-    pairs = (PairHeard("a", "b", True, 9, 8), PairHeard("a", "d", False, why="it repeats"))
+    pairs = (PairSound("a", "b", True, 9, 8), PairSound("a", "d", False, why="it repeats"))
     found = clocks([0.0, 7.25, 0.002, 0.0], 0.006, known)
-    return HeardClocks(found, pairs, {"d": "it repeats"}, 0.017, True, np.zeros(4, np.int64))
+    return SoundClockEstimate(found, pairs, {"d": "it repeats"}, 0.017, True, np.zeros(4, np.int64))
 
 
 def test_every_camera_has_a_line_that_says_what_is_done():

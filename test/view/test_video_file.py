@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.errors import DataError, EnvironmentProblem, UsageError
-from panoptic_ros.view.video_file import FINE, Sound, VideoFile, codec
+from panoptic_ros.view.video_file import FINE, VideoAudio, VideoFile, codec
 
 SIZE = (96, 64)
 
@@ -65,7 +65,7 @@ def test_without_an_encoder_for_h264_it_is_mpeg4(tmp_path, monkeypatch):
 def test_sound_lies_beside_the_pictures(tmp_path, name, noise):
     seconds = np.arange(24_000) / 48_000
     samples = 0.5 * np.sin(2 * np.pi * np.outer(seconds, [440.0, 700.0]))
-    path = record(tmp_path / name, sound=Sound(samples, 48_000, 0.125))
+    path = record(tmp_path / name, sound=VideoAudio(samples, 48_000, 0.125))
     with av.open(str(path)) as file:
         frames = list(file.decode(audio=0))
     start = float(frames[0].pts * frames[0].time_base)

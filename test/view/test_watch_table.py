@@ -1,6 +1,6 @@
 """The lines of `panoptic watch`."""
 
-from panoptic_ros.graph.health import Told
+from panoptic_ros.graph.health import ReceivedStatus
 from panoptic_ros.view.watch_table import watch_lines
 
 STAGE = {
@@ -29,7 +29,7 @@ INPUT = {
 
 
 def told(name, values, trouble="", namespace="", heard_s=10.0):
-    return Told(namespace, name, trouble, values, heard_s)
+    return ReceivedStatus(namespace, name, trouble, values, heard_s)
 
 
 def test_stages_and_inputs_have_a_row_each():
@@ -77,5 +77,5 @@ def test_warnings_and_silent_nodes_come_first_and_graphs_stay_apart():
 
 
 def test_a_graph_whose_nodes_are_not_there_yet_is_not_well():
-    (line,) = watch_lines([Told("lab", "graph", "", {"nodes": "0"}, 10.0)], 10.2)
+    (line,) = watch_lines([ReceivedStatus("lab", "graph", "", {"nodes": "0"}, 10.0)], 10.2)
     assert line == "graph /lab: no stage has told of itself yet, or its run is over"

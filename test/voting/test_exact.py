@@ -14,7 +14,7 @@ from panoptic_ros.stage import StageContext
 from panoptic_ros.study.stage1.dense import dense_nodes, is_maximum
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.exact import highest, maxima
-from panoptic_ros.voting.proposals import Demands
+from panoptic_ros.voting.proposals import NodeCriteria
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.stage import demands
 from panoptic_ros.voting.volume import Volume
@@ -46,7 +46,7 @@ def searched(scene, volume, wanted):
 
 def compared(scene, volume, threshold, view_threshold, least):
     """The number of nodes; asserts that both searches find the same, bit for bit."""
-    dense, exact = searched(scene, volume, Demands(threshold, least, view_threshold))
+    dense, exact = searched(scene, volume, NodeCriteria(threshold, least, view_threshold))
     assert all(map(np.array_equal, dense, exact))
     return len(dense.joints)
 
@@ -141,7 +141,7 @@ def test_finds_what_the_dense_search_finds(
     lower = -np.array(shape) // 2
     threshold, view_threshold, least = numbers
     volume = Volume(tuple(lower.tolist()), tuple((lower + shape).tolist()), 0.1)
-    dense, exact = searched(scene, volume, Demands(threshold, least, view_threshold))
+    dense, exact = searched(scene, volume, NodeCriteria(threshold, least, view_threshold))
     for name, a, b in zip(dense._fields, dense, exact):
         assert np.array_equal(a, b), name
 
@@ -197,7 +197,7 @@ def test_a_camera_that_sees_nothing_changes_nothing(scenes):
     )
     volume = Volume.between((-0.6, -0.6, 0.0, 0.6, 0.6, 1.8), 0.05)
     one, two = (
-        maxima(build_scene(cameras, seen, 19), volume, Demands(0.1, 3, 0.1))
+        maxima(build_scene(cameras, seen, 19), volume, NodeCriteria(0.1, 3, 0.1))
         for cameras, seen in ((rig.cameras, views), ((blind, *rig.cameras), (view, *views)))
     )
     for a, b in zip(one, two):

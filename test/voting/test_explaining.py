@@ -8,8 +8,8 @@ from panoptic_ros.domain import Camera, DetectionSet, Rig, ViewDetections
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.stage import StageContext
 from panoptic_ros.voting.config import VotingConfig
-from panoptic_ros.voting.peaks import Explainer, find_peaks
-from panoptic_ros.voting.proposals import Nodes
+from panoptic_ros.voting.peaks import KnownNodes, find_peaks
+from panoptic_ros.voting.proposals import NodeProposals
 from panoptic_ros.voting.scene import build_scene
 
 NAMES = ("nodes", "node_joints", "node_scores", "node_views", "parts", "part_bones", "part_scores")
@@ -127,12 +127,12 @@ def test_explained_peaks_give_no_seeds_and_others_stay(scenes):
         scene = build_scene(rig.cameras, scenes.detect(rig, people, maps).views, 19)
         peaks = find_peaks(scene, 0.1)
         one = np.ones(19)
-        nodes = Nodes(people[0], np.arange(19), one, one)
+        nodes = NodeProposals(people[0], np.arange(19), one, one)
         moving = np.tile([3.0, 0.0, 0.0], (19, 1))
-        left_start, left = Explainer(nodes, 0.0 * moving, np.zeros(4)).unexplained(scene, peaks)
+        left_start, left = KnownNodes(nodes, 0.0 * moving, np.zeros(4)).unexplained(scene, peaks)
         assert len(peaks.pixels) == 4 * 19 * 2 and len(left) == 4 * 19
         assert left_start.tolist() == list(range(4 * 19 + 1))
-        late = Explainer(nodes, moving, np.array([0.0, 0.0, 0.0, 0.1]))  # there 30 cm farther on
+        late = KnownNodes(nodes, moving, np.array([0.0, 0.0, 0.0, 0.1]))  # there 30 cm farther on
         assert len(late.unexplained(scene, peaks).pixels) == 5 * 19
 
 

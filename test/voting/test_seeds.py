@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from panoptic_ros.geometry import Intrinsics
-from panoptic_ros.voting.peaks import Explainer, find_peaks
-from panoptic_ros.voting.proposals import Demands
+from panoptic_ros.voting.peaks import KnownNodes, find_peaks
+from panoptic_ros.voting.proposals import NodeCriteria
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.seeds import pixel_rays, seeds
 
-WANTED = Demands(0.1, 3, 0.1)
+WANTED = NodeCriteria(0.1, 3, 0.1)
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 FISHEYE = Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye")
 
@@ -36,7 +36,7 @@ def test_there_is_a_seed_at_every_joint(scenes, maps, lens):
     rig = scenes.ring(4, lens)
     people = np.stack([scenes.person(0.4, 0.3), scenes.person(-0.3, -0.4, 2.0)])
     scene = build_scene(rig.cameras, scenes.detect(rig, people, maps).views, 19)
-    joints, points = seeds(scene, WANTED, Explainer.of_nobody(np.zeros(len(rig))))
+    joints, points = seeds(scene, WANTED, KnownNodes.of_nobody(np.zeros(len(rig))))
     for j in range(19):
         for person in people:
             assert np.linalg.norm(points[joints == j] - person[j], axis=1).min() < 0.02
@@ -45,7 +45,7 @@ def test_there_is_a_seed_at_every_joint(scenes, maps, lens):
 def test_rays_that_meet_give_one_seed(scenes):
     rig = scenes.ring(6, LENS)
     scene = build_scene(rig.cameras, scenes.detect(rig, [scenes.person(0.1, 0.2)]).views, 19)
-    joints, _ = seeds(scene, WANTED, Explainer.of_nobody(np.zeros(len(rig))))
+    joints, _ = seeds(scene, WANTED, KnownNodes.of_nobody(np.zeros(len(rig))))
     assert joints.tolist() == list(range(19))
 
 

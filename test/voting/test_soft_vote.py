@@ -6,7 +6,7 @@ from panoptic_ros.domain import DetectionSet
 from panoptic_ros.geometry import Intrinsics
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.soft_vote import BALL, MANY_VIEWS, RADII, SOFTNESS, moved
-from panoptic_ros.voting.votes import Moving, at_rest, vote_points
+from panoptic_ros.voting.votes import PointMotion, at_rest, vote_points
 
 LENS = (-0.2, 0.05, 0.001, -0.002, 0.01)
 FISHEYE = Intrinsics(np.eye(3), (0.02, -0.01, 0.003, -0.001), "fisheye")
@@ -59,7 +59,9 @@ def test_a_point_is_found_as_far_away_as_its_reach(scenes, maps):
     joints, away = np.array([1]), np.array([[0.16, 0.12, 0.0]])  # nose; 20 cm
     near, still = np.zeros((1, 3)), np.zeros(len(rig.cameras))
     found = {
-        reach: moved(scene, joints, people[0, joints] + away, 0.1, Moving(near, still, np.array([reach])))
+        reach: moved(
+            scene, joints, people[0, joints] + away, 0.1, PointMotion(near, still, np.array([reach]))
+        )
         for reach in (0.0, 0.3)
     }
     errors = {reach: np.linalg.norm(nodes.points[0] - people[0, 1]) for reach, nodes in found.items()}
@@ -83,7 +85,7 @@ def test_views_of_several_stamps_vote_where_the_joint_was_at_theirs(scenes, maps
     views = [scenes.detect(rig, [person + late * velocity], maps).views[v] for v, late in enumerate(delays)]
     scene = build_scene(rig.cameras, DetectionSet(0, 1, views[0].skeleton_hash, tuple(views)).views, 19)
     joints, starts = np.arange(19), person + np.random.default_rng(0).uniform(-0.01, 0.01, (19, 3))
-    nodes = moved(scene, joints, starts, 0.1, Moving(velocity, delays, np.zeros(19)))
+    nodes = moved(scene, joints, starts, 0.1, PointMotion(velocity, delays, np.zeros(19)))
     still = moved(scene, joints, starts, 0.1)
     error, wrong = (np.linalg.norm(each.points - person, axis=1) for each in (nodes, still))
     assert error.max() < 0.012 and np.median(wrong) > 2.0 * np.median(error)
@@ -94,7 +96,7 @@ def test_views_of_several_stamps_vote_where_the_joint_was_at_theirs(scenes, maps
 @pytest.mark.parametrize("maps", ["none", "merged"])
 def test_votes_of_one_stamp_do_not_depend_on_motion(scenes, maps):
     _, people, scene, _ = setting(scenes, maps)
-    joints, moving = np.arange(19), Moving(np.ones((19, 3)), np.zeros(4), np.zeros(19))
+    joints, moving = np.arange(19), PointMotion(np.ones((19, 3)), np.zeros(4), np.zeros(19))
     nodes, still = moved(scene, joints, people[0], 0.1, moving), moved(scene, joints, people[0], 0.1)
     assert all(a.tobytes() == b.tobytes() for a, b in zip(nodes, still))
     one = vote_points(scene, joints, people[0], at_rest(people[0], scene), 0.1)

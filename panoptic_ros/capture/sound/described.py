@@ -42,8 +42,8 @@ class MicrophoneSource:
 
     The timestamp of a block is the time of its first sample at the input. PortAudio reports it on the
     stream's own clock, which is compared with this machine's clock. The most prompt blocks are used
-    (`SteadyStamps`), so the scheduling of Python has no effect. In the first second, sound servers are wrong
-    by up to 0.4 s, so this second is discarded. Lost samples appear as a gap in the sample count.
+    (`BlockStampFilter`), so the scheduling of Python has no effect. In the first second, sound servers are
+    wrong by up to 0.4 s, so this second is discarded. Lost samples appear as a gap in the sample count.
 
     Args:
         device: Name.
@@ -74,7 +74,7 @@ class MicrophoneSource:
         self.sample_rate, self.channels = int(found["default_samplerate"]), self._count(found)
         self._blocks: queue.Queue[AudioBlock] = queue.Queue(WAITING_BLOCKS)
         self._next, self._unsettled = 0, round(SETTLE_S * self.sample_rate)
-        self._stamps = SteadyStamps(self.sample_rate)
+        self._stamps = BlockStampFilter(self.sample_rate)
         self._closed = False
         try:
             self._stream = self._portaudio.InputStream(
@@ -181,7 +181,7 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
 
 
-class SteadyStamps:
+class BlockStampFilter:
     """Filter of block timestamps: they advance with the sample count, referenced to the most prompt blocks.
 
     A block is reported late, by up to 0.1 s on a busy machine. The blocks that are earliest relative to their
@@ -230,7 +230,7 @@ def described_sound(kind: str, device: str, clocks: Sequence[str], **more: Any) 
     return {"kind": kind, "device": device, "clocks": list(clocks), **more}
 
 
-class _Ended:
+class _TruncatedSource:
     """Source that ends before a given timestamp."""
 
     def __init__(self, source: SoundSource, until_ns: int):
@@ -262,7 +262,7 @@ def open_sound(description: Mapping[str, Any]) -> SoundSource:
     """
     if "until_ns" in description:
         whole = {key: value for key, value in description.items() if key != "until_ns"}
-        return _Ended(open_sound(whole), description["until_ns"])
+        return _TruncatedSource(open_sound(whole), description["until_ns"])
     given = {key: value for key, value in description.items() if key != "kind"}
     if description["kind"] == "wav":
         return WavSource(**{**given, "path": Path(given["path"])})
@@ -271,12 +271,12 @@ def open_sound(description: Mapping[str, Any]) -> SoundSource:
     if description["kind"] == "microphone":
         address = str(given.pop("address"))
         if address.lower().endswith(".wav"):
-            return PlayedSource(path=Path(address), **given)
+            return SoundPlaybackSource(path=Path(address), **given)
         return MicrophoneSource(address=address, **given)
     raise UsageError(f"sound of {given['device']}: there is no source of kind {shown(description['kind'])}")
 
 
-class PlayedSource:
+class SoundPlaybackSource:
     """WAV file played in real time, timestamped by this machine's clock. It ends with the file.
 
     Args:
@@ -314,7 +314,7 @@ class PlayedSource:
         """End running iterations."""
         self._closed.set()
 
-    def __enter__(self) -> PlayedSource:
+    def __enter__(self) -> SoundPlaybackSource:
         return self
 
     def __exit__(self, *exception: object) -> None:

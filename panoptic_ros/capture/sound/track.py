@@ -23,7 +23,7 @@ GAP_S = Fraction(1, 50)
 
 
 @dataclass(frozen=True)
-class Piece:
+class TrackSamples:
     """Consecutive samples.
 
     Args:
@@ -75,18 +75,18 @@ class SoundTrack:
         """Return the number of channels."""
         return int(self._stream.codec_context.channels)
 
-    def pieces(self) -> Iterator[Piece]:
+    def pieces(self) -> Iterator[TrackSamples]:
         """Yield the sound in order; skip packets that cannot be decoded.
 
         Raises:
             DataError: if the rest of the file cannot be read.
         """
-        count = _Count(self._stream.time_base or Fraction(0))
+        count = _SampleCounter(self._stream.time_base or Fraction(0))
         for frame in self._frames():
             samples = _samples(frame)
             placed = count.place(_heard_at(frame), len(samples), frame.sample_rate)
             if placed is not None:
-                yield Piece(*placed, frame.sample_rate, samples)
+                yield TrackSamples(*placed, frame.sample_rate, samples)
 
     def _frames(self) -> Iterator[AudioFrame]:
         for _, frames in decoded(self._container, self._stream, self._what):
@@ -103,7 +103,7 @@ class SoundTrack:
         self.close()
 
 
-class _Count:
+class _SampleCounter:
     """Sample counter that is compared with the times in a file."""
 
     def __init__(self, tick: Fraction):

@@ -11,7 +11,7 @@ import numpy as np
 
 from panoptic_ros.capture.movie import Movie, shown_at
 from panoptic_ros.capture.sound.source import BLOCK_S
-from panoptic_ros.capture.sound.track import Piece, SoundTrack
+from panoptic_ros.capture.sound.track import SoundTrack, TrackSamples
 from panoptic_ros.domain import AudioBlock
 from panoptic_ros.errors import DataError
 
@@ -96,7 +96,7 @@ class VideoSound:
         if track in self._open_now:
             self._open_now.remove(track)
 
-    def _block(self, piece: Piece, begin: int, end: int) -> AudioBlock | None:
+    def _block(self, piece: TrackSamples, begin: int, end: int) -> AudioBlock | None:
         """Return a block of samples begin..end of a piece; None if all are before the start."""
         early = -self._stamp(piece.time + Fraction(begin, piece.sample_rate))
         begin += max(0, self._from - piece.first - begin, -(-early * piece.sample_rate // SECOND))
@@ -144,9 +144,9 @@ def _averaged(seconds: Array, late: Array) -> tuple[Array, Array]:
     return np.bincount(which, seconds) / count, np.bincount(which, late) / count
 
 
-def _joined(pieces: Iterator[Piece]) -> Iterator[Piece]:
+def _joined(pieces: Iterator[TrackSamples]) -> Iterator[TrackSamples]:
     """Join consecutive pieces up to the length of a block."""
-    waiting: list[Piece] = []
+    waiting: list[TrackSamples] = []
     for piece in pieces:
         if waiting and not _follows(waiting, piece):
             yield _together(waiting)
@@ -156,7 +156,7 @@ def _joined(pieces: Iterator[Piece]) -> Iterator[Piece]:
         yield _together(waiting)
 
 
-def _follows(waiting: Sequence[Piece], piece: Piece) -> bool:
+def _follows(waiting: Sequence[TrackSamples], piece: TrackSamples) -> bool:
     """Return whether a piece continues the waiting ones within the length of a block."""
     first, last = waiting[0], waiting[-1]
     return (
@@ -167,5 +167,5 @@ def _follows(waiting: Sequence[Piece], piece: Piece) -> bool:
     )
 
 
-def _together(pieces: Sequence[Piece]) -> Piece:
+def _together(pieces: Sequence[TrackSamples]) -> TrackSamples:
     return replace(pieces[0], samples=np.concatenate([piece.samples for piece in pieces]))

@@ -16,7 +16,7 @@ from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.running.arguments import within
 
 if TYPE_CHECKING:
-    from panoptic_ros.running.processes.children import Ahead
+    from panoptic_ros.running.processes.children import LaunchPreparation
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -204,14 +204,14 @@ def run(args: argparse.Namespace) -> int:
         return _run(args, ahead)
 
 
-def _run(args: argparse.Namespace, ahead: Ahead) -> int:
+def _run(args: argparse.Namespace, ahead: LaunchPreparation) -> int:
     from panoptic_ros.cli.run.source import make_plan
-    from panoptic_ros.cli.run.watch import Watch
+    from panoptic_ros.cli.run.watch import TerminalObserver
     from panoptic_ros.running.runs.run import run as run_plan
     from panoptic_ros.running.takes import named_unclosed_takes
 
     plan = replace(make_plan(args), publish=tuple(names(args.publish) or ()), namespace=args.namespace)
-    with Watch(args.live_view) as watch:
+    with TerminalObserver(args.live_view) as watch:
         outcome = run_plan(
             plan,
             args.out,

@@ -9,12 +9,12 @@ import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from panoptic_ros.running.processes.children import Ahead
+from panoptic_ros.running.processes.children import LaunchPreparation
 from panoptic_ros.running.processes.shared_memory import prepare_shared_memory
 
 
 @contextmanager
-def begun(args: argparse.Namespace) -> Iterator[Ahead]:
+def begun(args: argparse.Namespace) -> Iterator[LaunchPreparation]:
     """Yield a child process that loads the nodes, and a listener for other graphs.
 
     Neither is started if the whole run stays in this process.
@@ -22,7 +22,7 @@ def begun(args: argparse.Namespace) -> Iterator[Ahead]:
     over_dds = not (args.in_process or args.offline)
     if over_dds:
         prepare_shared_memory()  # before the import of ROS, which terminates if shared memory is full
-    with Ahead(over_dds) as ahead:
+    with LaunchPreparation(over_dds) as ahead:
         if over_dds:
             from panoptic_ros.running.runs.listening import begin_to_listen  # needs ROS
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.runs.finish import Waiting, dropped_in_all, warnings_of
+from panoptic_ros.running.runs.finish import NoOutputTimer, dropped_in_all, warnings_of
 from panoptic_ros.running.runs.run import RunObserver
 from panoptic_ros.running.takes import named_unclosed_takes
 from panoptic_ros.stage import Notice
@@ -29,7 +29,7 @@ PATIENCE_S = 10.0  # s without a result after the first detections
 START_S = 20.0  # s without a result since the start, live only
 
 
-class Watch(RunObserver):
+class TerminalObserver(RunObserver):
     """Terminal output of a run; a context manager that restores the terminal.
 
     Args:
@@ -42,7 +42,7 @@ class Watch(RunObserver):
         self._bar: ProgressBar | None = None
         self._live, self._has_cameras = False, True
         self._instants = 0
-        self._waiting = Waiting(_warn)
+        self._waiting = NoOutputTimer(_warn)
         self._told: set[str] = set()
 
     def started(self, plan: Plan) -> None:
@@ -117,7 +117,7 @@ class Watch(RunObserver):
         """Return the latency since exposure, ms; None for recordings: their timestamps lie in the past."""
         return (time.time_ns() - stamp_ns) * 1e-6 if self._live else None
 
-    def __enter__(self) -> Watch:
+    def __enter__(self) -> TerminalObserver:
         return self
 
     def __exit__(self, *exception: object) -> None:

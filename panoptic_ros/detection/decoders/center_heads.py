@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from panoptic_ros.detection.decoders.center_kernels import people_of
-from panoptic_ros.detection.people import People, no_people
+from panoptic_ros.detection.people import DetectedPeople, no_people
 
 Array = np.ndarray
 SPREAD = 0.3  # squared width of the search for a joint, in cells per cell of the map's shorter side
@@ -27,7 +27,7 @@ def decode_center_heads(
     max_people: int,
     threshold: float,
     variance: float | None = None,
-) -> People:
+) -> DetectedPeople:
     """Decode the people of one image, in net px whose origin is the corner of the image.
 
     Args:
@@ -47,7 +47,9 @@ def decode_center_heads(
     if not len(points):
         return no_people(joint_count)
     order = np.argsort(-person_scores, kind="stable")
-    return People(stride * points, np.clip(scores, 0.0, 1.0), person_scores, stride * boxes).select(order)
+    return DetectedPeople(stride * points, np.clip(scores, 0.0, 1.0), person_scores, stride * boxes).select(
+        order
+    )
 
 
 def warm_up() -> None:

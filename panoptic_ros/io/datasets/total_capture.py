@@ -269,7 +269,7 @@ def _degrees(a: Array, b: Array) -> Array:
 COLUMNS = (7, 10, 13)  # numbers of a line: quaternion and force; with rates; with magnetic field
 
 
-class Sensors(NamedTuple):
+class ImuSignals(NamedTuple):
     """Samples of N sensors: quaternions (N, T, 4) w x y z, forces and rates (N, T, 3); NaN = missing."""
 
     names: tuple[str, ...]
@@ -278,7 +278,7 @@ class Sensors(NamedTuple):
     rates: Array
 
 
-def read_sensors(path: Path) -> Sensors:
+def read_sensors(path: Path) -> ImuSignals:
     """Read all samples of a `.sensors` file.
 
     Raises:
@@ -307,7 +307,7 @@ def read_sensors(path: Path) -> Sensors:
             values = _numbers(path, at + 1, " ".join(words), width, f"those of {name}")
             table[k, frame, : min(width, 10)] = values[:10]
         at += 1
-    return Sensors(names, table[..., :4], table[..., 4:7], table[..., 7:])
+    return ImuSignals(names, table[..., :4], table[..., 4:7], table[..., 7:])
 
 
 def read_calibration(path: Path) -> dict[str, Array]:

@@ -1,12 +1,12 @@
 """Convert records to ROS messages and back, for rclpy's message classes and those of rosbags.
 
-`Messages` represents one family of message classes. The converters fill flat arrays without a Python loop
-over values. `from_message` builds the record, whose checks refuse invalid content.
+`MessageFamily` represents one family of message classes. The converters fill flat arrays without a Python
+loop over values. `from_message` builds the record, whose checks refuse invalid content.
 """
 
 from panoptic_ros.io.messages.camera_infos import camera_info_message
 from panoptic_ros.io.messages.depths import depth_from_message
-from panoptic_ros.io.messages.family import Messages, bag_messages, stamp_of
+from panoptic_ros.io.messages.family import MessageFamily, bag_messages, stamp_of
 from panoptic_ros.io.messages.images import (
     compressed_image_message,
     depth_frame_from_message,
@@ -17,7 +17,7 @@ from panoptic_ros.io.messages.images import (
 from panoptic_ros.io.messages.records import from_message, to_message
 
 __all__ = [
-    "Messages",
+    "MessageFamily",
     "bag_messages",
     "camera_info_message",
     "compressed_image_message",

@@ -11,7 +11,7 @@ from panoptic_ros.domain import Camera
 from panoptic_ros.errors import CalibrationError, DataError
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.io.distortion_models import read_lens, ros_name
-from panoptic_ros.io.messages.family import Messages
+from panoptic_ros.io.messages.family import MessageFamily
 from panoptic_ros.io.messages.images import optical_frame
 
 INFO = "sensor_msgs/msg/CameraInfo"
@@ -109,7 +109,7 @@ def _binning(message: Any) -> tuple[int, int]:
     return max(int(message.binning_x), 1), max(int(message.binning_y), 1)
 
 
-def camera_info_message(camera: Camera, stamp_ns: int, family: Messages) -> Any:
+def camera_info_message(camera: Camera, stamp_ns: int, family: MessageFamily) -> Any:
     """Build the CameraInfo of one image, with model plumb_bob, rational_polynomial or equidistant."""
     k = np.array(camera.intrinsics.matrix)
     roi = family.make(

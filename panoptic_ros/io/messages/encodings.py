@@ -87,14 +87,14 @@ class Encoding(NamedTuple):
     is_assumed: bool = False
 
 
-class Shown(NamedTuple):
+class EncodingCheck(NamedTuple):
     """Result of examining an image: its encoding ("" = as stated) and a notice for the user ("" = none)."""
 
     encoding: str
     told: str
 
 
-class _Steps(NamedTuple):
+class _PixelDifferences(NamedTuple):
     """Mean differences (levels of 255) of a byte to the next pixel's, and to the next but one."""
 
     near: float
@@ -195,7 +195,7 @@ def stretched(values: Array, bits: int = 0) -> Array:
     return found
 
 
-def shown_by(message: Any, what: str) -> Shown | None:
+def shown_by(message: Any, what: str) -> EncodingCheck | None:
     """Estimate an image's encoding from its content; None if the image has too few details.
 
     Some drivers label YUYV as yuv422, which means UYVY. Luma and chroma are then swapped.
@@ -213,17 +213,19 @@ def shown_by(message: Any, what: str) -> Shown | None:
         is_colour = luma.near > _LIKE_COLOUR * luma.far or luma.far < _FLAT * chroma.far
         if is_colour and chroma.near < _LIKE_BRIGHTNESS * chroma.far:
             other = "uyvy" if form.layout == "yuyv" else "yuyv"
-            return Shown(
+            return EncodingCheck(
                 other,
                 f"{what} calls itself {stated}, but shows brightness where that has colour: taken as {other}",
             )
     if form.is_assumed:
-        return Shown("", f"{what} calls itself {stated}, which names no colours: taken as {form.layout}")
+        return EncodingCheck(
+            "", f"{what} calls itself {stated}, which names no colours: taken as {form.layout}"
+        )
     if form.size == 2 and not form.bits:
         used = _bits_of(_values(message, form, what)[..., :3])
         told = f"{what} has {used} bits in 16: stretched to all that there are" if used < 16 else ""
-        return Shown("", told)
-    return Shown("", "")
+        return EncodingCheck("", told)
+    return EncodingCheck("", "")
 
 
 def _values(message: Any, form: Encoding, what: str) -> Array:
@@ -281,8 +283,10 @@ def _bits_of(values: Array) -> int:
     return next(bits for bits in _DEPTHS if bits >= used)
 
 
-def _steps_of(values: Array) -> _Steps:
+def _steps_of(values: Array) -> _PixelDifferences:
     """Return the mean steps in a plane (h, w) of bytes."""
     some = values[:: max(1, len(values) // _ROWS)].astype(np.int16)
     near, far = (np.abs(some[:, k:] - some[:, :-k]) for k in (1, 2))
-    return _Steps(float(near.mean()), float(far.mean())) if far.size else _Steps(0.0, 0.0)
+    return (
+        _PixelDifferences(float(near.mean()), float(far.mean())) if far.size else _PixelDifferences(0.0, 0.0)
+    )

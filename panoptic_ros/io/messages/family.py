@@ -23,7 +23,7 @@ SECOND = 1_000_000_000
 
 
 @dataclass(frozen=True)
-class Messages:
+class MessageFamily:
     """One family of message classes.
 
     Args:
@@ -111,10 +111,10 @@ def decode_cdr(data: bytes, kind: str, types: Typestore | None = None) -> Any:
 
 
 @lru_cache(maxsize=1)
-def bag_messages() -> Messages:
+def bag_messages() -> MessageFamily:
     """Return the message family that `rosbags` reads and writes; it needs no ROS."""
     types = bag_typestore().types
-    return Messages(lambda name: types[name], lambda array: array)
+    return MessageFamily(lambda name: types[name], lambda array: array)
 
 
 def _message_folder() -> Path:

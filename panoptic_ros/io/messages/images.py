@@ -17,7 +17,7 @@ from panoptic_ros.io.messages.encodings import (
     picture_of,
     stretched,
 )
-from panoptic_ros.io.messages.family import Messages, stamp_of
+from panoptic_ros.io.messages.family import MessageFamily, stamp_of
 from panoptic_ros.io.pictures import decode_picture
 
 Array = np.ndarray
@@ -39,7 +39,7 @@ def optical_frame(camera: str) -> str:
     return f"{camera}{OPTICAL}"
 
 
-def _raw(picture: Array, encoding: str, camera: str, stamp_ns: int, family: Messages) -> Any:
+def _raw(picture: Array, encoding: str, camera: str, stamp_ns: int, family: MessageFamily) -> Any:
     """Build a sensor_msgs/Image of values (height, width, ...) without row padding."""
     height, width = picture.shape[:2]
     data = np.ascontiguousarray(picture).view(np.uint8).reshape(-1)
@@ -55,7 +55,7 @@ def _raw(picture: Array, encoding: str, camera: str, stamp_ns: int, family: Mess
     )
 
 
-def _compressed(data: Array, form: str, camera: str, stamp_ns: int, family: Messages) -> Any:
+def _compressed(data: Array, form: str, camera: str, stamp_ns: int, family: MessageFamily) -> Any:
     """Build a sensor_msgs/CompressedImage."""
     return family.make(
         "sensor_msgs/msg/CompressedImage",
@@ -65,12 +65,12 @@ def _compressed(data: Array, form: str, camera: str, stamp_ns: int, family: Mess
     )
 
 
-def image_message(frame: ViewFrame, family: Messages) -> Any:
+def image_message(frame: ViewFrame, family: MessageFamily) -> Any:
     """Build a sensor_msgs/Image with encoding bgr8."""
     return _raw(frame.image, "bgr8", frame.camera, frame.stamp_ns, family)
 
 
-def compressed_image_message(frame: ViewFrame, family: Messages, quality: int) -> Any:
+def compressed_image_message(frame: ViewFrame, family: MessageFamily, quality: int) -> Any:
     """Build a sensor_msgs/CompressedImage, JPEG of the given quality (1 to 100)."""
     import cv2  # 17 MB, which processes without images need not load
 
@@ -79,7 +79,7 @@ def compressed_image_message(frame: ViewFrame, family: Messages, quality: int) -
     return _compressed(data.reshape(-1), form, frame.camera, frame.stamp_ns, family)
 
 
-def write_preview(preview: Preview, family: Messages, frame_id: str) -> Any:
+def write_preview(preview: Preview, family: MessageFamily, frame_id: str) -> Any:
     """Build a sensor_msgs/CompressedImage of a preview."""
     data = np.frombuffer(preview.jpeg, np.uint8)
     return _compressed(data, "jpeg", preview.camera, preview.stamp_ns, family)
@@ -91,7 +91,7 @@ def read_preview(message: Any) -> Preview:
     return Preview(camera, stamp_of(message.header), byte_array(message).tobytes())
 
 
-def depth_message(frame: DepthFrame, family: Messages) -> Any:
+def depth_message(frame: DepthFrame, family: MessageFamily) -> Any:
     """Build a sensor_msgs/Image of a depth map, 32FC1 in metres (REP 118)."""
     depth = np.ascontiguousarray(frame.depth, "<f4")
     return _raw(depth, "32FC1", frame.camera, frame.stamp_ns, family)
@@ -179,7 +179,7 @@ def heat_map(view: ViewDetections, joint: int = -1) -> Array:
     return np.asarray(cv2.warpAffine(grid, grid_from_picture, (columns, rows), flags=how))
 
 
-def heat_map_message(view: ViewDetections, family: Messages, joint: int = -1) -> Any:
+def heat_map_message(view: ViewDetections, family: MessageFamily, joint: int = -1) -> Any:
     """Build a sensor_msgs/Image, mono8, of `heat_map`."""
     return _raw(heat_map(view, joint), "mono8", view.camera, view.stamp_ns, family)
 

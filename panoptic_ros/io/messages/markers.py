@@ -9,7 +9,7 @@ import numpy as np
 
 from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
 from panoptic_ros.io.colors import rgb_of
-from panoptic_ros.io.messages.family import Messages
+from panoptic_ros.io.messages.family import MessageFamily
 
 LINE_LIST, SPHERE_LIST, TEXT = 5, 7, 9
 ADD, DELETE = 0, 2
@@ -18,7 +18,7 @@ LIFETIME_S = 0.5
 
 
 def marker_array(
-    poses: TrackedPoseSet, skeleton: SkeletonModel, frame_id: str, gone: Iterable[int], family: Messages
+    poses: TrackedPoseSet, skeleton: SkeletonModel, frame_id: str, gone: Iterable[int], family: MessageFamily
 ) -> Any:
     """Build the markers of all people: bones, joints and id.
 
@@ -38,7 +38,7 @@ def marker_array(
 
 
 def _person(
-    poses: TrackedPoseSet, k: int, person_id: int, skeleton: SkeletonModel, header: Any, family: Messages
+    poses: TrackedPoseSet, k: int, person_id: int, skeleton: SkeletonModel, header: Any, family: MessageFamily
 ) -> list[Any]:
     there = poses.states[k] != JointState.MISSING
     positions = poses.positions[k]
@@ -54,7 +54,7 @@ def _person(
 
 
 def _marker(
-    family: Messages,
+    family: MessageFamily,
     header: Any,
     person_id: int,
     part: int,

@@ -17,7 +17,7 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import from_quaternions
 from panoptic_ros.geometry.torso import torso_frames
-from panoptic_ros.io.messages.family import Messages
+from panoptic_ros.io.messages.family import MessageFamily
 from panoptic_ros.io.messages.transforms import transform_message
 
 Array = np.ndarray
@@ -30,7 +30,9 @@ def body_name(person_id: int) -> str:
     return f"p{person_id}"
 
 
-def roots_message(poses: TrackedPoseSet, skeleton: SkeletonModel, frame_id: str, family: Messages) -> Any:
+def roots_message(
+    poses: TrackedPoseSet, skeleton: SkeletonModel, frame_id: str, family: MessageFamily
+) -> Any:
     """Build a geometry_msgs/PoseArray of all people with a known root, in the order of the 3D poses.
 
     The orientation has x forward and z up along the torso; it is the identity (w = 1) if the torso is
@@ -71,7 +73,7 @@ def joint_transforms(
     skeleton: SkeletonModel,
     frame_id: str,
     prefix: str,
-    family: Messages,
+    family: MessageFamily,
     solved: frozenset[int] = frozenset(),
 ) -> list[Any]:
     """Build a TransformStamped for every known joint and for every body.
@@ -96,7 +98,7 @@ def joint_transforms(
     return found
 
 
-def bodies_message(poses: TrackedPoseSet, frame_id: str, family: Messages) -> Any:
+def bodies_message(poses: TrackedPoseSet, frame_id: str, family: MessageFamily) -> Any:
     """Build the hri_msgs/IdsList of REP 155 with the ids of all people."""
     return family.make(
         "hri_msgs/msg/IdsList",
@@ -105,7 +107,7 @@ def bodies_message(poses: TrackedPoseSet, frame_id: str, family: Messages) -> An
     )
 
 
-def boxes_message(poses: TrackedPoseSet, frame_id: str, family: Messages) -> Any:
+def boxes_message(poses: TrackedPoseSet, frame_id: str, family: MessageFamily) -> Any:
     """Build a vision_msgs/Detection3DArray: an axis-aligned box around the known joints of each person."""
     detections = []
     for k, person_id in enumerate(poses.ids.tolist()):
@@ -142,7 +144,7 @@ def boxes_message(poses: TrackedPoseSet, frame_id: str, family: Messages) -> Any
     return family.make("vision_msgs/msg/Detection3DArray", header=header, detections=detections)
 
 
-def joint_state_message(item: BodyStateSet, k: int, model: SegmentModel, family: Messages) -> Any:
+def joint_state_message(item: BodyStateSet, k: int, model: SegmentModel, family: MessageFamily) -> Any:
     """Build the sensor_msgs/JointState of the k-th body: joint angles, rad."""
     angles = model.joint_angles(from_quaternions(item.orientations[k]))
     body = body_name(int(item.ids[k]))
@@ -158,7 +160,7 @@ def joint_state_message(item: BodyStateSet, k: int, model: SegmentModel, family:
 
 
 def segment_transforms(
-    item: BodyStateSet, model: SegmentModel, frame_id: str, prefix: str, family: Messages
+    item: BodyStateSet, model: SegmentModel, frame_id: str, prefix: str, family: MessageFamily
 ) -> list[Any]:
     """Build a TransformStamped of every segment of all bodies, in the frame of its parent.
 
@@ -182,7 +184,7 @@ def _known(poses: TrackedPoseSet, k: int) -> Iterator[tuple[int, Array]]:
         yield int(j), poses.positions[k, j]
 
 
-def _pose(frame: Rigid, family: Messages) -> Any:
+def _pose(frame: Rigid, family: MessageFamily) -> Any:
     """Build a geometry_msgs/Pose."""
     transform = transform_message(family, 0, "", "", frame).transform
     at = transform.translation

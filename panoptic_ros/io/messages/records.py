@@ -47,8 +47,8 @@ from panoptic_ros.domain import (
 from panoptic_ros.errors import CalibrationError, ClockError, ContractError, DataError
 from panoptic_ros.geometry import Intrinsics, Lens, Rigid
 from panoptic_ros.io.messages import images, sensors
-from panoptic_ros.io.messages.family import Messages
-from panoptic_ros.io.messages.table import COUNT, TIME, Field, Rows, Table, Values
+from panoptic_ros.io.messages.family import MessageFamily
+from panoptic_ros.io.messages.table import COUNT, TIME, Field, PersonRows, Table, Values
 
 Array = np.ndarray
 i32, i64, f32, f64 = np.int32, np.int64, np.float32, np.float64
@@ -189,7 +189,7 @@ def _skeletons(record: type[PoseSet]) -> Table:
             Field("newest_stamp", TIME, of="newest_ns"),
             Field("view_cameras", str, "V", "sources.cameras"),
             Field("view_frames", np.uint64, "V", "sources.frames"),
-            Rows(
+            PersonRows(
                 "skeletons",
                 "Skeleton",
                 (
@@ -365,7 +365,7 @@ _TABLES = (
             _JOINTS,
             Field("segment_names", str, "S"),
             *_arrays(i32, parents="S"),
-            Rows(
+            PersonRows(
                 "bodies",
                 "Body",
                 (
@@ -456,7 +456,7 @@ _TABLES = (
     ),
 )
 _OF_RECORD = {table.record.__name__: table for table in _TABLES}
-_WRITERS: dict[str, Callable[[Any, Messages, str], Any]] = {
+_WRITERS: dict[str, Callable[[Any, MessageFamily, str], Any]] = {
     "Preview": images.write_preview,
     "ViewAppearance": sensors.write_appearance,
     "ImuSample": sensors.write_imu,
@@ -474,10 +474,10 @@ _INSIDE = {  # record class that a record's message contains and that another no
     for field in table.fields
     if isinstance(field, Field) and isinstance(field.kind, Table) and field.kind.header
 }
-MOST_KEPT = 64  # messages in `Origins`; older records are converted again
+MOST_KEPT = 64  # messages in `OriginalMessages`; older records are converted again
 
 
-def to_message(record: Any, family: Messages, frame_id: str = "world") -> Any:
+def to_message(record: Any, family: MessageFamily, frame_id: str = "world") -> Any:
     """Convert a record to its message.
 
     Args:
@@ -510,7 +510,7 @@ def from_message(message: Any, record: str) -> Any:
         raise DataError(str(error)) from None
 
 
-class Origins:
+class OriginalMessages:
     """Cache of the original messages of the newest received records.
 
     A record that is nested in another message is published as its original message, without a new conversion.

@@ -14,7 +14,7 @@ from panoptic_ros.domain.bodies import ImuSample, is_sound
 from panoptic_ros.domain.checks import known_good
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.messages.encodings import byte_array
-from panoptic_ros.io.messages.family import Messages, stamp_of
+from panoptic_ros.io.messages.family import MessageFamily, stamp_of
 
 Array = np.ndarray
 UNKNOWN = -1.0  # first element of a covariance in sensor_msgs/Imu: not measured (REP 145)
@@ -26,7 +26,7 @@ OFFSETS = (0, *range(8, 8 + 4 * len(COLOURS), 4))
 POINT = np.dtype([(NUMBER, "<f8"), *((name, "<f4") for name in COLOURS)])
 
 
-def write_appearance(item: ViewAppearance, family: Messages, frame_id: str) -> Any:
+def write_appearance(item: ViewAppearance, family: MessageFamily, frame_id: str) -> Any:
     """Build a sensor_msgs/PointCloud2 of the clothing colours in a view."""
     points = np.empty(len(item.colours), POINT)
     points[NUMBER] = item.frame_number
@@ -79,7 +79,7 @@ def read_appearance(message: Any) -> ViewAppearance:
     )
 
 
-def write_imu(item: ImuSample, family: Messages, frame_id: str) -> Any:
+def write_imu(item: ImuSample, family: MessageFamily, frame_id: str) -> Any:
     """Build a sensor_msgs/Imu with the device as frame; the covariance of missing values begins with -1."""
 
     def covariance(values: Array) -> Array:

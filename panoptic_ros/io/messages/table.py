@@ -1,7 +1,7 @@
 """One table of fields for each message: it defines how to write a record as a message and read it back.
 
 A table states for every message field its type and its place in the record. Sizes are letters: equal letters
-are equal sizes, as in `domain.checks.Shapes`. Each table is compiled to two functions that resemble
+are equal sizes, as in `domain.checks.ShapeChecks`. Each table is compiled to two functions that resemble
 hand-written ones. So a message costs little more than its arrays:
 
     def write(r, family, frame_id):
@@ -24,7 +24,7 @@ import numpy as np
 
 from panoptic_ros.domain.checks import check_magnitude
 from panoptic_ros.errors import DataError
-from panoptic_ros.io.messages.family import Messages, stamp_of, time_ns
+from panoptic_ros.io.messages.family import MessageFamily, stamp_of, time_ns
 
 Array = np.ndarray
 Values = dict[str, Any]  # values of a record by attribute; "part.attribute" for values in a part of it
@@ -73,7 +73,7 @@ class Field:
 
 
 @dataclass(frozen=True)
-class Rows:
+class PersonRows:
     """An array of messages, one per person; the record holds one array of all people for each field.
 
     Args:
@@ -105,7 +105,7 @@ class Table:
         message: str,
         record: type,
         header: tuple[str, str] | None,
-        fields: tuple[Field | Rows, ...],
+        fields: tuple[Field | PersonRows, ...],
         parts: dict[str, tuple[type, bool]] | None = None,
         complete: Callable[[Values], None] | None = None,
     ):
@@ -114,13 +114,13 @@ class Table:
         source = _Source(message, {part for part, (_, optional) in self._parts.items() if optional})
         known = {field.name for field in dataclasses.fields(record)}
         source.add_header([(name, name in known) for name in header or ()])
-        plain = [f for row in fields for f in (row.fields if isinstance(row, Rows) else (row,))]
+        plain = [f for row in fields for f in (row.fields if isinstance(row, PersonRows) else (row,))]
         for row in fields:
-            if isinstance(row, Rows):
+            if isinstance(row, PersonRows):
                 source.add_rows(row, complete is not None)
             else:
                 source.add(row, plain, complete is not None)
-        self.write: Callable[[Any, Messages, str], Any]
+        self.write: Callable[[Any, MessageFamily, str], Any]
         self.write, self._values_of = source.compiled(record, self._parts, complete is not None)
 
     def read(self, message: Any) -> Any:
@@ -244,7 +244,7 @@ class _Source:
         if reads_all or row.optional or isinstance(row.of, str):
             self._read.append((row.key, read))
 
-    def add_rows(self, rows: Rows, reads_all: bool) -> None:
+    def add_rows(self, rows: PersonRows, reads_all: bool) -> None:
         """Add an array of messages."""
         self._reading.append(f"    people = m.{rows.name}")
         made = []
@@ -307,13 +307,13 @@ def shaped(values: Any, what: str, *shape: int) -> Array:
     return array.reshape(shape)
 
 
-def _flat(family: Messages, values: Any, kind: Any) -> Any:
+def _flat(family: MessageFamily, values: Any, kind: Any) -> Any:
     """Return an array as the value of a field of unbounded length; None becomes empty."""
     array = np.zeros(0, kind) if values is None else np.ascontiguousarray(values, kind)
     return family.sequence(array.reshape(-1))
 
 
-def _fixed(family: Messages, values: Any, kind: Any) -> Any:
+def _fixed(family: MessageFamily, values: Any, kind: Any) -> Any:
     """Return an array as the value of a field of fixed length."""
     return np.array(values, kind).reshape(-1)
 

@@ -9,11 +9,11 @@ import numpy as np
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.geometry.rotations import from_quaternions, to_quaternions
-from panoptic_ros.io.messages.family import Messages
+from panoptic_ros.io.messages.family import MessageFamily
 
 
 def transform_message(
-    family: Messages, stamp_ns: int, parent: str, child: str, parent_from_child: Rigid
+    family: MessageFamily, stamp_ns: int, parent: str, child: str, parent_from_child: Rigid
 ) -> Any:
     """Build a TransformStamped."""
     w, x, y, z = to_quaternions(parent_from_child.rotation).tolist()

@@ -26,7 +26,7 @@ class PackedFile:
 
 
 @dataclass(frozen=True)
-class Origin:
+class ModelOrigin:
     """Source of a model that is converted here: an npm package and two files in it.
 
     Args:
@@ -49,7 +49,7 @@ class CardFile:
 
     card: ModelCard
     path: Path
-    origin: Origin | None
+    origin: ModelOrigin | None
     named: Path | None = None
 
     @property
@@ -114,7 +114,7 @@ def _card_file(document: dict[str, Any], path: Path, named: Path | None) -> Card
     return CardFile(card_from_mapping(values), path, None if origin is None else _origin(origin), named)
 
 
-def _origin(values: Any) -> Origin:
+def _origin(values: Any) -> ModelOrigin:
     keys = {"package", "topology", "weights", "mean_outputs"}
     _refuse_unknown(values, keys, "fetch")
     good = isinstance(values, dict) and set(values) == keys
@@ -124,7 +124,7 @@ def _origin(values: Any) -> Origin:
         )
     topology, weights = (_packed(key, values[key]) for key in ("topology", "weights"))
     means = {str(key): float(value) for key, value in values["mean_outputs"].items()}
-    return Origin(values["package"], topology, weights, means)
+    return ModelOrigin(values["package"], topology, weights, means)
 
 
 def _refuse_unknown(values: Any, keys: Collection[str], where: str) -> None:

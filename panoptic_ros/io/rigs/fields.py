@@ -25,7 +25,7 @@ NOTHING = ("", "nan", "none", "null")  # values that some programs write for an 
 Z_UP_TO_Y_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
-class LeftOut(CalibrationError):
+class UncalibratedCamera(CalibrationError):
     """The file does not calibrate a camera; the reader leaves it out and names it."""
 
 
@@ -66,13 +66,13 @@ def pose_numbers(mapping: Any, key: str, where: str, *shapes: tuple[int, ...]) -
     """Read an array of a camera pose, as `numbers` does.
 
     Raises:
-        LeftOut: if it is missing, or written as unknown.
+        UncalibratedCamera: if it is missing, or written as unknown.
         CalibrationError: as `numbers`.
     """
     value = mapping.get(key) if isinstance(mapping, Mapping) else mapping
     if all(item is None or str(item).strip().lower() in NOTHING for item in _flat(value)):
         state = "is not known" if mapping and key in mapping else "is missing"
-        raise LeftOut(f"no pose ({key!r} {state})")
+        raise UncalibratedCamera(f"no pose ({key!r} {state})")
     return numbers(mapping, key, where, *shapes)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.domain.rig import lines_of
 from panoptic_ros.errors import CalibrationError, UsageError, shown
-from panoptic_ros.io.rigs.fields import METRES, LeftOut, listing
+from panoptic_ros.io.rigs.fields import METRES, UncalibratedCamera, listing
 
 FAR_APART = 200.0  # m between cameras of one rig; a larger span means that the unit is another one
 
@@ -45,7 +45,7 @@ class ReadOptions:
         return right_type and (not self.panels or str(item.get("panel")) in map(str, self.panels))
 
 
-class Taken:
+class ReadCameras:
     """Cameras read from a file: only those that are selected and usable."""
 
     def __init__(self, options: ReadOptions):
@@ -55,13 +55,13 @@ class Taken:
         self._told: list[tuple[str, str]] = []
 
     def take(self, name: str, make: Callable[[], Camera]) -> None:
-        """Add a camera, unless it is not selected or `make` raises `LeftOut`."""
+        """Add a camera, unless it is not selected or `make` raises `UncalibratedCamera`."""
         if self._chosen is not None and name not in self._chosen:
             self._left_out[name] = ""
             return
         try:
             self._cameras.append(make())
-        except LeftOut as error:
+        except UncalibratedCamera as error:
             self._left_out[name] = str(error)
 
     def tell(self, name: str, text: str) -> None:

@@ -18,8 +18,8 @@ import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError, shown
-from panoptic_ros.io.rigs.fields import LeftOut, camera, name_of, whole_number
-from panoptic_ros.io.rigs.options import ReadOptions, Taken
+from panoptic_ros.io.rigs.fields import UncalibratedCamera, camera, name_of, whole_number
+from panoptic_ros.io.rigs.options import ReadCameras, ReadOptions
 
 SUBPIXELS = 64.0
 MILLIMETRES = 1000.0
@@ -51,19 +51,19 @@ def parse(root: Any, options: ReadOptions) -> Rig:
     Raises:
         CalibrationError: naming the camera and the attribute.
     """
-    taken = Taken(options)
+    taken = ReadCameras(options)
     for k, item in enumerate(root.findall("cameras/camera")):
         name = name_of(item.attrib, "serial", f"camera number {k}")
         taken.take(name, partial(_camera, name, item, taken))
     return taken.rig()
 
 
-def _camera(name: str, item: Any, taken: Taken) -> Camera:
+def _camera(name: str, item: Any, taken: ReadCameras) -> Camera:
     where = f"camera {name}"
     if item.get("active", "1").strip().lower() in ("0", "false"):
-        raise LeftOut("not active")
+        raise UncalibratedCamera("not active")
     if item.get("calibrated", "true").strip().lower() in ("0", "false"):
-        raise LeftOut("not calibrated")
+        raise UncalibratedCamera("not calibrated")
     lines = _video_lines(item, where)
     left, top, right, bottom = _filmed(item, where)
     pose = np.array(_values(item, "transform", [*ROTATION, "x", "y", "z"], where))
@@ -103,16 +103,16 @@ def _video_lines(item: Any, where: str) -> int:
     """Return the lines of the video format, from e.g. video_resolution="720p"; 0 = not stated.
 
     Raises:
-        LeftOut: for a marker camera, which has no video.
+        UncalibratedCamera: for a marker camera, which has no video.
         CalibrationError: if it is something else.
     """
     text, model = item.get("video_resolution"), item.get("model", "").strip()
     marker = MARKER_MODELS if text is None else f"{MARKER_MODELS}|{OTHER_MODELS}"
     text = (text or "").strip()
     if text.lower() in ("n/a", "na", "none"):
-        raise LeftOut(f"marker camera (video_resolution is {shown(text)})")
+        raise UncalibratedCamera(f"marker camera (video_resolution is {shown(text)})")
     if not text and re.match(marker, model, re.IGNORECASE):
-        raise LeftOut(f"marker camera ({shown(model)} without video)")
+        raise UncalibratedCamera(f"marker camera ({shown(model)} without video)")
     if not text:
         return 0
     if not re.fullmatch("[1-9][0-9]{0,4}[pP]?", text):

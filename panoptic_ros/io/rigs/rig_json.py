@@ -26,7 +26,7 @@ from panoptic_ros.io.rigs.fields import (
     text_of,
     up_of,
 )
-from panoptic_ros.io.rigs.options import ReadOptions, Taken, chosen_cameras
+from panoptic_ros.io.rigs.options import ReadCameras, ReadOptions, chosen_cameras
 
 FORMAT = "panoptic-rig-1"
 UNIT_M = 0.001  # m per depth unit, for depth sensors that do not state theirs
@@ -43,7 +43,7 @@ def parse(document: Any, options: ReadOptions) -> Rig:
     if units != "m":
         raise CalibrationError(f"units are {shown(units)}; a {FORMAT} file is in metres, 'm'")
     items = listing(document, "cameras", "the file")
-    taken = Taken(options)
+    taken = ReadCameras(options)
     for k, item in chosen_cameras(document, options):
         name = name_of(item, "name", f"camera number {k}")
         taken.take(name, partial(_camera, name, item, "camera", taken))
@@ -60,7 +60,7 @@ def _beside(sensor: DepthSensor, rig: Rig, names: list[Any]) -> DepthSensor:
     return replace(sensor, colour_camera="") if gone else sensor
 
 
-def _camera(name: str, item: Any, kind: str, taken: Taken) -> Camera:
+def _camera(name: str, item: Any, kind: str, taken: ReadCameras) -> Camera:
     where, is_sensor = f"{kind} {name}", kind == "depth sensor"
     pose = numbers if is_sensor else pose_numbers
     rotation, translation = pose(item, "R", where, (3, 3)), pose(item, "t", where, (3,))
@@ -85,7 +85,7 @@ def _covariance(item: Mapping[str, Any], where: str) -> np.ndarray | None:
     return None if item.get("covariance") is None else numbers(item, "covariance", where, (-1, -1))
 
 
-def _depth_sensors(document: Mapping[str, Any], taken: Taken) -> tuple[DepthSensor, ...]:
+def _depth_sensors(document: Mapping[str, Any], taken: ReadCameras) -> tuple[DepthSensor, ...]:
     items = document.get("depth_sensors")
     if items is None:
         return ()
@@ -94,7 +94,7 @@ def _depth_sensors(document: Mapping[str, Any], taken: Taken) -> tuple[DepthSens
     return tuple(_depth_sensor(i, item, taken) for i, item in enumerate(items))
 
 
-def _depth_sensor(index: int, item: Any, taken: Taken) -> DepthSensor:
+def _depth_sensor(index: int, item: Any, taken: ReadCameras) -> DepthSensor:
     name = name_of(item, "name", f"depth sensor number {index}")
     own = _camera(name, item, "depth sensor", taken)
     where = f"depth sensor {own.name}"

@@ -22,7 +22,7 @@ from panoptic_ros.domain.upright import roll_of, up_of_images
 from panoptic_ros.errors import CalibrationError, shown
 from panoptic_ros.io.distortion_models import OPENCV
 from panoptic_ros.io.rigs.fields import (
-    LeftOut,
+    UncalibratedCamera,
     camera,
     image_size,
     name_of,
@@ -32,7 +32,7 @@ from panoptic_ros.io.rigs.fields import (
     text_of,
     up_of,
 )
-from panoptic_ros.io.rigs.options import ReadOptions, Taken, check_unit
+from panoptic_ros.io.rigs.options import ReadCameras, ReadOptions, check_unit
 
 KEYS = {"size", "matrix", "distortions", "rotation", "translation"}
 ENOUGH = 3  # a table with this number of KEYS is a camera
@@ -59,7 +59,7 @@ def parse_aniposelib(document: Mapping[str, Any], options: ReadOptions) -> Rig:
     metadata = metadata if isinstance(metadata, dict) else {}
     stated = metadata.get("unit", "m")
     scale = per_metre(options.unit or stated, "[metadata]")
-    taken = Taken(options)
+    taken = ReadCameras(options)
     for table, item in document.items():
         if table != "metadata":
             name = name_of(item, "name", f"table [{table}]")
@@ -75,7 +75,7 @@ def parse_caliscope(document: Mapping[str, Any], options: ReadOptions) -> Rig:
         CalibrationError: naming the camera and the key, or if the unit cannot be metres.
     """
     scale = per_metre(options.unit or "m", "the file")
-    taken, turns = Taken(options), {}
+    taken, turns = ReadCameras(options), {}
     for number, item in document["cameras"].items():
         if not isinstance(item, dict):
             raise CalibrationError(f"[cameras.{number}] is no table")
@@ -112,10 +112,10 @@ def _clockwise(item: Mapping[str, Any], where: str) -> int | None:
     return count % 4
 
 
-def _camera(name: str, item: Mapping[str, Any], scale: float, taken: Taken) -> Camera:
+def _camera(name: str, item: Mapping[str, Any], scale: float, taken: ReadCameras) -> Camera:
     where = f"camera {name}"
     if item.get("ignore", False):
-        raise LeftOut("marked 'ignore'")
+        raise UncalibratedCamera("marked 'ignore'")
     rotation = pose_numbers(item, "rotation", where, (3,), (3, 3))
     translation = pose_numbers(item, "translation", where, (3,)) / scale
     fisheye = item.get("fisheye", False)

@@ -16,7 +16,7 @@ import numpy as np
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.io.rigs.fields import camera
-from panoptic_ros.io.rigs.options import ReadOptions, Taken
+from panoptic_ros.io.rigs.options import ReadCameras, ReadOptions
 
 Array = np.ndarray
 Z_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])  # our world (z up) from theirs (y up)
@@ -47,7 +47,7 @@ def parse(rows: list[list[float]], options: ReadOptions) -> Rig:
     number, terms = (int(value) for value in rows[0])
     if not 0 < number or not 0 <= terms <= MOST_TERMS:
         raise CalibrationError(f"line 1: {number} cameras, {terms} terms of the lens (at most {MOST_TERMS})")
-    taken, line = Taken(options), 1
+    taken, line = ReadCameras(options), 1
     for k in range(number):
         parts = []
         for count, what in LINES:

@@ -40,11 +40,11 @@ from panoptic_ros.io.storages.records import (
     records_in,
 )
 from panoptic_ros.io.storages.sqlite import JOURNALS, topics_of
-from panoptic_ros.io.storages.storage import Foreign
+from panoptic_ros.io.storages.storage import ForeignTopic
 
 
 @dataclass(frozen=True)
-class Repair:
+class RepairResult:
     """Result of a repair.
 
     Args:
@@ -59,7 +59,7 @@ class Repair:
     end_ns: int
 
 
-def repair(source: Path, target: Path) -> Repair:
+def repair(source: Path, target: Path) -> RepairResult:
     """Write the complete messages of a bag to a new one; the old one stays unchanged.
 
     Args:
@@ -85,10 +85,10 @@ def repair(source: Path, target: Path) -> Repair:
         lost = (*losses.lines, *_missing(source, files, counts, losses))
         if not counts:
             raise DataError(f"{source} has no whole message{': ' if lost else ''}{'; '.join(lost)}")
-    return Repair(dict(counts), lost, *stamps)
+    return RepairResult(dict(counts), lost, *stamps)
 
 
-def _messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Message]:
+def _messages(path: Path, losses: Losses, scratch: Path) -> Iterator[SalvagedMessage]:
     """Yield the complete messages of a file, compressed or not."""
     name = packed_name(path)
     if name == path.name:
@@ -149,7 +149,7 @@ def _by_numbers(path: Path) -> list[tuple[int, str]]:
     return [(int(word), "") if word.isdigit() else (0, word) for word in words]
 
 
-class Message(NamedTuple):
+class SalvagedMessage(NamedTuple):
     """A complete message with its recording time (ns) and CDR bytes."""
 
     connection: Connection
@@ -181,7 +181,7 @@ class Losses:
 LONGEST_STEP = 2**40  # largest step in row numbers to search for readable rows after a damaged one
 
 
-def sqlite_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Message]:
+def sqlite_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[SalvagedMessage]:
     """Yield the messages of an SQLite file in the order in which they were written.
 
     The function reads a copy of the file and its journal, because SQLite repairs a file when it opens it.
@@ -215,7 +215,7 @@ def _cut_to_pages(path: Path) -> None:
         file.truncate(path.stat().st_size // page * page)
 
 
-def _rows_of(base: sqlite3.Connection, name: str, losses: Losses) -> Iterator[Message]:
+def _rows_of(base: sqlite3.Connection, name: str, losses: Losses) -> Iterator[SalvagedMessage]:
     topics = topics_of(base)
     for topic, _ in topics.odd:
         losses.add(odd_quality(name, topic))
@@ -232,7 +232,7 @@ def _rows_of(base: sqlite3.Connection, name: str, losses: Losses) -> Iterator[Me
                     losses.count(name, left_out(other))
                     last, step = number, 1
                     continue
-                message = Message(topics.known[topic], int(stamp), bytes(data))
+                message = SalvagedMessage(topics.known[topic], int(stamp), bytes(data))
                 last, step = number, 1
                 yield message
             break
@@ -263,7 +263,7 @@ class _Record(NamedTuple):
         return self.kind > 0 and len(self.content) == self.length
 
 
-def mcap_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[Message]:
+def mcap_messages(path: Path, losses: Losses, scratch: Path) -> Iterator[SalvagedMessage]:
     """Yield the complete messages of an MCAP file, in the order in which they were written.
 
     Args:
@@ -285,7 +285,7 @@ class _Contents:
         self._topics = Topics(self._tell_quality)
         self._odd: set[tuple[str, str]] = set()  # (topic, QoS text) pairs that cannot be parsed
 
-    def messages(self, file: BinaryIO) -> Iterator[Message]:
+    def messages(self, file: BinaryIO) -> Iterator[SalvagedMessage]:
         while True:
             begin = file.tell()
             record = _next(file)
@@ -318,7 +318,7 @@ class _Contents:
         if file.read() != MAGIC:
             self._losses.add(f"{self._name}: no message, but its index at the end")
 
-    def _of_cut_chunk(self, record: _Record) -> Generator[Message, None, int]:
+    def _of_cut_chunk(self, record: _Record) -> Generator[SalvagedMessage, None, int]:
         """Yield the complete messages of a cut, uncompressed chunk; return the bytes up to the last one."""
         end = 0
         try:
@@ -334,7 +334,7 @@ class _Contents:
             pass  # cut inside a record or the chunk header; the caller reports the loss
         return end
 
-    def _inside(self, content: bytes) -> Iterator[Message]:
+    def _inside(self, content: bytes) -> Iterator[SalvagedMessage]:
         """Yield the messages of a chunk. A damaged record loses only itself.
 
         Raises:
@@ -349,7 +349,7 @@ class _Contents:
             if message is not None:
                 yield message
 
-    def _of(self, kind: int, content: bytes) -> Message | None:
+    def _of(self, kind: int, content: bytes) -> SalvagedMessage | None:
         """Return the message of a record; None if it is no message that can be written."""
         if kind != MESSAGE:
             self._topics.take(kind, content)
@@ -358,7 +358,7 @@ class _Contents:
         if (other := self._topics.foreign.get(channel)) is not None:
             self._losses.count(self._name, left_out(other))
         elif (connection := self._topics.known.get(channel)) is not None:
-            return Message(connection, stamp, content[MESSAGE_HEAD.size :])
+            return SalvagedMessage(connection, stamp, content[MESSAGE_HEAD.size :])
         else:
             self._losses.count(self._name, "messages on topics of which nothing is known")
         return None
@@ -369,7 +369,7 @@ class _Contents:
             self._losses.add(odd_quality(self._name, topic))
 
 
-def left_out(other: Foreign) -> str:
+def left_out(other: ForeignTopic) -> str:
     """Return the line about messages that are not ROS 2."""
     return f"messages on {other.topic}, which are {other.what}"
 
@@ -399,7 +399,7 @@ def _read_at_most(file: BinaryIO, length: int) -> bytes:
     return file.read(min(length, rest))
 
 
-READERS: dict[str, Callable[[Path, Losses, Path], Iterator[Message]]] = {
+READERS: dict[str, Callable[[Path, Losses, Path], Iterator[SalvagedMessage]]] = {
     ".mcap": mcap_messages,
     ".db3": sqlite_messages,
 }

@@ -35,7 +35,7 @@ from panoptic_ros.io.storages.records import (
     records_in,
     string_in,
 )
-from panoptic_ros.io.storages.storage import NEVER_NS, Contents, Part, Row, merged
+from panoptic_ros.io.storages.storage import NEVER_NS, Contents, MessageBatch, Row, merged
 
 _FOOTER = struct.Struct("<QQI")  # start of the summary section, start of its offset section, checksum
 _INDEX_HEAD = struct.Struct("<QQQQ")  # first and last recording time of a chunk, its offset and length
@@ -43,7 +43,7 @@ _INDEX_OF_ONE = 15  # bytes of a message index without entries; each entry has 1
 _STATISTICS = struct.Struct("<QHIIIIQQ")
 
 
-class _Place(NamedTuple):
+class _ChunkPosition(NamedTuple):
     """Position of a chunk in the file, with its time range (ns) and its number of messages by channel."""
 
     begin_ns: int
@@ -53,7 +53,7 @@ class _Place(NamedTuple):
     counts: Mapping[int, int]
 
 
-class _Stated(NamedTuple):
+class _StatedCounts(NamedTuple):
     """Numbers of messages, chunks, and messages by channel that the file states; the last may be missing."""
 
     messages: int
@@ -76,7 +76,7 @@ class McapStorage:
         self._file = path.open("rb")
         try:
             self._size = os.fstat(self._file.fileno()).st_size
-            self._stated: _Stated | None = None
+            self._stated: _StatedCounts | None = None
             self._forget()
             summary = self._summary()
             if not self._take_index(summary):
@@ -96,8 +96,8 @@ class McapStorage:
 
     def _forget(self) -> None:
         self._topics = Topics()
-        self._places: list[_Place] = []
-        self._loose = _Loose()
+        self._places: list[_ChunkPosition] = []
+        self._loose = _LooseMessages()
         self._counts: Counter[int] = Counter()
         self._begin_ns, self._end_ns = NEVER_NS, 0
 
@@ -105,12 +105,14 @@ class McapStorage:
         """Yield messages in the order of recording, see `storage.Storage`."""
         wanted = frozenset(numbers)
         parts = [
-            Part(place.begin_ns, partial(self._of_chunk, place, wanted, begin_ns, end_ns))
+            MessageBatch(place.begin_ns, partial(self._of_chunk, place, wanted, begin_ns, end_ns))
             for place in self._places
             if place.begin_ns < end_ns and begin_ns <= place.end_ns and wanted & place.counts.keys()
         ]
         if len(self._loose):
-            parts.append(Part(self._loose.begin_ns, partial(self._of_loose, wanted, begin_ns, end_ns)))
+            parts.append(
+                MessageBatch(self._loose.begin_ns, partial(self._of_loose, wanted, begin_ns, end_ns))
+            )
         return (row for _, row in merged(parts))
 
     def close(self) -> None:
@@ -158,7 +160,7 @@ class McapStorage:
             and self._counts.keys() <= self._topics.known.keys() | self._topics.foreign.keys()
         )
 
-    def _add(self, place: _Place) -> None:
+    def _add(self, place: _ChunkPosition) -> None:
         self._places.append(place)
         self._counts.update(place.counts)
         if place.counts:
@@ -192,7 +194,7 @@ class McapStorage:
             self._begin_ns = min(self._begin_ns, self._loose.begin_ns)
             self._end_ns = max(self._end_ns, self._loose.end_ns)
 
-    def _indexed(self, offset: int, length: int) -> _Place:
+    def _indexed(self, offset: int, length: int) -> _ChunkPosition:
         """Return the index entry of a chunk, after reading its schemas and channels."""
         content, stamps = chunk_of(self._at(offset, length)).content, []
         counts: Counter[int] = Counter()
@@ -203,7 +205,7 @@ class McapStorage:
                 stamps.append(stamp)
             else:
                 self._topics.take(kind, content[begin:end])
-        return _Place(min(stamps, default=NEVER_NS), max(stamps, default=0), offset, length, counts)
+        return _ChunkPosition(min(stamps, default=NEVER_NS), max(stamps, default=0), offset, length, counts)
 
     def _check_counts(self) -> list[str]:
         stated, there, problems = self._stated, self._counts.total(), []
@@ -215,7 +217,9 @@ class McapStorage:
             problems.append(f"{lost} messages of {self._name} are on topics of which nothing is known")
         return problems
 
-    def _of_chunk(self, place: _Place, wanted: Collection[int], begin_ns: int, end_ns: int) -> Iterator[Row]:
+    def _of_chunk(
+        self, place: _ChunkPosition, wanted: Collection[int], begin_ns: int, end_ns: int
+    ) -> Iterator[Row]:
         content, rows = chunk_of(self._at(place.offset, place.length)).content, []
         for kind, begin, end in records_in(content):
             if kind == MESSAGE:
@@ -230,7 +234,7 @@ class McapStorage:
                 yield stamp, channel, self._at(offset, length)
 
 
-class _Loose:
+class _LooseMessages:
     """Positions of messages outside of chunks, in the order of the file; 26 bytes each."""
 
     def __init__(self) -> None:
@@ -263,7 +267,7 @@ class _Loose:
             yield self._stamps[k], self._channels[k], self._offsets[k], self._lengths[k]
 
 
-def _place_of(content: bytes) -> _Place:
+def _place_of(content: bytes) -> _ChunkPosition:
     """Return a chunk's entry from its index record; the lengths of the message indexes give the counts."""
     begin_ns, end_ns, offset, length = _INDEX_HEAD.unpack_from(content)
     packed, at = string_in(content, _INDEX_HEAD.size)
@@ -275,11 +279,11 @@ def _place_of(content: bytes) -> _Place:
         for (begin, channel), end in zip(begins, ends)
         if end - begin > _INDEX_OF_ONE
     }
-    return _Place(begin_ns, end_ns, offset + FRAME.size, length - FRAME.size, counts)
+    return _ChunkPosition(begin_ns, end_ns, offset + FRAME.size, length - FRAME.size, counts)
 
 
-def _stated_in(content: bytes) -> _Stated:
+def _stated_in(content: bytes) -> _StatedCounts:
     count, _, _, _, _, chunks, _, _ = _STATISTICS.unpack_from(content)
     (length,) = struct.unpack_from("<I", content, _STATISTICS.size)
     begin = _STATISTICS.size + 4
-    return _Stated(count, chunks, dict(struct.iter_unpack("<HQ", content[begin : begin + length])))
+    return _StatedCounts(count, chunks, dict(struct.iter_unpack("<HQ", content[begin : begin + length])))

@@ -54,14 +54,14 @@ def opened(path: Path, stack: ExitStack) -> Storage:
     return storage
 
 
-class OfRos1Error(DataError):
+class Ros1BagError(DataError):
     """The file is a ROS 1 bag, which has another format."""
 
 
-def of_ros_1(path: Path) -> OfRos1Error:
+def of_ros_1(path: Path) -> Ros1BagError:
     """Return the error about a ROS 1 bag."""
     new = path.with_suffix("") if path.suffix else path.with_name(f"{path.name}_ros2")
-    return OfRos1Error(
+    return Ros1BagError(
         f"{path} is a bag of ROS 1; convert it and give {new}: "
         f"`rosbags-convert --src {path} --dst {new} --dst-storage mcap`"
     )

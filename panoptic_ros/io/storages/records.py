@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rosbags.rosbag2.storage_mcap import DECOMPRESSORS, decompress
 
 from panoptic_ros.io.bag_connections import IDL, Connection, full_kind, qualities_of, serialization_but_cdr
-from panoptic_ros.io.storages.storage import Foreign
+from panoptic_ros.io.storages.storage import ForeignTopic
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX = 0x02, 0x03, 0x04, 0x05, 0x06, 0x08
@@ -91,7 +91,7 @@ class Topics:
 
     def __init__(self, on_odd_quality: Callable[[str, str], None] = lambda topic, text: None):
         self.known: dict[int, Connection] = {}
-        self.foreign: dict[int, Foreign] = {}
+        self.foreign: dict[int, ForeignTopic] = {}
         self._schemas: dict[int, tuple[str, str, str]] = {0: ("", "", "")}  # schema 0 means: no schema
         self._on_odd_quality = on_odd_quality
 
@@ -121,7 +121,7 @@ class Topics:
         name = topic.decode()
         what = serialization_but_cdr(serialization.decode("utf-8", "replace"), language, kind)
         if what:
-            self.foreign[number] = Foreign(name, what)
+            self.foreign[number] = ForeignTopic(name, what)
             return
         if language.endswith("idl") and not definition.startswith(IDL):
             definition = f"{IDL}{kind}\n{definition}"

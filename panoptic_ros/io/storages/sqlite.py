@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from panoptic_ros.io.bag_connections import CDR, Connection, full_kind, qualities_of, serialization_but_cdr
-from panoptic_ros.io.storages.storage import NEVER_NS, Contents, Foreign, Row
+from panoptic_ros.io.storages.storage import NEVER_NS, Contents, ForeignTopic, Row
 
 MAGIC = b"SQLite format 3\0"
 JOURNALS = ("-wal", "-journal")  # suffixes of the files that SQLite keeps beside a file that is being written
@@ -18,7 +18,7 @@ class TopicRows(NamedTuple):
     """Topics of a file: readable and unreadable ones by number, and (topic, QoS text) with invalid QoS."""
 
     known: dict[int, Connection]
-    foreign: dict[int, Foreign]
+    foreign: dict[int, ForeignTopic]
     odd: tuple[tuple[str, str], ...]
 
 
@@ -92,7 +92,7 @@ def topics_of(base: sqlite3.Connection) -> TopicRows:
         language, definition = definitions.get(kind, ("", ""))
         kind = full_kind(kind)
         if what := serialization_but_cdr(serialization, language, kind):
-            found.foreign[number] = Foreign(topic, what)
+            found.foreign[number] = ForeignTopic(topic, what)
             continue
         try:
             qualities = qualities_of(quality)

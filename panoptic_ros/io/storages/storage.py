@@ -16,7 +16,7 @@ PACKED = (".zstd", ".zst")  # suffixes of compressed files, after these
 NEVER_NS = 2**63 - 1  # later than every timestamp
 
 
-class Foreign(NamedTuple):
+class ForeignTopic(NamedTuple):
     """A topic whose messages cannot be read, and the name of their serialization or kind."""
 
     topic: str
@@ -36,7 +36,7 @@ class Contents(NamedTuple):
     """
 
     topics: Mapping[int, Connection]
-    foreign: Mapping[int, Foreign]
+    foreign: Mapping[int, ForeignTopic]
     counts: Mapping[int, int]
     begin_ns: int
     end_ns: int
@@ -57,14 +57,14 @@ class Storage(Protocol):
         """Close the file."""
 
 
-class Part(NamedTuple):
+class MessageBatch(NamedTuple):
     """Messages in order of time; all are at or after `begin_ns`."""
 
     begin_ns: int
     rows: Callable[[], Iterator[Row]]
 
 
-def merged(parts: Sequence[Part]) -> Iterator[tuple[int, Row]]:
+def merged(parts: Sequence[MessageBatch]) -> Iterator[tuple[int, Row]]:
     """Yield the messages of all parts in order of time, each with the number of its part.
 
     A part is opened only when its begin time is reached, so a long recording is never completely in memory.

@@ -1,6 +1,6 @@
 """Measurements of a body between two instants, apart from what cameras see at these instants.
 
-`Contact` tracks the feet while no camera sees the body. It finds the foot that carries the body, and the
+`FootContacts` tracks the feet while no camera sees the body. It finds the foot that carries the body, and the
 place where each foot stands.
 
 A standing foot hardly rotates and hardly accelerates, whatever the height of the ground below it. This
@@ -22,14 +22,14 @@ import numpy as np
 from panoptic_ros.geometry.chain import Pose, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.geometry.segment_chain import Chain
-from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder
 from panoptic_ros.kinematics.imus.devices import WornDevices
 from panoptic_ros.kinematics.pose.targets import (
     NO_ACCELERATIONS,
     NOTHING_STANDS,
-    Between,
-    Standing,
-    Turning,
+    IncrementEvidence,
+    RotationIncrements,
+    SiteDisplacements,
 )
 
 Array = np.ndarray
@@ -43,7 +43,7 @@ CATCH_UP_S = 0.1  # time constant with which the body returns to where its feet 
 UNSEEN_S = 1.0  # time without cameras after which the acceleration of the root is not trusted
 
 
-class Contact:
+class FootContacts:
     """Ground contacts of the feet of one body, one instant at a time.
 
     Args:
@@ -65,7 +65,7 @@ class Contact:
 
     def step(
         self, chain: Chain, pose: Pose, rates: Mapping[int, float], accelerations: Mapping[int, float]
-    ) -> Standing:
+    ) -> SiteDisplacements:
         """Return the site of the carrying foot and its displacement until the next instant.
 
         Args:
@@ -85,7 +85,7 @@ class Contact:
         move = self._way_back(sites, lowest, at_rest, unrest)
         spread = STANDING_SD * (1.0 + unrest[carrying] ** 2)
         site = self._ground[lowest[carrying]]
-        return Standing(np.array([site]), np.zeros((1, 3)), move[None], np.array([spread**-2]))
+        return SiteDisplacements(np.array([site]), np.zeros((1, 3)), move[None], np.array([spread**-2]))
 
     @property
     def loads(self) -> Array:
@@ -151,12 +151,12 @@ class Contact:
         return segment
 
 
-class BetweenInstants:
+class IncrementEvidenceBuilder:
     """Accelerations and rotations from IMUs and, while no camera sees the body, the foot that carries it."""
 
-    def __init__(self, chain: Chain, weighing: Weighing, rate_hz: float):
+    def __init__(self, chain: Chain, weighing: EvidenceBuilder, rate_hz: float):
         self._rate_hz = rate_hz
-        self._contact = Contact(chain.parents, weighing.floor.segments, rate_hz)
+        self._contact = FootContacts(chain.parents, weighing.floor.segments, rate_hz)
         self._unseen_s = 0.0 if len(weighing.rotations) else math.inf
 
     def passed(self, seconds: float, seen: bool) -> None:
@@ -179,7 +179,7 @@ class BetweenInstants:
         body: tuple[Chain, Pose],
         begun: bool,
         stride: int,
-    ) -> Between:
+    ) -> IncrementEvidence:
         """Return the measurements between the previous instant and this one.
 
         Args:
@@ -191,11 +191,13 @@ class BetweenInstants:
         turning = devices.turning(*oriented, stride)
         free = self._unseen_s > UNSEEN_S
         accelerations = devices.accelerations(free, stride) if begun else NO_ACCELERATIONS
-        return Between(accelerations, turning, self._standing(devices, turning, body, stride), stride)
+        return IncrementEvidence(
+            accelerations, turning, self._standing(devices, turning, body, stride), stride
+        )
 
     def _standing(
-        self, devices: WornDevices, turning: Turning, body: tuple[Chain, Pose], stride: int
-    ) -> Standing:
+        self, devices: WornDevices, turning: RotationIncrements, body: tuple[Chain, Pose], stride: int
+    ) -> SiteDisplacements:
         """Return the site of the carrying foot while no camera sees the body."""
         if self._unseen_s <= UNSEEN_S:
             self._contact.forget()

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.domain.segments import Body
+from panoptic_ros.domain.segments import SegmentedBody
 from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.segment_chain import Chain
@@ -26,10 +26,10 @@ from panoptic_ros.kinematics.pose.targets import (
     NO_POINTS,
     NO_TURNS,
     NO_VIEWS,
-    Evidence,
-    Floor,
+    FloorPoints,
+    OrientationTargets,
     PointTargets,
-    TurnTargets,
+    PoseEvidence,
     ViewTargets,
 )
 
@@ -84,7 +84,7 @@ class NoiseLevel:
         self._since = 0.0
 
 
-class Weighing:
+class EvidenceBuilder:
     """Builder of the evidence for one subject.
 
     Args:
@@ -133,7 +133,9 @@ class Weighing:
             self.prior = self.prior._replace(hinges=hinges_of(model, math.radians(config.hinge_sd)))
         ground = np.array([model.index(name) for name in model.ground], np.int64)
         self.floor = (
-            Floor(ground, PAPER_RADIUS, PAPER["floor"]) if paper else Floor(ground, 0.0, FLOOR_SD**-2)
+            FloorPoints(ground, PAPER_RADIUS, PAPER["floor"])
+            if paper
+            else FloorPoints(ground, 0.0, FLOOR_SD**-2)
         )
 
     @property
@@ -141,7 +143,7 @@ class Weighing:
         """Return the detection columns (N,) in use, their segments (N,) and offsets (N, 3) m."""
         return self._columns, self._segments, self._offsets
 
-    def with_body(self, body: Body) -> Weighing:
+    def with_body(self, body: SegmentedBody) -> EvidenceBuilder:
         """Return a copy for the same subject with other lengths."""
         seen = body.seen
         found = copy.copy(self)
@@ -203,7 +205,7 @@ class Weighing:
             self._anchors[known],
         )
 
-    def turns(self, segments: Array, goals: Array, spreads: Array) -> TurnTargets:
+    def turns(self, segments: Array, goals: Array, spreads: Array) -> OrientationTargets:
         """Return the targets of orientations.
 
         Args:
@@ -214,8 +216,10 @@ class Weighing:
         weights = (
             np.full(len(segments), PAPER["orientation"]) if self._config.paper_weights else 4.0 / spreads**2
         )
-        return TurnTargets(segments, np.ascontiguousarray(goals), weights, 0.0)
+        return OrientationTargets(segments, np.ascontiguousarray(goals), weights, 0.0)
 
-    def evidence(self, views: ViewTargets, turns: TurnTargets, points: PointTargets = NO_POINTS) -> Evidence:
+    def evidence(
+        self, views: ViewTargets, turns: OrientationTargets, points: PointTargets = NO_POINTS
+    ) -> PoseEvidence:
         """Return all evidence of an instant."""
-        return Evidence(views, points, turns, self.floor, self.prior, 1.0)
+        return PoseEvidence(views, points, turns, self.floor, self.prior, 1.0)

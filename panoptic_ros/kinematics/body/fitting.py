@@ -23,8 +23,8 @@ from panoptic_ros.kinematics.pose.targets import (
     NO_HINGES,
     NO_TURNS,
     NO_VIEWS,
-    Evidence,
     PointTargets,
+    PoseEvidence,
     PosePrior,
     no_anchor,
 )
@@ -156,7 +156,7 @@ def _follow(
         goals = np.ascontiguousarray(frame[there])
         information = np.tile(np.eye(3) / JOINT_SD**2, (len(there), 1, 1))
         targets = PointTargets(segments[there], places[there], goals, information, 0.0)
-        evidence = Evidence(NO_VIEWS, targets, NO_TURNS, NO_FLOOR, prior, 1.0)
+        evidence = PoseEvidence(NO_VIEWS, targets, NO_TURNS, NO_FLOOR, prior, 1.0)
         rounds = ITERATIONS if t else FIRST_ITERATIONS
         solve_pose(chain, pose, evidence, no_anchor(count), rounds, hessian)
         poses.append(pose.copy())

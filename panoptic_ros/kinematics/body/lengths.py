@@ -5,7 +5,7 @@ remaining information about the lengths is averaged over instants. Averages are 
 detector have about the same errors at all instants. All data therefore count as only a few independent
 observations. Left and right lengths are equal.
 
-`Lengthening` introduces new lengths gradually, because an instantaneous change would make limbs jump.
+`LengthTransition` introduces new lengths gradually, because an instantaneous change would make limbs jump.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ import math
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from panoptic_ros.domain.segments import Body, SegmentModel
+from panoptic_ros.domain.segments import SegmentedBody, SegmentModel
 from panoptic_ros.geometry.chain import Pose, place_segments, place_sites
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.pose.normal_equations import assemble
-from panoptic_ros.kinematics.pose.targets import Evidence, PointTargets, ViewTargets, no_anchor
+from panoptic_ros.kinematics.pose.targets import PointTargets, PoseEvidence, ViewTargets, no_anchor
 
 Array = np.ndarray
 
@@ -30,14 +30,14 @@ LEAST_SHARE = 0.02  # fraction of the stature: smaller components of an offset h
 NEAREST = 0.1  # m, minimum depth in front of a camera
 
 
-class Lengthening:
+class LengthTransition:
     """Gradual change from one set of offsets to those of a body, along half a cosine.
 
     Args:
         begin: (S, 3) m, current offsets.
     """
 
-    def __init__(self, begin: Array, body: Body):
+    def __init__(self, begin: Array, body: SegmentedBody):
         self._begin, self._body, self._passed_s = begin.copy(), body, 0.0
 
     @property
@@ -45,7 +45,7 @@ class Lengthening:
         """Return whether the change is complete."""
         return self._passed_s >= LASTS_S
 
-    def after(self, seconds: float) -> Body:
+    def after(self, seconds: float) -> SegmentedBody:
         """Advance by `seconds` and return the body at that time."""
         self._passed_s += seconds
         if self.is_over:
@@ -106,7 +106,7 @@ class LengthEstimate:
         found: Array = self._moved @ self._unsure @ self._moved.swapaxes(1, 2)
         return found
 
-    def look(self, chain: Chain, pose: Pose, evidence: Evidence) -> None:
+    def look(self, chain: Chain, pose: Pose, evidence: PoseEvidence) -> None:
         """Learn from an instant whose pose was solved with this chain.
 
         Args:

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.domain.segments import SHORTEST, TALLEST, Body, SegmentModel
+from panoptic_ros.domain.segments import SHORTEST, TALLEST, SegmentedBody, SegmentModel
 from panoptic_ros.domain.subjects import Subject
-from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder
 from panoptic_ros.kinematics.body.lengths import LengthEstimate
 from panoptic_ros.kinematics.body.start import first_pose
 from panoptic_ros.kinematics.config import KinematicsConfig
@@ -44,7 +44,7 @@ class MeasuredBody:
         statistics: PoseStatistics,
         joint_names: Sequence[str],
         joints: tuple[Array, Array],
-    ) -> Body | None:
+    ) -> SegmentedBody | None:
         """Add a skeleton, and return the body if an update is due, else None.
 
         An update is due at the first skeleton and whenever the number of skeletons has doubled.
@@ -106,12 +106,12 @@ def _fitted(
     config: KinematicsConfig,
     statistics: PoseStatistics,
     joint_names: Sequence[str],
-    body: Body,
+    body: SegmentedBody,
     seen: Sequence[tuple[Array, Array]],
-) -> Body:
+) -> SegmentedBody:
     """Return the body with lengths estimated from skeletons, with left and right equal."""
     subject, model = Subject(0, body), body.model
-    weighing = Weighing(config, subject, statistics, None, joint_names)
+    weighing = EvidenceBuilder(config, subject, statistics, None, joint_names)
     estimate, anchor = LengthEstimate(model, body.offsets), no_anchor(len(model.names))
     pose = first_pose(weighing, subject, {}, UNORIENTED, seen[0])
     for joints in seen:
@@ -123,7 +123,7 @@ def _fitted(
     return body.with_offsets(dict(zip(model.names, estimate.offsets())))
 
 
-def _pairs_of(body: Body, joint_names: Sequence[str], seen: Array) -> dict[str, tuple[str, Array]]:
+def _pairs_of(body: SegmentedBody, joint_names: Sequence[str], seen: Array) -> dict[str, tuple[str, Array]]:
     """Return keypoints of the detector's paired joints on one segment.
 
     Their distance is the median one in skeletons (N, J, 3) m.

@@ -16,7 +16,7 @@ NEAREST = 0.1  # m, minimum depth in front of a camera
 FEWEST = 3  # minimum number of visible joints that locate a person
 
 
-class Sites(NamedTuple):
+class ExpectedJoints(NamedTuple):
     """Expected joints of a body.
 
     Attributes:

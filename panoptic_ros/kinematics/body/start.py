@@ -9,7 +9,7 @@ import numpy as np
 from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.rotations import rotations_of, turn_about_z
-from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder
 from panoptic_ros.kinematics.body.sight import People
 from panoptic_ros.kinematics.pose.solve import solve_pose
 from panoptic_ros.kinematics.pose.targets import no_anchor
@@ -22,7 +22,7 @@ PELVIS_SHARE = 0.53  # fraction of the stature: height of the pelvis where no da
 
 
 def first_pose(
-    weighing: Weighing,
+    weighing: EvidenceBuilder,
     subject: Subject,
     people: People,
     oriented: tuple[Array, Array],
@@ -77,7 +77,7 @@ def _candidates(subject: Subject, root: Array, segments: Array, goals: Array) ->
     return found
 
 
-def middle_of(weighing: Weighing, people: People, joints: tuple[Array, Array] | None) -> Array | None:
+def middle_of(weighing: EvidenceBuilder, people: People, joints: tuple[Array, Array] | None) -> Array | None:
     """Return the middle (3,) m of a person's joints, or None.
 
     It is the median of the 3D joints, if these are given. Otherwise it is the point nearest to the rays to
@@ -97,7 +97,7 @@ def _median(joints: Array) -> Array | None:
     return np.median(known, axis=0) if len(known) else None
 
 
-def _rays(weighing: Weighing, people: People) -> tuple[Array, Array]:
+def _rays(weighing: EvidenceBuilder, people: People) -> tuple[Array, Array]:
     """Return the normal equations (3, 3), (3,) of the point nearest to the rays.
 
     There is one ray per view, to the middle of the 2D pose.
@@ -116,7 +116,7 @@ def _rays(weighing: Weighing, people: People) -> tuple[Array, Array]:
 
 
 def _root(
-    weighing: Weighing,
+    weighing: EvidenceBuilder,
     subject: Subject,
     people: People,
     joints: tuple[Array, Array] | None,

@@ -1,8 +1,8 @@
 """Solver for one designated person, one instant at a time.
 
-`Past` holds the instants that were solved recently, and finds those that are at least the lag ago. A late
-stage leaves out instants, so their spacing varies. `acceleration_goals` is the acceleration term of Malleson
-et al. 2020, eq. 13. It returns the positions of sites that the accelerations of their IMUs imply.
+`RecentInstants` holds the instants that were solved recently, and finds those that are at least the lag ago.
+A late stage leaves out instants, so their spacing varies. `acceleration_goals` is the acceleration term of
+Malleson et al. 2020, eq. 13. It returns the positions of sites that the accelerations of their IMUs imply.
 """
 
 from __future__ import annotations
@@ -13,24 +13,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from panoptic_ros.domain.segments import Body
+from panoptic_ros.domain.segments import SegmentedBody
 from panoptic_ros.domain.subjects import BodyState, Subject
 from panoptic_ros.geometry.chain import Pose, place_all, place_segments
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.geometry.segment_chain import Chain
-from panoptic_ros.kinematics.body.between import BetweenInstants
-from panoptic_ros.kinematics.body.evidence import NoiseLevel, Weighing
-from panoptic_ros.kinematics.body.lengths import Lengthening, LengthEstimate
-from panoptic_ros.kinematics.body.sight import People, Sites
+from panoptic_ros.kinematics.body.between import IncrementEvidenceBuilder
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder, NoiseLevel
+from panoptic_ros.kinematics.body.lengths import LengthEstimate, LengthTransition
+from panoptic_ros.kinematics.body.sight import ExpectedJoints, People
 from panoptic_ros.kinematics.body.start import first_pose, middle_of
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.devices import WornDevices
-from panoptic_ros.kinematics.imus.measured import Measured
+from panoptic_ros.kinematics.imus.measured import ImuMeasurements
 from panoptic_ros.kinematics.imus.mounting import MountingEstimate
 from panoptic_ros.kinematics.pose.covariance import segment_covariances
 from panoptic_ros.kinematics.pose.solve import solve_pose
-from panoptic_ros.kinematics.pose.targets import NO_TURNS, Evidence, PointTargets, no_anchor
-from panoptic_ros.kinematics.pose.window import Motion, PoseWindow
+from panoptic_ros.kinematics.pose.targets import NO_TURNS, PointTargets, PoseEvidence, no_anchor
+from panoptic_ros.kinematics.pose.window import AccelerationModel, PoseWindow
 
 Array = np.ndarray
 
@@ -41,7 +41,7 @@ KEPT = 2  # instants for which the information from after a pose is reused: abou
 SAME_LENGTHS = 0.002  # m, change of lengths below which learning ends
 
 
-class Past:
+class RecentInstants:
     """Timestamps of recent instants, and the number of periods since the instant before each."""
 
     def __init__(self) -> None:
@@ -124,7 +124,7 @@ class SubjectTracker:
         self,
         config: KinematicsConfig,
         subject: Subject,
-        weighing: Weighing,
+        weighing: EvidenceBuilder,
         mounts: dict[str, Array],
         heading: float = 0.0,
     ):
@@ -134,7 +134,7 @@ class SubjectTracker:
         self.lengths: LengthEstimate | None = None
         if config.lengths and not subject.measured and not config.paper_weights:
             self.lengths = LengthEstimate(subject.body.model, subject.body.offsets, config.looks)
-        self._lengthening: Lengthening | None = None
+        self._lengthening: LengthTransition | None = None
         # (S, 3, 3) m^2 from uncertain lengths, frame of the first segment
         self._length_spreads: Array | None = None
         self._next_look, self._next_update = LENGTH_LOOK_S, LENGTH_LOOKS
@@ -145,7 +145,7 @@ class SubjectTracker:
         self._window: PoseWindow | None = None
         self._pose: Pose | None = None
         self._before: Pose | None = None
-        self._past = Past()
+        self._past = RecentInstants()
         self.iterations: deque[int] = deque(maxlen=1000)
 
     @property
@@ -187,7 +187,7 @@ class SubjectTracker:
     def at_rest(self) -> SubjectTracker:
         """Return a copy without motion, which continues after a pause from the last pose."""
         found = copy.copy(self)
-        found._window, found._before, found._past = None, None, Past()
+        found._window, found._before, found._past = None, None, RecentInstants()
         return found
 
     def move_to(self, people: People, joints: tuple[Array, Array] | None) -> None:
@@ -203,17 +203,17 @@ class SubjectTracker:
         moved.root[:] += place - (sites.middle if joints is not None else sites.middle_seen(people))
         self._pose, self._window, self._before = moved, None, None
         self.devices.forget()
-        self._past = Past()
+        self._past = RecentInstants()
 
-    def take_body(self, body: Body) -> None:
+    def take_body(self, body: SegmentedBody) -> None:
         """Change to other lengths: gradually during motion, else at once."""
         if self._window is None:
             self._lengthening = None
             self._put_on(body)
         else:
-            self._lengthening = Lengthening(self._chain.offsets, body)
+            self._lengthening = LengthTransition(self._chain.offsets, body)
 
-    def _put_on(self, body: Body) -> None:
+    def _put_on(self, body: SegmentedBody) -> None:
         self.body, self._chain, self.weighing = body, body.chain, self.weighing.with_body(body)
         self.devices.take_chain(self._chain)
         if self._window is not None:
@@ -225,7 +225,7 @@ class SubjectTracker:
             return self._window.predicted(stride)
         return self._pose
 
-    def expected_sites(self) -> Sites | None:
+    def expected_sites(self) -> ExpectedJoints | None:
         """Return the predicted positions of joints, or None without a pose."""
         pose = self.expected()
         if pose is None:
@@ -233,12 +233,12 @@ class SubjectTracker:
         frames, places = np.empty((self._count, 3, 3)), np.empty((self._count, 3))
         place_segments(self._chain, pose, frames, places)
         columns, segments, offsets = self.weighing.sites
-        return Sites(columns, places[segments] + (frames[segments] @ offsets[..., None])[..., 0])
+        return ExpectedJoints(columns, places[segments] + (frames[segments] @ offsets[..., None])[..., 0])
 
     def step(
         self,
         stamp_ns: int,
-        measured: Measured,
+        measured: ImuMeasurements,
         people: People,
         joints: tuple[Array, Array] | None = None,
         stride: int = 1,
@@ -304,10 +304,10 @@ class SubjectTracker:
     def _lag(self) -> int:
         return round(self._config.lag * self._config.rate_hz) if self._config.window else 0
 
-    def _fresh_between(self) -> BetweenInstants:
-        return BetweenInstants(self._chain, self.weighing, self._config.rate_hz)
+    def _fresh_between(self) -> IncrementEvidenceBuilder:
+        return IncrementEvidenceBuilder(self._chain, self.weighing, self._config.rate_hz)
 
-    def _learn_lengths(self, evidence: Evidence, views: int, period: float) -> None:
+    def _learn_lengths(self, evidence: PoseEvidence, views: int, period: float) -> None:
         """Observe lengths at intervals, and apply the result whenever the number of observations has doubled.
 
         Learning ends once lengths no longer change.
@@ -328,12 +328,14 @@ class SubjectTracker:
                 self.lengths = None
 
     def _step_window(
-        self, guess: Pose, evidence: Evidence, oriented: tuple[Array, Array], stride: int
+        self, guess: Pose, evidence: PoseEvidence, oriented: tuple[Array, Array], stride: int
     ) -> None:
         assert self._pose is not None
         period = 1.0 / self._config.rate_hz
         if self._window is None:
-            motion = Motion(self._config.root_acceleration, self._config.joint_acceleration, period)
+            motion = AccelerationModel(
+                self._config.root_acceleration, self._config.joint_acceleration, period
+            )
             self._window = PoseWindow(self._chain, self._pose, motion, self._lag)
             guess = self._window.predicted(stride)
         body, begun = (self._chain, self._pose), len(self._past) >= 2
@@ -342,7 +344,7 @@ class SubjectTracker:
         self._pose = self._window.step(guess, evidence, between, self._config.iterations)
         self.iterations.append(self._window.iterations)
 
-    def _step_alone(self, evidence: Evidence, period: float) -> None:
+    def _step_alone(self, evidence: PoseEvidence, period: float) -> None:
         assert self._pose is not None
         accelerated = self.devices.accelerated.any()
         if self._config.paper_acceleration > 0.0 and self._before is not None and accelerated:

@@ -102,7 +102,7 @@ def compare_turned(
     return matrices, pulls, constants, numbers
 
 
-class Felt(NamedTuple):
+class DeviceSignals(NamedTuple):
     """Measurements of a device at a fixed rate.
 
     Attributes:
@@ -116,7 +116,7 @@ class Felt(NamedTuple):
     forces: Array
 
 
-class Alignment(NamedTuple):
+class ImuAlignment(NamedTuple):
     """Alignment of IMUs in space and time.
 
     Attributes:
@@ -140,7 +140,7 @@ class Alignment(NamedTuple):
         return self.heading_unsure < ENOUGH and self.unsure < ENOUGH_S
 
 
-class _Pair(NamedTuple):
+class _VectorPair(NamedTuple):
     """The same vectors, measured by a device and seen by cameras.
 
     Attributes:
@@ -156,7 +156,7 @@ class _Pair(NamedTuple):
     information: Array
 
 
-class _Seen(NamedTuple):
+class _BodyTrajectory(NamedTuple):
     """Bodies at a fixed rate; NaN = missing.
 
     Attributes:
@@ -173,7 +173,9 @@ class _Seen(NamedTuple):
     step: float
 
 
-def align(subject: Subject, states: Sequence[BodyState], felt: Mapping[str, Felt]) -> Alignment | None:
+def align(
+    subject: Subject, states: Sequence[BodyState], felt: Mapping[str, DeviceSignals]
+) -> ImuAlignment | None:
     """Return the alignment of a subject's IMUs in space and time, or None without enough motion.
 
     Args:
@@ -206,10 +208,10 @@ def align(subject: Subject, states: Sequence[BodyState], felt: Mapping[str, Felt
         heading = float(headings[turned]) + apart
     if not heading_unsure < LEAST_SURE:
         return None
-    return Alignment(heading, offset, heading_unsure, math.hypot(unsure, CLOCK_SD))
+    return ImuAlignment(heading, offset, heading_unsure, math.hypot(unsure, CLOCK_SD))
 
 
-def _regular(states: Sequence[BodyState]) -> _Seen:
+def _regular(states: Sequence[BodyState]) -> _BodyTrajectory:
     """Return the bodies on a grid of timestamps without gaps."""
     stamps = np.array([state.stamp_ns for state in states])
     step = float(np.median(np.diff(stamps)))
@@ -221,10 +223,10 @@ def _regular(states: Sequence[BodyState]) -> _Seen:
     exact = np.zeros((segments, 3, 3))
     covariances[rows] = [exact if s.covariances is None else s.covariances[:, 3:, 3:] for s in states]
     grid = stamps[0] + np.round(step * np.arange(count)).astype(np.int64)
-    return _Seen(grid, places, frames, covariances, 1e-9 * step)
+    return _BodyTrajectory(grid, places, frames, covariances, 1e-9 * step)
 
 
-def _turns(seen: _Seen, device: Device, felt: Felt) -> _Pair:
+def _turns(seen: _BodyTrajectory, device: Device, felt: DeviceSignals) -> _VectorPair:
     """Return the rotations of the segment and of the device over TURN_S, at the middle of this interval."""
     frames, spread = seen.frames[:, device.segment], seen.covariances[:, device.segment]
     back = max(round(TURN_S / seen.step), 1)
@@ -234,7 +236,7 @@ def _turns(seen: _Seen, device: Device, felt: Felt) -> _Pair:
     information[known] = np.linalg.inv(both[known])
     own = max(round(TURN_S / (1e-9 * float(np.median(np.diff(felt.stamps))))), 1)
     return _thinned(
-        _Pair(
+        _VectorPair(
             (felt.stamps[own:] + felt.stamps[:-own]) // 2,
             _between(felt.turns, own),
             (seen.stamps[back:] + seen.stamps[:-back]) // 2,
@@ -245,14 +247,14 @@ def _turns(seen: _Seen, device: Device, felt: Felt) -> _Pair:
     )
 
 
-def _accelerations(seen: _Seen, device: Device, felt: Felt) -> _Pair:
+def _accelerations(seen: _BodyTrajectory, device: Device, felt: DeviceSignals) -> _VectorPair:
     """Return the accelerations of the place of the device, below about 3 Hz."""
     site = seen.places[:, device.segment] + seen.frames[:, device.segment] @ device.position
     own = 1e-9 * float(np.median(np.diff(felt.stamps)))
     forces = (felt.turns @ felt.forces[..., None])[..., 0] - GRAVITY
     pushed = np.gradient(np.gradient(site, seen.step, axis=0), seen.step, axis=0)
     return _thinned(
-        _Pair(
+        _VectorPair(
             felt.stamps,
             gaussian_filter1d(forces, SMOOTHING_S / own, axis=0),
             seen.stamps,
@@ -276,14 +278,14 @@ def _between(frames: Array, steps: int) -> Array:
     return found
 
 
-def _thinned(pair: _Pair, step: float) -> _Pair:
+def _thinned(pair: _VectorPair, step: float) -> _VectorPair:
     every = max(round(COMPARED_S / step), 1)
     return pair._replace(
         stamps=pair.stamps[::every], seen=pair.seen[::every], information=pair.information[::every]
     )
 
 
-class _Fit(NamedTuple):
+class _AlignmentResiduals(NamedTuple):
     """Residuals of one kind of data.
 
     Attributes:
@@ -301,7 +303,7 @@ class _Fit(NamedTuple):
         return found
 
 
-def _fit(pairs: Sequence[_Pair], headings: Array) -> _Fit:
+def _fit(pairs: Sequence[_VectorPair], headings: Array) -> _AlignmentResiduals:
     """Return the residuals of one kind of data, for all devices."""
     turns = np.stack([np.cos(headings), np.sin(headings)])
     left, counts = np.zeros((len(OFFSETS_S), len(pairs), len(headings))), np.zeros(len(pairs), int)
@@ -313,10 +315,10 @@ def _fit(pairs: Sequence[_Pair], headings: Array) -> _Fit:
         for o, (matrix, vector, constant, count) in enumerate(zip(*sums)):
             found = (turns * (matrix @ turns)).sum(0) - 2.0 * vector @ turns + constant
             left[o, d] = found * (len(pair.stamps) / max(count, 1))
-    return _Fit(left, counts)
+    return _AlignmentResiduals(left, counts)
 
 
-def _of_devices(fits: Sequence[_Fit], offset: int, heading: int) -> Array:
+def _of_devices(fits: Sequence[_AlignmentResiduals], offset: int, heading: int) -> Array:
     """Return minus the log-likelihood (H,) of the common heading.
 
     Each device has its own heading, which is normally distributed about the common one.
@@ -333,7 +335,7 @@ def _of_devices(fits: Sequence[_Fit], offset: int, heading: int) -> Array:
     return found
 
 
-def _covered(pair: _Pair) -> _Pair:
+def _covered(pair: _VectorPair) -> _VectorPair:
     """Return the part of the camera data that has IMU samples at all clock offsets."""
     most = 1e9 * float(np.abs(OFFSETS_S).max())
     there = (pair.stamps >= pair.when[0] + most) & (pair.stamps <= pair.when[-1] - most)
@@ -375,12 +377,12 @@ def _valley(grid: Array, values: Array) -> tuple[float, float]:
     return middle - 0.5 * slope / bend, 1.0 / math.sqrt(2.0 * bend)
 
 
-def felt_of(series: ImuSeries, rate_hz: float) -> Felt:
+def felt_of(series: ImuSeries, rate_hz: float) -> DeviceSignals:
     """Return the measurements of a device at a fixed rate."""
     count = int((series.stamps[-1] - series.stamps[0]) * 1e-9 * rate_hz) + 1
     stamps = series.stamps[0] + np.round(np.arange(count) * 1e9 / rate_hz).astype(np.int64)
     measured = resample(series, stamps)
-    return Felt(stamps, measured.orientations, measured.forces)
+    return DeviceSignals(stamps, measured.orientations, measured.forces)
 
 
 def cameras_alone(config: KinematicsConfig) -> KinematicsConfig:
@@ -388,7 +390,7 @@ def cameras_alone(config: KinematicsConfig) -> KinematicsConfig:
     return replace(config, lag=ALIGNED_LAG_S)
 
 
-def taken_over(subject: Subject, found: Alignment, clocks: bool) -> tuple[float, int, list[str]]:
+def taken_over(subject: Subject, found: ImuAlignment, clocks: bool) -> tuple[float, int, list[str]]:
     """Return the heading, rad, the offset for the IMUs' timestamps, ns, and lines about changes.
 
     The lines are about values that differ from the stated ones.

@@ -78,7 +78,7 @@ def t_pose_turns(parents: Array, segments: Array, spread: float) -> Array:
     return found
 
 
-class Balance:
+class BalanceEstimate:
     """Rotations (N, 3) rad of the segments under devices, estimated from balance.
 
     Each is in the frame of its segment.

@@ -1,7 +1,7 @@
 """IMUs of one person: their measurements at an instant, their mountings, and their faults.
 
-`Wearing` finds which device is on which segment. Each of two exchanged devices rotates like the other's
-segment.
+`RotationComparison` finds which device is on which segment. Each of two exchanged devices rotates like the
+other's segment.
 """
 
 from __future__ import annotations
@@ -12,21 +12,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain.segments import Body
+from panoptic_ros.domain.segments import SegmentedBody
 from panoptic_ros.domain.subjects import Device, Subject
 from panoptic_ros.geometry.chain import Pose, place_all
 from panoptic_ros.geometry.rotations import mean_rotation, rotations_of, turn_about_z, vectors_of
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.imus.balance import Balance, masses_of, t_pose_turns
-from panoptic_ros.kinematics.imus.measured import Measured
+from panoptic_ros.kinematics.imus.balance import BalanceEstimate, masses_of, t_pose_turns
+from panoptic_ros.kinematics.imus.measured import ImuMeasurements
 from panoptic_ros.kinematics.imus.mounting import MountingEstimate
 from panoptic_ros.kinematics.pose.solve import solve_pose
 from panoptic_ros.kinematics.pose.targets import (
     NO_ACCELERATIONS,
     Accelerations,
-    Evidence,
-    Turning,
+    PoseEvidence,
+    RotationIncrements,
     no_anchor,
 )
 from panoptic_ros.stage import Notice
@@ -47,7 +47,7 @@ LOOK_ITERATIONS = 10
 LEAST_BONE, ON_AXIS = 0.15, 0.07
 
 
-class Exchange(NamedTuple):
+class DeviceExchange(NamedTuple):
     """Two devices, by number, that are on each other's segment.
 
     `mounts` are their mountings there, (3, 3) each, segment from device.
@@ -57,14 +57,14 @@ class Exchange(NamedTuple):
     mounts: tuple[Array, Array]
 
 
-class Wearing:
+class RotationComparison:
     """Comparison of how devices rotate with how segments rotate according to cameras alone."""
 
     def __init__(self, count: int):
         self._looks: deque[tuple[Array, Array]] = deque(maxlen=COMPARED_LOOKS)
         self._count = count
 
-    def look(self, frames: Array, orientations: Array, mounts: Array, unseen: Array) -> Exchange | None:
+    def look(self, frames: Array, orientations: Array, mounts: Array, unseen: Array) -> DeviceExchange | None:
         """Add an observation and return two exchanged devices, or None. A find clears all observations.
 
         There are two cases. If the names are exchanged, the data of each device fit the segment and the
@@ -86,7 +86,7 @@ class Wearing:
             self._looks.clear()
         return found
 
-    def _names(self, seen: Array, told: Array, mounts: Array, unseen: Array) -> Exchange | None:
+    def _names(self, seen: Array, told: Array, mounts: Array, unseen: Array) -> DeviceExchange | None:
         """Return two devices whose data fit the segment and the mounting of each other, or None."""
         # axes: observation, segment, device, 3, 3
         goals = told[-FEWEST_LABELS:, None] @ mounts.swapaxes(1, 2)[None, :, None]
@@ -99,9 +99,9 @@ class Wearing:
         wrong = np.flatnonzero(np.diag(off) > WRONG).tolist()
         pairs = [(max(off[i, j], off[j, i]), i, j) for i in wrong for j in wrong if i < j]
         worst, i, j = min(pairs, default=(np.inf, 0, 0))
-        return Exchange((i, j), (mounts[j], mounts[i])) if worst < RIGHT else None
+        return DeviceExchange((i, j), (mounts[j], mounts[i])) if worst < RIGHT else None
 
-    def _turns(self, seen: Array, told: Array) -> Exchange | None:
+    def _turns(self, seen: Array, told: Array) -> DeviceExchange | None:
         own, _ = _scatter(seen, told)
         odd = np.flatnonzero(own > ODD)
         pairs = [(i, j) for i in odd for j in odd if i < j]
@@ -115,7 +115,7 @@ class Wearing:
         if share[best] >= BETTER:
             return None
         i, j = pairs[best]
-        return Exchange((int(i), int(j)), (mounts_i[best], mounts_j[best]))
+        return DeviceExchange((int(i), int(j)), (mounts_i[best], mounts_j[best]))
 
 
 def _scatter(seen: Array, told: Array) -> tuple[Array, Array]:
@@ -170,13 +170,13 @@ class WornDevices:
         self._unseen = unseen_axes(subject.body)
         self.mounting = self._fresh_mounting()
         self._balance = self._fresh_balance()
-        self._wearing = Wearing(len(self._devices))
+        self._wearing = RotationComparison(len(self._devices))
         self._since_look = LOOK_S * (subject.id % IN_TURN) / IN_TURN
         self._notices: list[Notice] = []
         self._told: set[tuple[str, str]] = set()
         self.forget()
 
-    def orientations(self, measured: Measured) -> tuple[Array, Array]:
+    def orientations(self, measured: ImuMeasurements) -> tuple[Array, Array]:
         """Return the devices (M,) with an orientation, and their segments' orientations (M, 3, 3).
 
         They do not contain the corrections of `MountingEstimate`.
@@ -196,13 +196,13 @@ class WornDevices:
             return found
         return np.full(len(which), math.radians(self._config.orientation_sd))
 
-    def turning(self, which: Array, goals: Array, stride: int = 1) -> Turning:
+    def turning(self, which: Array, goals: Array, stride: int = 1) -> RotationIncrements:
         """Return the rotations of the segments since the previous instant, `stride` periods ago."""
         known = self._oriented[which]
         both = which[known]
         changes = goals[known] @ self._goals[both].swapaxes(1, 2)
         spread = math.radians(self._config.turn_sd) / math.sqrt(self._config.rate_hz / stride)
-        return Turning(self.segments[both], changes, np.full(len(both), spread**-2))
+        return RotationIncrements(self.segments[both], changes, np.full(len(both), spread**-2))
 
     def accelerations(self, relative: bool, stride: int = 1) -> Accelerations:
         """Return the accelerations at the previous instant.
@@ -232,7 +232,7 @@ class WornDevices:
         sizes = np.linalg.norm(self.pushes[which], axis=-1)
         return dict(zip(self.segments[which].tolist(), sizes.tolist()))
 
-    def remember(self, measured: Measured, which: Array, goals: Array) -> None:
+    def remember(self, measured: ImuMeasurements, which: Array, goals: Array) -> None:
         """Keep the data of this instant that the next instant needs."""
         self._take_forces(measured.rows(self._rows))
         self._oriented = np.zeros(len(self._devices), bool)
@@ -251,7 +251,12 @@ class WornDevices:
         self._since_look += seconds
 
     def look(
-        self, measured: Measured, pose: Pose, seen: Evidence, views: int, oriented: tuple[Array, Array]
+        self,
+        measured: ImuMeasurements,
+        pose: Pose,
+        seen: PoseEvidence,
+        views: int,
+        oriented: tuple[Array, Array],
     ) -> None:
         """Learn at intervals how devices are mounted.
 
@@ -276,7 +281,7 @@ class WornDevices:
 
         Args:
             stamp_ns: Timestamp, ns. Nothing is learnt up to the end of the T-pose.
-            loads: (G,) load of each ground segment, see `Balance`.
+            loads: (G,) load of each ground segment, see `BalanceEstimate`.
             speed: (2,) m/s, of the body.
         """
         # people hold a T-pose for the mountings; it is not how they usually stand
@@ -304,7 +309,7 @@ class WornDevices:
     def _fresh_mounting(self) -> MountingEstimate:
         return MountingEstimate(self._config, self._chain, self.segments, self._unseen[self.segments])
 
-    def _fresh_balance(self) -> Balance:
+    def _fresh_balance(self) -> BalanceEstimate:
         model, spread = self._subject.body.model, math.radians(self._config.mounting_sd)
         # mountings from a T-pose
         told = np.repeat(np.array([d.mount is None for d in self._devices], bool), 3)
@@ -312,15 +317,15 @@ class WornDevices:
         covariance[~told] = covariance[:, ~told] = 0.0
         covariance += np.diag(np.where(told, math.radians(self._config.strap_sd), spread) ** 2)
         ground = np.array([model.index(name) for name in model.ground], np.int64)
-        return Balance(self._chain, self.segments, masses_of(model.names), ground, covariance)
+        return BalanceEstimate(self._chain, self.segments, masses_of(model.names), ground, covariance)
 
-    def _take_forces(self, worn: Measured) -> None:
+    def _take_forces(self, worn: ImuMeasurements) -> None:
         """Compute the accelerations (N, 3) m/s^2 in the world, without gravity (eq. 12)."""
         turn = turn_about_z(self.mounting.heading) @ self._turn
         self.pushes = (turn @ worn.orientations @ worn.forces[..., None])[..., 0] - GRAVITY
         self.accelerated = worn.there & np.isfinite(self.pushes).all(-1)
 
-    def _exchanged(self, worn: Measured, pose: Pose, seen: Evidence) -> bool:
+    def _exchanged(self, worn: ImuMeasurements, pose: Pose, seen: PoseEvidence) -> bool:
         """Exchange two devices that cameras show on each other's segment; return True if there were any."""
         alone, size = pose.copy(), 3 * len(pose.turns) + 3
         nothing = no_anchor(len(pose.turns))
@@ -366,7 +371,7 @@ class WornDevices:
         self._notices.append(Notice(f"kinematics.{code}", "warning", line, values))
 
 
-def unseen_axes(body: Body) -> Array:
+def unseen_axes(body: SegmentedBody) -> Array:
     """Return the axes (S, 3) of segments about which cameras do not observe rotations; 0 for all others.
 
     These are segments with a single bone and no joint of the detector beyond or beside it.

@@ -8,8 +8,8 @@ import numpy as np
 
 from panoptic_ros.domain.subjects import BodyState, Subject
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.imus.alignment import Felt, align, taken_over
-from panoptic_ros.kinematics.imus.measured import Measured
+from panoptic_ros.kinematics.imus.alignment import DeviceSignals, align, taken_over
+from panoptic_ros.kinematics.imus.measured import ImuMeasurements
 from panoptic_ros.kinematics.imus.t_pose import bent_line, heading_from_poses, t_pose_decides, t_pose_mount
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.stage import Notice
@@ -64,7 +64,7 @@ class ImuFitting:
         found._seen_s, found._next_s = 0.0, LOOK_S
         return found
 
-    def take(self, stamp_ns: int, subject: Subject, measured: Measured) -> list[Notice]:
+    def take(self, stamp_ns: int, subject: Subject, measured: ImuMeasurements) -> list[Notice]:
         """Add what the person's devices measured at an instant, and return notices."""
         if self._settled is not None:
             return []
@@ -115,7 +115,7 @@ class ImuFitting:
             return []
         self._next_s += LOOK_S
         stamps, forces, turns = np.array(self._stamps), np.array(self._forces), self._turns_of(subject)
-        felt = {name: Felt(stamps, own, forces[:, d]) for d, (name, own) in enumerate(turns.items())}
+        felt = {name: DeviceSignals(stamps, own, forces[:, d]) for d, (name, own) in enumerate(turns.items())}
         found = align(subject, self._states, felt)
         if self._next_s <= LONGEST_S and (found is None or not found.enough):
             return []

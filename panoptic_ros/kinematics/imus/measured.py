@@ -15,7 +15,7 @@ Array = np.ndarray
 LONGEST_GAP_S = 0.1  # longest interval between two samples of an IMU over which it is interpolated
 
 
-class Measured(NamedTuple):
+class ImuMeasurements(NamedTuple):
     """Measurements of D devices, in their order.
 
     Attributes:
@@ -28,9 +28,9 @@ class Measured(NamedTuple):
     orientations: Array
     forces: Array
 
-    def rows(self, which: Array) -> Measured:
+    def rows(self, which: Array) -> ImuMeasurements:
         """Return the measurements of devices `which` (N,)."""
-        return Measured(self.there[which], self.orientations[which], self.forces[which])
+        return ImuMeasurements(self.there[which], self.orientations[which], self.forces[which])
 
     @property
     def oriented(self) -> Array:
@@ -39,10 +39,10 @@ class Measured(NamedTuple):
         return found
 
 
-NOTHING_MEASURED = Measured(np.zeros(0, bool), np.zeros((0, 3, 3)), np.zeros((0, 3)))
+NOTHING_MEASURED = ImuMeasurements(np.zeros(0, bool), np.zeros((0, 3, 3)), np.zeros((0, 3)))
 
 
-def resample(series: ImuSeries, stamps: Array) -> Measured:
+def resample(series: ImuSeries, stamps: Array) -> ImuMeasurements:
     """Return the measurements of a device at instants (T,) ns, one row per instant.
 
     Rows without samples around the instant are marked as not there.
@@ -59,10 +59,12 @@ def resample(series: ImuSeries, stamps: Array) -> Measured:
     with np.errstate(invalid="ignore"):
         turns = from_quaternions(slerp(series.quaternions[before], series.quaternions[after], share))
     turns[~usable], forces[~usable] = np.nan, np.nan
-    return Measured(usable, turns, forces)
+    return ImuMeasurements(usable, turns, forces)
 
 
-def measured_by(devices: Sequence[Device], felt: Mapping[str, Measured], count: int) -> list[Measured]:
+def measured_by(
+    devices: Sequence[Device], felt: Mapping[str, ImuMeasurements], count: int
+) -> list[ImuMeasurements]:
     """Return what these devices measured at each of `count` instants.
 
     Args:
@@ -71,12 +73,12 @@ def measured_by(devices: Sequence[Device], felt: Mapping[str, Measured], count: 
     if not devices:
         return [NOTHING_MEASURED] * count
     own = [felt.get(device.name, _nothing(count)) for device in devices]
-    return [Measured(*row) for row in zip(*(np.stack(part, axis=1) for part in zip(*own)))]
+    return [ImuMeasurements(*row) for row in zip(*(np.stack(part, axis=1) for part in zip(*own)))]
 
 
-def _nothing(count: int) -> Measured:
+def _nothing(count: int) -> ImuMeasurements:
     """Return `count` rows without any measurement."""
-    return Measured(np.zeros(count, bool), np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan))
+    return ImuMeasurements(np.zeros(count, bool), np.full((count, 3, 3), np.nan), np.full((count, 3), np.nan))
 
 
 def slerp(begin: Array, end: Array, share: Array) -> Array:

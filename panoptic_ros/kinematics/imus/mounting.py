@@ -26,7 +26,7 @@ from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.normal_equations import assemble
 from panoptic_ros.kinematics.pose.positive_matrices import inverse_of
-from panoptic_ros.kinematics.pose.targets import Evidence, no_anchor
+from panoptic_ros.kinematics.pose.targets import PoseEvidence, no_anchor
 
 Array = np.ndarray
 MEMORY = 100  # maximum number of observations in the average
@@ -48,7 +48,7 @@ HEADING_TRUST = 2.0  # number of measurements that the stated heading standard d
 LATE_HEADING = math.radians(5.0)  # minimum heading error that is reported
 
 
-class Looks(NamedTuple):
+class MeanObservation(NamedTuple):
     """Average of observations.
 
     Attributes:
@@ -62,10 +62,10 @@ class Looks(NamedTuple):
     number: int
 
 
-def _both(one: Looks, other: Looks) -> Looks:
+def _both(one: MeanObservation, other: MeanObservation) -> MeanObservation:
     count = one.number + other.number
     information, pull = ((one.number * a + other.number * b) / count for a, b in zip(one[:2], other[:2]))
-    return Looks(information, pull, count)
+    return MeanObservation(information, pull, count)
 
 
 class MountingEstimate:
@@ -80,7 +80,7 @@ class MountingEstimate:
         self._config, self._chain, self._segments = config, chain, segments
         self._heading_sd, self._unseen = math.radians(config.heading_sd), unseen
         size = 1 + 3 * len(segments)
-        self._older, self._looks = Looks(np.zeros((size, size)), np.zeros(size), 0), 0
+        self._older, self._looks = MeanObservation(np.zeros((size, size)), np.zeros(size), 0), 0
         self.heading, self.mountings = 0.0, np.zeros((len(segments), 3))
         self._common = math.radians(config.mounting_sd)
         self._strap = math.radians(config.strap_sd)
@@ -111,7 +111,7 @@ class MountingEstimate:
         found: Array = turn_about_z(self.heading) @ goals @ rotations_of(self.mountings[which])
         return found
 
-    def look(self, pose: Pose, seen: Evidence, oriented: tuple[Array, Array], several: bool) -> None:
+    def look(self, pose: Pose, seen: PoseEvidence, oriented: tuple[Array, Array], several: bool) -> None:
         """Learn from an instant.
 
         Args:
@@ -152,17 +152,17 @@ class MountingEstimate:
         if len(self._recent) == RECENT:
             count = min(self._older.number + 1, MEMORY - RECENT)
             (information_before, pull_before, _), (first, second) = self._older, self._recent[0]
-            self._older = Looks(
+            self._older = MeanObservation(
                 information_before + (first - information_before) / count,
                 pull_before + (second - pull_before) / count,
                 count,
             )
         self._recent.append((information, pull))
 
-    def _newest(self) -> Looks:
+    def _newest(self) -> MeanObservation:
         """Return the average of the recent observations."""
         information, pull = (np.mean(parts, axis=0) for parts in zip(*self._recent))
-        return Looks(information, pull, len(self._recent))
+        return MeanObservation(information, pull, len(self._recent))
 
     def _update(self) -> None:
         """Update corrections, common standard deviation, and mistaken and slipped devices."""
@@ -182,7 +182,7 @@ class MountingEstimate:
         self._looks = self._older.number + newest.number
         self.mistaken = self._far(state, covariance) & (off > TOLD) & (self._looks >= FEWEST_LOOKS)
 
-    def _slip(self, newest: Looks) -> int:
+    def _slip(self, newest: MeanObservation) -> int:
         """Return the device that has slipped according to the recent observations, or -1.
 
         This is a generalised likelihood ratio test (Willsky and Jones 1976). For each device it estimates the
@@ -206,7 +206,7 @@ class MountingEstimate:
         device = int(sure.argmax())
         return device if sure[device] > SLIPPED_SDS else -1
 
-    def _corrections(self, found: Looks) -> tuple[Array, Array]:
+    def _corrections(self, found: MeanObservation) -> tuple[Array, Array]:
         """Return the most likely state and its covariance."""
         information, pull, _ = found
         looks = min(self._config.looks, float(found.number))

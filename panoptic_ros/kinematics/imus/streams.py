@@ -4,7 +4,8 @@
 are not solved from rates, but other readers of the rates should know. A driver with this error may have
 others.
 
-`Wearers` holds which person wears which device. It returns what each person's devices measured at an instant.
+`DeviceAssignment` holds which person wears which device. It returns what each person's devices measured at an
+instant.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from panoptic_ros.domain.bodies import ImuSample
 from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.geometry.rotations import from_quaternions, vectors_of
-from panoptic_ros.kinematics.imus.measured import LONGEST_GAP_S, NOTHING_MEASURED, Measured, slerp
+from panoptic_ros.kinematics.imus.measured import LONGEST_GAP_S, NOTHING_MEASURED, ImuMeasurements, slerp
 from panoptic_ros.stage import Notice
 
 Array = np.ndarray
@@ -96,7 +97,7 @@ def unit_fault(sums: Array) -> str:
     )
 
 
-class Wearers:
+class DeviceAssignment:
     """Assignment of devices to the designated people who wear them."""
 
     def __init__(self, subjects: Sequence[Subject]):
@@ -109,7 +110,9 @@ class Wearers:
         """Return the id of the person who wears a device, or None."""
         return self._who.get(device)
 
-    def measured(self, streams: ImuStreams, stamp_ns: int, offsets: Mapping[int, int]) -> dict[int, Measured]:
+    def measured(
+        self, streams: ImuStreams, stamp_ns: int, offsets: Mapping[int, int]
+    ) -> dict[int, ImuMeasurements]:
         """Return what each person's devices measured at an instant, by id of the person.
 
         Devices are in the order of the subject.
@@ -215,7 +218,7 @@ class ImuStreams:
             told = (_notice("batches", "info", text, self.names[d]),)
         return stamp_ns + count * int(self._period[d]), told
 
-    def at(self, stamp_ns: int) -> Measured:
+    def at(self, stamp_ns: int) -> ImuMeasurements:
         """Return what all devices measured at an instant.
 
         Orientations (slerp) and forces (linear) are interpolated between the samples before and after it.
@@ -233,7 +236,7 @@ class ImuStreams:
         forces = first[:, 4:7] * (1.0 - share) + second[:, 4:7] * share
         with np.errstate(invalid="ignore"):
             turns = from_quaternions(slerp(_unit(first[:, :4]), _unit(second[:, :4]), share))
-        return Measured(usable, turns, forces)
+        return ImuMeasurements(usable, turns, forces)
 
     def judge(self, stamp_ns: int, period: float) -> list[Notice]:
         """Check all devices once per instant, and return notices.

@@ -16,7 +16,7 @@ from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import Subject, TPose
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.rotations import mean_rotation, turn_about_z, vectors_of
-from panoptic_ros.kinematics.imus.measured import Measured
+from panoptic_ros.kinematics.imus.measured import ImuMeasurements
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 
 Array = np.ndarray
@@ -118,7 +118,7 @@ def _cost(angle: float, found: list[Array], typical: list[tuple[Array, Array]]) 
     return total
 
 
-def held_in(pose: TPose, stamps: Array, felt: Measured) -> Array:
+def held_in(pose: TPose, stamps: Array, felt: ImuMeasurements) -> Array:
     """Return the orientations (M, 3, 3) of a device during a T-pose.
 
     Args:
@@ -130,7 +130,7 @@ def held_in(pose: TPose, stamps: Array, felt: Measured) -> Array:
 
 
 def t_pose_mounts(
-    subject: Subject, stamps: Array, felt: Mapping[str, Measured], heading: float
+    subject: Subject, stamps: Array, felt: Mapping[str, ImuMeasurements], heading: float
 ) -> tuple[dict[str, Array], list[str]]:
     """Return the mounting (3, 3) of every worn device, and lines about devices without one.
 

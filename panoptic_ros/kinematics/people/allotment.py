@@ -10,20 +10,20 @@ import numpy as np
 
 from panoptic_ros.domain import Rig, TrackedPoseSet
 from panoptic_ros.domain.rig_arrays import camera_records
-from panoptic_ros.domain.subjects import Instant, ViewPeople
+from panoptic_ros.domain.subjects import InstantViews, ViewPeople
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.lens_kernels import undistort_points
 from panoptic_ros.kinematics.body.sight import People
 from panoptic_ros.kinematics.people.nearest_people import assign_people, nearest_to_start
-from panoptic_ros.kinematics.people.person import Person
+from panoptic_ros.kinematics.people.person import PersonState
 from panoptic_ros.kinematics.people.presence import middle_expected
-from panoptic_ros.kinematics.people.seen_people import SeenPoints
+from panoptic_ros.kinematics.people.seen_people import ViewJoints
 
 Array = np.ndarray
 Rows = set[tuple[int, int]]  # camera and row of each 2D pose
 
 
-class SeenView(NamedTuple):
+class ViewObservations(NamedTuple):
     """2D poses of one camera that wait for the tracking result.
 
     Attributes:
@@ -38,14 +38,14 @@ class SeenView(NamedTuple):
     scores: Array
 
 
-class SeenSet(NamedTuple):
+class InstantObservations(NamedTuple):
     """Views of an instant, and the index of their detection set."""
 
     number: int
-    views: tuple[SeenView, ...]
+    views: tuple[ViewObservations, ...]
 
 
-class Allotment:
+class PoseAssignment:
     """Assignment of 2D poses to people.
 
     Args:
@@ -55,7 +55,7 @@ class Allotment:
     def __init__(self, rig: Rig, gate: float):
         self._lenses, self._gate = camera_records(rig.cameras), gate
         self._cameras = {name: k for k, name in enumerate(rig.names)}
-        self._planes(SeenView(0, 0, 0, np.zeros((0, 1, 2)), np.zeros((0, 1))), [])
+        self._planes(ViewObservations(0, 0, 0, np.zeros((0, 1, 2)), np.zeros((0, 1))), [])
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -73,7 +73,7 @@ class Allotment:
         return self._cameras[name]
 
     def by_tracks(
-        self, people: Mapping[int, Person], views: Sequence[SeenView], item: TrackedPoseSet
+        self, people: Mapping[int, PersonState], views: Sequence[ViewObservations], item: TrackedPoseSet
     ) -> Rows:
         """Give people the 2D poses that their tracks hold, and return the 2D poses of all tracks."""
         sources, taken = item.sources, Rows()
@@ -83,7 +83,7 @@ class Allotment:
             (self._cameras.get(name), int(frame)): v
             for v, (name, frame) in enumerate(zip(sources.cameras, sources.frames))
         }
-        own: list[tuple[Person, int, SeenView, int]] = []
+        own: list[tuple[PersonState, int, ViewObservations, int]] = []
         for view in views:
             v = columns.get((view.camera, view.frame))
             if v is None:
@@ -99,7 +99,7 @@ class Allotment:
             scores = np.array([view.scores[row] for _, _, view, row in own])
             plane = self._plane(points, scores, np.array([view.camera for _, _, view, _ in own], np.int64))
             for k, (person, _, view, _) in enumerate(own):
-                seen = SeenPoints(view.stamp_ns, plane.points[k], plane.scores[k])
+                seen = ViewJoints(view.stamp_ns, plane.points[k], plane.scores[k])
                 person.see(seen, view.camera, of_track=True)
         for number, count in Counter(number for _, number, _, _ in own).items():
             people[number].follow(item.stamp_ns, count)
@@ -107,8 +107,8 @@ class Allotment:
 
     def by_places(
         self,
-        people: Mapping[int, Person],
-        views: Sequence[SeenView],
+        people: Mapping[int, PersonState],
+        views: Sequence[ViewObservations],
         taken: Rows,
         tracked: set[int],
         tracks_begin: bool,
@@ -129,15 +129,17 @@ class Allotment:
             return
         rows = {v.camera: [k for k in range(len(v.points)) if (v.camera, k) not in taken] for v in views}
         stamps = {v.camera: v.stamp_ns for v in views}
-        instant = Instant(max(stamps.values()), {v.camera: self._planes(v, rows[v.camera]) for v in views})
+        instant = InstantViews(
+            max(stamps.values()), {v.camera: self._planes(v, rows[v.camera]) for v in views}
+        )
 
-        def first(person: Person, instant: Instant) -> People:
+        def first(person: PersonState, instant: InstantViews) -> People:
             alone = person.subject.start is not None or len(people) == 1
             return nearest_to_start(person.subject, instant, person.weighing) if alone else {}
 
         give_people(lost, find_people(lost, instant, self._gate, first), instant, stamps)
 
-    def _planes(self, view: SeenView, rows: list[int]) -> ViewPeople:
+    def _planes(self, view: ViewObservations, rows: list[int]) -> ViewPeople:
         """Return some 2D poses of a view on the normalised image plane."""
         return self._plane(view.points[rows], view.scores[rows], np.full(len(rows), view.camera, np.int64))
 
@@ -155,15 +157,15 @@ class Allotment:
 
 
 def find_people(
-    people: Sequence[Person],
-    instant: Instant,
+    people: Sequence[PersonState],
+    instant: InstantViews,
     gate: float,
-    first: Callable[[Person, Instant], People],
+    first: Callable[[PersonState, InstantViews], People],
 ) -> list[People]:
     """Return the 2D poses of each person. No 2D pose is given to two people.
 
     They are the nearest to the expected body, except those that several views place elsewhere (see
-    `Presence.own`). For a person who returns after an absence, they come from `Presence.back`.
+    `SubjectPresence.own`). For a person who returns after an absence, they come from `SubjectPresence.back`.
 
     Args:
         gate: m, maximum distance from the expected body.
@@ -179,7 +181,7 @@ def find_people(
 
 
 def give_people(
-    people: Sequence[Person], found: Sequence[People], instant: Instant, stamps: Mapping[int, int]
+    people: Sequence[PersonState], found: Sequence[People], instant: InstantViews, stamps: Mapping[int, int]
 ) -> None:
     """Give each person the 2D poses that were found.
 
@@ -189,4 +191,4 @@ def give_people(
     for person, own in zip(people, found):
         person.look(instant, bool(own), middle_expected(person.tracker))
         for camera, (points, scores) in own.items():
-            person.see(SeenPoints(stamps[camera], points, scores), camera, of_track=False)
+            person.see(ViewJoints(stamps[camera], points, scores), camera, of_track=False)

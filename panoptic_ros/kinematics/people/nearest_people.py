@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import Instant, Subject
-from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.domain.subjects import InstantViews, Subject
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder
 from panoptic_ros.kinematics.body.sight import FEWEST, NEAREST, People, distances
 from panoptic_ros.kinematics.body.start import middle_of
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
@@ -19,7 +19,9 @@ NEAR, FIRST_GATE = 0.35, 0.8
 LEAST = 1e-3  # minimum horizontal part of a ray direction, which avoids a division by 0
 
 
-def nearest_to_start(subject: Subject, instant: Instant, weighing: Weighing, alone: bool = True) -> People:
+def nearest_to_start(
+    subject: Subject, instant: InstantViews, weighing: EvidenceBuilder, alone: bool = True
+) -> People:
     """Return points (K, 2) and scores (K,) by camera of the person at the subject's start position.
 
     Without a stated position, they are those of views with a single 2D pose. In a view that misses the
@@ -48,7 +50,7 @@ def nearest_to_start(subject: Subject, instant: Instant, weighing: Weighing, alo
     return {camera: own for camera, own in nearest.items() if alone and apart[camera] < FIRST_GATE}
 
 
-def _across(weighing: Weighing, camera: int, points: Array, place: Array) -> float:
+def _across(weighing: EvidenceBuilder, camera: int, points: Array, place: Array) -> float:
     """Return the distance, m, between a vertical line and the ray to the middle of a 2D pose (K, 2).
 
     It is infinite if too few joints are visible or the line is behind the camera.
@@ -69,7 +71,7 @@ def _across(weighing: Weighing, camera: int, points: Array, place: Array) -> flo
 
 def assign_people(
     trackers: Sequence[SubjectTracker | None],
-    instant: Instant,
+    instant: InstantViews,
     rotations: Array,
     translations: Array,
     gate: float,

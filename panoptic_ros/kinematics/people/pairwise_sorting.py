@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Rig
-from panoptic_ros.domain.subjects import Instant
+from panoptic_ros.domain.subjects import InstantViews
 from panoptic_ros.kinematics.body.sight import People
 
 Array = np.ndarray
@@ -22,7 +22,7 @@ SAME_PERSON = 0.3  # m, mean distance of joints: ThreshDistSamePerson
 MOVEMENT = 1.0  # m from the last position of a subject: ThreshInterframeMovement
 
 
-class Seen(NamedTuple):
+class InstantPoses(NamedTuple):
     """All 2D poses of an instant.
 
     Attributes:
@@ -36,7 +36,7 @@ class Seen(NamedTuple):
     scores: Array
 
 
-class Candidate:
+class PairwiseCandidate:
     """A person in 3D: mean joints over pairs of views, and rows of the 2D poses by camera."""
 
     def __init__(self, joints: Array):
@@ -84,7 +84,7 @@ class PairwiseSorter:
         widths = [camera.image_size[0] / camera.intrinsics.matrix[0, 0] for camera in rig.cameras]
         self._limits = TRIANGULATION_ERROR * np.array(widths)  # on the normalised image plane
 
-    def sort(self, instant: Instant, expected: Sequence[Array | None]) -> list[People]:
+    def sort(self, instant: InstantViews, expected: Sequence[Array | None]) -> list[People]:
         """Return points (K, 2) and scores (K,) by camera, for each subject.
 
         Args:
@@ -105,7 +105,7 @@ class PairwiseSorter:
             found.append({c: (views[c].points[row], views[c].scores[row]) for c, row in rows.items()})
         return found
 
-    def _candidates(self, instant: Instant) -> list[Candidate]:
+    def _candidates(self, instant: InstantViews) -> list[PairwiseCandidate]:
         """Return all people whom two views or more see at one place."""
         seen = _all_of(instant)
         if seen is None:
@@ -113,17 +113,17 @@ class PairwiseSorter:
         one, other = np.nonzero(seen.cameras[:, None] < seen.cameras[None, :])
         joints = self._triangulated(seen, one, other)
         fits = np.flatnonzero(self._errors(seen, one, other, joints) < 1.0)
-        found: list[Candidate] = []
+        found: list[PairwiseCandidate] = []
         for n in fits.tolist():
             known = next((c for c in found if c.apart(joints[n]) < SAME_PERSON), None)
             if known is None:
-                known = Candidate(joints[n])
+                known = PairwiseCandidate(joints[n])
                 found.append(known)
             pair = [(int(seen.cameras[r]), int(seen.rows[r])) for r in (one[n], other[n])]
             known.add(joints[n], pair)
         return found
 
-    def _triangulated(self, seen: Seen, one: Array, other: Array) -> Array:
+    def _triangulated(self, seen: InstantPoses, one: Array, other: Array) -> Array:
         """Return the joints (N, K, 3) m of N pairs of 2D poses by linear triangulation.
 
         A joint that one of the two lacks is NaN.
@@ -141,7 +141,7 @@ class PairwiseSorter:
         found: Array = np.linalg.solve(safe, np.where(both[..., None, None], right, np.nan))[..., 0]
         return found
 
-    def _errors(self, seen: Seen, one: Array, other: Array, joints: Array) -> Array:
+    def _errors(self, seen: InstantPoses, one: Array, other: Array, joints: Array) -> Array:
         """Return the mean reprojection errors (N,) of pairs, as fractions of their limits.
 
         The error is infinite for pairs without joints.
@@ -160,7 +160,7 @@ class PairwiseSorter:
         return found
 
 
-def _all_of(instant: Instant) -> Seen | None:
+def _all_of(instant: InstantViews) -> InstantPoses | None:
     """Return all 2D poses of an instant; None without any."""
     there = [(camera, view) for camera, view in sorted(instant.views.items()) if len(view.points)]
     if not there:
@@ -168,4 +168,4 @@ def _all_of(instant: Instant) -> Seen | None:
     counts = [len(view.points) for _, view in there]
     cameras = np.repeat([camera for camera, _ in there], counts)
     parts = [(np.arange(len(view.points)), view.points, view.scores) for _, view in there]
-    return Seen(cameras, *(np.concatenate(part) for part in zip(*parts)))
+    return InstantPoses(cameras, *(np.concatenate(part) for part in zip(*parts)))

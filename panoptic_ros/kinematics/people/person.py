@@ -12,17 +12,17 @@ import numpy as np
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.domain.bodies import BodySource
-from panoptic_ros.domain.segments import Body
-from panoptic_ros.domain.subjects import BodyState, Instant, Subject
-from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.domain.segments import SegmentedBody
+from panoptic_ros.domain.subjects import BodyState, InstantViews, Subject
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder
 from panoptic_ros.kinematics.body.sight import People
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.alignment import cameras_alone
 from panoptic_ros.kinematics.imus.fitting import ImuFitting
-from panoptic_ros.kinematics.imus.measured import NOTHING_MEASURED, Measured
-from panoptic_ros.kinematics.people.presence import Presence
-from panoptic_ros.kinematics.people.seen_people import SeenPerson, SeenPoints
+from panoptic_ros.kinematics.imus.measured import NOTHING_MEASURED, ImuMeasurements
+from panoptic_ros.kinematics.people.presence import SubjectPresence
+from panoptic_ros.kinematics.people.seen_people import PersonSamples, ViewJoints
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.stage import Notice
 
@@ -34,7 +34,7 @@ COMPLETE_NS = 100_000_000  # age of an instant at which all its views have arriv
 AGAIN_S = 1.0  # time without cameras after which cameras set the position
 
 
-class Behind(NamedTuple):
+class SolveSources(NamedTuple):
     """Data from which a body was solved: `BodySource`, number of cameras, number of devices."""
 
     source: int
@@ -42,7 +42,7 @@ class Behind(NamedTuple):
     devices: int
 
 
-class Person:
+class PersonState:
     """A designated or tracked person.
 
     Args:
@@ -58,11 +58,11 @@ class Person:
         joint_names: Sequence[str],
     ):
         self._config, self.subject = config, subject
-        self.weighing = Weighing(config, subject, statistics, rig, joint_names)
-        self.seen = SeenPerson()
+        self.weighing = EvidenceBuilder(config, subject, statistics, rig, joint_names)
+        self.seen = PersonSamples()
         self.fitting = ImuFitting(config, subject)
         self.tracker: SubjectTracker | None = None
-        self.behind: dict[int, Behind] = {}  # by timestamp, for instants that were not returned yet
+        self.behind: dict[int, SolveSources] = {}  # by timestamp, for instants that were not returned yet
         self.of_track = False  # the newest 2D poses are those of a track
         self.came = False  # cameras or IMUs have measured the person at least once
         self.worn = frozenset(device.name for device in subject.devices)
@@ -71,7 +71,7 @@ class Person:
         self._mounted: tuple[float, tuple[str, ...]] | None = None
         # mask of these devices among the subject's
         self._mounted_devices = np.zeros(len(subject.devices), bool)
-        self.presence = Presence()
+        self.presence = SubjectPresence()
         self._returns = False  # seen again after an absence, maybe elsewhere
         self._without = 0  # number of instants without any data
         self._unseen = 0  # number of instants without cameras
@@ -93,7 +93,7 @@ class Person:
     def step(
         self,
         stamp_ns: int,
-        measured: Measured,
+        measured: ImuMeasurements,
         half_period_ns: int,
         statistics: PoseStatistics,
         stride: int = 1,
@@ -128,10 +128,10 @@ class Person:
         self._unseen = 0 if seen else self._unseen + stride
         done += tracker.step(stamp_ns, measured._replace(there=there), people, joints, stride)
         notices += tracker.devices.take_notices()
-        self.behind[stamp_ns] = Behind(int(self._source(people, joints, used)), len(people), used)
+        self.behind[stamp_ns] = SolveSources(int(self._source(people, joints, used)), len(people), used)
         return done, notices
 
-    def feel(self, stamp_ns: int, measured: Measured) -> list[Notice]:
+    def feel(self, stamp_ns: int, measured: ImuMeasurements) -> list[Notice]:
         """Add what the person's devices measured at an instant, and return notices."""
         return self.fitting.take(stamp_ns, self.subject, measured)
 
@@ -140,7 +140,7 @@ class Person:
         """Return whether the body was dropped because the person had no data for too long."""
         return self._without > self._lost_s * self._config.rate_hz
 
-    def see(self, seen: SeenPoints, camera: int, of_track: bool) -> None:
+    def see(self, seen: ViewJoints, camera: int, of_track: bool) -> None:
         """Add the 2D joints from a camera.
 
         Args:
@@ -162,8 +162,8 @@ class Person:
         """
         return not (self.is_expected or self.presence.is_away)
 
-    def look(self, instant: Instant, is_seen: bool, expected: Array | None) -> None:
-        """Record the result of searching views without a track for the person, see `Presence.saw`."""
+    def look(self, instant: InstantViews, is_seen: bool, expected: Array | None) -> None:
+        """Record the result of searching views without a track for the person, see `SubjectPresence.saw`."""
         self._returns |= is_seen and self.presence.is_away
         self.presence.saw(instant, is_seen, expected)
 
@@ -173,11 +173,11 @@ class Person:
         self.presence.told(stamp_ns, views)
 
     @property
-    def body(self) -> Body:
+    def body(self) -> SegmentedBody:
         """Return the body with its current lengths, some of which may have been learnt."""
         return self.subject.body if self.tracker is None else self.tracker.body
 
-    def take_body(self, body: Body) -> None:
+    def take_body(self, body: SegmentedBody) -> None:
         """Continue with other segment lengths."""
         self.subject = replace(self.subject, body=body)
         self.weighing = self.weighing.with_body(body)
@@ -186,12 +186,12 @@ class Person:
 
     def restart(self) -> None:
         """Forget the motion after a jump of timestamps. Keep what is known about the person."""
-        self.seen, self._alone = SeenPerson(), None
+        self.seen, self._alone = PersonSamples(), None
         self.tracker = None if self.tracker is None else self.tracker.begun_anew()
-        self.presence, self._returns = Presence(), False
+        self.presence, self._returns = SubjectPresence(), False
         self.behind, self._without, self._unseen = {}, 0, 0
 
-    def at_rest(self) -> Person:
+    def at_rest(self) -> PersonState:
         """Return a copy that continues after a pause."""
         found = copy.copy(self)
         found.fitting, found.behind, found._alone = self.fitting.at_rest(), {}, None

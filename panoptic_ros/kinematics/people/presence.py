@@ -1,8 +1,8 @@
 """Presence of a subject: its 2D poses while it is in sight, and once it has returned.
 
-`Absence` searches for a subject that was out of sight and may return elsewhere, among other people. A person
-who is seen while the subject is not is another person, as long as that person can be followed. A new person
-is the subject if several views agree and the position is within walking distance.
+`SubjectSearch` searches for a subject that was out of sight and may return elsewhere, among other people. A
+person who is seen while the subject is not is another person, as long as that person can be followed. A new
+person is the subject if several views agree and the position is within walking distance.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import Instant
-from panoptic_ros.kinematics.body.evidence import Weighing
-from panoptic_ros.kinematics.body.sight import People, Sites
+from panoptic_ros.domain.subjects import InstantViews
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder
+from panoptic_ros.kinematics.body.sight import ExpectedJoints, People
 from panoptic_ros.kinematics.body.start import middle_of
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 
@@ -35,14 +35,14 @@ MISSED = 3  # number of instants with images but without it, before the search b
 COMPANY_SHARE, COMPANY = 0.1, 0.5
 
 
-class Appearance(NamedTuple):
+class PersonSighting(NamedTuple):
     """A person in several views: middle of the joints (3,) m, and 2D pose by camera."""
 
     place: Array
     people: People
 
 
-class Absence:
+class SubjectSearch:
     """Search for one subject that is out of sight.
 
     Args:
@@ -58,7 +58,7 @@ class Absence:
         self._first_ns = -1  # timestamp of the first observation
         self._newcomer = (place, 0, -1)  # place, number of observations, timestamp of the last
 
-    def look(self, appearances: list[Appearance], stamp_ns: int, gate: float) -> People:
+    def look(self, appearances: list[PersonSighting], stamp_ns: int, gate: float) -> People:
         """Return the subject's 2D poses if it has returned, else an empty dict.
 
         Args:
@@ -81,7 +81,7 @@ class Absence:
         self._newcomer = best.place, looks, stamp_ns
         return best.people if looks >= LOOKS else {}
 
-    def _without_others(self, appearances: list[Appearance]) -> list[Appearance]:
+    def _without_others(self, appearances: list[PersonSighting]) -> list[PersonSighting]:
         """Return the people who are none of the known others, and follow these others."""
         pairs = sorted(
             (float(np.linalg.norm(a.place - other)), n, k)
@@ -97,7 +97,9 @@ class Absence:
         return [a for n, a in enumerate(appearances) if n not in taken]
 
 
-def appearances(weighing: Weighing, instant: Instant, claimed: list[People]) -> list[Appearance]:
+def appearances(
+    weighing: EvidenceBuilder, instant: InstantViews, claimed: list[People]
+) -> list[PersonSighting]:
     """Return all people whom two views or more see and whose 2D poses are not claimed."""
     free = {
         (camera, p): (points, people.scores[p])
@@ -112,7 +114,7 @@ def appearances(weighing: Weighing, instant: Instant, claimed: list[People]) -> 
     rays = [_ray(weighing, camera, free[camera, p][0]) for camera, p in keys]
     centres, ways = np.array([r[0] for r in rays]), np.array([r[1] for r in rays])
     cameras = np.array([camera for camera, _ in keys])
-    left, found = np.ones(len(keys), bool), list[Appearance]()
+    left, found = np.ones(len(keys), bool), list[PersonSighting]()
     while left.sum() > 1:
         rows = np.flatnonzero(left)
         group = _largest(cameras[rows], centres[rows], ways[rows])
@@ -122,11 +124,13 @@ def appearances(weighing: Weighing, instant: Instant, claimed: list[People]) -> 
         best = {keys[row][0]: free[keys[row]] for row in rows[group].tolist()}
         middle = middle_of(weighing, best, None)
         assert middle is not None
-        found.append(Appearance(middle, best))
+        found.append(PersonSighting(middle, best))
     return found
 
 
-def without_others(people: People, expected: Sites, weighing: Weighing, instant: Instant) -> People:
+def without_others(
+    people: People, expected: ExpectedJoints, weighing: EvidenceBuilder, instant: InstantViews
+) -> People:
     """Return a subject's 2D poses without those of people whom several views locate elsewhere.
 
     Args:
@@ -144,7 +148,7 @@ def without_others(people: People, expected: Sites, weighing: Weighing, instant:
     }
 
 
-def _ray(weighing: Weighing, camera: int, points: Array) -> tuple[Array, Array]:
+def _ray(weighing: EvidenceBuilder, camera: int, points: Array) -> tuple[Array, Array]:
     """Return the centre (3,) m of a camera and the direction (3,) to the middle of a 2D pose (K, 2)."""
     rotation = weighing.rotations[camera]
     middle = np.median(points[np.isfinite(points).all(-1)], axis=0)
@@ -186,7 +190,7 @@ def _largest(cameras: Array, centres: Array, ways: Array) -> Array:
     return np.array(group, int)
 
 
-class Presence:
+class SubjectPresence:
     """Sighting state of one subject: in sight, or searched for.
 
     Only instants with several views count, because a single view does not distinguish people.
@@ -197,14 +201,20 @@ class Presence:
         self._missed = 0  # number of instants with images but without it since then
         self._usual = 0.0  # usual number of views that see it
         self._company = 0.0  # recent fraction of instants with it in which several views see others too
-        self._absence: Absence | None = None
+        self._absence: SubjectSearch | None = None
 
     @property
     def is_away(self) -> bool:
         """Return whether the subject is being searched for."""
         return self._absence is not None
 
-    def own(self, people: People, expected: Sites | None, weighing: Weighing, instant: Instant) -> People:
+    def own(
+        self,
+        people: People,
+        expected: ExpectedJoints | None,
+        weighing: EvidenceBuilder,
+        instant: InstantViews,
+    ) -> People:
         """Return those of the given 2D poses that may belong to the subject.
 
         Args:
@@ -227,13 +237,18 @@ class Presence:
         return people
 
     def back(
-        self, instant: Instant, weighing: Weighing, claimed: list[People], gate: float, expected: Sites | None
+        self,
+        instant: InstantViews,
+        weighing: EvidenceBuilder,
+        claimed: list[People],
+        gate: float,
+        expected: ExpectedJoints | None,
     ) -> People:
         """Return the subject's 2D poses if it was away and has returned, else an empty dict.
 
         Args:
             claimed: 2D poses that belong to others.
-            gate: m, see `Absence.look`.
+            gate: m, see `SubjectSearch.look`.
             expected: Expected joints of the subject. They locate the whole body of a person who is partly
                 visible.
         """
@@ -246,7 +261,7 @@ class Presence:
             ]
         return self._absence.look(there, instant.stamp_ns, gate)
 
-    def saw(self, instant: Instant, is_seen: bool, expected: Array | None) -> None:
+    def saw(self, instant: InstantViews, is_seen: bool, expected: Array | None) -> None:
         """Record whether the subject was seen at an instant.
 
         The search for it begins after some time out of sight.
@@ -260,7 +275,7 @@ class Presence:
             self._missed += 1
             missed = self._missed >= MISSED and instant.stamp_ns - self.last_ns > ABSENT_S * 1e9
             if missed and self._absence is None and expected is not None:
-                self._absence = Absence(expected, self.last_ns, alone=self._company < COMPANY)
+                self._absence = SubjectSearch(expected, self.last_ns, alone=self._company < COMPANY)
 
     def told(self, stamp_ns: int, views: int) -> None:
         """Record that a track holds the subject in `views` views."""

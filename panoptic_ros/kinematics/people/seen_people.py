@@ -19,7 +19,7 @@ LONGEST_GAP_NS = 150_000_000  # longest interval over which joints are interpola
 SEVERAL = 2  # minimum number of agreeing views that measured a joint whose 3D position is used
 
 
-class SeenPoints(NamedTuple):
+class ViewJoints(NamedTuple):
     """2D joints of one person in a view.
 
     Attributes:
@@ -33,7 +33,7 @@ class SeenPoints(NamedTuple):
     scores: Array
 
 
-class SeenJoints(NamedTuple):
+class JointPositions(NamedTuple):
     """3D joints of one person.
 
     Attributes:
@@ -47,23 +47,23 @@ class SeenJoints(NamedTuple):
     covariances: Array
 
 
-Seen = TypeVar("Seen", SeenPoints, SeenJoints)
+Seen = TypeVar("Seen", ViewJoints, JointPositions)
 
 
-class SeenPerson:
+class PersonSamples:
     """Newest samples of one person."""
 
     def __init__(self) -> None:
-        self.views: dict[int, list[SeenPoints]] = {}  # by camera
-        self.joints: list[SeenJoints] = []
+        self.views: dict[int, list[ViewJoints]] = {}  # by camera
+        self.joints: list[JointPositions] = []
 
-    def see(self, camera: int, seen: SeenPoints) -> None:
+    def see(self, camera: int, seen: ViewJoints) -> None:
         """Add the 2D joints from a camera."""
         own = self.views.setdefault(camera, [])
         own.append(seen)
         _forget_old(own)
 
-    def take_joints(self, joints: SeenJoints) -> None:
+    def take_joints(self, joints: JointPositions) -> None:
         """Add 3D joints that another stage has solved for."""
         self.joints.append(joints)
         _forget_old(self.joints)
@@ -78,8 +78,8 @@ class SeenPerson:
             told: (K,) bool, joints that are given in another form, and left out.
         """
         cameras: list[int] = []
-        begins: list[SeenPoints] = []
-        ends: list[SeenPoints] = []
+        begins: list[ViewJoints] = []
+        ends: list[ViewJoints] = []
         shares: list[float] = []
         near: list[bool] = []
         for camera, own in sorted(self.views.items()):
@@ -138,7 +138,7 @@ def _forget_old(own: list[Seen]) -> None:
         del own[0]
 
 
-def _stacked(samples: Sequence[SeenPoints]) -> tuple[Array, Array]:
+def _stacked(samples: Sequence[ViewJoints]) -> tuple[Array, Array]:
     """Return points (V, K, 2) and scores (V, K)."""
     return np.array([one.points for one in samples]), np.array([one.scores for one in samples])
 
@@ -168,8 +168,8 @@ def _share(begin_ns: int, end_ns: int, stamp_ns: int) -> float:
 
 
 def _pair(
-    begin: SeenPoints | None, end: SeenPoints | None, stamp_ns: int, half_period_ns: int
-) -> tuple[SeenPoints, SeenPoints, float, bool] | None:
+    begin: ViewJoints | None, end: ViewJoints | None, stamp_ns: int, half_period_ns: int
+) -> tuple[ViewJoints, ViewJoints, float, bool] | None:
     """Return two samples, the weight of the later one, and whether a joint of only one of them counts.
 
     Where a single sample counts, it is returned twice. The result is None where none does.

@@ -17,12 +17,12 @@ from panoptic_ros.kernels import njit
 from panoptic_ros.kinematics.pose.segment_sums import add_point, gather, place_site
 from panoptic_ros.kinematics.pose.targets import (
     Anchor,
-    Evidence,
-    Floor,
+    FloorPoints,
     Hinges,
+    OrientationTargets,
     PointTargets,
+    PoseEvidence,
     PosePrior,
-    TurnTargets,
     ViewTargets,
 )
 
@@ -105,7 +105,7 @@ def add_points(targets: PointTargets, frames: Array, places: Array, matrices: Ar
 
 
 @_jit
-def add_turns(targets: TurnTargets, frames: Array, matrices: Array, vectors: Array) -> float:
+def add_turns(targets: OrientationTargets, frames: Array, matrices: Array, vectors: Array) -> float:
     """Add orientation targets and return their cost, sin^2(a / 2) for an angle a.
 
     The gradient is that of k a^2 with k = sin(a) / (4 a).
@@ -138,7 +138,7 @@ def add_turns(targets: TurnTargets, frames: Array, matrices: Array, vectors: Arr
 
 
 @_jit
-def add_floor(floor: Floor, places: Array, matrices: Array, vectors: Array) -> float:
+def add_floor(floor: FloorPoints, places: Array, matrices: Array, vectors: Array) -> float:
     cost = 0.0
     arm, pull, information = np.empty(3), np.zeros(3), np.zeros((3, 3))
     for n in range(len(floor.segments)):
@@ -271,7 +271,7 @@ def add_anchor(anchor: Anchor, pose: Pose, hessian: Array, gradient: Array) -> f
 
 @_jit
 def assemble(
-    chain: Chain, pose: Pose, evidence: Evidence, anchor: Anchor, hessian: Array, gradient: Array
+    chain: Chain, pose: Pose, evidence: PoseEvidence, anchor: Anchor, hessian: Array, gradient: Array
 ) -> float:
     """Return the cost of a pose, and compute its derivatives.
 

@@ -10,7 +10,7 @@ from panoptic_ros.geometry.chain import Pose, step_pose
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kernels import njit
 from panoptic_ros.kinematics.pose.normal_equations import assemble
-from panoptic_ros.kinematics.pose.targets import Anchor, Evidence
+from panoptic_ros.kinematics.pose.targets import Anchor, PoseEvidence
 
 Array = np.ndarray
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e-7, 1e6
@@ -68,7 +68,7 @@ def _solve_factorised(factor: Array, gradient: Array, step: Array) -> None:
 
 @_jit
 def solve_pose(
-    chain: Chain, pose: Pose, evidence: Evidence, anchor: Anchor, iterations: int, hessian: Array
+    chain: Chain, pose: Pose, evidence: PoseEvidence, anchor: Anchor, iterations: int, hessian: Array
 ) -> tuple[float, int]:
     """Minimise the cost of a pose, in place.
 

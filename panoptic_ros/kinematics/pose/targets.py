@@ -61,7 +61,7 @@ class PointTargets(NamedTuple):
     anchors: Array = _NO_SEGMENTS
 
 
-class TurnTargets(NamedTuple):
+class OrientationTargets(NamedTuple):
     """Segment orientations in the world as targets.
 
     Attributes:
@@ -77,7 +77,7 @@ class TurnTargets(NamedTuple):
     scale: float
 
 
-class Floor(NamedTuple):
+class FloorPoints(NamedTuple):
     """Points that stay above the floor (eq. 16).
 
     Attributes:
@@ -150,13 +150,13 @@ class Anchor(NamedTuple):
     weight: float
 
 
-class Evidence(NamedTuple):
+class PoseEvidence(NamedTuple):
     """All evidence for the pose of one instant. `weight` multiplies its whole cost, but not the anchor's."""
 
     views: ViewTargets
     points: PointTargets
-    turns: TurnTargets
-    floor: Floor
+    turns: OrientationTargets
+    floor: FloorPoints
     prior: PosePrior
     weight: float
 
@@ -172,8 +172,8 @@ NO_VIEWS = ViewTargets(
     np.zeros((0, 3)),
 )
 NO_POINTS = PointTargets(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)), 0.0)
-NO_TURNS = TurnTargets(_NO_SEGMENTS, np.zeros((0, 3, 3)), np.zeros(0), 0.0)
-NO_FLOOR = Floor(_NO_SEGMENTS, 0.0, 0.0)
+NO_TURNS = OrientationTargets(_NO_SEGMENTS, np.zeros((0, 3, 3)), np.zeros(0), 0.0)
+NO_FLOOR = FloorPoints(_NO_SEGMENTS, 0.0, 0.0)
 NO_HINGES = Hinges(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), 0.0)
 
 
@@ -203,7 +203,7 @@ class Accelerations(NamedTuple):
     relative: bool = False
 
 
-class Turning(NamedTuple):
+class RotationIncrements(NamedTuple):
     """Measured rotations of segments from the previous to the new instant, in the world.
 
     A constant error of a mounting cancels in them.
@@ -217,7 +217,7 @@ class Turning(NamedTuple):
     weights: Array
 
 
-class Standing(NamedTuple):
+class SiteDisplacements(NamedTuple):
     """Sites of known displacement from the previous to the new instant, such as those of a standing foot.
 
     Attributes:
@@ -232,11 +232,11 @@ class Standing(NamedTuple):
 
 
 NO_ACCELERATIONS = Accelerations(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), 0.0)
-NOTHING_TURNS = Turning(_NO_SEGMENTS, np.zeros((0, 3, 3)), np.zeros(0))
-NOTHING_STANDS = Standing(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+NOTHING_TURNS = RotationIncrements(_NO_SEGMENTS, np.zeros((0, 3, 3)), np.zeros(0))
+NOTHING_STANDS = SiteDisplacements(_NO_SEGMENTS, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
-class Between(NamedTuple):
+class IncrementEvidence(NamedTuple):
     """Measurements between the previous and the new instant.
 
     Attributes:
@@ -244,9 +244,9 @@ class Between(NamedTuple):
     """
 
     accelerations: Accelerations = NO_ACCELERATIONS
-    turning: Turning = NOTHING_TURNS
-    standing: Standing = NOTHING_STANDS
+    turning: RotationIncrements = NOTHING_TURNS
+    standing: SiteDisplacements = NOTHING_STANDS
     stride: int = 1
 
 
-NOTHING_BETWEEN = Between()
+NOTHING_BETWEEN = IncrementEvidence()

@@ -26,7 +26,7 @@ from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kernels import njit
 from panoptic_ros.kinematics.pose.positive_matrices import factor_of, forward, inverse_of, solved_by
 from panoptic_ros.kinematics.pose.solve import solve_pose
-from panoptic_ros.kinematics.pose.targets import NOTHING_BETWEEN, Anchor, Between, Evidence
+from panoptic_ros.kinematics.pose.targets import NOTHING_BETWEEN, Anchor, IncrementEvidence, PoseEvidence
 from panoptic_ros.kinematics.pose.window_sums import (
     add_motion,
     begin_elimination,
@@ -46,7 +46,7 @@ OPEN = 1e-3  # 1/m^2 or 1/rad^2, assumed information about what the evidence of 
 LEAST = 1e-6  # fraction of OPEN, information about degrees of freedom that no data determine: nearly none
 
 
-class Linked(NamedTuple):
+class WindowEntry(NamedTuple):
     """Contribution of one instant to the window.
 
     Attributes:
@@ -70,7 +70,7 @@ class Linked(NamedTuple):
     ratio: float
 
 
-class Afterwards(NamedTuple):
+class LaterInformation(NamedTuple):
     """Information of later instants about a pose and the pose before it.
 
     Attributes:
@@ -84,7 +84,7 @@ class Afterwards(NamedTuple):
     age: int
 
 
-def afterwards(links: Iterable[Linked], free: Array) -> Afterwards:
+def afterwards(links: Iterable[WindowEntry], free: Array) -> LaterInformation:
     """Return the information that the instants after a pose hold about it.
 
     Args:
@@ -99,14 +99,14 @@ def afterwards(links: Iterable[Linked], free: Array) -> Afterwards:
         count += 1
     _mirror(later)
     if not count:
-        return Afterwards(later, np.zeros((2 * n, n)), 0)
+        return LaterInformation(later, np.zeros((2 * n, n)), 0)
     # an error common to all later evidence shifts the pose by the same amount, as the motion model does not
     # resist a common shift
     whole = later[:, :n] + later[:, n:]
-    return Afterwards(later, forward(factor_of(own / count + free), whole.T).T, 0)
+    return LaterInformation(later, forward(factor_of(own / count + free), whole.T).T, 0)
 
 
-def _before(link: Linked, later: Array) -> Array:
+def _before(link: WindowEntry, later: Array) -> Array:
     """Return the information (2 D, 2 D) of an instant and all later ones about the two instants before.
 
     Only the lower half is computed, in column order.
@@ -167,7 +167,7 @@ def _mirror(matrix: Array) -> None:
 
 
 @dataclass(frozen=True)
-class Motion:
+class AccelerationModel:
     """Motion model of white acceleration.
 
     Attributes:
@@ -188,7 +188,7 @@ class Motion:
         return 1.0 / spread**2
 
 
-class _Eliminated(NamedTuple):
+class _EliminatedPose(NamedTuple):
     """An eliminated pose, as a function of the two later poses.
 
     Its increment u from `pose` solves factor factor^T u = -rows [v; w; 1]. Here v and w are the increments of
@@ -210,7 +210,7 @@ class PoseWindow:
         lag: Number of instants over which poses are smoothed.
     """
 
-    def __init__(self, chain: Chain, start: Pose, motion: Motion, lag: int):
+    def __init__(self, chain: Chain, start: Pose, motion: AccelerationModel, lag: int):
         self._chain, self._motion, self._lag = chain, motion, lag
         self._size = 3 + 3 * len(chain.parents)
         self._weights = motion.weights(self._size)
@@ -220,9 +220,9 @@ class PoseWindow:
         self._information = self.start
         self._pulled = np.zeros((2 * self._size, self._size))
         self._open = OPEN * np.eye(self._size)
-        self._eliminated: deque[_Eliminated] = deque(maxlen=lag + 1)
-        self._linked: deque[Linked] = deque(maxlen=lag + 1)
-        self._after: Afterwards | None = None  # result of the last call of `afterwards`
+        self._eliminated: deque[_EliminatedPose] = deque(maxlen=lag + 1)
+        self._linked: deque[WindowEntry] = deque(maxlen=lag + 1)
+        self._after: LaterInformation | None = None  # result of the last call of `afterwards`
         self.iterations = 0
 
     @property
@@ -263,8 +263,8 @@ class PoseWindow:
     def step(
         self,
         guess: Pose,
-        evidence: Evidence,
-        between: Between = NOTHING_BETWEEN,
+        evidence: PoseEvidence,
+        between: IncrementEvidence = NOTHING_BETWEEN,
         iterations: int = 5,
     ) -> Pose:
         """Add the next instant and return its pose.
@@ -281,7 +281,7 @@ class PoseWindow:
         begin_elimination(self._information, self._pulled, (bend, slope), ratio, corner, rows)
         first = factor_of(corner)
         self._eliminated.append(
-            _Eliminated(
+            _EliminatedPose(
                 self._poses[0].copy(), self._poses[1].copy(), guess.copy(), first, rows[:, : 2 * n + 1]
             )
         )
@@ -307,7 +307,7 @@ class PoseWindow:
         full, before, self._pulled = np.empty((2 * n, 2 * n)), self._pulled, np.empty((2 * n, n))
         join(rest, (hessian, anchor.information), (pulled, before, root), full, self._pulled)
         self._information = full
-        self._linked.append(Linked(bend, turn, own, root, full, self._pulled, evidence.weight, ratio))
+        self._linked.append(WindowEntry(bend, turn, own, root, full, self._pulled, evidence.weight, ratio))
         self._poses, self._next = [middle, pose], None
         if self._after is not None:
             self._after = self._after._replace(age=self._after.age + 1) if between.stride == 1 else None
@@ -360,7 +360,7 @@ class PoseWindow:
             found.append(pose)
         return found
 
-    def _between(self, guess: Pose, between: Between) -> tuple[Array, Array, Array, Array]:
+    def _between(self, guess: Pose, between: IncrementEvidence) -> tuple[Array, Array, Array, Array]:
         """Return matrix (D, D) and vector (D,) of second differences, then those of first differences.
 
         Second differences are of the last two poses and the guess, first differences of the last pose and the

@@ -20,7 +20,12 @@ from panoptic_ros.geometry.rotations import vector_of
 from panoptic_ros.geometry.segment_chain import Chain
 from panoptic_ros.kernels import njit
 from panoptic_ros.kinematics.pose.segment_sums import add_point, gather, place_site
-from panoptic_ros.kinematics.pose.targets import Accelerations, Between, Standing, Turning
+from panoptic_ros.kinematics.pose.targets import (
+    Accelerations,
+    IncrementEvidence,
+    RotationIncrements,
+    SiteDisplacements,
+)
 
 Array = np.ndarray
 
@@ -104,7 +109,13 @@ def add_second_differences(
 
 @_jit
 def first_differences(
-    chain: Chain, begin: Pose, end: Pose, turning: Turning, standing: Standing, matrix: Array, vector: Array
+    chain: Chain,
+    begin: Pose,
+    end: Pose,
+    turning: RotationIncrements,
+    standing: SiteDisplacements,
+    matrix: Array,
+    vector: Array,
 ) -> None:
     """Compute the matrix (D, D) and vector (D,) of first differences between two poses.
 
@@ -176,7 +187,7 @@ def add_motion(
 def motion_between(
     chain: Chain,
     poses: tuple[Pose, Pose, Pose],
-    between: Between,
+    between: IncrementEvidence,
     weights: Array,
     times: tuple[float, float, float],
     second: tuple[Array, Array],
@@ -219,7 +230,7 @@ def begin_elimination(
 
     Args:
         information, pulled: (2 D, 2 D) and (2 D, D) of the pose before the last and the last pose, see
-            `window.Linked`.
+            `window.WindowEntry`.
         second: Matrix and vector of second differences.
         ratio: Ratio of the later time step to the earlier one.
         corner: (D, D) output, the block of the pose with itself.

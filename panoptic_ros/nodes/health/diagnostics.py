@@ -11,7 +11,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from panoptic_ros.graph.health import Health, Status
+from panoptic_ros.graph.health import NodeHealth, Status
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages
 
 OK, WARN = b"\x00", b"\x01"
@@ -107,7 +107,7 @@ class Diagnostics(StatusPublisher):
         look: updates the health before each publication.
     """
 
-    def __init__(self, node: Node, health: Health, look: Callable[[], None] = lambda: None):
+    def __init__(self, node: Node, health: NodeHealth, look: Callable[[], None] = lambda: None):
         self.health, self._refresh = health, look
         super().__init__(node, self._now)
 

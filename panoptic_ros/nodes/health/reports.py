@@ -116,7 +116,7 @@ class PreviewReports:
         return self._publishers[camera]
 
 
-class Report(Protocol):
+class RecordReport(Protocol):
     """Receiver of all records of one class."""
 
     def take(self, record: Any) -> None:
@@ -126,13 +126,13 @@ class Report(Protocol):
         """Return the current diagnostic_msgs/DiagnosticStatus messages."""
 
 
-REPORTS: Mapping[str, Callable[[Node], Report]] = {
+REPORTS: Mapping[str, Callable[[Node], RecordReport]] = {
     "ClockModel": ClockReports,
     "ViewFrame": PreviewReports,
 }
 
 
-def reports_of(node: Node, wiring: Wiring) -> dict[str, Report]:
+def reports_of(node: Node, wiring: Wiring) -> dict[str, RecordReport]:
     """Return the reports for the records that a node receives from outside, by record class name."""
     kinds = {TOPICS[port.topic].record for port in wiring.inputs}
     return {kind: make(node) for kind, make in REPORTS.items() if kind in kinds}

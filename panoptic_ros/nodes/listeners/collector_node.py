@@ -14,7 +14,7 @@ from panoptic_ros.io.messages import from_message
 from panoptic_ros.io.messages.sensors import read_imu
 from panoptic_ros.nodes.health.diagnostics import own_statuses, values_of
 from panoptic_ros.nodes.middleware.family import message_class
-from panoptic_ros.nodes.middleware.negotiation import Negotiated
+from panoptic_ros.nodes.middleware.negotiation import NegotiatedSubscription
 from panoptic_ros.nodes.middleware.packets import unpacked
 from panoptic_ros.nodes.middleware.quality import CLOCKS, collecting_quality
 from panoptic_ros.nodes.middleware.streams import StreamEnds
@@ -102,7 +102,7 @@ class CollectorNode(Node):
         kind, quality = message_class(topic.message), CLOCKS if topic.latched else self._quality
         subscription: Any
         if topic.scope == "imu" and self._live:  # drivers often offer best effort only
-            subscription = Negotiated(
+            subscription = NegotiatedSubscription(
                 self,
                 kind,
                 topic.of(camera),

@@ -38,7 +38,7 @@ def claim_domain(namespace: str = "") -> socket.socket:
     return claim
 
 
-class Listener:
+class GraphListener:
     """Silent node that discovers graphs in a namespace from its construction on.
 
     Raises:

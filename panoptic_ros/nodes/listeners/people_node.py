@@ -22,7 +22,7 @@ from panoptic_ros.export.body_socket import BodySocket
 from panoptic_ros.export.urdf import urdf_text
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import make_flow
-from panoptic_ros.graph.health import Health
+from panoptic_ros.graph.health import NodeHealth
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.body_models import DEFAULT_MODEL, read_body_model, read_body_shape
 from panoptic_ros.io.colors import rgb_of
@@ -50,7 +50,7 @@ CHANGED_M = 0.001  # m; if a bone offset changes by more, the URDF is published 
 JOINTS, DESCRIPTION = "/humans/bodies/{}/joint_states", "/humans/bodies/{}/urdf"
 
 
-class _Described:
+class _BodyPublishers:
     """Publishers of one body, and the bone offsets (m) of its published description."""
 
     def __init__(self, node: Node, body: str):
@@ -86,7 +86,7 @@ class BodyOutputs:
         self._node, self._words, self._prefix = node, tuple(words), prefix
         self._model = read_body_model(segments)
         self._shape = read_body_shape(self._model)
-        self._bodies: dict[int, _Described] = {}
+        self._bodies: dict[int, _BodyPublishers] = {}
         self._transforms = self._publisher_of_tf() if "segments" in words else None
         self.framed: frozenset[int] = frozenset()  # ids whose frame body_<id> is published here
         self._socket = self._open_socket() if "stream" in words else None
@@ -139,14 +139,14 @@ class BodyOutputs:
     def _publish_joints(self, item: BodyStateSet, k: int, number: int) -> None:
         own = self._bodies.get(number)
         if own is None:
-            own = self._bodies[number] = _Described(self._node, body_name(number))
+            own = self._bodies[number] = _BodyPublishers(self._node, body_name(number))
         if own.offsets is None or np.abs(item.offsets[k] - own.offsets).max() > CHANGED_M:
             own.offsets = item.offsets[k]
             self._describe(own, number)
         if own.joints.get_subscription_count():
             own.joints.publish(joint_state_message(item, k, self._model, ros_messages()))
 
-    def _describe(self, own: _Described, number: int) -> None:
+    def _describe(self, own: _BodyPublishers, number: int) -> None:
         body = body_name(number)
         assert own.offsets is not None
         text = urdf_text(self._shape, own.offsets, body, rgb_of(number))
@@ -171,7 +171,7 @@ class SkeletonsReader:
         self._skeleton: SkeletonModel | None = None
         self.statistics = StageStatistics()
         name = node.get_name()
-        self._health = Health(name, {name: self.statistics}, live=flow == "live")
+        self._health = NodeHealth(name, {name: self.statistics}, live=flow == "live")
         self._diagnostics = Diagnostics(node, self._health, self._look)
         skeletons, model = TOPICS["skeletons"], TOPICS["skeleton_model"]
         self._kind = message_class(skeletons.message)

@@ -16,7 +16,7 @@ from panoptic_ros.io.messages import from_message, to_message
 from panoptic_ros.io.messages.rpt import KIND, view_of_poses
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages
-from panoptic_ros.nodes.middleware.negotiation import Negotiated
+from panoptic_ros.nodes.middleware.negotiation import NegotiatedSubscription
 from panoptic_ros.nodes.middleware.packets import unpacked
 from panoptic_ros.nodes.middleware.quality import LATCHED, data_quality
 from panoptic_ros.params import named_words
@@ -73,7 +73,10 @@ class RptNode(Node):
         publisher = self.create_publisher(message_class(row.message), row.of(name), data_quality(flow))
         take = partial(self._take, camera, publisher)
         quality = data_quality(flow)
-        self._kept += [publisher, Negotiated(self, self._kind, topic, take, quality, True, self._tell)]
+        self._kept += [
+            publisher,
+            NegotiatedSubscription(self, self._kind, topic, take, quality, True, self._tell),
+        ]
 
     def _take(self, camera: Any, publisher: Any, data: bytes, sequence: int) -> None:
         number = self._counts.get(camera.name, 0)

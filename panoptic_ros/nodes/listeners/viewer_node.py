@@ -28,7 +28,7 @@ QUALITY = QoSProfile(  # publishers never wait for a viewer; the queue holds the
 )
 
 
-class Taker(Protocol):
+class MessageConsumer(Protocol):
     """Consumer of the messages, e.g. `view.page.live.LiveScene`."""
 
     def begin(self, rig: Rig, skeleton: SkeletonModel) -> None:
@@ -60,7 +60,7 @@ class ViewerNode(Node):
     fault = None
     healthy = True
 
-    def __init__(self, taker: Taker, namespace: str = ""):
+    def __init__(self, taker: MessageConsumer, namespace: str = ""):
         super().__init__("viewer", namespace=namespace)
         self._taker = taker
         self._facts: dict[str, Any] = {}

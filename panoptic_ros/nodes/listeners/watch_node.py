@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from panoptic_ros.graph.health import Told
+from panoptic_ros.graph.health import ReceivedStatus
 from panoptic_ros.nodes.health.diagnostics import KIND, OK, PREFIX, TOPIC, values_of
 from panoptic_ros.nodes.middleware.family import message_class
 
@@ -17,7 +17,7 @@ class WatchNode(Node):
 
     def __init__(self) -> None:
         super().__init__("panoptic_watch", enable_rosout=False, start_parameter_services=False)
-        self.told: dict[str, Told] = {}  # by full name, without the prefix
+        self.told: dict[str, ReceivedStatus] = {}  # by full name, without the prefix
         self._kept = self.create_subscription(message_class(KIND), TOPIC, self._take, 100)
 
     def _take(self, message: Any) -> None:
@@ -28,4 +28,6 @@ class WatchNode(Node):
                 head, colon, rest = full.partition(": ")
                 namespace, _, node = head.rpartition("/")
                 trouble = status.message if status.level != OK else ""
-                self.told[full] = Told(namespace, node + colon + rest, trouble, values_of(status), now_s)
+                self.told[full] = ReceivedStatus(
+                    namespace, node + colon + rest, trouble, values_of(status), now_s
+                )

@@ -100,7 +100,7 @@ def decoder_of(
     """
     record = TOPICS[topic].record
     if record == "ViewFrame":
-        return _Images(owner, encoding, tell)
+        return _ImageDecoder(owner, encoding, tell)
     if record == "DepthFrame":
         return lambda message, number: depth_frame_from_message(message, owner, number)
     if record == "ImuSample":
@@ -111,7 +111,7 @@ def decoder_of(
     return lambda message, number: from_message(message, record)
 
 
-class _Images:
+class _ImageDecoder:
     """Decoder of images of one camera; see `decoder_of`."""
 
     def __init__(self, owner: str, encoding: str, tell: Callable[[str], None] | None):

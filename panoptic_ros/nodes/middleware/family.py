@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.errors import EnvironmentProblem
-from panoptic_ros.io.messages import Messages
+from panoptic_ros.io.messages import MessageFamily
 
 Array = np.ndarray
 
@@ -54,6 +54,6 @@ _CODES = {"f8": "d", "f4": "f", "i4": "i", "u1": "B", "u2": "H", "u4": "I", "i8"
 
 
 @lru_cache(maxsize=1)
-def ros_messages() -> Messages:
+def ros_messages() -> MessageFamily:
     """Return the message family of rclpy: its message classes and sequence type."""
-    return Messages(lru_cache(maxsize=64)(message_class), _sequence)
+    return MessageFamily(lru_cache(maxsize=64)(message_class), _sequence)

@@ -14,7 +14,7 @@ from rclpy.event_handler import QoSRequestedIncompatibleQoSInfo, SubscriptionEve
 from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy, qos_policy_name_from_kind
 
-from panoptic_ros.nodes.middleware.read_together import Came, ReadTogether
+from panoptic_ros.nodes.middleware.read_together import ReceivedMessage, SubscriptionPoller
 from panoptic_ros.nodes.middleware.runtime import OneShot, with_facts
 from panoptic_ros.stage import Notice
 
@@ -23,7 +23,7 @@ MOST_AT_ONCE = 64  # messages taken in a row before other topics get their turn
 BEST_EFFORT_DEPTH = 5  # as in ROS's QoS profile for sensor data
 
 
-class Negotiated:
+class NegotiatedSubscription:
     """Subscription that starts reliable and falls back to best effort if a publisher offers only that.
 
     Reliable publishers still reach it then, but without guaranteed delivery. Only the reliability is relaxed.
@@ -47,7 +47,7 @@ class Negotiated:
         quality: QoSProfile,
         gives_way: bool,
         tell: Callable[[Notice], None],
-        together: ReadTogether | None = None,
+        together: SubscriptionPoller | None = None,
     ):
         self._node, self._kind, self._topic, self._take = node, kind, topic, take
         self._quality, self._gives_way, self._tell, self._together = quality, gives_way, tell, together
@@ -103,21 +103,21 @@ class Negotiated:
                     return
                 self._take(found[0], found[1]["publication_sequence_number"])
 
-    def waiting(self) -> list[Came]:
-        """Return the waiting messages; see `nodes.read_together.Source`."""
-        came: list[Came] = []
+    def waiting(self) -> list[ReceivedMessage]:
+        """Return the waiting messages; see `nodes.read_together.PolledSubscription`."""
+        came: list[ReceivedMessage] = []
         if self._pause is not None:
             return came
         handle, kind = self._subscription.handle, self._kind
         with handle:
             while found := handle.take_message(kind, True):
-                came.append(Came(found[0], found[1]["publication_sequence_number"]))
+                came.append(ReceivedMessage(found[0], found[1]["publication_sequence_number"]))
                 if len(came) >= self._quality.depth:
                     break
         return came
 
-    def take(self, came: Came) -> None:
-        """Process a message; see `nodes.read_together.Source`."""
+    def take(self, came: ReceivedMessage) -> None:
+        """Process a message; see `nodes.read_together.PolledSubscription`."""
         if self._pause is None:
             self._take(*came)
 

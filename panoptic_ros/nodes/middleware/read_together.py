@@ -22,24 +22,24 @@ LOOK_S = 0.004  # polling period: a tenth of a camera's period or less
 MOST_LEFT_OUT = 2  # polls that may be skipped per source; more would delay its next message
 
 
-class Came(NamedTuple):
+class ReceivedMessage(NamedTuple):
     """Message as bytes, with the sequence number that the publisher's middleware gave it."""
 
     data: bytes
     number: int
 
 
-class Source(Protocol):
+class PolledSubscription(Protocol):
     """Subscription that is polled together with others."""
 
-    def waiting(self) -> list[Came]:
+    def waiting(self) -> list[ReceivedMessage]:
         """Return all messages that wait in the middleware."""
 
-    def take(self, came: Came) -> None:
+    def take(self, came: ReceivedMessage) -> None:
         """Process one of these messages."""
 
 
-class ReadTogether:
+class SubscriptionPoller:
     """Poller of several subscriptions of a node.
 
     Args:
@@ -48,16 +48,16 @@ class ReadTogether:
 
     def __init__(self, node: Node, at_once: Callable[[], AbstractContextManager[None]]):
         self._node, self._at_once = node, at_once
-        self._sources: list[_Looked] = []
+        self._sources: list[_PollSchedule] = []
         self._subscriptions: set[Subscription] = set()
         self._timer: Any = None
 
     def __contains__(self, subscription: Subscription) -> bool:
         return subscription in self._subscriptions
 
-    def add(self, source: Source) -> None:
+    def add(self, source: PolledSubscription) -> None:
         """Poll one more source from now on."""
-        self._sources.append(_Looked(source))
+        self._sources.append(_PollSchedule(source))
         if self._timer is None:
             clock = Clock(clock_type=ClockType.STEADY_TIME)
             self._timer = self._node.create_timer(LOOK_S, self.read, clock=clock)
@@ -81,18 +81,18 @@ class ReadTogether:
                 source.take(came)
 
 
-class _Looked:
+class _PollSchedule:
     """Source that is not polled in the first half of its message period.
 
     No message comes in that time, and a poll takes as long as receiving a message.
     """
 
-    def __init__(self, source: Source):
+    def __init__(self, source: PolledSubscription):
         self._source = source
         self._newest_ns = 0
         self._left_out = 0  # polls that are still to be skipped
 
-    def waiting(self) -> list[tuple[int, Source, Came]]:
+    def waiting(self) -> list[tuple[int, PolledSubscription, ReceivedMessage]]:
         """Return all waiting messages with their timestamps (ns) and their source."""
         if self._left_out:
             self._left_out -= 1
@@ -108,7 +108,7 @@ class _Looked:
 class GatheringNode(Node):
     """Node with subscriptions that it polls itself; executors do not see these."""
 
-    together: ReadTogether | None = None
+    together: SubscriptionPoller | None = None
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from panoptic_ros.errors import PanopticError
-from panoptic_ros.graph.queues import Waiting
+from panoptic_ros.graph.queues import MessageQueue
 from panoptic_ros.io.kernel_cache import full_disk_told
 from panoptic_ros.nodes.middleware.runtime import quiet_once
 
@@ -31,7 +31,7 @@ class Worker:
     ):
         self._work, self._fetch = work, fetch
         self._on_drop = on_drop
-        self._waiting: Waiting | None = None
+        self._waiting: MessageQueue | None = None
         self._notes: deque[Any] = deque()
         self._urgent: deque[Any] = deque()
         self._changed = threading.Condition()
@@ -39,7 +39,7 @@ class Worker:
         self.fault: PanopticError | None = None
         self._thread = threading.Thread(target=self._work_on, daemon=True)
 
-    def start(self, waiting: Waiting) -> None:
+    def start(self, waiting: MessageQueue) -> None:
         """Start the thread on this queue."""
         self._waiting = waiting
         self._thread.start()

@@ -26,7 +26,7 @@ CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 
 @dataclass
-class Drivers:
+class DriverSearchResult:
     """Result of the search.
 
     Args:
@@ -38,7 +38,7 @@ class Drivers:
     infos: dict[str, Any] = field(default_factory=dict)
 
 
-def find_drivers(topics: Mapping[str, str], patience_s: float = PATIENCE_S) -> Drivers:
+def find_drivers(topics: Mapping[str, str], patience_s: float = PATIENCE_S) -> DriverSearchResult:
     """Look up topics that have a publisher, and take one message of each CameraInfo topic.
 
     Args:
@@ -55,20 +55,20 @@ def find_drivers(topics: Mapping[str, str], patience_s: float = PATIENCE_S) -> D
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:
-        return _Search(node, executor, topics).run(patience_s)
+        return _DriverSearch(node, executor, topics).run(patience_s)
     finally:
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
 
 
-class _Search:
+class _DriverSearch:
     def __init__(self, node: Node, executor: SingleThreadedExecutor, topics: Mapping[str, str]):
         self._node, self._executor, self._topics = node, executor, topics
-        self._found = Drivers()
+        self._found = DriverSearchResult()
         self._kept: list[Any] = []
 
-    def run(self, patience_s: float) -> Drivers:
+    def run(self, patience_s: float) -> DriverSearchResult:
         """Wait until all topics and CameraInfo messages have been found."""
         deadline = time.monotonic() + patience_s
         while not self._is_complete():

@@ -25,7 +25,7 @@ from panoptic_ros.domain import AudioBlock, Camera, ImuSample, Rig
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import PATIENT
-from panoptic_ros.graph.health import Health
+from panoptic_ros.graph.health import NodeHealth
 from panoptic_ros.graph.topics import TOPICS, ros_name
 from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, BagMessage, BagStream, StreamEnd, merged
 from panoptic_ros.io.messages import (
@@ -48,7 +48,7 @@ FREQUENT = (TOPICS["audio"].message, IMU)
 
 
 @dataclass(frozen=True)
-class Outgoing:
+class OutgoingMessages:
     """Messages to publish together, or the end of a publisher.
 
     Args:
@@ -107,7 +107,7 @@ class SourceNode(Node):
         self._ended: set[str] = set()
         self._statistics = StageStatistics()
         self._diagnostics = Diagnostics(
-            self, Health(name, {name: self._statistics}, live=self._flow.name == "live")
+            self, NodeHealth(name, {name: self._statistics}, live=self._flow.name == "live")
         )
         self._ends = StreamEnds(self, lambda topic: None)
         self._instants: Credit | None = None
@@ -144,7 +144,7 @@ class SourceNode(Node):
         alive = self._thread is None or self._thread.is_alive() or self._diagnostics.finished
         return self._fault is None and alive
 
-    def start(self, outgoing: Iterable[Outgoing]) -> None:
+    def start(self, outgoing: Iterable[OutgoingMessages]) -> None:
         """Start to publish."""
         self._thread = threading.Thread(target=self._send, args=(iter(outgoing),), daemon=True)
         self._thread.start()
@@ -165,11 +165,11 @@ class SourceNode(Node):
         self.note(Notice("source.bad_message", "warning", str(error)))
         self.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
 
-    def _send(self, outgoing: Iterator[Outgoing]) -> None:
+    def _send(self, outgoing: Iterator[OutgoingMessages]) -> None:
         with quiet_once(self._stopping.is_set):
             self._run(outgoing)
 
-    def _run(self, outgoing: Iterator[Outgoing]) -> None:
+    def _run(self, outgoing: Iterator[OutgoingMessages]) -> None:
         if self._readers:
             self._wait_for_readers()
         try:
@@ -251,7 +251,7 @@ def camera_topics(camera: str, compressed: bool, depth: bool) -> dict[str, tuple
     return {key: (topic.of(camera), topic.message) for key, topic in topics.items()}
 
 
-def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) -> Iterator[Outgoing]:
+def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) -> Iterator[OutgoingMessages]:
     """Yield the image, the CameraInfo and the depth map (if any) of every frame.
 
     Gaps in the frame numbers of a live source count as overtaken frames.
@@ -271,21 +271,21 @@ def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) ->
         )
         info = camera_info_message(camera, frame.stamp_ns, family)
         depth = (("depth", depth_message(beside.depth_of(frame), family)),) if beside is not None else ()
-        yield Outgoing(frame.stamp_ns, (("image", image), ("camera_info", info), *depth), overtaken)
+        yield OutgoingMessages(frame.stamp_ns, (("image", image), ("camera_info", info), *depth), overtaken)
 
 
-def sound_messages(blocks: Iterable[AudioBlock]) -> Iterator[Outgoing]:
+def sound_messages(blocks: Iterable[AudioBlock]) -> Iterator[OutgoingMessages]:
     """Yield a message for every block of an audio source."""
     family = ros_messages()
     for block in blocks:
-        yield Outgoing(block.stamp_ns, (("audio", to_message(block, family)),))
+        yield OutgoingMessages(block.stamp_ns, (("audio", to_message(block, family)),))
 
 
-def imu_messages(samples: Iterable[ImuSample]) -> Iterator[Outgoing]:
+def imu_messages(samples: Iterable[ImuSample]) -> Iterator[OutgoingMessages]:
     """Yield a message for every IMU sample, for the publisher of its device."""
     family = ros_messages()
     for sample in samples:
-        yield Outgoing(sample.stamp_ns, ((sample.device, to_message(sample, family)),))
+        yield OutgoingMessages(sample.stamp_ns, ((sample.device, to_message(sample, family)),))
 
 
 def make_camera_node(
@@ -308,7 +308,9 @@ def make_camera_node(
     return node
 
 
-def _noted(outgoing: Iterator[Outgoing], source: FrameSource, node: SourceNode) -> Iterator[Outgoing]:
+def _noted(
+    outgoing: Iterator[OutgoingMessages], source: FrameSource, node: SourceNode
+) -> Iterator[OutgoingMessages]:
     """Yield the messages of a source; after the last one, count the notices of the source."""
     yield from outgoing
     for notice in getattr(source, "after", ()):  # live sources never reach a last frame
@@ -375,7 +377,9 @@ def make_bag_node(streams: Sequence[BagStream], overrides: Mapping[str, Any]) ->
     return node
 
 
-def _outgoing(item: BagMessage | StreamEnd, key: str) -> Outgoing:
+def _outgoing(item: BagMessage | StreamEnd, key: str) -> OutgoingMessages:
     if isinstance(item, StreamEnd):
-        return Outgoing(item.place_ns, ended=key)
-    return Outgoing(item.place_ns, ((key, item.data),), is_sound=item.stream.key in (SOUND_KEY, IMU_KEY))
+        return OutgoingMessages(item.place_ns, ended=key)
+    return OutgoingMessages(
+        item.place_ns, ((key, item.data),), is_sound=item.stream.key in (SOUND_KEY, IMU_KEY)
+    )

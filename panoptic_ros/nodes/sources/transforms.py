@@ -52,7 +52,7 @@ def find_transforms(
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:
-        transforms = _Listener(node, kind)
+        transforms = _TransformListener(node, kind)
         return transforms.wait(executor, frames, fixed, patience_s)
     finally:
         executor.shutdown()
@@ -60,7 +60,7 @@ def find_transforms(
         context.try_shutdown()
 
 
-class _Listener:
+class _TransformListener:
     def __init__(self, node: Node, kind: Any):
         self._found: dict[str, tuple[str, Rigid]] = {}
         self._bad: list[str] = []

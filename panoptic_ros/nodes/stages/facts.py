@@ -20,7 +20,7 @@ from panoptic_ros.nodes.middleware.family import message_class
 from panoptic_ros.nodes.middleware.quality import LATCHED
 
 
-class Facts:
+class FactsSubscriber:
     """Subscriber that waits for the rig and the skeleton model.
 
     A later rig is offered to the node. A later skeleton model is not adopted, and a warning is logged.

@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import ConfigError, DataError, PanopticError
-from panoptic_ros.graph.arrivals import MOST_BYTES, MOST_MESSAGES, Arrivals, FloodGuard
+from panoptic_ros.graph.arrivals import MOST_BYTES, MOST_MESSAGES, ArrivalCounters, FloodGuard
 from panoptic_ros.graph.continuity import Continuity
 from panoptic_ros.graph.entrance import check_record
 from panoptic_ros.graph.flow import Flow
@@ -24,7 +24,7 @@ from panoptic_ros.graph.nodes import NODES, Port
 from panoptic_ros.graph.topics import TOPICS, variants
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.nodes.health.reports import Report
+from panoptic_ros.nodes.health.reports import RecordReport
 from panoptic_ros.nodes.health.tally import Tally
 from panoptic_ros.nodes.middleware.decoding import (
     Decoder,
@@ -34,12 +34,12 @@ from panoptic_ros.nodes.middleware.decoding import (
     packed_decoder_of,
 )
 from panoptic_ros.nodes.middleware.family import message_class
-from panoptic_ros.nodes.middleware.negotiation import Negotiated
+from panoptic_ros.nodes.middleware.negotiation import NegotiatedSubscription
 from panoptic_ros.nodes.middleware.packets import header_of, unpacked
 from panoptic_ros.nodes.middleware.quality import CLOCKS, data_quality
 from panoptic_ros.nodes.middleware.read_together import GatheringNode
 from panoptic_ros.nodes.middleware.runtime import now_of
-from panoptic_ros.nodes.stages.facts import Facts
+from panoptic_ros.nodes.stages.facts import FactsSubscriber
 from panoptic_ros.params import named_words
 from panoptic_ros.stage import Notice
 
@@ -49,7 +49,7 @@ PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 FLOODED = 128  # messages that the middleware queues while bad ones are sorted out
 
 
-class Takers(NamedTuple):
+class InputCallbacks(NamedTuple):
     """Callbacks for the messages of an input.
 
     Args:
@@ -91,7 +91,7 @@ class Input:
     name: str
     kind: Any
     decode: Decoder
-    arrivals: Arrivals
+    arrivals: ArrivalCounters
     continuity: Continuity | None = None
     count: int = 0
     on_record: Callable[[Any, Any], None] = lambda record, message: None
@@ -200,7 +200,7 @@ class InputChoice:
 
 
 def subscribe(
-    node: GatheringNode, choice: InputChoice, topic: str, owner: str, flow: Flow, takers: Takers
+    node: GatheringNode, choice: InputChoice, topic: str, owner: str, flow: Flow, takers: InputCallbacks
 ) -> list[Input]:
     """Subscribe to a topic of a camera or device; return its inputs."""
     return [
@@ -210,7 +210,13 @@ def subscribe(
 
 
 def _subscribe(
-    node: GatheringNode, choice: InputChoice, topic: str, carrier: str, owner: str, flow: Flow, takers: Takers
+    node: GatheringNode,
+    choice: InputChoice,
+    topic: str,
+    carrier: str,
+    owner: str,
+    flow: Flow,
+    takers: InputCallbacks,
 ) -> Input:
     row, live = TOPICS[carrier], flow.name == "live"
     frequent = row.scope in ("device", "imu")
@@ -259,7 +265,7 @@ def _subscribe(
     def tell_encoding(text: str) -> None:
         takers.tell(found, Notice("graph.encoding", "warning", text, {"device": owner}))
 
-    subscription = Negotiated(
+    subscription = NegotiatedSubscription(
         node,
         message_class(row.message),
         choice.name(carrier, owner),
@@ -270,7 +276,7 @@ def _subscribe(
         together=node.together if live and row.scope == "imu" else None,
     )
     name = subscription.topic_name
-    arrivals = Arrivals(topic, owner, name, _is_regular(topic, carrier), time.monotonic_ns())
+    arrivals = ArrivalCounters(topic, owner, name, _is_regular(topic, carrier), time.monotonic_ns())
     decoder = choice.decoder(carrier, owner, tell_encoding if live else None)
     in_order = live and row.scope == "graph" and not row.latched
     found = Input(
@@ -288,7 +294,7 @@ def _subscribe(
     return found
 
 
-def lossy(arrivals: Arrivals, size: int) -> Notice:
+def lossy(arrivals: ArrivalCounters, size: int) -> Notice:
     """Return a notice about a best-effort driver that loses many messages, with the remedy.
 
     The driver's middleware has small buffers, or it splits images into datagrams, as is needed between
@@ -315,7 +321,7 @@ UNUSABLE = 3  # refused messages in a row
 UNUSABLE_S = 1.0  # s that these must span before a notice names the input
 
 
-class Entrance:
+class MessageValidator:
     """Converter and validator of messages.
 
     Refusals, losses and notices count for the first stage that takes the topic.
@@ -326,16 +332,18 @@ class Entrance:
         wiring: Connections of the node's stages.
     """
 
-    def __init__(self, facts: Facts, tally: Tally, reports: Mapping[str, Report], wiring: Wiring):
+    def __init__(
+        self, facts: FactsSubscriber, tally: Tally, reports: Mapping[str, RecordReport], wiring: Wiring
+    ):
         self._facts, self._tally, self._reports, self._wiring = facts, tally, reports, wiring
         # by topic: monotonic times of refused messages since the last good one, s
         self._refused: dict[str, list[float]] = {}
 
     def takers(
         self, receive: Callable[[Input, str, int, Any], None], on_record: Callable[[Any, Any], None]
-    ) -> Takers:
+    ) -> InputCallbacks:
         """Return the callbacks for the messages of an input."""
-        return Takers(receive, self.refuse, self._tell, self.lost, on_record)
+        return InputCallbacks(receive, self.refuse, self._tell, self.lost, on_record)
 
     def record(self, entry: Input, data: Any) -> Any | None:
         """Return the record of a message; None if it is unusable."""

@@ -65,7 +65,7 @@ class StateKeeper:
             self._logger.warning(f"what stage {stage} remembered is given up: it failed with it twice")
 
 
-class KeptStates:
+class StateExchange:
     """Exchange of states with the keeper: hands over those of a node's stages and receives kept ones.
 
     Args:

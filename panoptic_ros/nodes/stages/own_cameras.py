@@ -20,12 +20,12 @@ from rclpy.node import Node
 from panoptic_ros.capture import Note, open_recording, open_source
 from panoptic_ros.domain import DepthFrame, Rig, ViewDetections, ViewFrame
 from panoptic_ros.errors import PanopticError
-from panoptic_ros.graph.arrivals import Arrivals
+from panoptic_ros.graph.arrivals import ArrivalCounters
 from panoptic_ros.graph.build import make_stage, rows_in_use
 from panoptic_ros.graph.flow import Flow
 from panoptic_ros.graph.host import Host, Key
 from panoptic_ros.graph.nodes import NODES
-from panoptic_ros.graph.side_by_side import TABLE, SideBySide, looked_ahead
+from panoptic_ros.graph.side_by_side import TABLE, ParallelDetection, looked_ahead
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.graph.wiring import Table, Wiring
 from panoptic_ros.io.messages import (
@@ -87,12 +87,12 @@ def own_input(node: Node, topic: str, camera: str) -> OwnInput:
     """Return the input of a topic of a camera that the node reads itself."""
     row = TOPICS[topic]
     name = node.resolve_topic_name(row.of(camera))
-    arrivals = Arrivals(topic, camera, name, topic == "image", time.monotonic_ns())
+    arrivals = ArrivalCounters(topic, camera, name, topic == "image", time.monotonic_ns())
     kind = message_class(row.message)
     return OwnInput(topic, topic, camera, name, kind, lambda message, number: message, arrivals)
 
 
-class ImagesSent:
+class ImagePublisher:
     """Publisher of images, camera infos and depth maps of some cameras, for subscribers only."""
 
     def __init__(self, node: Node, flow: Flow, rig: Rig, own: OwnCameras):
@@ -129,11 +129,11 @@ class ImagesSent:
         return self._publishers[key, camera].get_subscription_count() > 0
 
 
-class LiveCameras:
+class LiveCameraReader:
     """Reader of live cameras, with one thread per camera.
 
     Args:
-        sent: Called with each image on that thread, see `ImagesSent.send`.
+        sent: Called with each image on that thread, see `ImagePublisher.send`.
         take: Called with (input, image) on that thread.
         failed: Called with the error that ended a camera.
     """
@@ -181,11 +181,11 @@ class LiveCameras:
             thread.join(timeout=5.0)
 
 
-class RecordingsRead:
+class RecordingReader:
     """Reader of recordings: it takes records of cameras when the stages need them.
 
     Args:
-        sent: See `ImagesSent.send`.
+        sent: See `ImagePublisher.send`.
         stage: Detection stage that processes images of different cameras in parallel, ahead of the pipeline.
             None: no look-ahead.
         credit: Flow control by the output of the graph, if stages of other processes follow. The cameras then
@@ -212,7 +212,7 @@ class RecordingsRead:
         self._credit, self._shifts = credit, shifts
         self._waited_s = 0.0
         self._taken: Counter[Key] = Counter()
-        self.looks: SideBySide | None = None
+        self.looks: ParallelDetection | None = None
         try:
             records = open_recording(rig, own.sources, self._stack, note)
             self._records = {key: _told(items, sent) for key, items in records.items()}
@@ -282,7 +282,7 @@ def _told(items: Iterator[Any], sent: Callable[[Any], None]) -> Iterator[Any]:
         yield item
 
 
-class OwnReading:
+class OwnCameraReader:
     """Cameras of a node: recordings or live cameras.
 
     Args:
@@ -303,8 +303,8 @@ class OwnReading:
         self._node, self._flow, self._own = node, flow, own or NONE
         self._put, self._end, self._note = put, end, note
         self._inputs: dict[Key, OwnInput] = {}
-        self._recordings: RecordingsRead | None = None
-        self._live: LiveCameras | None = None
+        self._recordings: RecordingReader | None = None
+        self._live: LiveCameraReader | None = None
         threads = self._own.threads
         live = flow.name == "live"
         self.pool: Executor | None = ThreadPoolExecutor(threads) if live and threads > 1 else None
@@ -315,7 +315,7 @@ class OwnReading:
         return NODES if self.looks is None else TABLE
 
     @property
-    def looks(self) -> SideBySide | None:
+    def looks(self) -> ParallelDetection | None:
         """Return the look-ahead detection (replay); None if images influence each other."""
         return None if self._recordings is None else self._recordings.looks
 
@@ -347,7 +347,7 @@ class OwnReading:
         if all(spec.apart for spec in wiring.specs):
             out = TOPICS["skeletons"]
             credit = Credit(self._node, self._flow, out.name, out.message, self._flow.window)
-        self._recordings = RecordingsRead(self._own, rig, self._sent(rig), ahead, credit, shifts, self._note)
+        self._recordings = RecordingReader(self._own, rig, self._sent(rig), ahead, credit, shifts, self._note)
 
     def owners(self, owners: Mapping[str, list[str]]) -> dict[str, list[str]]:
         """Return the owners of each topic.
@@ -377,10 +377,10 @@ class OwnReading:
     def start(
         self, rig: Rig, take: Callable[[OwnInput, ViewFrame], None], failed: Callable[[PanopticError], None]
     ) -> None:
-        """Start to read live cameras; see `LiveCameras`."""
+        """Start to read live cameras; see `LiveCameraReader`."""
         if self._own.sources and self._flow.name == "live":
             inputs = {camera: self._inputs["image", camera] for camera in self._own.sources}
-            self._live = LiveCameras(self._own, rig, inputs, self._sent(rig), take, failed)
+            self._live = LiveCameraReader(self._own, rig, inputs, self._sent(rig), take, failed)
 
     def fetch(self, host: Host | None) -> bool:
         """Pass on the next record that the stages need from a recording; return whether more is to do."""
@@ -402,7 +402,7 @@ class OwnReading:
             self.pool.shutdown(wait=False, cancel_futures=True)
 
     def _sent(self, rig: Rig) -> Callable[[Any], None]:
-        return ImagesSent(self._node, self._flow, rig, self._own).send
+        return ImagePublisher(self._node, self._flow, rig, self._own).send
 
     def _came(self, key: Key, record: Any) -> None:
         entry = self._inputs[key]

@@ -19,7 +19,7 @@ from panoptic_ros.errors import PanopticError
 from panoptic_ros.graph.build import ports_in_use, resolve, rows_in_use
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.graph.flow import live_defaults
-from panoptic_ros.graph.health import Doing, Health
+from panoptic_ros.graph.health import Activity, NodeHealth
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.wiring import Wiring
 from panoptic_ros.kernels import on_compilation
@@ -27,14 +27,14 @@ from panoptic_ros.nodes.health.diagnostics import Diagnostics
 from panoptic_ros.nodes.health.reports import reports_of
 from panoptic_ros.nodes.health.tally import Tally
 from panoptic_ros.nodes.middleware.parameters import declare_config, declare_flow
-from panoptic_ros.nodes.middleware.read_together import GatheringNode, ReadTogether
+from panoptic_ros.nodes.middleware.read_together import GatheringNode, SubscriptionPoller
 from panoptic_ros.nodes.middleware.streams import StreamEnds
 from panoptic_ros.nodes.middleware.worker import Worker
-from panoptic_ros.nodes.stages.facts import Facts, RigChanges
+from panoptic_ros.nodes.stages.facts import FactsSubscriber, RigChanges
 from panoptic_ros.nodes.stages.inputs import InputChoice
-from panoptic_ros.nodes.stages.kept_states import KeptStates
-from panoptic_ros.nodes.stages.own_cameras import OwnCameras, OwnReading
-from panoptic_ros.nodes.stages.stage_work import ChosenStages, Pausing, StageWork, Surroundings
+from panoptic_ros.nodes.stages.kept_states import StateExchange
+from panoptic_ros.nodes.stages.own_cameras import OwnCameraReader, OwnCameras
+from panoptic_ros.nodes.stages.stage_work import NodeParts, PauseService, StageSelection, StageWork
 from panoptic_ros.params import Config, named_words
 from panoptic_ros.stage import StageContext
 
@@ -144,12 +144,12 @@ class StageNode(GatheringNode):
         }
         used = {*graph, *ports_in_use(configs)}
         everywhere = [stage for stage in NODES if stage in {*graph, *names}]
-        self._chosen = ChosenStages(configs, everywhere, used, shifts)
+        self._chosen = StageSelection(configs, everywhere, used, shifts)
         self._work: StageWork | None = None  # set when rig and skeleton model have arrived
         self._fault: PanopticError | None = None
         self._tally = Tally(self.get_logger(), names)
         choice = InputChoice(self, Wiring(names, table=rows_in_use(used)).inputs, graph)
-        self._health = Health(self.get_name(), self._tally.statistics, live=live)
+        self._health = NodeHealth(self.get_name(), self._tally.statistics, live=live)
         self._diagnostics = Diagnostics(self, self._health, self._look)
         self._compilation = Compilation(self.get_logger(), self._diagnostics.publish)
         reports = reports_of(self, Wiring(names))
@@ -162,8 +162,8 @@ class StageNode(GatheringNode):
             lambda count: self._tally.dropped(self._tally.first, "queue_full", count),
             lambda: self._at_work.fetch(),
         )
-        self.together = ReadTogether(self, self._worker.at_once)
-        self._reading = OwnReading(
+        self.together = SubscriptionPoller(self, self._worker.at_once)
+        self._reading = OwnCameraReader(
             self,
             self._flow,
             own,
@@ -172,16 +172,16 @@ class StageNode(GatheringNode):
             lambda notice: self._tally.tell(self._tally.first, notice),
         )
         ends = StreamEnds(self, lambda topic: self._worker.note(lambda: self._at_work.topic_over(topic)))
-        self._kept = KeptStates(self, names, self._hand_over, self._tally.has_taken) if live else None
+        self._kept = StateExchange(self, names, self._hand_over, self._tally.has_taken) if live else None
         self._rig_changes = RigChanges(self, self._cameras, self._worker.note, self._change_rig)
-        self._facts = Facts(
+        self._facts = FactsSubscriber(
             self,
             self._begin,
             lambda error: self._tally.refuse(self._tally.first, error),
             lambda rig: self._rig_changes.offer(rig, self._facts.rig),
             needs_cameras=not all(port.optional for stage in names for port in NODES[stage].inputs),
         )
-        self._surroundings = Surroundings(
+        self._surroundings = NodeParts(
             self,
             self._flow,
             choice,
@@ -194,7 +194,7 @@ class StageNode(GatheringNode):
             reports,
             ends,
             self._kept,
-            Pausing(self) if live else None,
+            PauseService(self) if live else None,
         )
 
     def _names(self, parameter: str) -> list[str]:
@@ -235,7 +235,7 @@ class StageNode(GatheringNode):
     def _look(self) -> None:
         """Update the current activity of the stages for /diagnostics."""
         stage, since_ns = self._work.pipeline.stepping if self._work is not None else ("", 0)
-        self._health.doing = Doing(stage, since_ns, self._compilation.kernel)
+        self._health.doing = Activity(stage, since_ns, self._compilation.kernel)
         self._health.awaited, self._health.unfit = self._facts.missing, self._facts.unfit
 
     def _begin(self, rig: Rig, skeleton: SkeletonModel) -> None:

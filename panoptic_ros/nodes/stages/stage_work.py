@@ -19,17 +19,17 @@ from panoptic_ros.domain import Rig, ViewFrame
 from panoptic_ros.errors import DataError, PanopticError
 from panoptic_ros.graph.continuity import AlignedTimes
 from panoptic_ros.graph.flow import Flow
-from panoptic_ros.graph.health import Health
+from panoptic_ros.graph.health import NodeHealth
 from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.graph.queues import Companions, Item, queue_for
+from panoptic_ros.graph.queues import Companions, QueuedMessage, queue_for
 from panoptic_ros.graph.topics import TOPICS, owner_of
-from panoptic_ros.graph.under_way import UnderWay
+from panoptic_ros.graph.under_way import ParallelPipeline
 from panoptic_ros.io.messages import to_message
-from panoptic_ros.io.messages.records import Origins
+from panoptic_ros.io.messages.records import OriginalMessages
 from panoptic_ros.nodes.health.diagnostics import Diagnostics
-from panoptic_ros.nodes.health.reports import Report
+from panoptic_ros.nodes.health.reports import RecordReport
 from panoptic_ros.nodes.health.tally import Tally
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages, service_class
 from panoptic_ros.nodes.middleware.quality import CLOCKS, data_quality
@@ -37,10 +37,10 @@ from panoptic_ros.nodes.middleware.read_together import GatheringNode
 from panoptic_ros.nodes.middleware.runtime import now_of
 from panoptic_ros.nodes.middleware.streams import StreamEnds
 from panoptic_ros.nodes.middleware.worker import Worker
-from panoptic_ros.nodes.stages.facts import Facts
-from panoptic_ros.nodes.stages.inputs import Entrance, Input, InputChoice, subscribe
-from panoptic_ros.nodes.stages.kept_states import KeptStates
-from panoptic_ros.nodes.stages.own_cameras import OwnInput, OwnReading
+from panoptic_ros.nodes.stages.facts import FactsSubscriber
+from panoptic_ros.nodes.stages.inputs import Input, InputChoice, MessageValidator, subscribe
+from panoptic_ros.nodes.stages.kept_states import StateExchange
+from panoptic_ros.nodes.stages.own_cameras import OwnCameraReader, OwnInput
 from panoptic_ros.params import Config
 from panoptic_ros.stage import StageContext
 
@@ -60,7 +60,7 @@ class Outputs:
 
     def __init__(self, node: Node, flow: Flow, leaving: Collection[str], ends: StreamEnds):
         self._node, self._flow, self._leaving, self._ends = node, flow, frozenset(leaving), ends
-        self.origins = Origins(TOPICS[topic].record for topic in leaving)
+        self.origins = OriginalMessages(TOPICS[topic].record for topic in leaving)
         self._messages = replace(ros_messages(), origin=self.origins.of)
         self._publishers: dict[tuple[str, str], Any] = {}
         self._sent: dict[tuple[str, str], int] = {}
@@ -100,7 +100,7 @@ class Outputs:
 SERVICE = "std_srvs/srv/SetBool"
 
 
-class Pausing:
+class PauseService:
     """Service `~/pause` of a node: `true` discards all further messages, `false` resumes.
 
     Identities, noise tables and clocks are kept. After a pause, people are re-identified at their new
@@ -135,7 +135,7 @@ class Pausing:
         return response
 
 
-class Arrival(NamedTuple):
+class ArrivedRecord(NamedTuple):
     """Record that has arrived on a topic of a camera or device.
 
     Args:
@@ -156,7 +156,7 @@ class Delivery(Protocol):
     All methods are called on the node's worker thread.
     """
 
-    def take(self, arrivals: Sequence[Arrival]) -> None:
+    def take(self, arrivals: Sequence[ArrivedRecord]) -> None:
         """Process records; they are of one instant if that is possible."""
 
     def wait(self) -> None:
@@ -170,10 +170,10 @@ class LiveDelivery:
         now_ns: Returns the time of the clock that cameras should use for timestamps.
     """
 
-    def __init__(self, under_way: UnderWay, now_ns: Callable[[], int] = time.time_ns):
+    def __init__(self, under_way: ParallelPipeline, now_ns: Callable[[], int] = time.time_ns):
         self._under_way, self._now_ns = under_way, now_ns
 
-    def take(self, arrivals: Sequence[Arrival]) -> None:
+    def take(self, arrivals: Sequence[ArrivedRecord]) -> None:
         came_ns = arrivals[0].came_ns
         waited_ns = time.monotonic_ns() - came_ns
         self._under_way.waited(waited_ns)
@@ -194,7 +194,7 @@ class ReplayDelivery:
     def __init__(self, host: Host, on_over: Callable[[], None]):
         self.host, self._on_over = host, on_over
 
-    def take(self, arrivals: Sequence[Arrival]) -> None:
+    def take(self, arrivals: Sequence[ArrivedRecord]) -> None:
         for one in arrivals:
             self.host.put(one.topic, one.owner, one.stamp_ns, one.record)
         self._advance()
@@ -214,7 +214,7 @@ class ReplayDelivery:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class NodeParts:
     """Objects of a node that exist before rig and skeleton model arrive.
 
     Args:
@@ -225,20 +225,20 @@ class Surroundings:
     node: GatheringNode
     flow: Flow
     choice: InputChoice
-    reading: OwnReading
+    reading: OwnCameraReader
     worker: Worker
     tally: Tally
-    facts: Facts
-    health: Health
+    facts: FactsSubscriber
+    health: NodeHealth
     diagnostics: Diagnostics
-    reports: Mapping[str, Report]
+    reports: Mapping[str, RecordReport]
     ends: StreamEnds
-    kept: KeptStates | None
-    pausing: Pausing | None
+    kept: StateExchange | None
+    pausing: PauseService | None
 
 
 @dataclass(frozen=True)
-class ChosenStages:
+class StageSelection:
     """Stages of a node and their configurations, as selected by its parameters.
 
     Args:
@@ -263,7 +263,7 @@ class StageWork:
         PanopticError: if a stage cannot be made from its configuration.
     """
 
-    def __init__(self, around: Surroundings, chosen: ChosenStages, context: StageContext):
+    def __init__(self, around: NodeParts, chosen: StageSelection, context: StageContext):
         self._around, self._chosen, self._rig = around, chosen, context.rig
         self._live = around.flow.name == "live"
         self._logger = around.node.get_logger()
@@ -291,13 +291,13 @@ class StageWork:
             table=reading.table,
             used=chosen.used,
         )
-        self._entrance = Entrance(around.facts, tally, around.reports, self.pipeline.wiring)
+        self._entrance = MessageValidator(around.facts, tally, around.reports, self.pipeline.wiring)
         self._outputs = self._open_outputs()
         owners = reading.owners(
             {port.topic: around.choice.owners(port.topic, self._rig) for port in self.pipeline.wiring.inputs}
         )
         self._present = [(topic, owner) for topic, found in owners.items() for owner in found]
-        under_way = UnderWay(self.pipeline, reading.pool, around.worker.urge)
+        under_way = ParallelPipeline(self.pipeline, reading.pool, around.worker.urge)
         live = LiveDelivery(under_way, self._now_ns)
         self._delivery: Delivery = live if self._live else self._in_order(owners)
         self._full = (lambda: under_way.full) if self._live else (lambda: False)
@@ -359,7 +359,7 @@ class StageWork:
             except DataError as error:
                 self._logger.warning(f"stage {stage} begins anew: {error}")
 
-    def publish_states(self, kept: KeptStates) -> None:
+    def publish_states(self, kept: StateExchange) -> None:
         """Hand over the states of the stages to the keeper."""
         self._delivery.wait()
         kept.publish(self.pipeline.lasting_state)
@@ -370,13 +370,13 @@ class StageWork:
         """Enqueue a message together with its companions, e.g. the depth map of an image."""
         if self._around.pausing is not None and self._around.pausing.leaves_out():
             return
-        item = Item(entry.topic, entry.owner, stamp_ns, (entry, data), time.monotonic_ns())
+        item = QueuedMessage(entry.topic, entry.owner, stamp_ns, (entry, data), time.monotonic_ns())
         for bundle in self._companions.put(item):
             last = bundle[-1]
             key = queue if last.topic == entry.topic else f"{last.topic} {last.owner}"
             self._around.worker.put(key, self._time_of(last), bundle)
 
-    def _time_of(self, item: Item) -> int:
+    def _time_of(self, item: QueuedMessage) -> int:
         """Return the time by which an item is grouped with others, ns.
 
         In live flow, images with a wrong timestamp get their time of arrival.
@@ -395,14 +395,14 @@ class StageWork:
         else:
             self._work_on(batch)
 
-    def _work_on(self, bundles: Sequence[tuple[Item, ...]]) -> None:
+    def _work_on(self, bundles: Sequence[tuple[QueuedMessage, ...]]) -> None:
         if self._around.kept is not None:
             self._around.kept.tried()
         arrivals = []
         for item in (item for bundle in bundles for item in bundle):
             entry, data = item.message
             record = self._entrance.record(entry, data)
-            arrivals.append(Arrival(entry.topic, entry.owner, item.stamp_ns, record, item.came_ns))
+            arrivals.append(ArrivedRecord(entry.topic, entry.owner, item.stamp_ns, record, item.came_ns))
             entry.count += 1
             if not self._live:
                 self._around.ends.taken(entry.name)
@@ -417,7 +417,7 @@ class StageWork:
 
     def put_own(self, entry: OwnInput, record: Any) -> None:
         """Process the next record of a recording of this node."""
-        self._work_on([(Item(entry.topic, entry.owner, record.stamp_ns, (entry, record)),)])
+        self._work_on([(QueuedMessage(entry.topic, entry.owner, record.stamp_ns, (entry, record)),)])
 
     def end(self, key: Key) -> None:
         """End a topic of a recording of this node."""

@@ -9,7 +9,7 @@ Limits: sound travels 3 ms per metre, and the positions of its sources are unkno
 include that. A delay between the sound and the images of a device is not observable from sound.
 """
 
-from panoptic_ros.offsets.sound.heard import HeardClocks, PairHeard
+from panoptic_ros.offsets.sound.heard import PairSound, SoundClockEstimate
 from panoptic_ros.offsets.sound.passes import SoundClocks, SoundClocksConfig
 
-__all__ = ["HeardClocks", "PairHeard", "SoundClocks", "SoundClocksConfig"]
+__all__ = ["PairSound", "SoundClockEstimate", "SoundClocks", "SoundClocksConfig"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.offsets.clocks import CameraClocks
-from panoptic_ros.offsets.sound.lines import Settled
+from panoptic_ros.offsets.sound.lines import LineEstimate
 from panoptic_ros.offsets.sound.listening import DeviceTime
 from panoptic_ros.offsets.uncertainty import AGREE, CHANCE
 
@@ -17,7 +17,7 @@ SECOND = 1_000_000_000
 
 
 @dataclass(frozen=True)
-class PairHeard:
+class PairSound:
     """Common sound of two devices.
 
     Args:
@@ -37,7 +37,7 @@ class PairHeard:
 
 
 @dataclass(frozen=True, eq=False)
-class HeardClocks:
+class SoundClockEstimate:
     """Clocks of cameras from the sound of their devices.
 
     Args:
@@ -51,7 +51,7 @@ class HeardClocks:
     """
 
     clocks: CameraClocks
-    pairs: tuple[PairHeard, ...]
+    pairs: tuple[PairSound, ...]
     unknown: Mapping[str, str]
     apart_s: float
     placed: bool
@@ -59,7 +59,7 @@ class HeardClocks:
 
 
 def clocks_of(
-    settled: Settled, times: Sequence[DeviceTime], cameras: Mapping[str, int], trusted: str
+    settled: LineEstimate, times: Sequence[DeviceTime], cameras: Mapping[str, int], trusted: str
 ) -> CameraClocks:
     """Return the clocks of cameras; cameras without a linked device get an offset of 0.
 
@@ -117,9 +117,9 @@ def clocks_of(
 
 
 def middles_of(
-    settled: Settled, times: Sequence[DeviceTime], cameras: Mapping[str, int], clocks: CameraClocks
+    settled: LineEstimate, times: Sequence[DeviceTime], cameras: Mapping[str, int], clocks: CameraClocks
 ) -> Array:
-    """Return the times (C,) ns of `HeardClocks.middles_ns`."""
+    """Return the times (C,) ns of `SoundClockEstimate.middles_ns`."""
     lines = settled.lines
     shown = _shown(lines.heard(np.array([lines.middle]))[:, 0], times, np.isfinite(lines.offsets))
     own = [

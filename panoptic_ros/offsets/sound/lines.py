@@ -37,7 +37,7 @@ class Lags:
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class SoundClockLines:
     """Sample times of D devices: heard = common - offsets - drifts (common - middle), in s; NaN = not linked.
 
     Args:
@@ -56,7 +56,7 @@ class Lines:
         return np.asarray(common - self.offsets[:, None] - self.drifts[:, None] * since)
 
 
-def fit_lines(count: int, members: Array, lags: Lags) -> Lines:
+def fit_lines(count: int, members: Array, lags: Lags) -> SoundClockLines:
     """Fit offsets and drifts of the linked devices relative to the first one, by robust least squares.
 
     Args:
@@ -86,7 +86,7 @@ def fit_lines(count: int, members: Array, lags: Lags) -> Lines:
         solved = design * weight[:, None]
         state = np.linalg.solve(solved.T @ solved + np.diag(prior), solved.T @ (weight * lags.lags))
         offsets[free], drifts[free] = state[:unknown], state[unknown:]
-    return Lines(offsets, drifts, middle)
+    return SoundClockLines(offsets, drifts, middle)
 
 
 def arrivals(first: Array, second: Array, lags: Array, weights: Array, count: int) -> Array:
@@ -138,15 +138,17 @@ def largest_group(count: int, first: Array, second: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class LineEstimate:
     """Lines with the covariance (2D, 2D) of (offsets, drifts), before the choice of the reference clock."""
 
-    lines: Lines
+    lines: SoundClockLines
     covariance: Array
     residuals: Array  # (D, K) s
 
 
-def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Array) -> Settled:
+def settle(
+    lines: SoundClockLines, times: Array, arrived: Array, travel: Array, spread: Array
+) -> LineEstimate:
     """Return the lines corrected by K windows, with their covariance.
 
     Every source position adds its own travel delays. The part that all windows share cannot be distinguished
@@ -158,8 +160,8 @@ def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Ar
         lines: initial lines.
         times: (K,) s, windows on the common time line.
         arrived: (D, K) s, arrival times relative to these lines; NaN without sound.
-        travel: (D, K) or (D, 1) s, expected travel delays, see `travel.Places`.
-        spread: (D, D) s^2, covariance of the travel delays, see `travel.Places`.
+        travel: (D, K) or (D, 1) s, expected travel delays, see `travel.SourcePositions`.
+        spread: (D, D) s^2, covariance of the travel delays, see `travel.SourcePositions`.
     """
     members = np.flatnonzero(np.isfinite(lines.offsets))
     count = len(lines.offsets)
@@ -171,7 +173,7 @@ def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Ar
     variance = np.diag(spread)
     # relative to the mean of all devices
     noise = NOISE_S**2 * (1.0 - 1.0 / len(members)) / float(variance.mean())
-    effects = _Effects(1.0, 0.0, noise)
+    effects = _DelayVariances(1.0, 0.0, noise)
     state = np.zeros((len(members), 2))
     cover = np.zeros((len(members), 2, 2))
     shift = np.zeros(len(times))
@@ -182,7 +184,7 @@ def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Ar
         shift = np.nan_to_num(_mean(measured - model))
         miss = _without_strays(measured - model - shift, np.sqrt(variance))
         measured = np.where(np.isfinite(miss), measured, np.nan)
-        effects = _Effects.of(miss / np.sqrt(variance)[:, None], noise)
+        effects = _DelayVariances.of(miss / np.sqrt(variance)[:, None], noise)
     offsets, drifts = lines.offsets.copy(), lines.drifts.copy()
     offsets[members] -= state[:, 0]
     drifts[members] -= state[:, 1]
@@ -196,11 +198,11 @@ def settle(lines: Lines, times: Array, arrived: Array, travel: Array, spread: Ar
             block = alike * np.sqrt(np.abs(np.outer(cover[:, p, q], cover[:, p, q])))
             block *= np.sign(cover[:, p, q])[:, None]
             covariance[np.ix_(p * count + members, q * count + members)] = 0.5 * (block + block.T)
-    return Settled(Lines(offsets, drifts, lines.middle), covariance, residuals)
+    return LineEstimate(SoundClockLines(offsets, drifts, lines.middle), covariance, residuals)
 
 
 @dataclass(frozen=True)
-class _Effects:
+class _DelayVariances:
     """Variance components of a delay, in units of its variance over all source positions.
 
     Args:
@@ -214,7 +216,7 @@ class _Effects:
     own: float
 
     @classmethod
-    def of(cls, miss: Array, noise: float) -> _Effects:
+    def of(cls, miss: Array, noise: float) -> _DelayVariances:
         """Estimate the components from residuals (M, K) in units of the delay's standard deviation.
 
         Args:
@@ -231,7 +233,7 @@ class _Effects:
         return cls(max(1.0 - varies, max(1.0, varies) / PLACES), max(0.0, whole - own), own)
 
 
-def _line(values: Array, since: Array, variance: float, effects: _Effects) -> tuple[Array, Array]:
+def _line(values: Array, since: Array, variance: float, effects: _DelayVariances) -> tuple[Array, Array]:
     """Return offset and slope of values (K,), with their covariance (2, 2)."""
     there = np.isfinite(values)
     values, since = values[there], since[there]

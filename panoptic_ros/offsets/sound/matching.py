@@ -21,7 +21,7 @@ NORMAL_MEDIAN = 0.6745  # median of |x| for a standard normal x
 
 
 @dataclass(frozen=True)
-class Match:
+class LagMatch:
     """Lag of the best agreement of two recordings.
 
     Args:
@@ -51,7 +51,7 @@ class Match:
         return self.strength >= EXPECTED and self.events >= EVENTS
 
 
-def find(part: Array, whole: Array, near: float | None = None, within: float = 0.0) -> Match | None:
+def find(part: Array, whole: Array, near: float | None = None, within: float = 0.0) -> LagMatch | None:
     """Find the onsets of a part (T, B) in a whole (U, B), at whole = part + lag.
 
     Args:
@@ -90,7 +90,7 @@ def find(part: Array, whole: Array, near: float | None = None, within: float = 0
     ratio = float(agreement[best] / max(others[other], noise))
     events, at = _events(part, whole, int(lags[best]))
     fine = vertex(agreement, best)
-    return Match(
+    return LagMatch(
         (float(lags[best]) + fine + first) / RATE,
         at,
         float(agreement[best]) / noise,

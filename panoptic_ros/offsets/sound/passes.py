@@ -1,7 +1,7 @@
 """Estimate the clocks of a recorded capture from the sound of its devices.
 
-`Coarse` finds the lags between pairs of recordings by their onsets, at any lag. `SoundClocks` is the complete
-pass.
+`CoarseLags` finds the lags between pairs of recordings by their onsets, at any lag. `SoundClocks` is the
+complete pass.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.sound.directness import Directness
-from panoptic_ros.offsets.sound.heard import HeardClocks, PairHeard, clocks_of, middles_of
-from panoptic_ros.offsets.sound.lines import Lags, Lines, fit_lines, largest_group, settle
+from panoptic_ros.offsets.sound.heard import PairSound, SoundClockEstimate, clocks_of, middles_of
+from panoptic_ros.offsets.sound.lines import Lags, SoundClockLines, fit_lines, largest_group, settle
 from panoptic_ros.offsets.sound.listening import DeviceTime, SampleStream, coarse_energies
-from panoptic_ros.offsets.sound.matching import EVENTS, LENGTH_S, LEVEL, RATE, RISE_S, STRONG, Match, find
+from panoptic_ros.offsets.sound.matching import EVENTS, LENGTH_S, LEVEL, RATE, RISE_S, STRONG, LagMatch, find
 from panoptic_ros.offsets.sound.onsets import onsets
-from panoptic_ros.offsets.sound.travel import SPEED_OF_SOUND, Places, unknown_travel
+from panoptic_ros.offsets.sound.travel import SPEED_OF_SOUND, SourcePositions, unknown_travel
 from panoptic_ros.offsets.sound.windows import choose_windows, hear_windows
 from panoptic_ros.stage import Progress, Recording, part_of
 
@@ -35,7 +35,7 @@ APART = 6.0  # m, assumed maximum distance of two microphones
 LEAST_CLEAR = 2  # minimum number of windows in which a device must be confirmed
 
 
-class Coarse:
+class CoarseLags:
     """Lags between pairs of recordings, found by their onsets at any lag.
 
     Args:
@@ -46,7 +46,7 @@ class Coarse:
         self._rises = rises
         self._first: list[int] = []
         self._second: list[int] = []
-        self._found: list[Match] = []
+        self._found: list[LagMatch] = []
         self.why: dict[tuple[int, int], str] = {}
         self.contradicted: dict[tuple[int, int], str] = {}
 
@@ -59,7 +59,7 @@ class Coarse:
         first, second = (b, a) if len(self._rises[a]) > len(self._rises[b]) else (a, b)
         part, whole = self._rises[first], self._rises[second]
         near = self._predicted(first, second)
-        best: Match | None = None
+        best: LagMatch | None = None
         linked = False
         for begin in _segments(part):
             segment, at = part[begin : begin + round(SEGMENT_S * RATE)], begin / RATE
@@ -74,7 +74,7 @@ class Coarse:
             if match is None:
                 continue
             if match.unique and near is None:
-                near, linked = _Near(match.lag - at, NEAR_S, match.at + at), True
+                near, linked = _LagGate(match.lag - at, NEAR_S, match.at + at), True
                 self._remember(first, second, match, at)
             elif match.unique and near is not None:
                 apart = match.lag - at - near.lag
@@ -85,19 +85,19 @@ class Coarse:
         if not linked:
             self.why[a, b] = _reason(best)
 
-    def _remember(self, first: int, second: int, match: Match, at: float) -> None:
+    def _remember(self, first: int, second: int, match: LagMatch, at: float) -> None:
         self._first.append(first)
         self._second.append(second)
         self._found.append(replace(match, lag=match.lag - at, at=match.at + at, other=match.other - at))
 
-    def _predicted(self, first: int, second: int) -> _Near | None:
+    def _predicted(self, first: int, second: int) -> _LagGate | None:
         """Return the lag of two devices if a chain of other pairs links them, else None."""
         group = self._group(np.arange(len(self._rises)))
         if first not in group or second not in group:
             return None
         lines = self._fit(group)
         middle = 0.5 * len(self._rises[first]) / RATE
-        return _Near(float(lines.offsets[first] - lines.offsets[second]), CHAIN_S, middle)
+        return _LagGate(float(lines.offsets[first] - lines.offsets[second]), CHAIN_S, middle)
 
     def _group(self, among: Array) -> Array:
         """Return the largest group of linked devices among the given ones."""
@@ -105,7 +105,7 @@ class Coarse:
         inside = np.isin(first, among) & np.isin(second, among)
         return largest_group(len(self._rises), first[inside], second[inside])
 
-    def _fit(self, group: Array) -> Lines:
+    def _fit(self, group: Array) -> SoundClockLines:
         first, second = np.array(self._first, int), np.array(self._second, int)
         inside = np.isin(first, group) & np.isin(second, group)
         found = [match for match, use in zip(self._found, inside) if use]
@@ -121,7 +121,7 @@ class Coarse:
             ),
         )
 
-    def lines(self) -> tuple[Lines, Array]:
+    def lines(self) -> tuple[SoundClockLines, Array]:
         """Return the lines of the largest group of devices that lags link, and its indices.
 
         Devices with the most contradictions are removed first, until no contradiction remains.
@@ -137,12 +137,12 @@ class Coarse:
                     self.why.setdefault(pair, self.contradicted[pair])
         group = self._group(kept)
         if len(group) < 2:
-            return Lines(np.full(count, np.nan), np.full(count, np.nan), 0.0), group[:0]
+            return SoundClockLines(np.full(count, np.nan), np.full(count, np.nan), 0.0), group[:0]
         return self._fit(group), group
 
 
 @dataclass(frozen=True)
-class _Near:
+class _LagGate:
     """Lag (s) known to within `reach` (s), at time `at` (s) of the first device."""
 
     lag: float
@@ -163,7 +163,7 @@ def _segments(rises: Array) -> list[int]:
     return [int(starts[k]) for k in sorted(chosen, key=lambda k: -told[k])]
 
 
-def _reason(best: Match | None) -> str:
+def _reason(best: LagMatch | None) -> str:
     """Return a short reason why two recordings are not linked."""
     if best is None:
         return "silence, or less than 5 s"
@@ -213,13 +213,13 @@ class SoundClocks:
                 f"there is no sound of the trusted camera {trusted!r}; cameras with sound: {heard}"
             )
 
-    def run(self, recording: Recording, progress: Progress) -> HeardClocks:
+    def run(self, recording: Recording, progress: Progress) -> SoundClockEstimate:
         """Return the clocks; they are unknown if sound does not determine them."""
         refused: dict[str, str] = {}
         times, rises = self._listen(recording, part_of(progress, 0.0, 0.4), refused)
         devices = list(times)
         pairs = list(combinations(range(len(devices)), 2))
-        coarse = Coarse([rises[name] for name in devices])
+        coarse = CoarseLags([rises[name] for name in devices])
         told = part_of(progress, 0.4, 0.6)
         for done, (a, b) in enumerate(pairs):
             told(done / len(pairs), f"looking for {devices[a]} in {devices[b]}")
@@ -247,7 +247,7 @@ class SoundClocks:
             middles = np.zeros(len(clocks.cameras), np.int64)
         members = np.flatnonzero(np.isfinite(lines.offsets))
         evidence = tuple(
-            PairHeard(
+            PairSound(
                 devices[a],
                 devices[b],
                 a in members and b in members,
@@ -263,7 +263,7 @@ class SoundClocks:
             if not known
         }
         progress(1.0, "done")
-        return HeardClocks(clocks, evidence, unknown, apart, self._placed(devices), middles)
+        return SoundClockEstimate(clocks, evidence, unknown, apart, self._placed(devices), middles)
 
     def _listen(
         self, recording: Recording, progress: Progress, refused: dict[str, str]
@@ -296,10 +296,10 @@ class SoundClocks:
     def _travel(self, devices: list[str], heard: Directness) -> tuple[Array, Array]:
         if not self._placed(devices):
             return unknown_travel(len(devices), self._config.apart)
-        return Places(np.array([self._config.positions[name] for name in devices])).travel(heard)
+        return SourcePositions(np.array([self._config.positions[name] for name in devices])).travel(heard)
 
     def _why(
-        self, device: str, devices: list[str], members: Array, coarse: Coarse, refused: Mapping[str, str]
+        self, device: str, devices: list[str], members: Array, coarse: CoarseLags, refused: Mapping[str, str]
     ) -> str:
         if not device:
             return "no sound"
@@ -312,11 +312,11 @@ class SoundClocks:
         return max(reasons, key=reasons.count)
 
 
-def _confirmed(lines: Lines, arrived: Array) -> tuple[Lines, Array]:
+def _confirmed(lines: SoundClockLines, arrived: Array) -> tuple[SoundClockLines, Array]:
     """Return lines and arrivals without the devices that too few windows confirm."""
     heard = np.isfinite(arrived).sum(axis=1) >= LEAST_CLEAR
     offsets = np.where(heard, lines.offsets, np.nan)
     drifts = np.where(heard, lines.drifts, np.nan)
     if heard.sum() < 2:
         offsets[:] = drifts[:] = np.nan
-    return Lines(offsets, drifts, lines.middle), np.where(heard[:, None], arrived, np.nan)
+    return SoundClockLines(offsets, drifts, lines.middle), np.where(heard[:, None], arrived, np.nan)

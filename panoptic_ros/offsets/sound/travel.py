@@ -27,7 +27,7 @@ NOISE = 0.15  # ratio of a microphone's noise energy to its signal energy
 HEIGHT_LOG, TAIL_LOG = 0.5, 0.5  # standard deviations of the directness about its model: log height, tail
 
 
-class Places:
+class SourcePositions:
     """Candidate source positions: uniform in a disc around the centre of the microphones.
 
     Its radius is the distance of the farthest microphone, at least `LEAST_RADIUS`.

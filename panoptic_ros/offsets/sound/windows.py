@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from panoptic_ros.offsets.sound.directness import Directness, Phases, directness
-from panoptic_ros.offsets.sound.lines import Lines, arrivals, loops_close
+from panoptic_ros.offsets.sound.lines import SoundClockLines, arrivals, loops_close
 from panoptic_ros.offsets.sound.listening import DeviceTime, SampleStream, band_energies, cut
 from panoptic_ros.offsets.sound.matching import NORMAL_MEDIAN, vertex
 from panoptic_ros.offsets.sound.onsets import onsets
@@ -25,7 +25,9 @@ SMOOTH = 5  # frames over which an agreement is averaged
 CLEAR = 6.0  # robust standard deviations of a valid peak
 
 
-def choose_windows(lines: Lines, loudness: list[Array], rate: float, times: list[DeviceTime]) -> Array:
+def choose_windows(
+    lines: SoundClockLines, loudness: list[Array], rate: float, times: list[DeviceTime]
+) -> Array:
     """Return the start times (K,) s, in common time, of windows that at least two linked devices share.
 
     If there are too many windows, those with the most onsets are selected.
@@ -51,7 +53,7 @@ def choose_windows(lines: Lines, loudness: list[Array], rate: float, times: list
 
 
 @dataclass(frozen=True, eq=False)
-class HeardWindows:
+class SoundWindows:
     """Results of K windows for D devices.
 
     Args:
@@ -68,8 +70,12 @@ class HeardWindows:
 
 
 def hear_windows(
-    lines: Lines, starts: Array, times: list[DeviceTime], streams: list[SampleStream], progress: Progress
-) -> HeardWindows:
+    lines: SoundClockLines,
+    starts: Array,
+    times: list[DeviceTime],
+    streams: list[SampleStream],
+    progress: Progress,
+) -> SoundWindows:
     """Compare windows that begin at the common times (K,)."""
     count = len(times)
     members = [int(i) for i in np.flatnonzero(np.isfinite(lines.offsets))]
@@ -112,7 +118,7 @@ def hear_windows(
         lags = arrived[b] - arrived[a] - (begins[b] - heard[b]) + (begins[a] - heard[a])
         direct[:, p] = directness(phases[a], phases[b], lags)
     progress(1.0, "comparing windows")
-    return HeardWindows(arrived, Directness(first, second, direct[0], direct[1]), shared, clear)
+    return SoundWindows(arrived, Directness(first, second, direct[0], direct[1]), shared, clear)
 
 
 def _spectra(

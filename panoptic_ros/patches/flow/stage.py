@@ -40,7 +40,7 @@ FEWEST = 3  # least number of joints of a person who is tracked
 Array = np.ndarray
 
 
-class Sharing:
+class PointAllocation:
     """Selection of the points that each camera of a rig tracks.
 
     Args:
@@ -106,7 +106,7 @@ def _field_of_view(camera: Camera) -> tuple[Array, Array]:
     return plane.min(axis=0), plane.max(axis=0)
 
 
-class Laid(NamedTuple):
+class LaidPoints(NamedTuple):
     """N pattern points on P people.
 
     Args:
@@ -124,7 +124,7 @@ class Laid(NamedTuple):
     scales: Array
 
 
-class Pattern:
+class PointPattern:
     """Pattern of points on the 2D poses of a skeleton."""
 
     def __init__(self, skeleton: SkeletonModel):
@@ -138,7 +138,7 @@ class Pattern:
         ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         self._ring = HEAD_RING * np.concatenate([np.zeros((1, 2)), ring])
 
-    def lay(self, points: Array, there: Array) -> Laid:
+    def lay(self, points: Array, there: Array) -> LaidPoints:
         """Return the points on people with joints (P, J, 2) px, of which `there` (P, J) are seen."""
         laid, persons, parts = [np.zeros((0, 2))], [], []
         middles, scales = np.full((len(points), 2), np.nan), np.full(len(points), np.nan)
@@ -153,7 +153,7 @@ class Pattern:
                 laid.append(found)
                 persons += [person] * len(found)
                 parts += [number] * len(found)
-        return Laid(
+        return LaidPoints(
             np.concatenate(laid), np.array(persons, np.int32), np.array(parts, np.int32), middles, scales
         )
 
@@ -205,7 +205,7 @@ def _grid(
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class CameraPoints:
     """Newest image of a camera, and the points on its people after their detection.
 
     Args:
@@ -228,13 +228,15 @@ class Seen:
 class FlowStage(Stateful):
     """Stage that tracks points on people from each image of a camera to the next, per camera."""
 
-    LAYOUT = StateLayout("flow", ("_seen",), (Seen,), same={"configuration": "_config", "skeleton": "_hash"})
+    LAYOUT = StateLayout(
+        "flow", ("_seen",), (CameraPoints,), same={"configuration": "_config", "skeleton": "_hash"}
+    )
 
     def __init__(self, config: FlowConfig, context: StageContext):
         self._config, self._hash = config, context.skeleton.hash
-        self._pattern = Pattern(context.skeleton)
-        self._sharing = Sharing(context.rig, config.views)
-        self._seen: dict[str, Seen] = {}
+        self._pattern = PointPattern(context.skeleton)
+        self._sharing = PointAllocation(context.rig, config.views)
+        self._seen: dict[str, CameraPoints] = {}
         ready()
 
     def reset(self) -> None:
@@ -268,14 +270,14 @@ class FlowStage(Stateful):
             return StepResult()
         return StepResult((self._tracks(item, before, now),))
 
-    def _made_small(self, item: ViewFrame) -> Seen:
+    def _made_small(self, item: ViewFrame) -> CameraPoints:
         image = item.image
         shrink = max(1.0, image.shape[1] / self._config.width)
         if shrink > 1.0:
             size = (round(image.shape[1] / shrink), max(1, round(image.shape[0] / shrink)))
             image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-        return Seen(item.stamp_ns, item.frame_number, grey, item.image.shape[1] / grey.shape[1])
+        return CameraPoints(item.stamp_ns, item.frame_number, grey, item.image.shape[1] / grey.shape[1])
 
     def _take_people(self, item: ViewDetections) -> None:
         if item.skeleton_hash != self._hash:
@@ -287,7 +289,7 @@ class FlowStage(Stateful):
         shares = self._sharing.shares(item.camera, laid.middles, laid.scales)
         kept = self._sharing.followed(item.camera, laid.persons, shares)
         begins = (laid.points[kept] + 0.5) / seen.scale - 0.5
-        self._seen[item.camera] = Seen(
+        self._seen[item.camera] = CameraPoints(
             seen.stamp_ns,
             seen.frame_number,
             seen.grey,
@@ -297,7 +299,7 @@ class FlowStage(Stateful):
             laid.parts[kept],
         )
 
-    def _tracks(self, item: ViewFrame, before: Seen, now: Seen) -> PatchTracks:
+    def _tracks(self, item: ViewFrame, before: CameraPoints, now: CameraPoints) -> PatchTracks:
         assert before.begins is not None and before.persons is not None and before.parts is not None
         ends, information, kept = followed(before.grey, now.grey, before.begins, before.begins)
         begins, scale = before.begins[kept], before.scale

@@ -25,7 +25,7 @@ from panoptic_ros.graph.build import configure, make_stage, resolve
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.kernels import on_compilation
-from panoptic_ros.simulation import SKELETON, Ring, Scene, Simulation, simulate
+from panoptic_ros.simulation import SKELETON, Ring, SimulatedScene, Simulation, simulate
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.stage import StageContext
 
@@ -58,7 +58,7 @@ def _rendering() -> None:
 
 @lru_cache(maxsize=1)
 def _take() -> Simulation:
-    return simulate(Scene("to compile", ("walk",), Ring(2), frames=1), 0, 1)
+    return simulate(SimulatedScene("to compile", ("walk",), Ring(2), frames=1), 0, 1)
 
 
 # Longest tasks first, so that two processes that take turns compile few kernels twice.

@@ -16,7 +16,7 @@ from panoptic_ros.kernels.cache import VERSIONS, hash_of
 MOST_PROCESSES = 4  # more processes would mostly compile the same kernels twice
 
 
-class Warmed(NamedTuple):
+class WarmUpResult(NamedTuple):
     """Result of a warm-up.
 
     Args:
@@ -38,7 +38,7 @@ def is_warm() -> bool:
 
 def warm_up(
     told: Callable[[float, str], None], processes: int | None = None, tasks: tuple[str, ...] = ()
-) -> Warmed:
+) -> WarmUpResult:
     """Compile all kernels that any stage can need. Cached kernels are only loaded.
 
     Args:
@@ -50,13 +50,13 @@ def warm_up(
         ContractError: if a compiling process failed. Its own error message is on stderr.
     """
     count = processes or min(MOST_PROCESSES, len(os.sched_getaffinity(0)))
-    done: list[Warmed] = []
+    done: list[WarmUpResult] = []
     for total, kernels, cpu_s, name in _results(count, tasks):
-        done.append(Warmed(int(kernels), float(cpu_s)))
+        done.append(WarmUpResult(int(kernels), float(cpu_s)))
         told(len(done) / int(total), name)
     mark = _mark()
     mark.touch()
-    return Warmed(sum(part.kernels for part in done), sum(part.cpu_s for part in done))
+    return WarmUpResult(sum(part.kernels for part in done), sum(part.cpu_s for part in done))
 
 
 def _results(count: int, tasks: tuple[str, ...]) -> Iterator[list[str]]:

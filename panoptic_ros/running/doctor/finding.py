@@ -46,7 +46,7 @@ def fail(found: str, remedy: str) -> Finding:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ChildResult:
     """Result of a piece of Python in a child process.
 
     Args:
@@ -71,17 +71,17 @@ def start_python(code: str, *arguments: str) -> subprocess.Popen[str]:
     )
 
 
-def finish(process: subprocess.Popen[str], timeout_s: float) -> Outcome:
+def finish(process: subprocess.Popen[str], timeout_s: float) -> ChildResult:
     """Wait for the process. Kill it after the timeout."""
     try:
         output, errors = process.communicate(timeout=timeout_s)
     except subprocess.TimeoutExpired:
         process.kill()
         process.communicate()
-        return Outcome(False, "", f"no answer within {timeout_s:g} s")
+        return ChildResult(False, "", f"no answer within {timeout_s:g} s")
     lines = [line.strip() for line in errors.splitlines() if line.strip()]
     last = lines[-1].split(". Please")[0] if lines else ""  # rclpy appends a long link
-    return Outcome(process.returncode == 0, output.strip(), last)
+    return ChildResult(process.returncode == 0, output.strip(), last)
 
 
 def run_checks(checks: Mapping[str, Check]) -> dict[str, Finding]:

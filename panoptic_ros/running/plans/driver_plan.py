@@ -26,7 +26,7 @@ from panoptic_ros.io.messages.camera_infos import (
 from panoptic_ros.io.messages.encodings import encoding_of, is_mosaic
 from panoptic_ros.io.messages.images import is_video, video_told
 from panoptic_ros.io.rigs import read_rig
-from panoptic_ros.nodes.sources.drivers import Drivers, find_drivers
+from panoptic_ros.nodes.sources.drivers import DriverSearchResult, find_drivers
 from panoptic_ros.nodes.sources.transforms import find_transforms
 from panoptic_ros.running.plans.fitting import check_size, fit_to_info
 from panoptic_ros.running.plans.options import NO_OPTIONS, RunOptions
@@ -57,7 +57,7 @@ def with_info(topics: DriverTopics, needed: bool) -> DriverTopics:
     return replace(topics, camera_info=info_topic(topics.image or topics.depth))
 
 
-def rig_by_calibration(rig: Rig, file: DriverFile, drivers: Drivers, notices: list[str]) -> Rig:
+def rig_by_calibration(rig: Rig, file: DriverFile, drivers: DriverSearchResult, notices: list[str]) -> Rig:
     """Return the rig's cameras and depth sensors that have topics, adapted to their published images.
 
     The images are raw, or rectified by CameraInfo.
@@ -79,7 +79,7 @@ def rig_by_calibration(rig: Rig, file: DriverFile, drivers: Drivers, notices: li
     return replace(chosen, cameras=cameras, depth_sensors=tuple(sensors))
 
 
-def rig_by_transforms(file: DriverFile, drivers: Drivers, fixed: str, notices: list[str]) -> Rig:
+def rig_by_transforms(file: DriverFile, drivers: DriverSearchResult, fixed: str, notices: list[str]) -> Rig:
     """Return the rig from CameraInfo (lenses, frames) and TF (poses of the optical frames).
 
     Args:
@@ -134,7 +134,7 @@ def _rectified_in_place(camera: Camera, info: Any) -> Camera:
     return replace(seen, cam_from_world=Rigid(np.eye(3), aside).compose(seen.cam_from_world))
 
 
-def _seen(camera: Camera, topics: DriverTopics, drivers: Drivers, notices: list[str]) -> Camera:
+def _seen(camera: Camera, topics: DriverTopics, drivers: DriverSearchResult, notices: list[str]) -> Camera:
     """Return the camera of the published images: raw as in the rig, or rectified by CameraInfo."""
     info = drivers.infos.get(topics.camera_info)
     if info is None:
@@ -263,7 +263,7 @@ def _check_encodings(path: Path, file: DriverFile) -> None:
             encoding_of(topics.encoding, f"{path}: camera {name}")
 
 
-def _carriers(file: DriverFile, drivers: Drivers) -> dict[str, dict[str, str]]:
+def _carriers(file: DriverFile, drivers: DriverSearchResult) -> dict[str, dict[str, str]]:
     """Return the topic names by key of `graph.topics.TOPICS` and owner."""
     found: dict[str, dict[str, str]] = {}
     for owners, known in ((file.cameras, CARRIERS), (file.sensors, SENSOR_CARRIERS)):

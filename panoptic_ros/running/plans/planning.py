@@ -35,7 +35,7 @@ from panoptic_ros.running.plans.plan import Plan, require_cameras
 from panoptic_ros.running.plans.rig_files import read_rig_at
 from panoptic_ros.running.sound.clocks import corrections_from_sound, recorders_of
 from panoptic_ros.running.sound.tracks import find_tracks
-from panoptic_ros.running.sound.use import Recorder, plan_clocks
+from panoptic_ros.running.sound.use import SoundRecorder, plan_clocks
 from panoptic_ros.timecode.config import TimecodeConfig
 
 SECOND = 1_000_000_000
@@ -207,7 +207,7 @@ def plan_devices(
             live=True,
         )
     )
-    heard = plan_clocks(clocked, plan.configs, [Recorder(name, (), name) for name in microphones], {})
+    heard = plan_clocks(clocked, plan.configs, [SoundRecorder(name, (), name) for name in microphones], {})
     named = named_words("TimecodeConfig.channels", config_of(plan.configs, TimecodeConfig).channels)
     sounds = [
         described_sound("microphone", name, _split(named.get(name)), address=address)

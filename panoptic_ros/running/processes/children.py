@@ -32,8 +32,8 @@ PATIENCE_S = 1.0  # s, timeout of a fork; after it the successor is started with
 ASK_S = 0.01
 
 
-class Child(Protocol):
-    """Common interface of `subprocess.Popen` and `Forked`."""
+class ChildProcess(Protocol):
+    """Common interface of `subprocess.Popen` and `ForkedProcess`."""
 
     pid: int
 
@@ -50,18 +50,18 @@ class Child(Protocol):
         """Send a signal."""
 
 
-class Forked:
+class ForkedProcess:
     """Process that the fork server has forked."""
 
     def __init__(self, server: ForkServer, pid: int):
         self._server, self.pid = server, pid
 
     def poll(self) -> int | None:
-        """Return the exit code, see `Child`."""
+        """Return the exit code, see `ChildProcess`."""
         return self._server.code_of(self.pid)
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for the exit code, see `Child`.
+        """Wait for the exit code, see `ChildProcess`.
 
         Raises:
             subprocess.TimeoutExpired: if the process still runs after the timeout.
@@ -74,11 +74,11 @@ class Forked:
         return code
 
     def kill(self) -> None:
-        """Kill the process, see `Child`."""
+        """Kill the process, see `ChildProcess`."""
         self.send_signal(signal.SIGKILL)
 
     def send_signal(self, sig: int) -> None:
-        """Send a signal, see `Child`."""
+        """Send a signal, see `ChildProcess`."""
         if self.poll() is None:
             try:
                 os.kill(self.pid, sig)
@@ -110,7 +110,7 @@ class ForkServer:
         self._forked: dict[str, int] = {}
         self.ready = False
 
-    def fork(self, name: str, log: Path) -> Forked | None:
+    def fork(self, name: str, log: Path) -> ForkedProcess | None:
         """Start a process of the launch file; return None if the server cannot fork now."""
         self._read()
         if not self.ready or self._process.poll() is not None:
@@ -129,7 +129,7 @@ class ForkServer:
                 return None
             time.sleep(ASK_S)
             self._read()
-        return Forked(self, self._forked.pop(name))
+        return ForkedProcess(self, self._forked.pop(name))
 
     def code_of(self, pid: int) -> int | None:
         """Return the exit code of a forked process; None while it runs."""
@@ -169,7 +169,7 @@ class ForkServer:
             self._codes[int(words[1])] = int(words[2])
 
 
-class Listener(Protocol):
+class DomainListener(Protocol):
     """Listener for other graphs in the ROS domain."""
 
     def require_no_other_graph(self) -> None:
@@ -179,7 +179,7 @@ class Listener(Protocol):
         """Stop listening."""
 
 
-class Ahead:
+class LaunchPreparation:
     """Work that runs while the launcher still plans.
 
     A process loads the nodes, and a listener looks for other graphs. The object is a context manager that
@@ -191,7 +191,7 @@ class Ahead:
 
     def __init__(self, wanted: bool = True):
         self._process: subprocess.Popen[bytes] | None = None
-        self.listener: Listener | None = None
+        self.listener: DomainListener | None = None
         if wanted:
             prepare_environment()
             self._process = subprocess.Popen(
@@ -203,7 +203,7 @@ class Ahead:
                 start_new_session=True,
             )
 
-    def become(self, launch_file: Path, name: str, log: Path) -> Child | None:
+    def become(self, launch_file: Path, name: str, log: Path) -> ChildProcess | None:
         """Let the preloaded process run a process of the launch file; return None if it is in use or dead."""
         process, self._process = self._process, None
         if process is None or process.stdin is None:
@@ -217,7 +217,7 @@ class Ahead:
             return None
         return process
 
-    def __enter__(self) -> Ahead:
+    def __enter__(self) -> LaunchPreparation:
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -228,7 +228,7 @@ class Ahead:
             self.listener.close()
 
 
-NOBODY_AHEAD = Ahead(wanted=False)
+NOBODY_AHEAD = LaunchPreparation(wanted=False)
 
 
 class Processes:
@@ -248,11 +248,11 @@ class Processes:
         names: Iterable[str],
         logs: Path,
         revived: bool = False,
-        ahead: Ahead = NOBODY_AHEAD,
+        ahead: LaunchPreparation = NOBODY_AHEAD,
     ):
         self._logs = logs
         self._launch_file = launch_file
-        self._children: dict[str, Child] = {}
+        self._children: dict[str, ChildProcess] = {}
         self._server: ForkServer | None = None
         self._asked = False  # whether the children were asked to end
         self._revived: dict[str, list[float]] = {}  # times of the restarts by process name, s

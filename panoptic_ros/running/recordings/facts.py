@@ -28,7 +28,7 @@ def recording_facts(node: Node, executor: Executor) -> dict[str, Any]:
     Its keys are format, host, begun, versions, nodes {name: {parameter: value}}, model_cards {name: text},
     and silent (nodes that did not answer).
     """
-    asked = _Asked(node)
+    asked = _ParameterRequests(node)
     deadline = time.monotonic() + PATIENCE_S
     while not asked.done and time.monotonic() < deadline:
         executor.spin_once(timeout_sec=0.05)
@@ -44,7 +44,7 @@ def recording_facts(node: Node, executor: Executor) -> dict[str, Any]:
     }
 
 
-class _Asked:
+class _ParameterRequests:
     """Parameters of all other nodes. The nodes answer one after another."""
 
     def __init__(self, node: Node):

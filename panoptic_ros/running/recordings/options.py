@@ -10,7 +10,7 @@ from pathlib import Path
 
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.graph.topics import TOPICS
-from panoptic_ros.io.bag_split import GB, Split
+from panoptic_ros.io.bag_split import GB, SplitLimits
 
 FROM_OUTSIDE = (
     "sensor_msgs/msg/Image",
@@ -66,7 +66,7 @@ class RecordOptions:
     budget_gb: float = 0.0
     keep_free_gb: float = 1.0
     rig: Path | None = None
-    split: Split | None = None
+    split: SplitLimits | None = None
 
 
 def told_room(path: Path, rates: Mapping[str, float], options: RecordOptions) -> str:

@@ -43,7 +43,7 @@ SETTLE_S = 1.0  # s until the nodes of a graph have discovered the recorder, as 
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordResult:
     """Result of a recording.
 
     Args:
@@ -59,7 +59,7 @@ class Recorded:
     ended_by: str = ""
 
 
-def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> Recorded:
+def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> RecordResult:
     """Record until a request to end, or until the duration or the disk space is used up.
 
     Args:
@@ -69,7 +69,7 @@ def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> R
         EnvironmentProblem: if nothing is published, or the requested duration does not fit on the disk. In
             the latter case, the bag ends after `MEASURED_S`.
     """
-    with first_request_told() as asked, _Recording(options, tell) as recording:
+    with first_request_told() as asked, _BagRecording(options, tell) as recording:
         recording.wait(asked)
         if asked():
             raise KeyboardInterrupt
@@ -81,14 +81,14 @@ def record(path: Path, options: RecordOptions, tell: Callable[[str], None]) -> R
 
 def stand_by(folder: Path, options: RecordOptions, tell: Callable[[str], None]) -> None:
     """Record on request of the service, a new bag each time, until the program is asked to end."""
-    with first_request_told() as asked, _Recording(options, tell) as recording:
+    with first_request_told() as asked, _BagRecording(options, tell) as recording:
         recording.serve(folder)
         tell(f"waiting: `panoptic record --start`, or service {recording.service_name}")
         recording.spin(asked, None)
         recording.end()
 
 
-class _Recording:
+class _BagRecording:
     """Recorder node with its current bag."""
 
     def __init__(self, options: RecordOptions, tell: Callable[[str], None]):
@@ -220,7 +220,7 @@ class _Recording:
             self._last = str(error)
         return self._last
 
-    def end(self) -> Recorded:
+    def end(self) -> RecordResult:
         """Complete the bag, if there is one.
 
         Raises:
@@ -229,7 +229,7 @@ class _Recording:
         bag, self._bag = self._bag, None
         take, self._take = self._take, None
         if bag is None:
-            return Recorded(self._path, {}, {})
+            return RecordResult(self._path, {}, {})
         counters = {topic: c for topic, c in bag.counters.items() if topic not in (FACTS, COUNTERS)}
         document = {
             topic: {
@@ -245,7 +245,7 @@ class _Recording:
         if bag.fault is None:
             bag.put(_text_topic(COUNTERS), self._node.get_clock().now().nanoseconds, _text(as_text(document)))
         _close(bag, take)
-        return Recorded(self._path, counters, dict(bag.dropped), str(bag.fault or ""))
+        return RecordResult(self._path, counters, dict(bag.dropped), str(bag.fault or ""))
 
     # ------------------------------------------------------------- service
 
@@ -284,7 +284,7 @@ class _Recording:
         if self._bag is not None:
             self._bag.put(connection, stamp_ns, data)
 
-    def __enter__(self) -> _Recording:
+    def __enter__(self) -> _BagRecording:
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -321,7 +321,7 @@ def _free(path: Path) -> Path:
     return found
 
 
-def _stopped(recorded: Recorded) -> str:
+def _stopped(recorded: RecordResult) -> str:
     count = sum(c.count for c in recorded.counters.values())
     missing = sum(c.missing for c in recorded.counters.values())
     ended_by = f" ({recorded.ended_by})" if recorded.ended_by else ""

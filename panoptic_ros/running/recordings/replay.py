@@ -113,7 +113,7 @@ class ReplayOptions:
 
 
 @dataclass(frozen=True)
-class Replayed:
+class ReplayResult:
     """Result of a replay.
 
     Args:
@@ -127,7 +127,7 @@ class Replayed:
     behind_s: float
 
 
-def replay(paths: Sequence[Path], options: ReplayOptions, tell: Callable[[str], None]) -> Replayed:
+def replay(paths: Sequence[Path], options: ReplayOptions, tell: Callable[[str], None]) -> ReplayResult:
     """Publish the messages of bags at their times, until the end or a request to end.
 
     Args:
@@ -161,7 +161,7 @@ def replay(paths: Sequence[Path], options: ReplayOptions, tell: Callable[[str], 
         node_topics = node.topics
     if player.behind_s > BEHIND_S:
         tell(f"messages were up to {player.behind_s:.2f} s late: too much for this machine at this rate")
-    return Replayed(player.count, node_topics, player.behind_s)
+    return ReplayResult(player.count, node_topics, player.behind_s)
 
 
 def _connections(bags: Sequence[BagReader], options: ReplayOptions) -> list[Connection]:

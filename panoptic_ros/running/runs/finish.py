@@ -28,7 +28,7 @@ from panoptic_ros.view.overlay_run import OverlayRun
 from panoptic_ros.view.report import Latency, RunReport
 
 
-class Waiting:
+class NoOutputTimer:
     """Timer that explains once why a run has no output yet.
 
     Args:

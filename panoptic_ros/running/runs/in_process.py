@@ -25,8 +25,8 @@ from panoptic_ros.graph.host import Host, Key, lanes_of
 from panoptic_ros.graph.nodes import NODES
 from panoptic_ros.graph.offline_refinement import refinement_of
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.graph.queues import NewestInstant
-from panoptic_ros.graph.side_by_side import TABLE, SideBySide, looked_ahead
+from panoptic_ros.graph.queues import NewestInstantQueue
+from panoptic_ros.graph.side_by_side import TABLE, ParallelDetection, looked_ahead
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, TRACKS_KEY, opened_streams
 from panoptic_ros.params import config_of
@@ -57,7 +57,7 @@ def newest_frames(
         PanopticError: the error that ended a camera or a sound.
     """
     names = list(cameras)
-    waiting, changed, over = NewestInstant(names), threading.Condition(), threading.Event()
+    waiting, changed, over = NewestInstantQueue(names), threading.Condition(), threading.Event()
     faults: list[PanopticError] = []
     dropped: list[int] = []
     ended: list[str] = []
@@ -120,7 +120,7 @@ TAKEN = ("image", "detections", SOUND_KEY, IMU_KEY, "sensor_depth", TRACKS_KEY)
 REFINED = ("patch_tracks", "sensor_depth", "skeletons_raw")  # input topics of offline refinement
 
 
-class Taker(Protocol):
+class RecordReceiver(Protocol):
     """Receiver of the records of a run."""
 
     def take(self, key: str, record: Any) -> None:
@@ -151,10 +151,10 @@ class OfflineResults:
             self._results.take("skeletons", output)
 
 
-class _Counted:
+class _CountedPipeline:
     """Pipeline of a run, with statistics of its stages."""
 
-    def __init__(self, plan: Plan, results: Taker, looks: SideBySide | None = None):
+    def __init__(self, plan: Plan, results: RecordReceiver, looks: ParallelDetection | None = None):
         names = switched_on(plan.stages, plan.configs)
         self.statistics = {name: StageStatistics() for name in names}
         self._giver = {topic: name for name in names for topic in NODES[name].outputs}
@@ -213,10 +213,12 @@ class _Counted:
         self._results.take("diagnostics", {name: stage.values() for name, stage in self.statistics.items()})
 
 
-def run_in_process(plan: Plan, results: Taker, stop: Callable[[], bool]) -> dict[str, StageStatistics]:
+def run_in_process(
+    plan: Plan, results: RecordReceiver, stop: Callable[[], bool]
+) -> dict[str, StageStatistics]:
     """Run the plan until its end or until `stop()` is true; return the statistics of each stage."""
     if plan.live:
-        counted = _Counted(plan, results)
+        counted = _CountedPipeline(plan, results)
         frames, sounds = partial(_live_frames, plan), [partial(_live_sound, s) for s in plan.sounds]
         for item in newest_frames(plan.rig.names, frames, stop, counted.drop, sounds):
             topic = SOUND_KEY if isinstance(item, AudioBlock) else "image"
@@ -234,7 +236,7 @@ def run_in_process(plan: Plan, results: Taker, stop: Callable[[], bool]) -> dict
             else open_recording(plan.rig, {n: plan.sources[n] for n in plan.rig.names}, stack, known.append)
         )
         looks = _side_by_side(plan, stack, records)
-        counted = _Counted(plan, results, looks)
+        counted = _CountedPipeline(plan, results, looks)
         for sound in plan.sounds:
             source = stack.enter_context(open_sound(sound))
             records[SOUND_KEY, source.device] = iter(source)
@@ -255,7 +257,7 @@ def _is_before(plan: Plan, record: Any) -> bool:
     return plan.until_ns is None or bool(record.stamp_ns < plan.until_ns)
 
 
-def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide | None:
+def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> ParallelDetection | None:
     """Let detection run ahead in several threads where that is faster and safe.
 
     The images in `records` are replaced by images with finished detections. The result is None if detection
@@ -273,7 +275,7 @@ def _side_by_side(plan: Plan, stack: ExitStack, records: Records) -> SideBySide 
 
 
 def _replay(
-    plan: Plan, pipeline: Pipeline, records: Records, results: Taker, stop: Callable[[], bool]
+    plan: Plan, pipeline: Pipeline, records: Records, results: RecordReceiver, stop: Callable[[], bool]
 ) -> None:
     """Push the records of all sources into the pipeline.
 

@@ -71,7 +71,7 @@ def write_launch_file(
         write_rig(rig, plan.rig)
     if plan.rig.occluders is not None:
         write_occluders(folder / OCCLUDERS, plan.rig.occluders)
-    plan_of_nodes = _Nodes(plan, flow, window)
+    plan_of_nodes = _NodeEntries(plan, flow, window)
     processes: dict[str, list[dict[str, Any]]] = {}
     if plan.streams:
         streams = [stream.words() for stream in plan.streams]
@@ -138,7 +138,7 @@ def _is_joined(plan: Plan, guided: bool) -> bool:
     return not plan.live and plan.stage == "detection" and (guided or fills)
 
 
-class _Nodes:
+class _NodeEntries:
     """Builds the launch file entries of stage nodes, with their parameters."""
 
     def __init__(self, plan: Plan, flow: str, window: int):

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from panoptic_ros.nodes.listeners.domain_claim import Listener
-from panoptic_ros.running.processes.children import Ahead
+from panoptic_ros.nodes.listeners.domain_claim import GraphListener
+from panoptic_ros.running.processes.children import LaunchPreparation
 
 
-def begin_to_listen(ahead: Ahead, namespace: str) -> None:
+def begin_to_listen(ahead: LaunchPreparation, namespace: str) -> None:
     """Start listening for other graphs.
 
     Raises:
-        UsageError, EnvironmentProblem: as `Listener`.
+        UsageError, EnvironmentProblem: as `GraphListener`.
     """
-    ahead.listener = Listener(namespace)
+    ahead.listener = GraphListener(namespace)
 
 
-def require_no_other_graph(ahead: Ahead, namespace: str) -> None:
+def require_no_other_graph(ahead: LaunchPreparation, namespace: str) -> None:
     """Check that no other graph runs, after the time that discovery needs; then stop listening.
 
     Raises:
         EnvironmentProblem: if there is another graph.
     """
-    listener, ahead.listener = ahead.listener or Listener(namespace), None
+    listener, ahead.listener = ahead.listener or GraphListener(namespace), None
     try:
         listener.require_no_other_graph()
     finally:

@@ -19,7 +19,12 @@ from panoptic_ros.nodes.middleware.runtime import in_namespace, make_executor, s
 from panoptic_ros.nodes.sources.statics_node import StaticsNode
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead, Processes, prepare_environment
+from panoptic_ros.running.processes.children import (
+    NOBODY_AHEAD,
+    LaunchPreparation,
+    Processes,
+    prepare_environment,
+)
 from panoptic_ros.running.runs.launch import flow_of, write_launch_file
 from panoptic_ros.running.runs.listening import require_no_other_graph
 from panoptic_ros.running.runs.results import Results, check_record, kept_besides
@@ -34,7 +39,7 @@ def run_over_dds(
     stop: Callable[[], bool],
     jpeg_quality: int = 0,
     node_per_stage: bool = False,
-    ahead: Ahead = NOBODY_AHEAD,
+    ahead: LaunchPreparation = NOBODY_AHEAD,
 ) -> dict[str, dict[str, str]]:
     """Run the plan until its end or until `stop()` is true; return the last diagnostics of each node.
 
@@ -55,7 +60,7 @@ def _run(
     jpeg_quality: int,
     node_per_stage: bool,
     arguments: list[str],
-    ahead: Ahead,
+    ahead: LaunchPreparation,
 ) -> dict[str, dict[str, str]]:
     require_no_other_graph(ahead, plan.namespace)  # before this process publishes anything
     flow_name, window = flow_of(plan)

@@ -34,7 +34,7 @@ BAG, SKELETONS, BODIES, CLOCKS = "bag", "skeletons.json.gz", "kinematics.json.gz
 MADE = (BAG, SKELETONS, BODIES, CLOCKS, "rig.json", "launch.json", "occluders.json", "logs")
 
 
-class Bag(Protocol):
+class BagSink(Protocol):
     """Receiver of the messages of a run."""
 
     def write(self, topic: str, stamp_ns: int, message: Any) -> None:
@@ -68,7 +68,7 @@ class TakeBag:
         return sum(self._recorder.dropped.values())
 
     def write(self, topic: str, stamp_ns: int, message: Any) -> None:
-        """Append a message, see `Bag`.
+        """Append a message, see `BagSink`.
 
         Raises:
             ContractError: if the message type has no definition.
@@ -80,7 +80,7 @@ class TakeBag:
         self._recorder.put(connection, stamp_ns, bytes(bag_typestore().serialize_cdr(message, kind)))
 
     def close(self) -> None:
-        """Complete and close the bag, see `Bag`."""
+        """Complete and close the bag, see `BagSink`."""
         self._recorder.close()
 
     def discard(self) -> None:
@@ -166,7 +166,7 @@ class Results:
         self._plan = plan
         self._on_record = on_record
         self._take_bag = TakeBag(folder / BAG, self._sync) if plan.live else None
-        self._bag: Bag = self._take_bag or BagWriter(folder / BAG)
+        self._bag: BagSink = self._take_bag or BagWriter(folder / BAG)
         self._previews = Previews()
         self._shown: set[int] = set()
         self._started = False

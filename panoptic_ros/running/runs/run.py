@@ -18,7 +18,7 @@ from panoptic_ros.io.folders import MARK
 from panoptic_ros.io.interruption import first_request_told, interrupted, requests_held
 from panoptic_ros.running.plans.duration import ended_after
 from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.processes.children import NOBODY_AHEAD, Ahead
+from panoptic_ros.running.processes.children import NOBODY_AHEAD, LaunchPreparation
 from panoptic_ros.running.runs.finish import draw, finish, grouped_views
 from panoptic_ros.running.runs.in_process import OfflineResults, run_in_process
 from panoptic_ros.running.runs.launch import without_patch_inputs
@@ -82,7 +82,7 @@ def run(
     duration_s: float | None = None,
     pictures: bool = True,
     observer: RunObserver = NOBODY,
-    ahead: Ahead = NOBODY_AHEAD,
+    ahead: LaunchPreparation = NOBODY_AHEAD,
 ) -> RunOutcome:
     """Run a plan to its end and leave the results in a folder.
 
@@ -114,7 +114,7 @@ def run(
         return _run_live(plan, open_live_folder(Path(out)), how, told)
     with result_folder(Path(out)) as folder:
         started = time.monotonic()
-        watch = _Watch(plan, observer, interrupted)
+        watch = _RunMonitor(plan, observer, interrupted)
         with Results(folder, plan, watch.saw, pictures) as results:
             observer.started(plan)
             counted = _counted(plan, results, watch.stop, how)
@@ -144,10 +144,10 @@ class _Options:
     duration_s: float | None
     pictures: bool
     observer: RunObserver
-    ahead: Ahead
+    ahead: LaunchPreparation
 
 
-class _Watch:
+class _RunMonitor:
     """Passes records to the observer and the self-check, and decides when a run stops.
 
     Args:
@@ -213,7 +213,7 @@ def _run_live(plan: Plan, folder: LiveFolder, how: _Options, told: tuple[Notice,
     counted: Counted = {}
     ended_by: BaseException | None = None
     with first_request_told() as asked:
-        watch = _Watch(plan, how.observer, asked, how.duration_s)
+        watch = _RunMonitor(plan, how.observer, asked, how.duration_s)
         try:
             results = Results(folder.path, plan, _IsolatedObserver(watch.saw, troubles).saw, how.pictures)
         except BaseException:
@@ -258,7 +258,7 @@ def _report_live(
     results: Results,
     counted: Counted,
     told: tuple[Notice, ...],
-    watch: _Watch,
+    watch: _RunMonitor,
     how: _Options,
     started: float,
 ) -> tuple[RunReport | None, list[str]]:

@@ -18,7 +18,7 @@ from panoptic_ros.simulation import Simulation
 from panoptic_ros.simulation.generators import SAMPLE_RATE, Generator, filmed
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.view.pictures import write_image
-from panoptic_ros.view.video_file import FINE, Sound, VideoFile
+from panoptic_ros.view.video_file import FINE, VideoAudio, VideoFile
 
 Array = np.ndarray
 MILLIMETRES = 1000.0
@@ -90,7 +90,7 @@ def _video(folder: Path, take: Simulation, index: int, tracks: bool) -> VideoFil
         begin = float(np.nanmin(take.schedule.exposures[:, index])) + late
         seconds = (int(take.schedule.numbers(index)[-1]) + 1) / rate - late
         samples = filmed(_heard(take, index), _locked(take, index), begin, seconds)
-        sound = Sound(samples, SAMPLE_RATE, late)
+        sound = VideoAudio(samples, SAMPLE_RATE, late)
     return VideoFile(folder / f"{camera.name}.mp4", camera.image_size, rate, quality=FINE, sound=sound)
 
 

@@ -10,7 +10,7 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_streams import SOUND_KEY, BagStream, opened_streams
 from panoptic_ros.io.bags import BagReader
-from panoptic_ros.running.sound.use import Recorder
+from panoptic_ros.running.sound.use import SoundRecorder
 
 
 def sound_streams(bags: Sequence[BagReader], arrival_stamps: bool = False) -> tuple[BagStream, ...]:
@@ -23,7 +23,7 @@ def sound_streams(bags: Sequence[BagReader], arrival_stamps: bool = False) -> tu
     return tuple(found.values())
 
 
-def recorder_of(stream: BagStream) -> Recorder:
+def recorder_of(stream: BagStream) -> SoundRecorder:
     """Return the recorder of a stream, with the clocks that its first block names."""
 
     def blocks() -> Iterator[AudioBlock]:
@@ -33,7 +33,7 @@ def recorder_of(stream: BagStream) -> Recorder:
 
     with BagReader(stream.bag) as bag:
         clocks = stream.first_record(bag).clocks
-    return Recorder(stream.camera, clocks, f"topic {stream.topic}", blocks)
+    return SoundRecorder(stream.camera, clocks, f"topic {stream.topic}", blocks)
 
 
 def _leave_out(error: DataError) -> None:

@@ -15,11 +15,11 @@ from panoptic_ros.domain import AudioBlock, Rig, StampLine
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.io.bags import BagReader, is_bag
 from panoptic_ros.io.rigs import find_rig, read_rig
-from panoptic_ros.offsets.sound import HeardClocks, SoundClocks, SoundClocksConfig
+from panoptic_ros.offsets.sound import SoundClockEstimate, SoundClocks, SoundClocksConfig
 from panoptic_ros.offsets.sound.passes import APART
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.sound.bags import recorder_of, sound_streams
-from panoptic_ros.running.sound.use import Recorder
+from panoptic_ros.running.sound.use import SoundRecorder
 from panoptic_ros.stage import Progress, untold
 from panoptic_ros.view.clock_lines import sound_lines
 
@@ -30,7 +30,7 @@ SECOND = 1_000_000_000
 class SoundRecording:
     """Sound of recorders as a `stage.Recording`. Each call reads it again from its source."""
 
-    def __init__(self, recorders: Sequence[Recorder]):
+    def __init__(self, recorders: Sequence[SoundRecorder]):
         self._blocks = {r.device: r.blocks for r in recorders if r.blocks is not None}
 
     def records(
@@ -46,14 +46,14 @@ class SoundRecording:
 
 
 def clocks_from_sound(
-    recorders: Sequence[Recorder],
+    recorders: Sequence[SoundRecorder],
     cameras: Sequence[str],
     rig: Rig | None = None,
     *,
     trusted: str = "",
     apart: float = APART,
     progress: Progress = untold,
-) -> HeardClocks:
+) -> SoundClockEstimate:
     """Return the clocks of cameras, estimated from sound.
 
     The sound of a camera comes from the device with its name, or from the device that the rig names as its
@@ -86,7 +86,7 @@ def clocks_from_sound(
     return SoundClocks(config).run(SoundRecording(recorders), progress)
 
 
-def recorders_of(sounds: Sequence[Mapping[str, Any]]) -> list[Recorder]:
+def recorders_of(sounds: Sequence[Mapping[str, Any]]) -> list[SoundRecorder]:
     """Return the recorders that the descriptions for `open_sound` describe."""
 
     def reader(sound: Mapping[str, Any]) -> Callable[[], Iterator[AudioBlock]]:
@@ -96,10 +96,12 @@ def recorders_of(sounds: Sequence[Mapping[str, Any]]) -> list[Recorder]:
 
         return blocks
 
-    return [Recorder(str(s["device"]), tuple(s["clocks"]), Path(s["path"]).name, reader(s)) for s in sounds]
+    return [
+        SoundRecorder(str(s["device"]), tuple(s["clocks"]), Path(s["path"]).name, reader(s)) for s in sounds
+    ]
 
 
-def recorded_sound(path: Path) -> tuple[list[Recorder], Rig | None]:
+def recorded_sound(path: Path) -> tuple[list[SoundRecorder], Rig | None]:
     """Return the recorders of a capture folder or a bag, and the rig of a folder if there is one.
 
     In a folder, sound comes from WAV files and from the sound tracks of videos. Images are not needed.
@@ -155,7 +157,7 @@ def _rig_of(path: Path) -> Rig | None:
 
 
 def corrections_from_sound(
-    recorders: Sequence[Recorder], rig: Rig, options: RunOptions
+    recorders: Sequence[SoundRecorder], rig: Rig, options: RunOptions
 ) -> tuple[dict[str, StampLine], tuple[str, ...]]:
     """Return the timestamp corrections of a run, by camera, and lines about them.
 
@@ -195,7 +197,7 @@ def folder_clocks(
     trusted: str = "",
     apart: float = APART,
     progress: Progress = untold,
-) -> HeardClocks:
+) -> SoundClockEstimate:
     """Return the clocks of the cameras of a capture folder or a bag, estimated from sound.
 
     The cameras are those of the rig, or all devices if there is no rig.

@@ -21,7 +21,7 @@ BEFORE_S = 0.5  # s of sound that a decoder needs before the first timecode word
 EARLY_S = 2.0  # s; a shorter beginning of a recording is not skipped
 
 
-class Heard(Protocol):
+class SoundDevice(Protocol):
     """Device with its recorded sound."""
 
     @property
@@ -34,7 +34,7 @@ class Heard(Protocol):
 
 
 @dataclass
-class Hearing:
+class DecodedSound:
     """Result of decoding the sound.
 
     Args:
@@ -58,7 +58,9 @@ class Hearing:
         self.notices += [notice.text for notice in notices if notice.severity != "info"]
 
 
-def hear(recorders: Sequence[Heard], configs: Mapping[str, Config], wanted: Collection[str]) -> Hearing:
+def hear(
+    recorders: Sequence[SoundDevice], configs: Mapping[str, Config], wanted: Collection[str]
+) -> DecodedSound:
     """Decode sound until all wanted clocks have models, or until the sound ends.
 
     It stops after `LONGEST_S` in any case.
@@ -66,7 +68,7 @@ def hear(recorders: Sequence[Heard], configs: Mapping[str, Config], wanted: Coll
     Raises:
         DataError: if sound cannot be read.
     """
-    found = Hearing()
+    found = DecodedSound()
     timecode = TimecodeStage(config_of(configs, TimecodeConfig))
     clocks = ClocksStage(config_of(configs, ClocksConfig))
     first: dict[str, AudioBlock] = {}
@@ -86,7 +88,7 @@ def hear(recorders: Sequence[Heard], configs: Mapping[str, Config], wanted: Coll
     return found
 
 
-def _take(found: Hearing, clocks: ClocksStage, readings: Sequence[TimecodeReading]) -> None:
+def _take(found: DecodedSound, clocks: ClocksStage, readings: Sequence[TimecodeReading]) -> None:
     for reading in readings:
         found.words.setdefault((reading.device, reading.clock), reading)
         result = clocks.step(reading)
@@ -94,7 +96,7 @@ def _take(found: Hearing, clocks: ClocksStage, readings: Sequence[TimecodeReadin
         found.models |= {model.device: model for model in result.outputs}
 
 
-def _begin(found: Hearing, first: AudioBlock) -> int:
+def _begin(found: DecodedSound, first: AudioBlock) -> int:
     """Return the first sample that is needed from a device.
 
     It lies shortly before the latest of the device's first timecode words. A short beginning is not skipped.
@@ -104,7 +106,7 @@ def _begin(found: Hearing, first: AudioBlock) -> int:
     return begin if begin - first.first_sample > EARLY_S * first.sample_rate else first.first_sample
 
 
-def _side_by_side(recorders: Sequence[Heard]) -> Iterator[tuple[float, AudioBlock]]:
+def _side_by_side(recorders: Sequence[SoundDevice]) -> Iterator[tuple[float, AudioBlock]]:
     """Yield (time since the device's first sample, s, block) of all devices in order of that time."""
     for _, since, block in heapq.merge(
         *(_timed(k, recorder) for k, recorder in enumerate(recorders)), key=lambda row: (row[1], row[0])
@@ -112,7 +114,7 @@ def _side_by_side(recorders: Sequence[Heard]) -> Iterator[tuple[float, AudioBloc
         yield since, block
 
 
-def _timed(order: int, recorder: Heard) -> Iterator[tuple[int, float, AudioBlock]]:
+def _timed(order: int, recorder: SoundDevice) -> Iterator[tuple[int, float, AudioBlock]]:
     blocks = iter(recorder.blocks() if recorder.blocks is not None else ())
     first = next(blocks, None)
     if first is None:

@@ -26,7 +26,7 @@ Sound = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
-class Tracks:
+class CaptureSound:
     """Sound tracks of a capture.
 
     Args:
@@ -42,7 +42,7 @@ class Tracks:
 
 def find_tracks(
     rig: Rig, sounds: Sequence[Sound], stamped: Collection[str], configs: Mapping[str, Config]
-) -> Tracks:
+) -> CaptureSound:
     """Find the sound tracks with timecode, and put their cameras on their own clocks.
 
     A track that sound.yaml names is used as stated there. Other tracks are decoded for `LISTEN_S` from their
@@ -78,7 +78,7 @@ def find_tracks(
     kept = [sound for sound in kept if sound["kind"] != "video" or any(sound["clocks"])]
     _require_stamps(rig, kept, {*own, *stamped}, own)
     cameras = tuple(replace(camera, clock=own.get(camera.name, camera.clock)) for camera in rig.cameras)
-    return Tracks(replace(rig, cameras=cameras), tuple(kept), tuple(notices))
+    return CaptureSound(replace(rig, cameras=cameras), tuple(kept), tuple(notices))
 
 
 def _timecode_of(sound: Sound, configs: Mapping[str, Config], clock: str) -> list[str]:

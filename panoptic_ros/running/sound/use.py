@@ -23,7 +23,7 @@ from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.io.bag_streams import SOUND_KEY
 from panoptic_ros.params import Config, config_of, named_words
 from panoptic_ros.params.named import ALL
-from panoptic_ros.running.sound.hearing import Hearing, hear
+from panoptic_ros.running.sound.hearing import DecodedSound, hear
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.timecode.config import TimecodeConfig
 
@@ -38,7 +38,7 @@ Readings = Mapping[tuple[str, str], TimecodeReading]
 
 
 @dataclass(frozen=True)
-class Recorder:
+class SoundRecorder:
     """Device that records sound.
 
     Args:
@@ -80,7 +80,7 @@ class ClockPlan:
 def plan_clocks(
     rig: Rig,
     configs: Mapping[str, Config],
-    recorders: Sequence[Recorder],
+    recorders: Sequence[SoundRecorder],
     stamps: Mapping[str, Sequence[int]],
 ) -> ClockPlan:
     """Select the sound that a run needs, and estimate from it the clocks of the cameras.
@@ -112,7 +112,7 @@ def plan_clocks(
     return ClockPlan(configs, heard.begins, _shifts(clocks, heard, stamps, rig), notices)
 
 
-def _named_by_parameter(recorder: Recorder, configs: Mapping[str, Config]) -> Recorder:
+def _named_by_parameter(recorder: SoundRecorder, configs: Mapping[str, Config]) -> SoundRecorder:
     given = named_words("TimecodeConfig.channels", config_of(configs, TimecodeConfig).channels)
     if recorder.device not in given:
         return recorder
@@ -129,8 +129,8 @@ def _clocks_of_cameras(rig: Rig, configs: Mapping[str, Config]) -> dict[str, str
 def _with_names(
     configs: Mapping[str, Config],
     clocks: Mapping[str, str],
-    used: Sequence[Recorder],
-    carried: Mapping[str, Recorder],
+    used: Sequence[SoundRecorder],
+    carried: Mapping[str, SoundRecorder],
 ) -> dict[str, Config]:
     """Return the configurations, with the cameras' clocks and the master clock set in sync and clocks.
 
@@ -154,7 +154,7 @@ def _with_names(
 
 
 def _refuse_unheard_parameters(
-    configs: Mapping[str, Config], rig: Rig, carried: Mapping[str, Recorder]
+    configs: Mapping[str, Config], rig: Rig, carried: Mapping[str, SoundRecorder]
 ) -> None:
     told = named_words("SyncConfig.clocks", config_of(configs, SyncConfig).clocks)
     for camera, clock in told.items():
@@ -163,7 +163,7 @@ def _refuse_unheard_parameters(
             raise UsageError(f"sync.clocks names {camera}={clock}, but nobody hears clock {clock}: {there}")
 
 
-def _require_carried(clocks: Mapping[str, str], carried: Mapping[str, Recorder]) -> None:
+def _require_carried(clocks: Mapping[str, str], carried: Mapping[str, SoundRecorder]) -> None:
     for clock in dict.fromkeys(clocks.values()):
         if clock not in carried:
             cameras = ", ".join(camera for camera, own in clocks.items() if own == clock)
@@ -173,7 +173,7 @@ def _require_carried(clocks: Mapping[str, str], carried: Mapping[str, Recorder])
             )
 
 
-def _require_one_rate(heard: Hearing) -> None:
+def _require_one_rate(heard: DecodedSound) -> None:
     """Check that all recorders decode a timecode at the same rate; else they carry different timecodes.
 
     Raises:
@@ -190,7 +190,9 @@ def _require_one_rate(heard: Hearing) -> None:
             )
 
 
-def _require_heard(clocks: Mapping[str, str], heard: Hearing, used: Sequence[Recorder], master: str) -> None:
+def _require_heard(
+    clocks: Mapping[str, str], heard: DecodedSound, used: Sequence[SoundRecorder], master: str
+) -> None:
     for clock in dict.fromkeys(clocks.values()):
         if clock not in heard.models:
             cameras = ", ".join(camera for camera, own in clocks.items() if own == clock)
@@ -201,7 +203,7 @@ def _require_heard(clocks: Mapping[str, str], heard: Hearing, used: Sequence[Rec
             raise DataError(f"nothing tells of clock {clock}, which stamps {cameras}: {what}")
 
 
-def _apart(clock: str, heard: Hearing, used: Sequence[Recorder], master: str) -> str:
+def _apart(clock: str, heard: DecodedSound, used: Sequence[SoundRecorder], master: str) -> str:
     """Return the decoded timecodes that determine a clock but have no connection to the master clock."""
     connected, before = {master}, set[str]()
     while connected != before:
@@ -213,7 +215,7 @@ def _apart(clock: str, heard: Hearing, used: Sequence[Recorder], master: str) ->
     return ", ".join(sorted((of_clock & carried) - connected))
 
 
-def _what_was_heard(heard: Hearing, used: Sequence[Recorder]) -> str:
+def _what_was_heard(heard: DecodedSound, used: Sequence[SoundRecorder]) -> str:
     """Return a few words about the decoded sound of every recorder."""
     found = []
     for recorder in used:
@@ -224,7 +226,7 @@ def _what_was_heard(heard: Hearing, used: Sequence[Recorder]) -> str:
 
 
 def _shifts(
-    clocks: Mapping[str, str], heard: Hearing, stamps: Mapping[str, Sequence[int]], rig: Rig
+    clocks: Mapping[str, str], heard: DecodedSound, stamps: Mapping[str, Sequence[int]], rig: Rig
 ) -> dict[str, int]:
     """Return the shifts by camera, and for sound by topic, ns.
 
@@ -240,7 +242,7 @@ def _shifts(
     return cameras | devices
 
 
-def _unused(recorders: Sequence[Recorder], rig: Rig) -> Iterator[str]:
+def _unused(recorders: Sequence[SoundRecorder], rig: Rig) -> Iterator[str]:
     """Yield a line about sound that provides no camera's clock.
 
     The line mentions --offsets-from-sound if several cameras have sound of their own.

@@ -19,7 +19,7 @@ import numpy as np
 from panoptic_ros.capture import VIDEO_SUFFIXES, places_in
 from panoptic_ros.capture.sound import known_tracks, read_sound
 from panoptic_ros.clocks import ClocksConfig, ClocksStage
-from panoptic_ros.clocks.report import CameraClock, findings, measure_camera, phase_s, timecode_findings
+from panoptic_ros.clocks.report import CameraClockReport, findings, measure_camera, phase_s, timecode_findings
 from panoptic_ros.clocks.stereo import LEAST_READINGS, align_timecodes
 from panoptic_ros.domain import Camera, ClockModel, Rig, SkeletonModel, TimecodeReading, ViewDetections
 from panoptic_ros.errors import DataError, UsageError
@@ -168,7 +168,7 @@ class SyncReport:
     """
 
     document: dict[str, Any]
-    cameras: Sequence[CameraClock]
+    cameras: Sequence[CameraClockReport]
     models: Mapping[str, ClockModel]
 
     @property
@@ -210,7 +210,7 @@ def write_report(folder: Path, report: SyncReport) -> None:
     write_sync_plot(folder / "sync.png", report.cameras, report.models)
 
 
-def _measure(sources: Sources) -> tuple[list[CameraClock], list[Notice]]:
+def _measure(sources: Sources) -> tuple[list[CameraClockReport], list[Notice]]:
     cameras, short = [], []
     for name, table in sources.cameras.items():
         try:
@@ -227,7 +227,7 @@ def _clock_models(sources: Sources) -> tuple[dict[str, ClockModel], list[Notice]
     return models, [notice for result in results for notice in result.notices]
 
 
-def _camera_row(camera: CameraClock, first: CameraClock) -> dict[str, Any]:
+def _camera_row(camera: CameraClockReport, first: CameraClockReport) -> dict[str, Any]:
     timing = camera.timing
     row = {
         "camera": camera.name,

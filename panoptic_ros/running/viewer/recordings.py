@@ -22,7 +22,7 @@ from panoptic_ros.io.takes import is_recorded_now, unclosed_take
 from panoptic_ros.view.page.recorded import RecordedScene
 from panoptic_ros.view.page.recorded_talk import RecordedTalk
 from panoptic_ros.view.page.server import PageServer
-from panoptic_ros.view.page.truth import Truth
+from panoptic_ros.view.page.truth import TruthSkeletons
 
 if TYPE_CHECKING:
     from panoptic_ros.view.page.folder import FolderScene
@@ -238,7 +238,7 @@ def _open_folder(path: Path, rig: Path | None, skeleton: str, truth: Path | None
     model = load_skeleton(skeleton or DEFAULT_SKELETON)
     own = path / TRUTH
     known = truth if truth is not None else own if own.is_file() else None
-    people = None if known is None else Truth(read_skeletons(known), model)
+    people = None if known is None else TruthSkeletons(read_skeletons(known), model)
     return FolderScene(folder, path.resolve().name, model, people)
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Camera, Rig
-from panoptic_ros.domain.segments import Body, SegmentModel
+from panoptic_ros.domain.segments import SegmentedBody, SegmentModel
 from panoptic_ros.domain.subjects import BodyState, Device, ImuSeries, Subject, TPose
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.geometry.rotations import turn_about_z
@@ -164,7 +164,7 @@ def simulate_body(scene: BodyScene, seed: int, model: SegmentModel, clips: Mappi
 
 def moving_body(
     rng: np.random.Generator, scene: BodyScene, model: SegmentModel, clips: Mapping[str, Clip]
-) -> tuple[Body, BodyMotion]:
+) -> tuple[SegmentedBody, BodyMotion]:
     """Return the body of a scene's first person and its motion."""
     chosen = [clips[name] for name in scene.clips]
     body = model.body(chosen[0].stature).with_offsets(dict(zip(model.names, chosen[0].offsets)))
@@ -178,8 +178,8 @@ def moving_body(
 
 
 def detected_body(
-    rng: np.random.Generator, body: Body, motion: BodyMotion, detector: dict[str, Array]
-) -> tuple[Body, Array]:
+    rng: np.random.Generator, body: SegmentedBody, motion: BodyMotion, detector: dict[str, Array]
+) -> tuple[SegmentedBody, Array]:
     """Return the body with the known detector offsets, and the true positions (T, K, 3) m of its joints.
 
     Args:
@@ -198,7 +198,7 @@ def trunk_of(model: SegmentModel, motion: BodyMotion) -> Array:
     return motion.places[:, [0, model.index("neck")]]
 
 
-class Worn(NamedTuple):
+class BodyImus(NamedTuple):
     """IMUs on a body.
 
     Args:
@@ -216,7 +216,7 @@ class Worn(NamedTuple):
 
 def wear(
     rng: np.random.Generator, scene: BodyScene, model: SegmentModel, motion: BodyMotion, first: int = 1
-) -> Worn:
+) -> BodyImus:
     """Simulate 13 IMUs on a body, with a common inertial frame and a common clock.
 
     Args:
@@ -235,7 +235,7 @@ def wear(
         samples = {name: unknown_heading(s, angle).shifted(late) for name, s in samples.items()}
     end = FIRST_NS + int(1e9 * (T_POSE_S - 0.2))
     faces = turn_about_z(math.radians(scene.facing)) @ np.array([1.0, 0.0, 0.0])
-    return Worn(tuple(worn), TPose(FIRST_NS, end, faces), samples, mounts)
+    return BodyImus(tuple(worn), TPose(FIRST_NS, end, faces), samples, mounts)
 
 
 def sparse(capture: BodyCapture, cameras: Sequence[int], imus: int) -> BodyCapture:
@@ -272,8 +272,8 @@ def ring(rng: np.random.Generator, count: int, focal: float) -> Rig:
 
 
 def _keypoints(
-    rng: np.random.Generator, body: Body, detector: dict[str, Array]
-) -> tuple[Body, dict[str, tuple[int, Array]]]:
+    rng: np.random.Generator, body: SegmentedBody, detector: dict[str, Array]
+) -> tuple[SegmentedBody, dict[str, tuple[int, Array]]]:
     """Return the body with the known detector offsets, and the true joint positions on this person.
 
     The positions are (segment index, offset (3,) m) by joint name.

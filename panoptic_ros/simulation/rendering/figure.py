@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.simulation.body import ADULT, Body, Posture
+from panoptic_ros.simulation.body import ADULT, BodyLengths, Posture
 from panoptic_ros.simulation.rendering.shapes import Material, ShapeBuilder, Shapes
 from panoptic_ros.simulation.rendering.wardrobe import Appearance
 from panoptic_ros.simulation.skeleton import SIDES, J
@@ -23,7 +23,7 @@ TRUNK = (  # (from and to along the spine in m, radii in m, flatness, whether it
 )
 
 
-def figure(body: Body, posture: Posture, look: Appearance, person: int) -> Shapes:
+def figure(body: BodyLengths, posture: Posture, look: Appearance, person: int) -> Shapes:
     """Return the shapes of a person at the T instants of the posture."""
     build = ShapeBuilder(person, body.height / ADULT)
     cloth = Material.STRIPES if look.stripes else Material.CLOTH
@@ -66,7 +66,9 @@ def _arm(build: ShapeBuilder, posture: Posture, look: Appearance, cloth: Materia
     build.add(wrist + 0.02 * reach, wrist + 0.085 * reach, (0.032, 0.038), look.skin)
 
 
-def _leg(build: ShapeBuilder, body: Body, posture: Posture, look: Appearance, k: int, side: str) -> None:
+def _leg(
+    build: ShapeBuilder, body: BodyLengths, posture: Posture, look: Appearance, k: int, side: str
+) -> None:
     hip, knee, ankle = (posture.joints[:, J[side + n]] for n in ("Hip", "Knee", "Ankle"))
     build.add(hip, knee, (0.090 * look.girth, 0.062), look.trousers, Material.CLOTH)
     s, down = build.scale, np.array([0.0, 0.0, -1.0])
@@ -76,7 +78,7 @@ def _leg(build: ShapeBuilder, body: Body, posture: Posture, look: Appearance, k:
     build.add(heel, toe, (0.041, 0.034), look.shoes)
 
 
-def foot_direction(body: Body, posture: Posture, knee: Array, ankle: Array) -> Array:
+def foot_direction(body: BodyLengths, posture: Posture, knee: Array, ankle: Array) -> Array:
     """Return unit vectors (T, 3) from heel to toe: level on the floor, tilted with the shank when lifted."""
     forward = posture.pelvis[..., 0]
     shank = _unit(ankle - knee)
@@ -85,7 +87,7 @@ def foot_direction(body: Body, posture: Posture, knee: Array, ankle: Array) -> A
     return _unit(along)
 
 
-def _head(build: ShapeBuilder, body: Body, posture: Posture, look: Appearance) -> None:
+def _head(build: ShapeBuilder, body: BodyLengths, posture: Posture, look: Appearance) -> None:
     joints, axes, s = posture.joints, posture.head, body.head
     neck, up = joints[:, J["Neck"]], posture.chest[..., 2]
     centre = neck + axes @ (s * SKULL)

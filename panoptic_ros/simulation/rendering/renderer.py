@@ -23,7 +23,7 @@ from panoptic_ros.domain import Camera
 from panoptic_ros.kernels import njit
 from panoptic_ros.simulation.rendering.figure import figure
 from panoptic_ros.simulation.rendering.paint import LIGHT, paint_pixels
-from panoptic_ros.simulation.rendering.room import Room
+from panoptic_ros.simulation.rendering.room import RenderedRoom
 from panoptic_ros.simulation.rendering.shapes import Material, Shapes
 from panoptic_ros.simulation.rendering.wardrobe import Appearance
 from panoptic_ros.simulation.simulate import Simulation
@@ -45,7 +45,7 @@ OPTICS = 0.6  # px; standard deviation of the optical blur
 CHUNK = 32  # number of instants whose shapes are built at once
 
 
-class Floor:
+class FloorShadow:
     """Shadow map of a square floor of 2 * `half` m around the origin, in CELLS x CELLS cells."""
 
     def __init__(self, half: float):
@@ -163,10 +163,10 @@ class Studio:
 
     def __init__(self, take: Simulation):
         self.take = take
-        self.room = Room.draw(np.random.default_rng([*take.seed, 5]), take.rig)
+        self.room = RenderedRoom.draw(np.random.default_rng([*take.seed, 5]), take.rig)
         rng = np.random.default_rng([*take.seed, 6])
         self.looks = [Appearance.draw(rng) for _ in take.people]
-        self.floor = Floor(self.room.half)
+        self.floor = FloorShadow(self.room.half)
 
     def camera(self, name: str) -> CameraRenderer:
         """Return the renderer of one camera."""

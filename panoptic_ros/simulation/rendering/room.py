@@ -18,7 +18,7 @@ FAR = 50.0  # m; clipping limit of positions, and floor position of pixels that 
 
 
 @dataclass(frozen=True, eq=False)
-class Wall:
+class WallPlane:
     """Plane x[axis] = value with its texture (TEXTURE, TEXTURE, 3)."""
 
     axis: int
@@ -42,24 +42,27 @@ class Backdrop:
 
 
 @dataclass(frozen=True, eq=False)
-class Room:
+class RenderedRoom:
     """Box-shaped room of half width `half` m and `height` m."""
 
     half: float
     height: float
-    walls: tuple[Wall, ...]
+    walls: tuple[WallPlane, ...]
 
     @classmethod
-    def draw(cls, rng: np.random.Generator, rig: Rig) -> Room:
+    def draw(cls, rng: np.random.Generator, rig: Rig) -> RenderedRoom:
         """Draw a room that contains all cameras, with noise, pictures and doors on its walls."""
         centres = np.array([camera.centre for camera in rig.cameras])
         half = max(5.4, float(np.abs(centres[:, :2]).max()) + 0.8)
         height = max(3.2, float(centres[:, 2].max()) + 0.4)
         sides = [(axis, sign * half) for axis in (0, 1) for sign in (1.0, -1.0)]
-        walls = [Wall(2, 0.0, _texture(rng, FLOOR, 8.0, 0)), Wall(2, height, _texture(rng, CEILING, 3.0, 0))]
+        walls = [
+            WallPlane(2, 0.0, _texture(rng, FLOOR, 8.0, 0)),
+            WallPlane(2, height, _texture(rng, CEILING, 3.0, 0)),
+        ]
         for number, (axis, value) in enumerate(sides):
             paper = np.array(PAPER) - 8.0 * number
-            walls.append(Wall(axis, value, _texture(rng, tuple(paper), 3.0, 3)))
+            walls.append(WallPlane(axis, value, _texture(rng, tuple(paper), 3.0, 3)))
         return cls(half, height, tuple(walls))
 
     def seen_by(self, camera: Camera, plane: Array) -> Backdrop:
@@ -89,7 +92,7 @@ class Room:
         pixels = np.clip(image, 0.0, 255.0).astype(np.uint8)
         return Backdrop(pixels, depth.astype(np.float32), floor)
 
-    def _texels(self, wall: Wall, points: Array) -> Array:
+    def _texels(self, wall: WallPlane, points: Array) -> Array:
         """Return texture coordinates (H, W, 2) of points (H, W, 3) on a wall; pictures hang upright."""
         a, b = (axis for axis in range(3) if axis != wall.axis)
         across = points[..., a] / (2.0 * self.half) + 0.5

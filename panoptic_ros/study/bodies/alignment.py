@@ -14,7 +14,7 @@ import numpy as np
 from panoptic_ros.domain.subjects import ImuSeries
 from panoptic_ros.evaluation.kinematic_scores import score_bodies
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.imus.alignment import Felt, align, cameras_alone, felt_of
+from panoptic_ros.kinematics.imus.alignment import DeviceSignals, align, cameras_alone, felt_of
 from panoptic_ros.running.kinematics import body_config
 from panoptic_ros.simulation.bodies.imus import unknown_heading
 from panoptic_ros.stage import Progress, each
@@ -98,7 +98,7 @@ def _found(case: BodyCase, states: list[Any], rng: np.random.Generator) -> dict[
     }
 
 
-def _during(series: ImuSeries, states: list[Any]) -> Felt:
+def _during(series: ImuSeries, states: list[Any]) -> DeviceSignals:
     """Return the IMU samples in the time span of these bodies."""
     there = (series.stamps >= states[0].stamp_ns) & (series.stamps <= states[-1].stamp_ns)
     parts = (series.stamps, series.quaternions, series.rates, series.forces)

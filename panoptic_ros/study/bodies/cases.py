@@ -23,7 +23,7 @@ from panoptic_ros.io.kinematic_files import read_imus
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.prior import PoseStatistics, other_sides, train_prior
-from panoptic_ros.kinematics.session import Recording, Solved, solve_recording
+from panoptic_ros.kinematics.session import BodyRecording, BodySolution, solve_recording
 from panoptic_ros.running.kinematics import PAPER, body_config, read_body_task
 from panoptic_ros.running.simulations.body_scenes import BODY_SCENES, OTHER_BODY_SCENES, body_scene
 from panoptic_ros.simulation.bodies.capture import SPARSE, BodyCapture
@@ -52,7 +52,7 @@ class BodyCase:
 
     name: str
     seed: int
-    recording: Recording
+    recording: BodyRecording
     subjects: tuple[Subject, ...]
     truth: tuple[BodyState, ...]
     statistics: PoseStatistics
@@ -93,7 +93,7 @@ class BodyCase:
             subjects.append(replace(subject, body=body, measured=False))
         return replace(self, subjects=tuple(subjects))
 
-    def solve(self, config: KinematicsConfig) -> Solved:
+    def solve(self, config: KinematicsConfig) -> BodySolution:
         """Solve the bodies of all subjects."""
         return solve_recording(self.recording, self.subjects, config, self.statistics)
 
@@ -224,12 +224,16 @@ def read_case(folder: Path) -> BodyCase:
 
 def _from_images(
     folder: Path, subjects: Sequence[Path], imu: Path | None
-) -> tuple[Recording, tuple[Subject, ...], PoseStatistics]:
+) -> tuple[BodyRecording, tuple[Subject, ...], PoseStatistics]:
     """Detect the 2D poses of a capture, and return the inputs of the solver."""
     found, extras = detected(folder, (), {}, None), body_extras(subjects)
     devices = {} if imu is None else read_imus(imu)
     names, rig = found.context.skeleton.joint_names, found.context.rig
-    return Recording(rig, names, series_of(rig, found.sets), devices), found.subjects, extras["pose_prior"]
+    return (
+        BodyRecording(rig, names, series_of(rig, found.sets), devices),
+        found.subjects,
+        extras["pose_prior"],
+    )
 
 
 def series_of(rig: Rig, sets: Sequence[DetectionSet]) -> dict[int, ViewSeries]:
@@ -251,16 +255,16 @@ def _on_plane(camera: Camera, pixels: Array, scores: Array) -> ViewPeople:
     return ViewPeople(plane, scores)
 
 
-def recording_of(capture: BodyCapture | BodyGroup) -> Recording:
+def recording_of(capture: BodyCapture | BodyGroup) -> BodyRecording:
     """Return the inputs of the solver from a simulated capture."""
     group = capture if isinstance(capture, BodyGroup) else group_of(capture)
     if not len(group.views):
-        return Recording(None, group.joint_names, {}, group.devices)
+        return BodyRecording(None, group.joint_names, {}, group.devices)
     views = {}
     for c, (camera, seen) in enumerate(zip(group.rig.cameras, group.views)):
         people = tuple(_on_plane(camera, pixels, scores) for pixels, scores in seen)
         views[c] = ViewSeries(group.stamps, people)
-    return Recording(group.rig, group.joint_names, views, group.devices)
+    return BodyRecording(group.rig, group.joint_names, views, group.devices)
 
 
 def prior_without(left_out: Sequence[str], clips: Mapping[str, Clip], model: SegmentModel) -> PoseStatistics:

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from panoptic_ros.domain.subjects import Instant, ViewPeople
-from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.domain.subjects import InstantViews, ViewPeople
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.imus.measured import Measured, measured_by, resample
+from panoptic_ros.kinematics.imus.measured import ImuMeasurements, measured_by, resample
 from panoptic_ros.kinematics.imus.t_pose import t_pose_mounts
 from panoptic_ros.kinematics.people.nearest_people import assign_people, nearest_to_start
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
@@ -25,7 +25,7 @@ class Given(NamedTuple):
 
     stamp_ns: int
     views: dict[int, ViewPeople]
-    measured: Measured
+    measured: ImuMeasurements
 
 
 def tracker_of(
@@ -42,7 +42,7 @@ def tracker_of(
         kind: class of the tracker.
     """
     recording, subject = recording_of(capture), capture.subject
-    weighing = Weighing(config, subject, statistics, recording.rig, recording.joint_names)
+    weighing = EvidenceBuilder(config, subject, statistics, recording.rig, recording.joint_names)
     stamps = instants_of(recording.views, recording.devices, config.rate_hz)
     felt = {name: resample(series, stamps) for name, series in recording.devices.items()}
     measured = measured_by(subject.devices, felt, len(stamps))
@@ -62,7 +62,7 @@ def follow(tracker: SubjectTracker, instants: Sequence[Given], gate: float) -> I
     """Yield each time step after the tracker has processed it."""
     weighing = tracker.weighing
     for given in instants:
-        instant = Instant(given.stamp_ns, given.views)
+        instant = InstantViews(given.stamp_ns, given.views)
         if tracker.started:
             people = assign_people([tracker], instant, weighing.rotations, weighing.translations, gate)[0]
         else:

@@ -18,7 +18,7 @@ from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.prior import PoseStatistics
 from panoptic_ros.kinematics.pose.solve import solve_pose
-from panoptic_ros.kinematics.pose.targets import Evidence, no_anchor
+from panoptic_ros.kinematics.pose.targets import PoseEvidence, no_anchor
 from panoptic_ros.running.arguments import within
 from panoptic_ros.running.simulations.body_scenes import body_scene
 from panoptic_ros.simulation.bodies.capture import BodyCapture, simulate_body, sparse
@@ -176,9 +176,9 @@ class _Asked(SubjectTracker):
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self.asked: list[tuple[Pose, Evidence]] = []
+        self.asked: list[tuple[Pose, PoseEvidence]] = []
 
-    def _step_alone(self, evidence: Evidence, period: float) -> None:
+    def _step_alone(self, evidence: PoseEvidence, period: float) -> None:
         assert self._pose is not None
         self.asked.append((self._pose.copy(), evidence))
         super()._step_alone(evidence, period)

@@ -21,11 +21,11 @@ from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.io.detector_context import detector_extras
 from panoptic_ros.running.plans.parameters import read_parameters
-from panoptic_ros.simulation import Scene, Simulation, simulate
-from panoptic_ros.simulation.body import Body, LowerBody
+from panoptic_ros.simulation import SimulatedScene, Simulation, simulate
+from panoptic_ros.simulation.body import BodyLengths, LowerBody
 from panoptic_ros.simulation.gestures import draw_gesture
-from panoptic_ros.simulation.motions import Motion, Standing
-from panoptic_ros.simulation.people import Person, draw_sway
+from panoptic_ros.simulation.motions import Motion, StandMotion
+from panoptic_ros.simulation.people import SimulatedPerson, draw_sway
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.simulation.rigs import Lens, Ring
 from panoptic_ros.simulation.smooth import Pulses, ease
@@ -90,10 +90,10 @@ class Huddle:
 class Bending:
     """Motion that bends the trunk forward; the feet stay in place."""
 
-    standing: Standing
+    standing: StandMotion
     down: Callable[[Array], Array]
 
-    def __call__(self, t: Array, body: Body) -> LowerBody:
+    def __call__(self, t: Array, body: BodyLengths) -> LowerBody:
         """Return legs and trunk at times (T,) s."""
         upright, down = self.standing(t, body), self.down(t)
         back = np.stack([np.cos(upright.heading), np.sin(upright.heading), np.zeros(len(t))], axis=1)
@@ -118,7 +118,7 @@ def child_take(seed: int, kind: ChildKind = USUAL) -> Simulation:
     phase = float(rng.choice([0.0, rng.uniform(0.0, 0.5)])) / rate
     doings = ("stand", *(DOINGS[int(k)] for k in rng.integers(len(DOINGS), size=ADULTS)))
     seconds = float(rng.uniform(*kind.seconds))
-    what = Scene(
+    what = SimulatedScene(
         "a child whom adults hide",
         doings,
         rig,
@@ -131,7 +131,9 @@ def child_take(seed: int, kind: ChildKind = USUAL) -> Simulation:
     return replace(simulate(replace(what, activities=("stand",) * len(doings)), seed), people=people)
 
 
-def _draw_people(rng: np.random.Generator, kind: ChildKind, doings: tuple[str, ...]) -> Iterator[Person]:
+def _draw_people(
+    rng: np.random.Generator, kind: ChildKind, doings: tuple[str, ...]
+) -> Iterator[SimulatedPerson]:
     """Draw the child and the adults, who face it."""
     start, begin = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(1.0, 1.6)
     end = begin + rng.uniform(1.5, 2.5)
@@ -140,7 +142,7 @@ def _draw_people(rng: np.random.Generator, kind: ChildKind, doings: tuple[str, .
         angle = start + 2.0 * np.pi * (number + rng.uniform(-0.12, 0.12)) / ADULTS
         away = 0.0 if number == CHILD else rng.uniform(*kind.away)
         x, y = middle + away * np.array([np.cos(angle), np.sin(angle)])
-        standing = Standing((float(x), float(y)), float(angle + np.pi), draw_sway(rng))
+        standing = StandMotion((float(x), float(y)), float(angle + np.pi), draw_sway(rng))
         down = Huddle(
             Pulses.draw(rng, 3.0, 4.5),
             float(begin + rng.uniform(-0.3, 0.3)),
@@ -153,7 +155,7 @@ def _draw_people(rng: np.random.Generator, kind: ChildKind, doings: tuple[str, .
             motion = Bending(standing, down)
         tall = rng.uniform(*(kind.child if number == CHILD else kind.adult))
         gesture = draw_gesture(rng, str(rng.choice(["reach", "talk"])) if doing == "stand" else "reach")
-        yield Person(number, Body.draw(rng, tall), motion, gesture)
+        yield SimulatedPerson(number, BodyLengths.draw(rng, tall), motion, gesture)
 
 
 def images_of(take: Simulation) -> Iterator[list[ViewFrame]]:

@@ -15,7 +15,7 @@ from panoptic_ros.evaluation.pairing import match_people
 from panoptic_ros.graph.build import configure, merged
 from panoptic_ros.graph.nodes import FUSION
 from panoptic_ros.graph.pipeline import Pipeline
-from panoptic_ros.simulation import Absence, Scene, Simulation, simulate
+from panoptic_ros.simulation import Absence, SimulatedScene, Simulation, simulate
 from panoptic_ros.simulation.degradation import MILD
 from panoptic_ros.simulation.rigs import Ring
 from panoptic_ros.simulation.scenes import scene
@@ -50,7 +50,7 @@ class Instant:
 
 
 def follow(
-    what: Scene, seed: int, settings: Settings = NO_SETTINGS, looks: Looks | None = None
+    what: SimulatedScene, seed: int, settings: Settings = NO_SETTINGS, looks: Looks | None = None
 ) -> list[Instant]:
     """Solve a take of a scene, and match its persons with the results.
 
@@ -100,19 +100,19 @@ def _match(result: Any, row: int, truth: Array) -> Match:
 # ------------------------------------------------------------------ trials of events
 
 
-def hidden_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
+def hidden_trial(seed: int) -> tuple[SimulatedScene, tuple[float, float]]:
     """Return a scene with a person who is invisible for one second, and this second."""
     base = scene("occluded")
     begin = 1.0 + 0.05 * (seed % 7)
     return replace(base, absences=(Absence(0, begin, begin + 1.0),), frames=105), (begin, begin + 1.0)
 
 
-def crossing_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
+def crossing_trial(seed: int) -> tuple[SimulatedScene, tuple[float, float]]:
     """Return a scene with two persons who pass at half a metre, and the time in which they are near."""
     return replace(scene("crossing"), frames=90), (1.0, 2.0)
 
 
-def pause_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
+def pause_trial(seed: int) -> tuple[SimulatedScene, tuple[float, float]]:
     """Return a scene in which all persons are invisible for 0.3 to 1.3 s, and this time.
 
     After it, three of five cameras see them.
@@ -127,7 +127,7 @@ def pause_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
     return replace(base, absences=pauses + fewer, frames=round(30.0 * (end + 1.2))), (begin, end)
 
 
-def slow_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
+def slow_trial(seed: int) -> tuple[SimulatedScene, tuple[float, float]]:
     """Return a scene of eight persons at 2 to 5 images/s.
 
     At this rate, single joints can hardly be predicted.
@@ -137,7 +137,7 @@ def slow_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
     return replace(base, timing=replace(base.timing, rate=rate), frames=round(7.0 * rate)), (1.5, 5.5)
 
 
-def stranger_trial(seed: int) -> tuple[Scene, tuple[float, float]]:
+def stranger_trial(seed: int) -> tuple[SimulatedScene, tuple[float, float]]:
     """Return a scene in which a person leaves for good and another one comes, and the time between.
 
     The newcomer is the person nearest to the one who leaves, and appears for the first time 0.3 to 1.5 s
@@ -270,7 +270,7 @@ def few_views(
 # ------------------------------------------------------------------ persons who come and go
 
 
-def visits_scene(seed: int, seconds: float = VISITS_S) -> Scene:
+def visits_scene(seed: int, seconds: float = VISITS_S) -> SimulatedScene:
     """Return a scene of five persons who walk about and leave now and then."""
     rng = np.random.default_rng([seed, 77])
     absences = []
@@ -280,7 +280,7 @@ def visits_scene(seed: int, seconds: float = VISITS_S) -> Scene:
             away = rng.uniform(*AWAY)
             absences.append(Absence(person, now, now + away))
             now += away + rng.uniform(*STAYS)
-    return Scene(
+    return SimulatedScene(
         "five people who come and go",
         ("walk", "walk", "walk", "talk", "walk"),
         Ring(5),

@@ -20,8 +20,8 @@ from panoptic_ros.graph.build import configure, make_stage, merged
 from panoptic_ros.identity.subjects import subject_word
 from panoptic_ros.running.arguments import within
 from panoptic_ros.running.plans.parameters import read_parameters
-from panoptic_ros.simulation import Absence, Scene, Simulation, simulate
-from panoptic_ros.simulation.people import Person
+from panoptic_ros.simulation import Absence, SimulatedScene, Simulation, simulate
+from panoptic_ros.simulation.people import SimulatedPerson
 from panoptic_ros.simulation.rendering import Studio
 from panoptic_ros.simulation.rigs import Lens, Ring
 from panoptic_ros.simulation.skeleton import SKELETON
@@ -53,20 +53,20 @@ EVERY = 3  # one image per this number of time steps
 Looks = Mapping[int, Sequence[ViewAppearance]]
 
 
-def dressed_scene(seed: int, seconds: float) -> Scene:
+def dressed_scene(seed: int, seconds: float) -> SimulatedScene:
     """Return the scene of persons who come and go, with cameras whose images are rendered."""
     return replace(visits_scene(seed, seconds), rig=SMALL, rendered=True)
 
 
 @dataclass(frozen=True)
-class Visitor(Person):
+class Visitor(SimulatedPerson):
     """Person who is not in the images during absences."""
 
     absences: tuple[Absence, ...] = ()
 
     def is_present(self, t: Array) -> Array:
         """Return whether the person is present at times t (T,)."""
-        there = Person.is_present(self, t)
+        there = SimulatedPerson.is_present(self, t)
         for absence in self.absences:
             there = there & ~((t >= absence.start) & (t < absence.end))
         return there

@@ -12,7 +12,7 @@ import numpy as np
 from panoptic_ros.domain import DetectionSet, JointMap, ScoreMaps, SkeletonModel, ViewDetections
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence
 from panoptic_ros.io.skeletons import load_skeleton, map_joints, shared_names
-from panoptic_ros.simulation import CLEAN, Scene, simulate
+from panoptic_ros.simulation import CLEAN, SimulatedScene, simulate
 from panoptic_ros.simulation.drawn_maps import with_drawn_maps
 from panoptic_ros.simulation.timing import to_stamp
 from panoptic_ros.simulation.whole_body import named_joints, project_joints
@@ -26,7 +26,9 @@ def any_skeleton_world(name: str, people: int, views: int, frames: int, seed: in
     """Simulate persons with the joints of a skeleton model, with pixel noise, score maps and no occlusion."""
     skeleton, layout = load_skeleton(name), layout_of(views, people)
     activities = tuple(np.resize(ACTIVITIES, people).tolist())
-    take = simulate(Scene("bench", activities, layout.rig, area=layout.area, degradation=CLEAN), seed, frames)
+    take = simulate(
+        SimulatedScene("bench", activities, layout.rig, area=layout.area, degradation=CLEAN), seed, frames
+    )
     ticks = take.schedule.ticks
     joints = np.stack([named_joints(p, ticks, shared_names(name)) for p in take.people], axis=1)
     ids = np.arange(people)

@@ -15,13 +15,13 @@ from panoptic_ros.study.stage1.dense import dense_nodes
 from panoptic_ros.study.stage1.rows import Rows, Settings, of_poses, only
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.exact import maxima
-from panoptic_ros.voting.proposals import Demands, Nodes
+from panoptic_ros.voting.proposals import NodeCriteria, NodeProposals
 from panoptic_ros.voting.scene import VoteScene, build_scene
 from panoptic_ros.voting.stage import VotingStage
 from panoptic_ros.voting.volume import Volume
 
 # score threshold, views and view threshold of the searches over the whole volume
-WANTED = Demands(0.1, 3, 0.1)
+WANTED = NodeCriteria(0.1, 3, 0.1)
 VOXEL = 0.04  # m
 
 
@@ -34,10 +34,10 @@ def voting_rows(rows: Rows, dense: bool) -> None:
         cameras = [world.rig.camera(view.camera) for view in item.views]
         return build_scene(cameras, item.views, len(world.skeleton))
 
-    def exact(item: DetectionSet) -> Nodes:
+    def exact(item: DetectionSet) -> NodeProposals:
         return maxima(scene(item), volume, WANTED)
 
-    def every_voxel(item: DetectionSet) -> Nodes:
+    def every_voxel(item: DetectionSet) -> NodeProposals:
         return dense_nodes(scene(item), volume, WANTED)
 
     note = f"threshold {WANTED.threshold}, {WANTED.min_views} views"
@@ -70,12 +70,12 @@ class WatchedVoting(VotingStage):
         super().reset()
         self.left.clear()
 
-    def unexplained(self, *given: Any) -> Nodes:
+    def unexplained(self, *given: Any) -> NodeProposals:
         """Store the input, then search as the stage does."""
         self.left.append(given)
         return super().unexplained(*given)
 
-    def again(self, given: tuple[Any, ...]) -> Nodes:
+    def again(self, given: tuple[Any, ...]) -> NodeProposals:
         """Repeat the search on a stored input, without the rest of the stage."""
         return super().unexplained(*given)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from panoptic_ros.domain.of_all import selected
 from panoptic_ros.kernels import njit
-from panoptic_ros.voting.proposals import Demands, Nodes
+from panoptic_ros.voting.proposals import NodeCriteria, NodeProposals
 from panoptic_ros.voting.scene import VoteScene
 from panoptic_ros.voting.volume import Volume
 from panoptic_ros.voting.votes import COVERED, LANES, SIZE, place, score, see, strides
@@ -15,7 +15,7 @@ Array = np.ndarray
 BLOCK_VALUES = 4_000_000  # limit of votes in memory at a time
 
 
-def dense_nodes(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
+def dense_nodes(scene: VoteScene, volume: Volume, wanted: NodeCriteria) -> NodeProposals:
     """Return the nodes that `exact.maxima` also finds; work in slabs, so that memory stays bounded."""
     nx, ny, nz = volume.shape
     joint_count = scene.map_start.shape[1]
@@ -34,7 +34,7 @@ def dense_nodes(scene: VoteScene, volume: Volume, wanted: Demands) -> Nodes:
         found.append((at + (0, *first), votes[tuple(at.T)], support[tuple(at.T)]))
     at, votes, support = (np.concatenate(parts) for parts in zip(*found))
     order = np.lexsort(at.T[::-1])
-    return selected(Nodes(volume.centres(at[:, 1:]), at[:, 0], votes, support), order)
+    return selected(NodeProposals(volume.centres(at[:, 1:]), at[:, 0], votes, support), order)
 
 
 def is_maximum(rank: Array, at: Array) -> Array:

@@ -15,7 +15,7 @@ from panoptic_ros.simulation import (
     Dome,
     PanelDome,
     Ring,
-    Scene,
+    SimulatedScene,
     Simulation,
     farthest_first,
     simulate,
@@ -73,7 +73,7 @@ def make_world(people: int, views: int, frames: int, seed: int, maps: bool) -> W
     layout = layout_of(views, people)
     faults = NOISY if views <= 48 else replace(NOISY, noise_px=1.0, size_px=250.0, outlier_px=20.0)
     activities = tuple(np.resize(ACTIVITIES, people).tolist())
-    scene = Scene("bench", activities, layout.rig, area=layout.area, degradation=faults)
+    scene = SimulatedScene("bench", activities, layout.rig, area=layout.area, degradation=faults)
     take = simulate(scene, seed, frames)
     sets = tuple(take.detection_sets())
     if maps:

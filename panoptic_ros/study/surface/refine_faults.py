@@ -17,7 +17,7 @@ from panoptic_ros.domain.parts import HEAD_WORDS
 from panoptic_ros.evaluation.motion_scores import acceleration_error
 from panoptic_ros.params import config_of
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.simulation.skeleton_faults import Faulty, with_faults
+from panoptic_ros.simulation.skeleton_faults import FaultyJoints, with_faults
 from panoptic_ros.stage import Progress, each, part_of
 from panoptic_ros.study.study import Case, Column, Result, Row
 from panoptic_ros.study.surface.refine import SurfaceStudy, lag_shown
@@ -83,7 +83,7 @@ def _one(played: Played, seed: int, kind: str, rows: Rows) -> None:
     add(f"offline, {kind}", None, offline(played))
 
 
-def _with_faults(played: Played, seed: int) -> tuple[Faulty, Played]:
+def _with_faults(played: Played, seed: int) -> tuple[FaultyJoints, Played]:
     """Return the faulty joints, and the run with these joints instead of the measured ones."""
     pairs, order = {pair.stamp_ns: pair for pair in played.pairs(played.raw)}, played.truth_order
     truth: list[Mapping[int, Array]] = []
@@ -121,7 +121,7 @@ def _posed(item: TrackedPoseSet, joints: Mapping[int, Array], covariance: Array)
     )
 
 
-def _scores(played: Played, faulty: Faulty, items: Posed) -> dict[str, float | None]:
+def _scores(played: Played, faulty: FaultyJoints, items: Posed) -> dict[str, float | None]:
     """Score the joints of the body, and those in gaps separately.
 
     Returns:

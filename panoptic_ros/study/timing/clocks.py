@@ -25,11 +25,11 @@ from panoptic_ros.domain import (
 from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation.clocks import (
-    CameraFrame,
     ClockWorld,
-    HearingDevice,
     SimulatedCamera,
     SimulatedClock,
+    TimecodeDevice,
+    TrueFrame,
 )
 from panoptic_ros.simulation.ltc_signal import encode_ltc
 from panoptic_ros.stage import Notice, Progress, StageContext, StepResult
@@ -94,7 +94,7 @@ def run_world(world: ClockWorld, deadline_s: float = 1.5) -> Outcome:
                     outcome.cameras.append(view.camera)
 
     for event in world.events():
-        if isinstance(event, CameraFrame):
+        if isinstance(event, TrueFrame):
             outcome.frames += 1
             truth[(event.camera, event.number)] = event.true_ns
             keep(sync.step(_view(event)))
@@ -113,7 +113,7 @@ def _context(names: list[str]) -> StageContext:
     return StageContext(rig, SKELETON)
 
 
-def _view(frame: CameraFrame) -> ViewDetections:
+def _view(frame: TrueFrame) -> ViewDetections:
     return ViewDetections(
         frame.camera,
         frame.stamp_ns,
@@ -136,9 +136,9 @@ def mixed_world(seconds: float, seed: int = 0) -> ClockWorld:
         return SimulatedClock(offset, drift, wander=1e-6)
 
     devices = (
-        HearingDevice("host", clock(1_700_000_000 * SECOND, 50e-6), PAL),
-        HearingDevice("kinect1", clock(200_000 * SECOND, -50e-6), NTSC),
-        HearingDevice("kinect2", clock(77_000 * SECOND, 20e-6), NTSC, sample_rate=16_000.0, noise_s=1e-6),
+        TimecodeDevice("host", clock(1_700_000_000 * SECOND, 50e-6), PAL),
+        TimecodeDevice("kinect1", clock(200_000 * SECOND, -50e-6), NTSC),
+        TimecodeDevice("kinect2", clock(77_000 * SECOND, 20e-6), NTSC, sample_rate=16_000.0, noise_s=1e-6),
     )
     cameras = (
         SimulatedCamera("vga1", "host", Fraction(25), 0.003, 0.01),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from panoptic_ros.domain import FrameRate, Timecode
-from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
+from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, LtcSignal, timecode_rate
 
 FAULTS = set(AudioFaults.__dataclass_fields__)
@@ -21,7 +21,7 @@ class Condition:
     """One row of the table.
 
     Args:
-        changes: fields of `Channel` and `AudioFaults`.
+        changes: fields of `ChannelDistortion` and `AudioFaults`.
         rate: frame rate; clips alternate between several.
         reverse: play the words in reverse.
     """
@@ -45,7 +45,7 @@ def clip(condition: Condition, seed: int, words: int) -> LtcSignal:
     faults = {key: value for key, value in changes.items() if key in FAULTS}
     rest = {key: value for key, value in changes.items() if key not in FAULTS}
     speed = rest.pop("speed", 1.0) * (1.0 + 4e-5 * rng.uniform(-1.0, 1.0))
-    channel = Channel(speed=speed, seed=seed, faults=AudioFaults(seed=seed, **faults), **rest)
+    channel = ChannelDistortion(speed=speed, seed=seed, faults=AudioFaults(seed=seed, **faults), **rest)
     rate = condition.rate_of(seed)
     start = Timecode.from_frame_count(int(rng.integers(0, 2_000_000)), rate)
     lead = 0.5 + rng.uniform(0.0, 1.0) / condition.sample_rate
@@ -66,7 +66,7 @@ def noise_bound_us(condition: Condition) -> float:
     start = Timecode.from_frame_count(1_234_567, condition.rate_of(0))
     step, words = 0.02, 5
     early, late = (
-        play_ltc(start, words, rate, Channel(), lead=(9600 + shift) / rate)
+        play_ltc(start, words, rate, ChannelDistortion(), lead=(9600 + shift) / rate)
         for shift in (-0.5 * step, 0.5 * step)
     )
     count = min(len(late.samples), len(early.samples))

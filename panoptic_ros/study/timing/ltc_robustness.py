@@ -21,7 +21,7 @@ import numpy as np
 from scipy.signal import resample_poly
 
 from panoptic_ros.domain import AudioBlock, Timecode, TimecodeReading
-from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
+from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import timecode_rate
 from panoptic_ros.stage import Progress, each, untold
 from panoptic_ros.study.timing.ltc_sounds import KINDS
@@ -110,7 +110,7 @@ def _piece(rng: np.random.Generator, sample_rate: int, seconds: float) -> Impair
         if rng.random() < share:
             kinds.append(name)
             given |= fields
-    channel = Channel(speed=speed, amplitude=LEVEL, seed=int(rng.integers(2**31)), **given)
+    channel = ChannelDistortion(speed=speed, amplitude=LEVEL, seed=int(rng.integers(2**31)), **given)
     words = max(2, int(seconds * float(rate.exact) * speed))
     start = Timecode.from_frame_count(int(rng.integers(LABELS)), rate)
     user, backward = int(rng.integers(2**32)), bool(rng.random() < 0.2)

@@ -22,8 +22,8 @@ from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.offsets import CameraClocks, regroup
 from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation import Simulation, simulate
-from panoptic_ros.simulation.people import Person
-from panoptic_ros.simulation.scenes import SCENES, Scene
+from panoptic_ros.simulation.people import SimulatedPerson
+from panoptic_ros.simulation.scenes import SCENES, SimulatedScene
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
 from panoptic_ros.stage import Progress, StageContext, each
 from panoptic_ros.study.options import add_seeds, known_names, words
@@ -35,18 +35,18 @@ DRIFT = 5e-5  # standard deviation of the injected drifts, s/s
 POSES = ("off", "corrected", "right")  # timestamps used for solving: wrong, corrected, true
 
 
-class _Statue(Person):
+class _Statue(SimulatedPerson):
     """Person without any motion."""
 
     def posture(self, t: Array) -> Any:
         return super().posture(np.zeros_like(t))
 
 
-def _statue(person: Person) -> Person:
+def _statue(person: SimulatedPerson) -> SimulatedPerson:
     return _Statue(person.id, person.body, person.motion, person.gesture, person.present, person.bystander)
 
 
-def _calm(person: Person) -> Person:
+def _calm(person: SimulatedPerson) -> SimulatedPerson:
     """Return the person with hanging arms; only sway and head motion remain."""
     gesture = replace(person.gesture, move=lambda t, steps: np.zeros((len(t), 2, 3)))
     return replace(person, gesture=gesture)
@@ -54,9 +54,9 @@ def _calm(person: Person) -> Person:
 
 @dataclass(frozen=True)
 class _Case:
-    scene: Scene
+    scene: SimulatedScene
     about: str
-    change: Callable[[Person], Person] | None = None  # applies to every person
+    change: Callable[[SimulatedPerson], SimulatedPerson] | None = None  # applies to every person
 
 
 _STANDING = replace(SCENES["noisy-4p5v"], activities=("stand",) * 4)

@@ -13,7 +13,7 @@ import numpy as np
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.clocks_from_motion import find_clocks
-from panoptic_ros.graph.recording import HeldRecording
+from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.offsets import CameraClocks, regroup
 from panoptic_ros.offsets.sound import SoundClocks, SoundClocksConfig
 from panoptic_ros.offsets.sound.travel import SPEED_OF_SOUND
@@ -200,7 +200,7 @@ def _take(take: Simulation) -> dict[str, tuple[Array, float]]:
     places = {camera.name: camera.centre for camera in take.rig.cameras}
     sound = SoundClocks(
         SoundClocksConfig({name: name for name in names}, places, trusted_camera=names[0])
-    ).run(HeldRecording(blocks), untold)
+    ).run(InMemoryRecording(blocks), untold)
     heard = regroup(sets, sound.clocks.corrections(sets))
     refined = find_clocks(heard, context, configs, names[0])
     right = _right(take)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.domain import AudioBlock
-from panoptic_ros.graph.recording import HeldRecording
-from panoptic_ros.simulation.room_sound import DrySound, Recorder, Room, record
+from panoptic_ros.graph.recording import InMemoryRecording
+from panoptic_ros.simulation.room_sound import AcousticRoom, DrySound, SimulatedRecorder, record
 from panoptic_ros.simulation.voices import RATE, clap, talk
 
 Array = np.ndarray
@@ -113,8 +113,8 @@ class Heard:
         lengths: length (s) of each device's recording.
     """
 
-    recording: HeldRecording
-    recorders: dict[str, Recorder]
+    recording: InMemoryRecording
+    recorders: dict[str, SimulatedRecorder]
     lengths: dict[str, float]
 
     @property
@@ -138,7 +138,7 @@ class Heard:
 def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: float) -> Heard:
     """Simulate recordings that begin up to 5 s apart, with clock differences of up to 100 s."""
     rng = np.random.default_rng([seed, microphones, 11])
-    room = Room(SIZE, float(rng.uniform(*REVERBERATION)))
+    room = AcousticRoom(SIZE, float(rng.uniform(*REVERBERATION)))
     angles = rng.uniform(0.0, 6.3) + np.linspace(0.0, 2.0 * np.pi, microphones, endpoint=False)
     angles += 0.2 * rng.standard_normal(microphones)
     radius = rng.uniform(*RADIUS, microphones)
@@ -152,12 +152,12 @@ def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: f
         axis=1,
     )
     sounds = case.sounds(np.random.default_rng([seed, 12]), seconds)
-    recorders: dict[str, Recorder] = {}
+    recorders: dict[str, SimulatedRecorder] = {}
     lengths: dict[str, float] = {}
     records: dict[str | tuple[str, str], list[AudioBlock]] = {}
     for k in range(microphones):
         x, y, z = np.clip(places[k], 0.1, np.array(SIZE) - 0.1)
-        recorder = Recorder(
+        recorder = SimulatedRecorder(
             (float(x), float(y), float(z)),
             RATES[int(rng.integers(len(RATES)))],
             float(rng.uniform(0.0, 5.0)),
@@ -171,10 +171,10 @@ def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: f
         name = f"mic{k}"
         recorders[name], lengths[name] = recorder, length
         records["audio", name] = _blocks(name, recorder, record(room, sounds, recorder, length, (seed, k)))
-    return Heard(HeldRecording(records), recorders, lengths)
+    return Heard(InMemoryRecording(records), recorders, lengths)
 
 
-def _blocks(name: str, recorder: Recorder, samples: Array) -> list[AudioBlock]:
+def _blocks(name: str, recorder: SimulatedRecorder, samples: Array) -> list[AudioBlock]:
     rate, begin = recorder.sample_rate, round(1e9 * recorder.clock_s)
     step = int(BLOCK_S * rate)
     return [

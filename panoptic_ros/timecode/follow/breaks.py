@@ -19,14 +19,16 @@ SLACK = 0.07  # relative error of the elapsed time, or of one word, caused by ch
 
 
 @dataclass(frozen=True)
-class Heard:
+class WordReading:
     """A decoded word and its timestamp (ns)."""
 
     word: Word
     stamp_ns: int
 
 
-def find_break(device: str, sample_rate: int, last: Heard, new: Heard) -> tuple[Notice, ...] | None:
+def find_break(
+    device: str, sample_rate: int, last: WordReading, new: WordReading
+) -> tuple[Notice, ...] | None:
     """Return the notices on a break between two words of a device; None if the next word must decide.
 
     Audio lost inside a word shifts the start of the word, but not its timestamp yet.
@@ -50,7 +52,7 @@ def find_break(device: str, sample_rate: int, last: Heard, new: Heard) -> tuple[
     return None if uneven else ()
 
 
-def is_one_timecode(one: Heard, other: Heard) -> bool:
+def is_one_timecode(one: WordReading, other: WordReading) -> bool:
     """Return whether words of two channels of a device can belong to the same timecode.
 
     The difference of their labels must agree with the time between them. This is the case if a mono input is

@@ -14,9 +14,9 @@ import numpy as np
 
 from panoptic_ros.domain import FrameRate, Timecode
 from panoptic_ros.timecode.follow.wander import Wander
-from panoptic_ros.timecode.label.evidence import Verdict
+from panoptic_ros.timecode.label.evidence import LabelScore
 from panoptic_ros.timecode.label.expected import ExpectedLabels
-from panoptic_ros.timecode.signal.half_cells import Grid, moved_grid
+from panoptic_ros.timecode.signal.half_cells import CellGrid, moved_grid
 from panoptic_ros.timecode.word.edges import EdgeFit
 from panoptic_ros.timecode.word.layout import WORD_CELLS
 from panoptic_ros.timecode.word.viterbi import WordLevels
@@ -33,7 +33,7 @@ LEAST_SWING = 4e-4  # samples squared, mean over the edges of a word; a smaller 
 CALM_WORDS, CALM = 48, 1.5
 
 
-class Follow:
+class SignalTracker:
     """State of a signal that is followed.
 
     Args:
@@ -51,7 +51,7 @@ class Follow:
     """
 
     def __init__(
-        self, grid: Grid, number: int, labels: ExpectedLabels, reverse: bool, wander: Wander | None = None
+        self, grid: CellGrid, number: int, labels: ExpectedLabels, reverse: bool, wander: Wander | None = None
     ):
         self.grid, self.number = grid, number
         self.labels, self.reverse, self.wander = labels, reverse, wander
@@ -75,7 +75,7 @@ class Follow:
         """Return the mean variance of edges about the fitted curve of their word, samples squared."""
         return self._scatter / self.read if self.read else math.inf
 
-    def judge(self, levels: WordLevels) -> Verdict:
+    def judge(self, levels: WordLevels) -> LabelScore:
         """Score the next word against its most likely label."""
         return self.labels.judge(self.number, levels)
 
@@ -116,7 +116,7 @@ class Follow:
             self.misses += 1
         self._advance(self.grid, ticks)
 
-    def hit(self, fit: EdgeFit, grid: Grid, good: bool, ticks: Array | None) -> None:
+    def hit(self, fit: EdgeFit, grid: CellGrid, good: bool, ticks: Array | None) -> None:
         """Advance past a word that was read, and update the speed from it if it is good.
 
         A word that is not good may be shifted by clicks, so the speed is not updated from it.
@@ -139,7 +139,7 @@ class Follow:
             while len(self._line) > 1:
                 self._line.popleft()
         self._line.append((self.number, grid.middle))
-        self._advance(Grid(grid.middle, self.cell or grid.cell), ticks)
+        self._advance(CellGrid(grid.middle, self.cell or grid.cell), ticks)
         if len(self._wavers) == CALM_WORDS and sum(self._wavers) < CALM * CALM_WORDS:
             self.wander = None
 
@@ -152,7 +152,7 @@ class Follow:
         away = numbers - numbers.mean()
         return float(away @ middles / (away @ away)) / WORD_CELLS
 
-    def _advance(self, grid: Grid, ticks: Array | None) -> None:
+    def _advance(self, grid: CellGrid, ticks: Array | None) -> None:
         """Advance to the next word from the grid of this word, or from its ticks if it was tracked."""
         self.grid = moved_grid(grid, float(WORD_CELLS))
         self.number += 1

@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.timecode.config import TimecodeConfig
-from panoptic_ros.timecode.follow.following import Follow
+from panoptic_ros.timecode.follow.following import SignalTracker
 from panoptic_ros.timecode.follow.reading import read_word, word_complete
 from panoptic_ros.timecode.follow.wander import Wander
 from panoptic_ros.timecode.label.evidence import judge
 from panoptic_ros.timecode.label.expected import ExpectedLabels
 from panoptic_ros.timecode.label.stretch import solve_labels
-from panoptic_ros.timecode.signal.half_cells import Grid, moved_grid
+from panoptic_ros.timecode.signal.half_cells import CellGrid, moved_grid
 from panoptic_ros.timecode.signal.stream import Stream
-from panoptic_ros.timecode.word.acquisition import EARLY, Found, Search, steady, tracked
+from panoptic_ros.timecode.word.acquisition import EARLY, AcquiredSignal, SearchParameters, steady, tracked
 from panoptic_ros.timecode.word.layout import SYNC_ONLY, WORD_CELLS
 from panoptic_ros.timecode.word.tracking import BEFORE, TICKS, word_ticks
 from panoptic_ros.timecode.word.viterbi import ticks_levels, word_levels
@@ -30,8 +30,8 @@ ABOUT = 8  # number of cells over which the cell length is measured
 
 
 def lock(
-    stream: Stream, found: Found, search: Search, config: TimecodeConfig, read_until: float
-) -> Follow | None:
+    stream: Stream, found: AcquiredSignal, search: SearchParameters, config: TimecodeConfig, read_until: float
+) -> SignalTracker | None:
     """Return the signal to follow from its first word; None if its words have no consecutive labels.
 
     Args:
@@ -56,7 +56,9 @@ def lock(
     return swinging[1]
 
 
-def _even(stream: Stream, found: Found, search: Search) -> tuple[list[Found], Search]:
+def _even(
+    stream: Stream, found: AcquiredSignal, search: SearchParameters
+) -> tuple[list[AcquiredSignal], SearchParameters]:
     """Return candidates of the same signal at constant speed, and the search stretch for them."""
     if found.ticks is None:
         return [found], search
@@ -70,8 +72,8 @@ def _even(stream: Stream, found: Found, search: Search) -> tuple[list[Found], Se
 
 
 def _follow(
-    stream: Stream, found: Found, search: Search, config: TimecodeConfig, read_until: float
-) -> tuple[Follow, Follow] | None:
+    stream: Stream, found: AcquiredSignal, search: SearchParameters, config: TimecodeConfig, read_until: float
+) -> tuple[SignalTracker, SignalTracker] | None:
     """Follow a signal up to its newest word as a trial; see `lock`.
 
     Returns: the state after the trial, and a fresh state at the first word; None if there are no consecutive
@@ -92,18 +94,20 @@ def _follow(
         grid = wander.grid
     else:
         grid, number = _first_word(stream, stream.in_recorded(grids[0]), read_until)
-    trial = Follow(grid, number, ExpectedLabels(solution), found.reverse, copy(wander))
+    trial = SignalTracker(grid, number, ExpectedLabels(solution), found.reverse, copy(wander))
     while trial.misses < config.lost_words and word_complete(trial, stream):
         read_word(trial, stream)
     if trial.read < config.agreeing_words:
         return None
     if trial.wander is None and trial.cell and trial.first is not None:  # the speed is constant after all
         first, middle = trial.first
-        grid = moved_grid(Grid(middle, trial.cell), float(WORD_CELLS * (number - first)))
+        grid = moved_grid(CellGrid(middle, trial.cell), float(WORD_CELLS * (number - first)))
         if wander is not None:
             wander, (grid, before) = None, _first_word(stream, grid, read_until)
             number += before
-    return trial, Follow(grid, number, ExpectedLabels(solution, trial.labels.user), found.reverse, wander)
+    return trial, SignalTracker(
+        grid, number, ExpectedLabels(solution, trial.labels.user), found.reverse, wander
+    )
 
 
 def _first_tracked(
@@ -126,7 +130,7 @@ def _from_ticks(stream: Stream, ticks: Array, reverse: bool) -> Wander:
     return Wander(reverse, float(ticks[0]), cell, ticks)
 
 
-def _first_word(stream: Stream, grid: Grid, read_until: float) -> tuple[Grid, int]:
+def _first_word(stream: Stream, grid: CellGrid, read_until: float) -> tuple[CellGrid, int]:
     """Return the grid and number of the first unread word in the kept samples, from the grid of word 0."""
     number = 0
     earliest = max(stream.first - EARLY * grid.cell, read_until - 0.5 * grid.cell)
@@ -137,12 +141,12 @@ def _first_word(stream: Stream, grid: Grid, read_until: float) -> tuple[Grid, in
     return grid, number
 
 
-def _begin_of(grid: Grid) -> float:
+def _begin_of(grid: CellGrid) -> float:
     """Return the sample at which a word begins."""
     return grid.middle - 0.5 * WORD_CELLS * grid.cell
 
 
-def _row(stream: Stream, found: Found, search: Search) -> list[Grid]:
+def _row(stream: Stream, found: AcquiredSignal, search: SearchParameters) -> list[CellGrid]:
     """Return the grids of all words in the newest part of the signal, at constant word length."""
     length = WORD_CELLS * found.grid.cell
     end = len(stream.sums) - 1
@@ -152,7 +156,7 @@ def _row(stream: Stream, found: Found, search: Search) -> list[Grid]:
     return [moved_grid(found.grid, float(WORD_CELLS * k)) for k in range(first, last + 1)]
 
 
-def _chain(sums: Array, ticks: Array, found: Found) -> list[Array]:
+def _chain(sums: Array, ticks: Array, found: AcquiredSignal) -> list[Array]:
     """Return the ticks of all tracked words, in both directions from the word that was found."""
     before = _one_side(sums, ticks, found.begin - TICKS, -TICKS, found.reverse)
     return [*before[::-1], *_one_side(sums, ticks, found.begin, TICKS, found.reverse)]

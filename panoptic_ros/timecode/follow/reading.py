@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import Timecode
-from panoptic_ros.timecode.follow.following import Follow
+from panoptic_ros.timecode.follow.following import SignalTracker
 from panoptic_ros.timecode.follow.wander import Wander
 from panoptic_ros.timecode.label.counting import with_rate
-from panoptic_ros.timecode.label.evidence import Verdict
-from panoptic_ros.timecode.signal.half_cells import Grid, moved_grid
+from panoptic_ros.timecode.label.evidence import LabelScore
+from panoptic_ros.timecode.signal.half_cells import CellGrid, moved_grid
 from panoptic_ros.timecode.signal.stream import Stream
 from panoptic_ros.timecode.word.edges import EVEN, SWINGING, EdgeFit, fit_edges
 from panoptic_ros.timecode.word.layout import SYNC, WORD_CELLS
@@ -57,7 +57,7 @@ class Word:
     signal: int
 
 
-def word_complete(follow: Follow, stream: Stream) -> bool:
+def word_complete(follow: SignalTracker, stream: Stream) -> bool:
     """Return whether all samples of the next word are available."""
     after = len(SYNC) if follow.reverse else 1.0  # cells needed after the word
     if follow.wander is not None:
@@ -65,7 +65,7 @@ def word_complete(follow: Follow, stream: Stream) -> bool:
     return stream.holds(moved_grid(follow.grid, 0.5 * WORD_CELLS + after).middle)
 
 
-def read_word(follow: Follow, stream: Stream) -> Word | None:
+def read_word(follow: SignalTracker, stream: Stream) -> Word | None:
     """Read the next word and advance the signal past it; return None if the word is missed."""
     heard = _listen(follow, stream)
     word = _timed(follow, stream, heard) if heard.verdict.possible else None
@@ -74,7 +74,7 @@ def read_word(follow: Follow, stream: Stream) -> Word | None:
     return word
 
 
-class _Heard(NamedTuple):
+class _WordJudgement(NamedTuple):
     """A judged word and its half-cell boundaries.
 
     Args:
@@ -82,12 +82,12 @@ class _Heard(NamedTuple):
         tracked: (193,) recorded samples, see `Wander.listen`; None if the word was not tracked.
     """
 
-    verdict: Verdict
+    verdict: LabelScore
     ticks: Array
     tracked: Array | None = None
 
 
-def _listen(follow: Follow, stream: Stream) -> _Heard:
+def _listen(follow: SignalTracker, stream: Stream) -> _WordJudgement:
     """Judge the word at its expected position and, if it does not fit its label there, near it."""
     if follow.wander is not None:
         return _track(follow, follow.wander, stream)
@@ -96,30 +96,30 @@ def _listen(follow: Follow, stream: Stream) -> _Heard:
     levels = word_levels(sums, grid, reverse)
     verdict = follow.judge(levels)
     if verdict.good and not follow.misses:
-        return _Heard(verdict, _ticks(grid))
+        return _WordJudgement(verdict, _ticks(grid))
     # After a miss, search even for good words: a slipped grid may fit labels that were not sent.
     moved = nearby_grid(sums, grid)
     second = follow.judge(word_levels(sums, moved, reverse))
     if verdict.good and second.level < verdict.level:  # noise has moved the grid away
-        return _Heard(follow.judge(levels), _ticks(grid))
-    return _Heard(second, _ticks(moved))
+        return _WordJudgement(follow.judge(levels), _ticks(grid))
+    return _WordJudgement(second, _ticks(moved))
 
 
-def _ticks(grid: Grid) -> Array:
+def _ticks(grid: CellGrid) -> Array:
     """Return the half-cell boundaries (161,) of a word at constant speed."""
     return grid.middle + grid.cell * BETWEEN
 
 
-def _track(follow: Follow, wander: Wander, stream: Stream) -> _Heard:
+def _track(follow: SignalTracker, wander: Wander, stream: Stream) -> _WordJudgement:
     """Judge the word on tracked half cells."""
     ticks = wander.listen(stream)
     verdict = follow.judge(ticks_levels(stream.sums, ticks, follow.reverse))
     if verdict.good:
         wander.level = verdict.level
-    return _Heard(verdict, wander.own(ticks), stream.ticks_in_recorded(ticks))
+    return _WordJudgement(verdict, wander.own(ticks), stream.ticks_in_recorded(ticks))
 
 
-def _timed(follow: Follow, stream: Stream, heard: _Heard) -> Word | None:
+def _timed(follow: SignalTracker, stream: Stream, heard: _WordJudgement) -> Word | None:
     """Return the word with its exact start; None if the edge fit does not converge."""
     good = heard.verdict.good
     label, known = follow.label(good)
@@ -154,7 +154,7 @@ def _timed(follow: Follow, stream: Stream, heard: _Heard) -> Word | None:
     )
 
 
-def _fitted(follow: Follow, stream: Stream, heard: _Heard, verdict: Verdict) -> EdgeFit:
+def _fitted(follow: SignalTracker, stream: Stream, heard: _WordJudgement, verdict: LabelScore) -> EdgeFit:
     """Fit the edges of a word with the bits of a verdict, about the position where it was judged."""
     signs = np.ascontiguousarray(verdict.signs[:: -1 if follow.reverse else 1])
     terms = EVEN if heard.tracked is None else SWINGING

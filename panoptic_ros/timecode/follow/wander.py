@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from panoptic_ros.timecode.signal.half_cells import Grid
+from panoptic_ros.timecode.signal.half_cells import CellGrid
 from panoptic_ros.timecode.signal.stream import Stream
 from panoptic_ros.timecode.word.layout import WORD_CELLS
 from panoptic_ros.timecode.word.tracking import BEFORE, TICKS, track
@@ -37,7 +37,7 @@ class Wander:
         self._place, self._cell, self._tracked = place, cell, ticks
 
     @classmethod
-    def about(cls, reverse: bool, grid: Grid, stream: Stream, level: float) -> Wander:
+    def about(cls, reverse: bool, grid: CellGrid, stream: Stream, level: float) -> Wander:
         """Create the motion from the signal level and the grid (recorded samples) of the next word."""
         middle = stream.in_sums(grid)
         count = TICKS // 2 + (0 if reverse else BEFORE)
@@ -48,16 +48,16 @@ class Wander:
         return wander
 
     @property
-    def grid(self) -> Grid:
+    def grid(self) -> CellGrid:
         """Return the approximate grid of the next word."""
         before = 0.0 if self.reverse else 0.5 * BEFORE
-        return Grid(self._place + (HALF + before) * self._cell, self._cell)
+        return CellGrid(self._place + (HALF + before) * self._cell, self._cell)
 
     def listen(self, stream: Stream) -> Array:
         """Return the ticks (193,) of the next word and of the sync word before it, on the running sum."""
         if self._tracked is not None:
             return stream.ticks_in_sums(self._tracked)
-        place, cell = stream.in_sums(Grid(self._place, self._cell))
+        place, cell = stream.in_sums(CellGrid(self._place, self._cell))
         return track(stream.sums, place, cell, TICKS + BEFORE, self.level)
 
     def own(self, ticks: Array) -> Array:

@@ -28,7 +28,7 @@ RATES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Counting:
+class LabelSequence:
     """Sequence of consecutive labels.
 
     Args:
@@ -46,9 +46,9 @@ class Counting:
         return Timecode.from_frame_count(self.count + self.step * number, self.rate)
 
 
-def proposals(soft: Array, step: int) -> Iterator[Counting]:
+def proposals(soft: Array, step: int) -> Iterator[LabelSequence]:
     """Yield the most likely countings given the soft bits (W, 80) of W words, and those near them."""
-    fields = _Fields(soft)
+    fields = _FieldScores(soft)
     numbers = np.arange(len(soft))
     reference = len(soft) // 2
     for rate in COUNTINGS[:3]:
@@ -64,7 +64,7 @@ def proposals(soft: Array, step: int) -> Iterator[Counting]:
                 yield from _countings(hours, minutes, seconds, frame, rate, step, reference)
 
 
-class _Fields:
+class _FieldScores:
     """Scores of the values of each label field, from the soft bits (W, 80) of W words."""
 
     def __init__(self, soft: Array):
@@ -112,7 +112,7 @@ def _carried(table: Array, carry: Array) -> Array:
 
 def _countings(
     hours: int, minutes: int, seconds: int, frames: int, rate: FrameRate, step: int, number: int
-) -> Iterator[Counting]:
+) -> Iterator[LabelSequence]:
     """Yield the countings in which word `number` has a given label; 30 labels also allow drop-frame."""
     rates = [rate, COUNTINGS[3]] if rate.nominal == 30 else [rate]
     for one in rates:
@@ -120,7 +120,7 @@ def _countings(
             label = Timecode(hours, minutes, seconds, frames, one)
         except ClockError:
             continue
-        yield Counting(one, label.frame_count - step * number, step)
+        yield LabelSequence(one, label.frame_count - step * number, step)
 
 
 def possible_rates(countings: Collection[FrameRate]) -> list[tuple[FrameRate, float]]:

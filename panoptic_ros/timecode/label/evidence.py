@@ -35,7 +35,7 @@ MANY_NATS = 90.0  # the same for any word: several bits must differ, as a click 
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class LabelScore:
     """Score of a label for a word.
 
     Args:
@@ -64,7 +64,7 @@ class Verdict:
         return self.share > CLEAN_SHARE
 
 
-def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> Verdict:
+def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> LabelScore:
     """Score how well a label fits a word.
 
     Args:
@@ -78,7 +78,7 @@ def judge(levels: WordLevels, wanted: Array, free: float | None = None) -> Verdi
     even = fit.tenth > LEAST_TENTH * fit.level
     good = whole and even and fit.nats < GOOD_NATS and fit.share > LEAST_QUALITY
     possible = whole and fit.nats < POSSIBLE_NATS and fit.share > POSSIBLE_QUALITY
-    return Verdict(fit.nats, fit.bits, fit.signs, fit.level, fit.share, good, possible)
+    return LabelScore(fit.nats, fit.bits, fit.signs, fit.level, fit.share, good, possible)
 
 
 def free_score(levels: WordLevels) -> float:
@@ -146,7 +146,7 @@ def _number(bits: Array) -> int:
     return int(USER_WEIGHTS @ bits)
 
 
-class Evidence:
+class LabelLikelihood:
     """Likelihoods of labels for one word.
 
     Args:
@@ -168,11 +168,11 @@ class Evidence:
             if self.same_user:
                 self._free = float(best_path(levels.halves, bits, levels.before).score)
 
-    def verdict(self, label: Timecode) -> Verdict:
+    def verdict(self, label: Timecode) -> LabelScore:
         """Return the verdict on a label."""
         return judge(self._levels, self._wanted(label), self._free)
 
-    def compared(self, label: Timecode, found: Verdict) -> Verdict:
+    def compared(self, label: Timecode, found: LabelScore) -> LabelScore:
         """Return the verdict on a label, compared with its neighbours unless the word is clear."""
         if found.clean and found.nats < CLEAR_NATS:
             return found
@@ -181,7 +181,7 @@ class Evidence:
         possible = found.possible and ahead > -BEHIND_NATS
         return replace(found, good=found.good and ahead >= 0.0, possible=possible, ahead=ahead)
 
-    def with_user(self, label: Timecode, user: Array) -> Verdict:
+    def with_user(self, label: Timecode, user: Array) -> LabelScore:
         """Return the verdict on a label with user bits (32,)."""
         wanted = known_bits(label)
         wanted[USER_BITS] = user

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.domain import FrameRate, Timecode
-from panoptic_ros.timecode.label.counting import Counting, closest_rate, possible_rates
-from panoptic_ros.timecode.label.evidence import Evidence, UserBits, Verdict
-from panoptic_ros.timecode.label.stretch import WORST_NATS, Solution
+from panoptic_ros.timecode.label.counting import LabelSequence, closest_rate, possible_rates
+from panoptic_ros.timecode.label.evidence import LabelLikelihood, LabelScore, UserBits
+from panoptic_ros.timecode.label.stretch import WORST_NATS, StretchLabels
 from panoptic_ros.timecode.word.viterbi import WordLevels
 
 SURE_NATS = 10.0  # nats by which all other labels must be worse for a label to be certain
@@ -24,16 +24,16 @@ class ExpectedLabels:
         user: user bits so far; taken from the solution if None.
     """
 
-    def __init__(self, solution: Solution, user: UserBits | None = None):
+    def __init__(self, solution: StretchLabels, user: UserBits | None = None):
         self.user = UserBits(solution.user) if user is None else user
         self._solution = solution
         # counting, nats by which it is worse than the best
-        self._countings: list[tuple[Counting, float]] = []
+        self._countings: list[tuple[LabelSequence, float]] = []
         self._rates: list[tuple[FrameRate, float]] = []
         self._ahead = 0.0  # nats by which the neighbouring labels are worse, summed over words not upheld yet
-        self._evidence: Evidence | None = None  # evidence of the word judged last
+        self._evidence: LabelLikelihood | None = None  # evidence of the word judged last
         self._labels: list[Timecode] = []  # labels of that word, one per counting
-        self._verdicts: dict[Digits, Verdict] = {}  # verdicts on those labels
+        self._verdicts: dict[Digits, LabelScore] = {}  # verdicts on those labels
         self._last_ahead = 0.0  # nats by which the neighbours of that word's label are worse
         self.begin()
 
@@ -47,9 +47,9 @@ class ExpectedLabels:
         self._keep([(counting, 0.0) for counting in self._solution.countings])
         self._ahead = 0.0
 
-    def judge(self, number: int, levels: WordLevels) -> Verdict:
+    def judge(self, number: int, levels: WordLevels) -> LabelScore:
         """Score a word against its most likely label among the possible countings."""
-        evidence = self._evidence = Evidence(levels, self.user)
+        evidence = self._evidence = LabelLikelihood(levels, self.user)
         self._labels = [counting.label(number) for counting, _ in self._countings]
         self._verdicts = {}
         for label in self._labels:
@@ -79,7 +79,7 @@ class ExpectedLabels:
         self._keep([(counting, n - least) for counting, n in countings if n < least + RULED_OUT_NATS])
         return labels[best], likely == {digits[best]}
 
-    def bits(self, label: Timecode, good: bool) -> Verdict:
+    def bits(self, label: Timecode, good: bool) -> LabelScore:
         """Return the bits of the word judged last, given its label.
 
         The user bits are those of the other words, unless this word clearly has different ones.
@@ -111,7 +111,7 @@ class ExpectedLabels:
         """Return the possible frame rate closest to the measured one."""
         return closest_rate(self._rates, words_per_second)
 
-    def _keep(self, countings: list[tuple[Counting, float]]) -> None:
+    def _keep(self, countings: list[tuple[LabelSequence, float]]) -> None:
         self._countings = countings
         self._rates = possible_rates([counting.rate for counting, _ in countings])
 

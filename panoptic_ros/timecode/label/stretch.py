@@ -20,8 +20,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.timecode.label.counting import Counting, proposals
-from panoptic_ros.timecode.label.evidence import Evidence, UserBits, Verdict, free_score, judge, soft_nats
+from panoptic_ros.timecode.label.counting import LabelSequence, proposals
+from panoptic_ros.timecode.label.evidence import (
+    LabelLikelihood,
+    LabelScore,
+    UserBits,
+    free_score,
+    judge,
+    soft_nats,
+)
 from panoptic_ros.timecode.word.layout import SYNC_ONLY, USER_BITS, known_bits
 from panoptic_ros.timecode.word.viterbi import WordLevels
 
@@ -37,7 +44,7 @@ PRIOR = 0.01  # ratio of the noise variance to the variance of a filter coeffici
 
 
 @dataclass(frozen=True, slots=True)
-class Solution:
+class StretchLabels:
     """Countings that explain a stretch of words.
 
     Args:
@@ -46,12 +53,12 @@ class Solution:
         first: number of the first good word.
     """
 
-    countings: tuple[Counting, ...]
+    countings: tuple[LabelSequence, ...]
     user: Array
     first: int
 
 
-def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) -> Solution | None:
+def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) -> StretchLabels | None:
     """Return the countings of consecutive words; the first word has number 0.
 
     Args:
@@ -64,7 +71,7 @@ def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) ->
     step = -1 if reverse else 1
     free = [free_score(levels) for levels in words]
     soft = np.array([np.clip(soft_nats(levels, SYNC_ONLY), -WORST_NATS, WORST_NATS) for levels in words])
-    judged: dict[tuple[str, ...], _Judged] = {}
+    judged: dict[tuple[str, ...], _CandidateLabels] = {}
     for counting in proposals(soft, step):
         labels = tuple(counting.label(number) for number in range(len(words)))
         key = tuple(str(label) for label in labels)
@@ -75,7 +82,7 @@ def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) ->
         verdicts = [
             judge(levels, known_bits(label), score) for levels, label, score in zip(words, labels, free)
         ]
-        judged[key] = _Judged(verdicts, [counting])
+        judged[key] = _CandidateLabels(verdicts, [counting])
     ranked = sorted(judged.values(), key=lambda item: item.nats)
     if not ranked or not ranked[0].readable(least_good):
         return None
@@ -84,25 +91,25 @@ def solve_labels(words: Sequence[WordLevels], reverse: bool, least_good: int) ->
         return None
     user = soft[:, USER_BITS].sum(axis=0)
     alone = _each_alone(words, best.countings[0], UserBits(user))
-    if not _Judged(alone, best.countings).readable(least_good):
+    if not _CandidateLabels(alone, best.countings).readable(least_good):
         return None  # timecode that is stopped or stutters
     first = next(number for number, verdict in enumerate(alone) if verdict.good)
-    return Solution(tuple(best.countings), user, first)
+    return StretchLabels(tuple(best.countings), user, first)
 
 
-def _each_alone(words: Sequence[WordLevels], counting: Counting, user: UserBits) -> list[Verdict]:
+def _each_alone(words: Sequence[WordLevels], counting: LabelSequence, user: UserBits) -> list[LabelScore]:
     """Return the verdict of each word on its label, compared with the labels of the neighbouring frames."""
     verdicts = []
     for number, levels in enumerate(words):
-        label, evidence = counting.label(number), Evidence(levels, user)
+        label, evidence = counting.label(number), LabelLikelihood(levels, user)
         verdicts.append(evidence.compared(label, evidence.verdict(label)))
     return verdicts
 
 
-class _Judged:
+class _CandidateLabels:
     """Candidate labels of a stretch: the verdicts of its words, and the countings that have these labels."""
 
-    def __init__(self, verdicts: list[Verdict], countings: list[Counting]):
+    def __init__(self, verdicts: list[LabelScore], countings: list[LabelSequence]):
         self.nats = sum(min(item.nats, WORST_NATS) for item in verdicts)
         self.signs = [item.signs for item in verdicts]
         self.countings = countings
@@ -113,7 +120,9 @@ class _Judged:
         return self._good >= max(least_good, 0.5 * len(self.signs))
 
 
-def _through_echoes(words: Sequence[WordLevels], ranked: list[_Judged], reverse: bool) -> _Judged | None:
+def _through_echoes(
+    words: Sequence[WordLevels], ranked: list[_CandidateLabels], reverse: bool
+) -> _CandidateLabels | None:
     """Return the best labels, or close ones that explain the words better through echoes; None in doubt."""
     clear = len(ranked) == 1 or ranked[1].nats >= ranked[0].nats + AHEAD_NATS
     crowded = len(ranked) > DOUBTFUL and ranked[DOUBTFUL].nats < ranked[0].nats + AHEAD_NATS

@@ -17,7 +17,7 @@ Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
-class Grid(NamedTuple):
+class CellGrid(NamedTuple):
     """Grid of a word's cells: cell u, counted from the middle of the word, begins at middle + cell * u.
 
     Args:
@@ -30,15 +30,15 @@ class Grid(NamedTuple):
 
 
 @_jit
-def place_of(grid: Grid, u: float) -> float:
+def place_of(grid: CellGrid, u: float) -> float:
     """Return the sample at which cell u begins."""
     return grid.middle + grid.cell * u
 
 
 @_jit
-def moved_grid(grid: Grid, cells: float) -> Grid:
+def moved_grid(grid: CellGrid, cells: float) -> CellGrid:
     """Return the same grid with its middle moved by `cells` cells."""
-    return Grid(place_of(grid, cells), grid.cell)
+    return CellGrid(place_of(grid, cells), grid.cell)
 
 
 @_jit
@@ -52,7 +52,7 @@ def integral(sums: Array, position: float) -> float:
 
 
 @_jit
-def half_levels(sums: Array, grid: Grid, first: float, count: int) -> Array:
+def half_levels(sums: Array, grid: CellGrid, first: float, count: int) -> Array:
     """Return the mean levels (2 * count,) of the half cells of `count` cells, from cell `first` of a grid."""
     levels = np.empty(2 * count)
     before, value = 0.0, 0.0
@@ -105,7 +105,7 @@ def energy(sums: Array, start: float, half: float, count: int) -> float:
 
 
 @_jit
-def grid_energy(sums: Array, grid: Grid, first: float, count: int) -> float:
+def grid_energy(sums: Array, grid: CellGrid, first: float, count: int) -> float:
     """Return the mean square of `half_levels`."""
     cell = grid.cell
     total = energy(sums, place_of(grid, first), 0.5 * cell, 2 * count)

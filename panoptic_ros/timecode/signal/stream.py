@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.timecode.signal.conditioning import Conditioner
-from panoptic_ros.timecode.signal.half_cells import Grid
+from panoptic_ros.timecode.signal.half_cells import CellGrid
 
 Array = np.ndarray
 KEPT_SECONDS = 1.0  # s of samples to keep: a signal found late is read from there on
@@ -128,13 +128,13 @@ class Stream:
         """Return whether the signal is conditioned up to a recorded sample."""
         return bool(sample <= self.first + (len(self._sums.values) - 1) // self.up)
 
-    def in_recorded(self, grid: Grid) -> Grid:
+    def in_recorded(self, grid: CellGrid) -> CellGrid:
         """Convert a grid on the running sum to recorded samples."""
-        return Grid(self.first + grid.middle / self.up, grid.cell / self.up)
+        return CellGrid(self.first + grid.middle / self.up, grid.cell / self.up)
 
-    def in_sums(self, grid: Grid) -> Grid:
+    def in_sums(self, grid: CellGrid) -> CellGrid:
         """Convert a grid in recorded samples to the running sum."""
-        return Grid((grid.middle - self.first) * self.up, grid.cell * self.up)
+        return CellGrid((grid.middle - self.first) * self.up, grid.cell * self.up)
 
     def ticks_in_recorded(self, ticks: Array) -> Array:
         """Convert positions on the running sum to recorded samples."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from panoptic_ros.timecode.signal.half_cells import Grid, half_levels, moved_grid, tick_levels
+from panoptic_ros.timecode.signal.half_cells import CellGrid, half_levels, moved_grid, tick_levels
 from panoptic_ros.timecode.word.layout import FREE, SYNC, SYNC_BACK, WORD_CELLS
 from panoptic_ros.timecode.word.search import best_grid, scan_lengths, sync_means
 from panoptic_ros.timecode.word.tracking import TICKS, track
@@ -29,7 +29,7 @@ SHIFTS, STRETCHES = np.linspace(-0.25, 0.25, 5), np.linspace(-1.0, 1.0, 5)
 
 
 @dataclass(frozen=True, slots=True)
-class Search:
+class SearchParameters:
     """Parameters of a search for a signal.
 
     Args:
@@ -49,13 +49,13 @@ class Search:
     least_share: float = 0.0
 
 
-SHORT = Search(0.22, 0.06, (0.12, 0.22), False, 14.5)  # for a signal that has just begun
-LONG = Search(0.6, 0.1, (0.15, 0.3, 0.6), False, 12.0)  # for noisy signals
-CHANGING = Search(0.12, 0.03, (), True, 15.0, 0.4)  # for wow and flutter
+SHORT = SearchParameters(0.22, 0.06, (0.12, 0.22), False, 14.5)  # for a signal that has just begun
+LONG = SearchParameters(0.6, 0.1, (0.15, 0.3, 0.6), False, 12.0)  # for noisy signals
+CHANGING = SearchParameters(0.12, 0.03, (), True, 15.0, 0.4)  # for wow and flutter
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class AcquiredSignal:
     """Signal found by a search.
 
     Args:
@@ -66,14 +66,16 @@ class Found:
         begin: index of the tick at which a word begins in the stream.
     """
 
-    grid: Grid
+    grid: CellGrid
     reverse: bool
     sync: float
     ticks: Array | None = None
     begin: int = 0
 
 
-def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -> list[Found]:
+def acquire(
+    sums: Array, sample_rate: int, speed_range: float, search: SearchParameters
+) -> list[AcquiredSignal]:
     """Return up to two candidate signals in the newest part of the samples, best first.
 
     Args:
@@ -87,7 +89,7 @@ def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -
     if length < search.seconds * sample_rate:
         return []
     begin = length - search.seconds * sample_rate
-    found: list[Found] = []
+    found: list[AcquiredSignal] = []
     for half, edge in _coarse(sums, begin, 0.5 * shortest, 0.5 * longest, sample_rate, search):
         if search.tracked:
             found += _tracked(sums, begin, half, edge)
@@ -100,7 +102,7 @@ def acquire(sums: Array, sample_rate: int, speed_range: float, search: Search) -
 
 
 def _coarse(
-    sums: Array, begin: float, shortest: float, longest: float, sample_rate: int, search: Search
+    sums: Array, begin: float, shortest: float, longest: float, sample_rate: int, search: SearchParameters
 ) -> Iterator[tuple[float, float]]:
     """Yield pairs (half-cell length, edge) in samples that best explain the middle of the stretch."""
     span = search.coarse * sample_rate
@@ -125,17 +127,19 @@ def _coarse(
                 break
 
 
-def _refine(sums: Array, begin: float, half: float, edge: float, sample_rate: int, search: Search) -> Grid:
+def _refine(
+    sums: Array, begin: float, half: float, edge: float, sample_rate: int, search: SearchParameters
+) -> CellGrid:
     """Return the grid about the middle of the stretch, refined over growing parts around it."""
     middle = begin + 0.5 * search.seconds * sample_rate
-    grid = Grid(edge + half * round((middle - edge) / half), 2.0 * half)
+    grid = CellGrid(edge + half * round((middle - edge) / half), 2.0 * half)
     for seconds in search.longer:
         each_side = int(0.49 * seconds * sample_rate / grid.cell)
         grid = refined(sums, grid, -each_side, 2 * each_side)
     return grid
 
 
-def refined(sums: Array, grid: Grid, first: int, count: int) -> Grid:
+def refined(sums: Array, grid: CellGrid, first: int, count: int) -> CellGrid:
     """Return the grid of maximum energy near a given one, over `count` cells from cell `first`."""
     stretch = 1.0 / count
     for scale in (1.0, 0.5, 0.25, 0.125):
@@ -144,16 +148,16 @@ def refined(sums: Array, grid: Grid, first: int, count: int) -> Grid:
     return grid
 
 
-def _words(sums: Array, begin: float, grid: Grid) -> Iterator[Found]:
+def _words(sums: Array, begin: float, grid: CellGrid) -> Iterator[AcquiredSignal]:
     """Yield the word positions on a grid, one per direction."""
     before = int((grid.middle - begin) / grid.cell) - 1
     halves = half_levels(sums, grid, -float(before), 2 * before)
     for half, reverse, mean in _sync_places(halves, _even_parity(halves)):
         u = 0.5 * half - before + 0.5 * WORD_CELLS
-        yield Found(moved_grid(grid, u), reverse, mean)
+        yield AcquiredSignal(moved_grid(grid, u), reverse, mean)
 
 
-def _tracked(sums: Array, begin: float, half: float, edge: float) -> Iterator[Found]:
+def _tracked(sums: Array, begin: float, half: float, edge: float) -> Iterator[AcquiredSignal]:
     """Yield the word positions on half cells tracked from an edge, one per direction."""
     ticks = _all_ticks(sums, begin, edge, half)
     first = int(np.searchsorted(ticks, begin))
@@ -163,11 +167,11 @@ def _tracked(sums: Array, begin: float, half: float, edge: float) -> Iterator[Fo
         if at < 0 or at + TICKS >= len(ticks):
             continue
         word = ticks[at : at + TICKS + 1]
-        grid = Grid(word[WORD_CELLS], (word[-1] - word[0]) / WORD_CELLS)
-        yield Found(grid, reverse, mean, ticks, at)
+        grid = CellGrid(word[WORD_CELLS], (word[-1] - word[0]) / WORD_CELLS)
+        yield AcquiredSignal(grid, reverse, mean, ticks, at)
 
 
-def steady(sums: Array, begin: float, cell: float, found: Found) -> Iterator[Found]:
+def steady(sums: Array, begin: float, cell: float, found: AcquiredSignal) -> Iterator[AcquiredSignal]:
     """Yield a tracked signal on the constant-speed grid of maximum energy.
 
     If plateaus droop to zero, it is ambiguous which half cell begins a cell. Both alternatives are then
@@ -179,7 +183,7 @@ def steady(sums: Array, begin: float, cell: float, found: Found) -> Iterator[Fou
     """
     before = int((found.grid.middle - begin) / cell)
     after = int((len(sums) - 1 - found.grid.middle) / cell)
-    grid = refined(sums, Grid(found.grid.middle, cell), -before, before + after)
+    grid = refined(sums, CellGrid(found.grid.middle, cell), -before, before + after)
     own = moved_grid(grid, 0.5 * round(2.0 * (found.grid.middle - grid.middle) / grid.cell))
     yield replace(found, grid=own, ticks=None)
     for word in _words(sums, begin, moved_grid(grid, 0.5 * (after - before))):
@@ -189,7 +193,7 @@ def steady(sums: Array, begin: float, cell: float, found: Found) -> Iterator[Fou
                 yield word
 
 
-def tracked(sums: Array, begin: float, found: Found) -> Found | None:
+def tracked(sums: Array, begin: float, found: AcquiredSignal) -> AcquiredSignal | None:
     """Track a signal that was found at constant speed, from the middle of its word.
 
     Args:
@@ -199,7 +203,7 @@ def tracked(sums: Array, begin: float, found: Found) -> Found | None:
     """
     ticks = _all_ticks(sums, begin, found.grid.middle, 0.5 * found.grid.cell)
     at = int(np.argmin(np.abs(ticks - found.grid.middle))) - WORD_CELLS
-    return None if at < 0 else Found(found.grid, found.reverse, found.sync, ticks, at)
+    return None if at < 0 else AcquiredSignal(found.grid, found.reverse, found.sync, ticks, at)
 
 
 def _all_ticks(sums: Array, begin: float, edge: float, half: float) -> Array:

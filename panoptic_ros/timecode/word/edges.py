@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.timecode.signal.half_cells import Grid, integral
+from panoptic_ros.timecode.signal.half_cells import CellGrid, integral
 from panoptic_ros.timecode.word.layout import WORD_CELLS
 from panoptic_ros.timecode.word.tracking import BETWEEN
 
@@ -51,7 +51,7 @@ class EdgeFit(NamedTuple):
 
     settled: bool
     ticks: Array
-    grid: Grid
+    grid: CellGrid
     scatter: float
     variance: Array
     waver: float
@@ -103,7 +103,7 @@ def fit_edges(sums: Array, guess: Array, signs: Array, level: float, terms: int)
     for i in range(2):
         at = np.ascontiguousarray(POWERS[:terms, -i])
         variance[i] += max(scatter, slow) * (inverse @ at * at).sum()
-    grid = Grid(ticks[WORD_CELLS], (ticks[-1] - ticks[0]) / WORD_CELLS)
+    grid = CellGrid(ticks[WORD_CELLS], (ticks[-1] - ticks[0]) / WORD_CELLS)
     settled = moved < LOST * cell and np.isfinite(ticks).all()
     return EdgeFit(settled, ticks, grid, scatter, variance, swing / SLOW / fast, swing / kept)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.timecode.signal.half_cells import Grid, energy, grid_energy
+from panoptic_ros.timecode.signal.half_cells import CellGrid, energy, grid_energy
 from panoptic_ros.timecode.word.layout import WORD_CELLS
 
 Array = np.ndarray
@@ -14,13 +14,15 @@ SHIFTS = np.linspace(-0.3, 0.3, 13)  # cells, shifts about the expected middle o
 STRETCHES = np.linspace(-0.012, 0.012, 7)  # relative changes of the cell length
 
 
-def nearby_grid(sums: Array, grid: Grid) -> Grid:
+def nearby_grid(sums: Array, grid: CellGrid) -> CellGrid:
     """Return the grid of maximum energy near the expected grid of a word."""
     return best_grid(sums, grid, -0.5 * WORD_CELLS, WORD_CELLS, SHIFTS, STRETCHES)
 
 
 @_jit
-def best_grid(sums: Array, grid: Grid, first: float, count: int, shifts: Array, stretches: Array) -> Grid:
+def best_grid(
+    sums: Array, grid: CellGrid, first: float, count: int, shifts: Array, stretches: Array
+) -> CellGrid:
     """Return the grid of maximum energy near a given one.
 
     Args:
@@ -33,7 +35,7 @@ def best_grid(sums: Array, grid: Grid, first: float, count: int, shifts: Array, 
     for stretch in stretches:
         cell = grid.cell * (1.0 + stretch)
         for shift in shifts:
-            tried = Grid(grid.middle + shift * grid.cell, cell)
+            tried = CellGrid(grid.middle + shift * grid.cell, cell)
             energy = grid_energy(sums, tried, first, count)
             if energy > best:
                 best, found = energy, tried

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.timecode.signal.half_cells import Grid, half_levels, tick_levels
+from panoptic_ros.timecode.signal.half_cells import CellGrid, half_levels, tick_levels
 from panoptic_ros.timecode.word.layout import FREE, SYNC, WORD_CELLS
 
 Array = np.ndarray
@@ -37,7 +37,7 @@ class Path(NamedTuple):
     signs: Array
 
 
-class Match(NamedTuple):
+class BitFit(NamedTuple):
     """Fit of given bits to half-cell levels.
 
     Args:
@@ -130,7 +130,7 @@ def soft_bits(halves: Array, wanted: Array, before: float) -> Array:
 
 
 @_jit
-def match(halves: Array, wanted: Array, before: float, free: float) -> Match:
+def match(halves: Array, wanted: Array, before: float, free: float) -> BitFit:
     """Return how well given bits fit the levels, see `best_path`; `free` is the score of the best bits."""
     score, bits, signs = best_path(halves, wanted, before)
     count = len(halves)
@@ -150,7 +150,7 @@ def match(halves: Array, wanted: Array, before: float, free: float) -> Match:
     noise = max(square / count - level * level, (LEAST_NOISE * level) ** 2)
     nats = level * (free - score) / noise if noise > 0.0 else np.inf
     share = told / total if total > 0.0 else 0.0
-    return Match(nats, level, share, tenths.min() * 10.0 / count, least, bits, signs)
+    return BitFit(nats, level, share, tenths.min() * 10.0 / count, least, bits, signs)
 
 
 def _signs_before() -> Array:
@@ -178,7 +178,7 @@ class WordLevels:
     before: float = 0.0
 
 
-def word_levels(sums: Array, grid: Grid, reverse: bool) -> WordLevels:
+def word_levels(sums: Array, grid: CellGrid, reverse: bool) -> WordLevels:
     """Return the levels of the word on a grid; positions outside the running sum count as 0."""
     first = -0.5 * WORD_CELLS - (0 if reverse else len(SYNC))
     return _in_order(half_levels(sums, grid, first, WORD_CELLS + len(SYNC)), reverse)

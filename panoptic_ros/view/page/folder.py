@@ -18,10 +18,10 @@ from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.previews import Previews
 from panoptic_ros.view.page.facts import PageTopic, SceneFacts
-from panoptic_ros.view.page.packets import Kind, Message, pack
-from panoptic_ros.view.page.presence import Presence
+from panoptic_ros.view.page.packets import PacketKind, PageMessage, pack
+from panoptic_ros.view.page.presence import PresenceSpans
 from panoptic_ros.view.page.recorded import BLOCK_NS
-from panoptic_ros.view.page.truth import KEY, MESSAGE, Truth
+from panoptic_ros.view.page.truth import KEY, MESSAGE, TruthSkeletons
 
 MOST_KEPT = 4 * 10**9  # bytes of previews in the temporary file, enough for half an hour of 31 VGA cameras
 
@@ -51,7 +51,7 @@ class FolderScene:
         folder: CaptureFolder,
         title: str,
         skeleton: SkeletonModel,
-        truth: Truth | None = None,
+        truth: TruthSkeletons | None = None,
         most: int = MOST_KEPT,
     ):
         self._folder, self._truth, self._most = folder, truth, most
@@ -80,7 +80,7 @@ class FolderScene:
         self._lock = threading.Lock()
         self._read = 0  # number of complete blocks
         self._fault: UserError | None = None
-        self.presence = Presence()
+        self.presence = PresenceSpans()
 
     def facts(self) -> dict[str, Any]:
         """Return the first document that a page receives."""
@@ -96,9 +96,9 @@ class FolderScene:
         Raises:
             UserError: If the second has not been read yet, or cannot be.
         """
-        return pack(Kind.BLOCK, number, self.messages(number, keys))
+        return pack(PacketKind.BLOCK, number, self.messages(number, keys))
 
-    def messages(self, number: int, keys: Collection[str] = ()) -> Iterator[Message]:
+    def messages(self, number: int, keys: Collection[str] = ()) -> Iterator[PageMessage]:
         """Yield the messages of `block` one by one."""
         with self._lock:
             if self._read <= number:
@@ -106,11 +106,11 @@ class FolderScene:
                 raise self._fault or later
             for topic, offset, length in self._places.get(number, ()):
                 self._kept.seek(offset)
-                yield Message(topic, self._kept.read(length))
+                yield PageMessage(topic, self._kept.read(length))
         if self._truth is not None and KEY in keys:
             begin = self._begin_ns + number * BLOCK_NS
             for data in self._truth.between(begin, begin + BLOCK_NS):
-                yield Message(len(self._facts.topics) - 1, data)
+                yield PageMessage(len(self._facts.topics) - 1, data)
 
     def scan(self, stopped: Callable[[], bool], told: Callable[[], None]) -> None:
         """Read all images; meant for a separate thread. See `RecordedScene.scan`."""

@@ -16,8 +16,8 @@ from panoptic_ros.domain import Rig, SkeletonModel
 from panoptic_ros.errors import DataError
 from panoptic_ros.graph.topics import ALWAYS_SHOWN, ASKED_FOR, TOPICS
 from panoptic_ros.view.page.facts import PageTopic, SceneFacts
-from panoptic_ros.view.page.mailbox import Instant, Mailbox
-from panoptic_ros.view.page.packets import Message
+from panoptic_ros.view.page.mailbox import Mailbox, PageInstant
+from panoptic_ros.view.page.packets import PageMessage
 from panoptic_ros.view.page.peek import detections_head, skeletons_head, stamp_of_bytes
 
 WINDOW_S = 2.0  # s; window over which rates are counted
@@ -31,7 +31,7 @@ NEAR_NS = 25_000_000
 PATIENCE_S = 1.0  # s without skeletons, after which views are shown alone
 
 
-class Pairing:
+class MessagePairing:
     """Pairing of live messages by timestamp and frame number, not by arrival.
 
     Skeletons name the frame of every view that they rest on. The detections and the preview of that frame
@@ -39,12 +39,12 @@ class Pairing:
     """
 
     def __init__(self) -> None:
-        self._previews: dict[str, dict[int, Message]] = {}  # by camera and timestamp
+        self._previews: dict[str, dict[int, PageMessage]] = {}  # by camera and timestamp
         self._stamps: dict[str, dict[int, int]] = {}  # by camera and frame number
-        self._people: dict[str, dict[int, Message]] = {}  # by camera and timestamp
+        self._people: dict[str, dict[int, PageMessage]] = {}  # by camera and timestamp
         self._skeletons_at = float("-inf")
 
-    def preview(self, camera: str, message: Message, now_s: float) -> Instant | None:
+    def preview(self, camera: str, message: PageMessage, now_s: float) -> PageInstant | None:
         """Add an image preview and return an instant to show if no skeletons arrive.
 
         Raises:
@@ -54,7 +54,7 @@ class Pairing:
         _keep(self._previews.setdefault(camera, {}), stamp, message, KEPT_PREVIEWS)
         return self._alone(camera, stamp, now_s)
 
-    def detections(self, camera: str, message: Message, now_s: float) -> Instant | None:
+    def detections(self, camera: str, message: PageMessage, now_s: float) -> PageInstant | None:
         """Add the detections of an image and return an instant as `preview` does.
 
         Raises:
@@ -65,7 +65,7 @@ class Pairing:
         _keep(self._stamps.setdefault(camera, {}), frame, stamp, KEPT_VIEWS)
         return self._alone(camera, stamp, now_s)
 
-    def skeletons(self, message: Message, now_s: float) -> Instant:
+    def skeletons(self, message: PageMessage, now_s: float) -> PageInstant:
         """Return the instant of these skeletons, with the views that have an image.
 
         Raises:
@@ -81,15 +81,15 @@ class Pairing:
             preview = self._previews.get(camera, {}).pop(-1 if stamp is None else stamp, None)
             if stamp is not None and preview is not None:
                 views[camera] = (preview, self._people[camera][stamp])
-        return Instant(message, views)
+        return PageInstant(message, views)
 
-    def _alone(self, camera: str, stamp: int, now_s: float) -> Instant | None:
+    def _alone(self, camera: str, stamp: int, now_s: float) -> PageInstant | None:
         if now_s - self._skeletons_at < PATIENCE_S or camera not in self._previews:
             return None
         preview, people = (kept.get(camera, {}).get(stamp) for kept in (self._previews, self._people))
         if preview is None:
             return None
-        return Instant(None, {camera: (preview, people) if people is not None else (preview,)})
+        return PageInstant(None, {camera: (preview, people) if people is not None else (preview,)})
 
 
 def _nearest(stamps: Iterable[int], stamp_ns: int) -> int | None:
@@ -105,7 +105,7 @@ def _keep(items: dict[int, Kept], key: int, value: Kept, limit: int) -> None:
         del items[next(iter(items))]
 
 
-class Health:
+class MessageStatistics:
     """Rates, ages and latency of incoming messages, and the status messages of nodes."""
 
     def __init__(self) -> None:
@@ -172,11 +172,11 @@ class LiveScene:
         self._title = title
         self._lock = threading.Lock()
         self._clients: list[Client] = []
-        self._pairing = Pairing()
+        self._pairing = MessagePairing()
         self._places: dict[tuple[str, str], int] = {}
         self._rig: Rig | None = None
         self._facts: dict[str, Any] | None = None
-        self.health = Health()
+        self.health = MessageStatistics()
         self.bad_messages = 0
 
     # ------------------------------------------------------------- called by the feeding node
@@ -192,7 +192,7 @@ class LiveScene:
             self._rig = rig
             self._facts = SceneFacts("live", self._title, rig, skeleton, topics).document()
             self._places = {(topic.key, topic.owner): place for place, topic in enumerate(topics)}
-            self._pairing = Pairing()
+            self._pairing = MessagePairing()
 
     def wanted(self) -> frozenset[str]:
         """Return the keys of the topics that clients show now."""
@@ -217,18 +217,18 @@ class LiveScene:
         with self._lock:
             self.health.statuses[name] = status
 
-    def _instant(self, key: str, owner: str, data: bytes, now_s: float, wall_ns: int) -> Instant | None:
+    def _instant(self, key: str, owner: str, data: bytes, now_s: float, wall_ns: int) -> PageInstant | None:
         place = self._places.get((key, owner))
         if place is None:
             return None
-        message = Message(place, data)
+        message = PageMessage(place, data)
         if key == "preview":
             return self._pairing.preview(owner, message, now_s)
         if key == "detections":
             self.health.arrived(owner, now_s)
             return self._pairing.detections(owner, message, now_s)
         if key != "skeletons":
-            return Instant(None, {}, (message,))
+            return PageInstant(None, {}, (message,))
         self.health.arrived("", now_s)
         self.health.published(stamp_of_bytes(data), wall_ns)
         return self._pairing.skeletons(message, now_s)
@@ -257,7 +257,7 @@ class LiveScene:
         with self._lock:
             client.keys = frozenset((*ALWAYS_SHOWN, *(key for key in keys if key in ASKED_FOR)))
 
-    def collect(self, client: Client) -> list[Message] | None:
+    def collect(self, client: Client) -> list[PageMessage] | None:
         """Return the messages to send to a client now, or None."""
         with self._lock:
             return client.mailbox.take()

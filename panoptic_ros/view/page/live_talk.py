@@ -12,7 +12,7 @@ from typing import Any
 from websockets.asyncio.server import ServerConnection
 
 from panoptic_ros.view.page.live import LiveScene
-from panoptic_ros.view.page.packets import Kind, pack
+from panoptic_ros.view.page.packets import PacketKind, pack
 from panoptic_ros.view.page.server import as_json, asked_by, seconds
 
 HEALTH_S = 0.5
@@ -45,7 +45,7 @@ class LiveTalk:
                 until = seconds() + HEALTH_S
                 while (left := until - seconds()) > 0:
                     while (messages := self._scene.collect(client)) is not None:
-                        await connection.send(pack(Kind.LIVE, number, messages))
+                        await connection.send(pack(PacketKind.LIVE, number, messages))
                         number = (number + 1) % 2**32
                     changed.clear()
                     try:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from panoptic_ros.view.page.packets import Message
+from panoptic_ros.view.page.packets import PageMessage
 
 CREDITS = 2  # packets in flight: largest number sent but not yet drawn by the client
 
 
 @dataclass(frozen=True)
-class Instant:
+class PageInstant:
     """Skeletons and the camera views of the same instant.
 
     Args:
@@ -20,9 +20,9 @@ class Instant:
         others: Messages of independent topics.
     """
 
-    skeletons: Message | None
-    views: Mapping[str, tuple[Message, ...]] = field(default_factory=dict)
-    others: tuple[Message, ...] = ()
+    skeletons: PageMessage | None
+    views: Mapping[str, tuple[PageMessage, ...]] = field(default_factory=dict)
+    others: tuple[PageMessage, ...] = ()
 
 
 class Mailbox:
@@ -35,11 +35,11 @@ class Mailbox:
     def __init__(self) -> None:
         self.dropped = 0  # instants replaced by newer ones before they were sent
         self._credits = CREDITS
-        self._newest: Instant | None = None
-        self._views: dict[str, Instant] = {}  # by camera, the newest instant with a view of it
-        self._others: dict[int, Message] = {}  # by topic
+        self._newest: PageInstant | None = None
+        self._views: dict[str, PageInstant] = {}  # by camera, the newest instant with a view of it
+        self._others: dict[int, PageMessage] = {}  # by topic
 
-    def offer(self, instant: Instant) -> None:
+    def offer(self, instant: PageInstant) -> None:
         """Add a new instant, replacing older unsent ones."""
         self._others |= {message.topic: message for message in instant.others}
         if instant.skeletons is not None:
@@ -52,7 +52,7 @@ class Mailbox:
         """Record that the client has drawn a packet."""
         self._credits = min(CREDITS, self._credits + 1)
 
-    def take(self) -> list[Message] | None:
+    def take(self) -> list[PageMessage] | None:
         """Return the messages to send now; None if there are none or the client has no credit left."""
         if not self._credits or not (self._newest or self._views or self._others):
             return None

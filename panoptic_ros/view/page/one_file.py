@@ -17,7 +17,7 @@ from panoptic_ros.io.messages import bag_messages, from_message, to_message
 from panoptic_ros.io.messages.family import bag_typestore, decode_cdr
 from panoptic_ros.stage import Progress, each, untold
 from panoptic_ros.view.page.html import page
-from panoptic_ros.view.page.packets import Kind, Message, pack
+from panoptic_ros.view.page.packets import PacketKind, PageMessage, pack
 from panoptic_ros.view.page.peek import detections_head, stamp_of_bytes
 from panoptic_ros.view.page.recorded import BLOCK_NS, RecordedScene
 
@@ -60,7 +60,7 @@ def one_file(
     for done, number in enumerate(each(numbers, len(numbers), progress, "seconds")):
         there = scene.messages(number, BODIES)
         messages = list(_smaller(scene, facts["topics"], there, seen))
-        packet = pack(Kind.BLOCK, done, messages)
+        packet = pack(PacketKind.BLOCK, done, messages)
         blocks.append(base64.b64encode(gzip.compress(packet, 6, mtime=0)).decode())
     begin_ns = int(facts["begin_ns"]) + numbers[0] * BLOCK_NS
     end_ns = min(int(facts["end_ns"]), begin_ns + len(numbers) * BLOCK_NS - 1)
@@ -75,8 +75,8 @@ def one_file(
 
 
 def _smaller(
-    scene: RecordedScene, topics: list[list[str]], messages: Iterable[Message], seen: Counter[str]
-) -> Iterator[Message]:
+    scene: RecordedScene, topics: list[list[str]], messages: Iterable[PageMessage], seen: Counter[str]
+) -> Iterator[PageMessage]:
     """Yield the messages without data that a page does not need, and count each camera's images in `seen`."""
     held = list(messages)
     keys = [tuple(topics[message.topic][:2]) for message in held]
@@ -87,9 +87,9 @@ def _smaller(
         if key == "detections":
             seen[owner] += 1
             if (owner, detections_head(message.data)[0]) in shown or not shown:
-                yield Message(message.topic, _rewritten(message.data, "ViewDetections", _without_maps))
+                yield PageMessage(message.topic, _rewritten(message.data, "ViewDetections", _without_maps))
         elif key == "skeletons":
-            yield Message(message.topic, _rewritten(message.data, "RefinedPoseSet", _bare))
+            yield PageMessage(message.topic, _rewritten(message.data, "RefinedPoseSet", _bare))
         else:
             yield message
 

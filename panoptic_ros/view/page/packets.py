@@ -17,21 +17,21 @@ HEAD = struct.Struct("<4I")
 MESSAGE = struct.Struct("<3I")
 
 
-class Kind(IntEnum):
+class PacketKind(IntEnum):
     """Kind of a packet: newest messages of a live graph, or one second of a recording."""
 
     LIVE = 0
     BLOCK = 1
 
 
-class Message(NamedTuple):
+class PageMessage(NamedTuple):
     """CDR bytes of one message, with the index of its topic in the topic list."""
 
     topic: int
     data: bytes
 
 
-def pack(kind: Kind, number: int, messages: Iterable[Message]) -> bytes:
+def pack(kind: PacketKind, number: int, messages: Iterable[PageMessage]) -> bytes:
     """Return one packet.
 
     Args:

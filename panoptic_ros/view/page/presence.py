@@ -10,7 +10,7 @@ GAP_S = 1.0  # s; an id that is absent for longer starts a new span
 SKELETONS = "panoptic_msgs/msg/Skeletons"
 
 
-class Presence:
+class PresenceSpans:
     """Time spans of each id's presence, in the order of their beginnings."""
 
     def __init__(self) -> None:

@@ -18,10 +18,10 @@ from panoptic_ros.io.messages.family import bag_typestore, decode_cdr
 from panoptic_ros.io.plain_formats import PlainSkeletons
 from panoptic_ros.io.previews import Previews
 from panoptic_ros.view.page.facts import PageTopic, SceneFacts
-from panoptic_ros.view.page.packets import Kind, Message, pack
+from panoptic_ros.view.page.packets import PacketKind, PageMessage, pack
 from panoptic_ros.view.page.peek import skeletons_head
-from panoptic_ros.view.page.presence import Presence, ids_of
-from panoptic_ros.view.page.truth import KEY, MESSAGE, Truth
+from panoptic_ros.view.page.presence import PresenceSpans, ids_of
+from panoptic_ros.view.page.truth import KEY, MESSAGE, TruthSkeletons
 
 BLOCK_NS = 1_000_000_000
 # s; polling interval of the paused scan, and pause after each block so that the page can draw it
@@ -66,7 +66,7 @@ class RecordedScene:
         self.skeleton = skeleton or self._latched("skeleton_model", "the bag lacks /skeleton_model")
         self._choose_topics()
         topics = [topic for _, topic in self._sources.values()]
-        self._truth = None if truth is None else Truth(truth, self.skeleton)
+        self._truth = None if truth is None else TruthSkeletons(truth, self.skeleton)
         if truth is not None:
             topics.append(PageTopic(KEY, "", MESSAGE))
         self._facts = SceneFacts(
@@ -79,7 +79,7 @@ class RecordedScene:
             self._bag.end_ns,
             report,
         )
-        self.presence = Presence()
+        self.presence = PresenceSpans()
 
     @property
     def block_count(self) -> int:
@@ -104,7 +104,7 @@ class RecordedScene:
         """
         self._asked += 1
         try:
-            return pack(Kind.BLOCK, number, self.messages(number, keys))
+            return pack(PacketKind.BLOCK, number, self.messages(number, keys))
         finally:
             self._quiet_until = time.monotonic() + QUIET_S
             self._asked -= 1
@@ -113,13 +113,13 @@ class RecordedScene:
         """Return True, because every second of a bag is available."""
         return True
 
-    def messages(self, number: int, keys: Collection[str] = ()) -> Iterator[Message]:
+    def messages(self, number: int, keys: Collection[str] = ()) -> Iterator[PageMessage]:
         """Yield the messages of `block` one by one."""
         begin = self._bag.begin_ns + number * BLOCK_NS
         wanted = {*ALWAYS_SHOWN, *keys}
         if self._truth is not None and KEY in keys:
             for data in self._truth.between(begin, begin + BLOCK_NS):
-                yield Message(len(self._sources), data)
+                yield PageMessage(len(self._sources), data)
         chosen = {name: place for place, (name, topic) in self._sources.items() if topic.key in wanted}
         if not chosen:
             return
@@ -131,9 +131,9 @@ class RecordedScene:
             if name in self._made:
                 small = self._preview(topic.owner, bytes(data), kind, previews)
                 if small is not None:
-                    yield Message(chosen[name], small)
+                    yield PageMessage(chosen[name], small)
             else:
-                yield Message(chosen[name], bytes(data))
+                yield PageMessage(chosen[name], bytes(data))
 
     def scan(self, stopped: Callable[[], bool], told: Callable[[], None]) -> None:
         """Read all skeletons to find the presence of each id; meant for a separate thread.

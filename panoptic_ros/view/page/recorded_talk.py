@@ -16,16 +16,16 @@ from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
 
 from panoptic_ros.errors import UserError
-from panoptic_ros.view.page.presence import Presence
+from panoptic_ros.view.page.presence import PresenceSpans
 from panoptic_ros.view.page.server import as_json, asked_by
 
 LOOK_S = 0.05  # s between checks for a second that is not read yet
 
 
-class Shown(Protocol):
+class RecordedSceneProtocol(Protocol):
     """Interface of a recorded scene: `recorded.RecordedScene`, `folder.FolderScene`."""
 
-    presence: Presence
+    presence: PresenceSpans
 
     def facts(self) -> dict[str, Any]:
         """Return the first document that a page receives."""
@@ -40,7 +40,7 @@ class Shown(Protocol):
 class RecordedTalk:
     """Server side of pages of a recording. It answers each block request once, in the order of arrival."""
 
-    def __init__(self, scene: Shown):
+    def __init__(self, scene: RecordedSceneProtocol):
         self._scene = scene
         self._pages: list[ServerConnection] = []
         self.shown = asyncio.Event()  # set once a page has received its first block

@@ -17,7 +17,7 @@ MESSAGE = "panoptic_msgs/msg/Skeletons"
 SPREAD_M = 1e-4  # m; nominal standard deviation, because messages require covariances
 
 
-class Truth:
+class TruthSkeletons:
     """Ground truth skeletons of a file, mapped to the joints of a scene.
 
     Joints absent from the file are marked missing.

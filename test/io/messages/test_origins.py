@@ -6,7 +6,7 @@ import pytest
 from panoptic_ros.domain import DetectionSet, ViewDetections
 from panoptic_ros.io.messages import bag_messages, from_message, to_message
 from panoptic_ros.io.messages.family import bag_typestore
-from panoptic_ros.io.messages.records import MOST_KEPT, Origins
+from panoptic_ros.io.messages.records import MOST_KEPT, OriginalMessages
 
 FAMILY = bag_messages()
 KIND = "panoptic_msgs/msg/DetectionSet"
@@ -25,7 +25,7 @@ def came(record, origins):
 
 
 def test_what_goes_on_inside_is_the_message_that_it_came_as_with_the_same_bytes():
-    origins = Origins(["DetectionSet"])
+    origins = OriginalMessages(["DetectionSet"])
     found, message = came(view(7), origins)
     item = DetectionSet(0, 7, "cafe", (found,))
     written = to_message(item, replace(FAMILY, origin=origins.of))
@@ -37,7 +37,7 @@ def test_what_goes_on_inside_is_the_message_that_it_came_as_with_the_same_bytes(
 
 
 def test_what_was_changed_on_the_way_is_written_anew():
-    origins = Origins(["DetectionSet"])
+    origins = OriginalMessages(["DetectionSet"])
     found, _ = came(view(7), origins)
     item = DetectionSet(0, 8, "cafe", (replace(found, stamp_ns=8),))
     assert to_message(item, replace(FAMILY, origin=origins.of)).views[0].header.stamp.nanosec == 8
@@ -45,7 +45,7 @@ def test_what_was_changed_on_the_way_is_written_anew():
 
 @pytest.mark.parametrize(("given", "kept"), [(["DetectionSet"], MOST_KEPT), (["RefinedPoseSet"], 0), ([], 0)])
 def test_few_are_kept_and_only_where_they_are_wanted(given, kept):
-    origins = Origins(given)
+    origins = OriginalMessages(given)
     records = [came(view(k), origins)[0] for k in range(MOST_KEPT + 5)]
     found = [origins.of(record) is not None for record in records]
     assert found == [False] * (len(records) - kept) + [True] * kept

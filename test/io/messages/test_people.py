@@ -8,7 +8,7 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from panoptic_ros.domain import JointState, RefinedPoseSet
-from panoptic_ros.io.messages.family import Messages
+from panoptic_ros.io.messages.family import MessageFamily
 from panoptic_ros.io.messages.people import (
     bodies_message,
     body_frame,
@@ -32,7 +32,7 @@ STORE.register(
         for name, definition in get_types_from_msg(text, kind).items()
     }
 )
-FAMILY = Messages(lambda name: STORE.types[name], lambda array: array)
+FAMILY = MessageFamily(lambda name: STORE.types[name], lambda array: array)
 NAMES = captures.SKELETON.joint_names
 
 

@@ -7,7 +7,7 @@ from bodies import CHAIN, MODEL, S, placed
 from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.io.recorded_motions import read_clips
-from panoptic_ros.kinematics.body.between import Contact
+from panoptic_ros.kinematics.body.between import FootContacts
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.targets import NOTHING_STANDS
 from panoptic_ros.simulation.bodies.capture import BodyScene, simulate_body
@@ -33,7 +33,7 @@ def told(left, right):
 
 
 def contact():
-    return Contact(CHAIN.parents, GROUND, RATE)
+    return FootContacts(CHAIN.parents, GROUND, RATE)
 
 
 def side(standing_now):
@@ -60,7 +60,7 @@ def test_the_lowest_foot_carries_where_no_foot_has_an_imu():
 
 
 def test_nothing_stands_on_a_body_without_feet():
-    assert Contact(CHAIN.parents, GROUND[:0], RATE).step(CHAIN, standing(), {}, {}) is NOTHING_STANDS
+    assert FootContacts(CHAIN.parents, GROUND[:0], RATE).step(CHAIN, standing(), {}, {}) is NOTHING_STANDS
 
 
 def test_a_body_that_shifts_its_weight_comes_back_to_where_its_feet_stood():

@@ -11,7 +11,13 @@ from captures import RIG, SKELETON, person
 from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.pose_prior import read_prior
-from panoptic_ros.kinematics.body.evidence import LEAST_LEVEL, MOST_LEVEL, UNMEASURED_SD, NoiseLevel, Weighing
+from panoptic_ros.kinematics.body.evidence import (
+    LEAST_LEVEL,
+    MOST_LEVEL,
+    UNMEASURED_SD,
+    EvidenceBuilder,
+    NoiseLevel,
+)
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.pose.targets import ViewTargets
 
@@ -24,7 +30,7 @@ ASSUMED = 0.01  # on the plane
 def information(body, views, level=1.0):
     """1/m^2, of the wrist from so many views."""
     names = SKELETON.joint_names
-    weighing = Weighing(KinematicsConfig(), Subject(0, body), read_prior(), RIG, names)
+    weighing = EvidenceBuilder(KinematicsConfig(), Subject(0, body), read_prior(), RIG, names)
     people = {}
     for number in range(views):
         pose = RIG.cameras[number].cam_from_world

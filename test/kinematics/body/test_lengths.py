@@ -9,15 +9,21 @@ from bodies import BODY, CHAIN, MODEL, D, S, cameras, no_prior, some_pose
 
 from panoptic_ros.geometry.chain import place_sites
 from panoptic_ros.geometry.segment_chain import Chain
-from panoptic_ros.kinematics.body.lengths import LASTS_S, LENGTH_SD, Lengthening, LengthEstimate, lengths_of
+from panoptic_ros.kinematics.body.lengths import (
+    LASTS_S,
+    LENGTH_SD,
+    LengthEstimate,
+    LengthTransition,
+    lengths_of,
+)
 from panoptic_ros.kinematics.pose.solve import solve_pose
 from panoptic_ros.kinematics.pose.targets import (
     NO_FLOOR,
     NO_POINTS,
     NO_TURNS,
     NO_VIEWS,
-    Evidence,
     PointTargets,
+    PoseEvidence,
     ViewTargets,
     no_anchor,
 )
@@ -34,7 +40,7 @@ def exact_views(chain, pose):
     local = (rotations[cam] @ points[..., None])[..., 0] + translations[cam]
     plane = local[:, :2] / local[:, 2:]
     views = ViewTargets(seg, offsets, cam, plane, np.full(len(seg), 1e6), 9.0, rotations, translations)
-    return Evidence(views, NO_POINTS, NO_TURNS, NO_FLOOR, no_prior(S), 1.0)
+    return PoseEvidence(views, NO_POINTS, NO_TURNS, NO_FLOOR, no_prior(S), 1.0)
 
 
 def exact_points(chain, pose):
@@ -42,7 +48,7 @@ def exact_points(chain, pose):
     segments, offsets = views.segments[::4], views.offsets[::4]
     goals = place_sites(chain, pose, segments, offsets, np.empty((len(segments), 3, D)))
     points = PointTargets(segments, offsets, goals, np.tile(1e6 * np.eye(3), (len(segments), 1, 1)), 9.0)
-    return Evidence(NO_VIEWS, points, NO_TURNS, NO_FLOOR, no_prior(S), 1.0)
+    return PoseEvidence(NO_VIEWS, points, NO_TURNS, NO_FLOOR, no_prior(S), 1.0)
 
 
 @pytest.mark.parametrize("exact", [exact_views, exact_points])
@@ -97,7 +103,7 @@ def placed_by(chain, pose):
 
 def test_lengths_begin_where_they_were_and_end_where_they_are_to_be():
     begin = 0.9 * BODY.offsets
-    change = Lengthening(begin, BODY)
+    change = LengthTransition(begin, BODY)
     steps = round(LASTS_S / PERIOD) + 2
     found = np.array([begin, *(change.after(PERIOD).offsets for _ in range(steps))])
     assert change.is_over and np.array_equal(found[-1], BODY.offsets)
@@ -109,5 +115,5 @@ def test_lengths_begin_where_they_were_and_end_where_they_are_to_be():
 
 
 def test_what_the_detector_sees_of_the_new_body_is_kept():
-    found = Lengthening(BODY.offsets, BODY).after(0.1)
+    found = LengthTransition(BODY.offsets, BODY).after(0.1)
     assert found.keypoints is BODY.keypoints and found.own == BODY.own

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from panoptic_ros.kinematics.body.sight import Sites, distances, seen_joints
+from panoptic_ros.kinematics.body.sight import ExpectedJoints, distances, seen_joints
 
 ROTATION, TRANSLATION = np.eye(3), np.array([0.1, -0.2, 4.0])
 
@@ -43,7 +43,7 @@ def test_joints_without_place_or_score_are_left_out():
 
 
 def test_the_middle_of_who_is_seen_in_part_is_that_of_the_part():
-    sites = Sites(np.array([2, 0, 1]), np.array([[0.0, 0.0, 1.6], [0.0, 0.0, 1.0], [0.0, 0.0, 0.1]]))
+    sites = ExpectedJoints(np.array([2, 0, 1]), np.array([[0.0, 0.0, 1.6], [0.0, 0.0, 1.0], [0.0, 0.0, 0.1]]))
     points = np.zeros((3, 2))
     points[1] = np.nan  # the lowest
     assert sites.middle[2] == 1.0

@@ -8,7 +8,7 @@ from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.imus.balance import Balance, masses_of, t_pose_turns
+from panoptic_ros.kinematics.imus.balance import BalanceEstimate, masses_of, t_pose_turns
 from panoptic_ros.simulation.bodies.capture import DEVICES, BodyScene, simulate_body
 from panoptic_ros.study.bodies.cases import case_of, prior_without
 
@@ -20,7 +20,7 @@ TURNS = t_pose_turns(MODEL.parents, SEGMENTS, np.radians(3.0))
 
 
 def balance():
-    return Balance(CHAIN, SEGMENTS, masses_of(MODEL.names), GROUND, TURNS + 1e-6 * np.eye(len(TURNS)))
+    return BalanceEstimate(CHAIN, SEGMENTS, masses_of(MODEL.names), GROUND, TURNS + 1e-6 * np.eye(len(TURNS)))
 
 
 def standing(lean, knees=0.0, turned=0.0):

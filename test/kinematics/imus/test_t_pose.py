@@ -14,7 +14,7 @@ from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.io.recorded_motions import read_clips
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.imus.fitting import KEPT_S, ImuFitting
-from panoptic_ros.kinematics.imus.measured import Measured
+from panoptic_ros.kinematics.imus.measured import ImuMeasurements
 from panoptic_ros.kinematics.imus.t_pose import heading_from_poses, t_pose_decides
 
 WORN = ("hips", "spine4", "lUpperArm", "lForearm", "rUpperArm", "rForearm", "lThigh", "lShin", "rThigh")
@@ -56,7 +56,7 @@ def test_nobody_moves_or_one_device_tells_nothing():
 
 def felt(turns):
     """All devices, of these orientations."""
-    return Measured(np.ones(len(turns), bool), np.array(turns), np.full((len(turns), 3), np.nan))
+    return ImuMeasurements(np.ones(len(turns), bool), np.array(turns), np.full((len(turns), 3), np.nan))
 
 
 def test_live_it_is_told_some_seconds_after_the_t_pose():

@@ -3,15 +3,15 @@
 import numpy as np
 from captures import RIG, SKELETON, person
 
-from panoptic_ros.domain.subjects import Instant, Subject, ViewPeople
+from panoptic_ros.domain.subjects import InstantViews, Subject, ViewPeople
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.pose_prior import read_prior
-from panoptic_ros.kinematics.body.evidence import Weighing
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder
 from panoptic_ros.kinematics.config import KinematicsConfig
 from panoptic_ros.kinematics.people.nearest_people import nearest_to_start
 
 SUBJECT = Subject(0, read_body_model().body(1.7), start=np.array([0.0, 0.0, 0.95]))
-WEIGHING = Weighing(KinematicsConfig(), SUBJECT, read_prior(), RIG, SKELETON.joint_names)
+WEIGHING = EvidenceBuilder(KinematicsConfig(), SUBJECT, read_prior(), RIG, SKELETON.joint_names)
 
 
 def on_plane(camera, place):
@@ -32,7 +32,7 @@ def instant(views):
     for number, places in views.items():
         points = np.array([on_plane(RIG.cameras[number], place) for place in places])
         people[number] = ViewPeople(points, np.full(points.shape[:2], 0.9))
-    return Instant(0, people)
+    return InstantViews(0, people)
 
 
 def rows(found, at):

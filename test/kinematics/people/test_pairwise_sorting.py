@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from captures import RIG, person
 
-from panoptic_ros.domain.subjects import Instant, ViewPeople
+from panoptic_ros.domain.subjects import InstantViews, ViewPeople
 from panoptic_ros.kinematics.people.pairwise_sorting import MOVEMENT, PairwiseSorter
 
 CAMERAS = range(len(RIG.cameras))
@@ -26,7 +26,7 @@ def seen(places, seed=0, unseen=()):
         plane = np.array([camera.intrinsics.undistort(joints) for joints in pixels])
         views[c] = ViewPeople(plane, np.ones(plane.shape[:2]))
         rows |= {(c, k): order.index(k) for k in there}
-    return Instant(0, views), rows
+    return InstantViews(0, views), rows
 
 
 def sorter(*starts):

@@ -10,11 +10,11 @@ from panoptic_ros.domain.subjects import Subject
 from panoptic_ros.io.pose_prior import read_prior
 from panoptic_ros.kinematics.body.tracker import SubjectTracker
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.people.person import Person
+from panoptic_ros.kinematics.people.person import PersonState
 
 
 def somebody():
-    return Person(KinematicsConfig(), Subject(0, BODY), read_prior(""), RIG, SKELETON.joint_names)
+    return PersonState(KinematicsConfig(), Subject(0, BODY), read_prior(""), RIG, SKELETON.joint_names)
 
 
 def test_the_body_has_the_lengths_that_were_learnt():

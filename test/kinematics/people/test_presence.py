@@ -11,15 +11,15 @@ from captures import CONTEXT, RIG, SKELETON, person
 from stage_cases import SECOND
 
 from panoptic_ros.domain import DetectionSet, JointState, TrackedPoseSet, ViewDetections
-from panoptic_ros.domain.subjects import Instant, Subject, ViewPeople
+from panoptic_ros.domain.subjects import InstantViews, Subject, ViewPeople
 from panoptic_ros.domain.view_sources import ViewSources
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.io.pose_prior import read_prior
-from panoptic_ros.kinematics.body.evidence import Weighing
-from panoptic_ros.kinematics.body.sight import Sites
+from panoptic_ros.kinematics.body.evidence import EvidenceBuilder
+from panoptic_ros.kinematics.body.sight import ExpectedJoints
 from panoptic_ros.kinematics.config import KinematicsConfig
-from panoptic_ros.kinematics.people.presence import LOOKS, Absence, Appearance, Presence
+from panoptic_ros.kinematics.people.presence import LOOKS, PersonSighting, SubjectPresence, SubjectSearch
 
 RATE = 30
 LEAVES, RETURNS, END = 30, 60, 80  # frames
@@ -124,12 +124,12 @@ def test_everybody_has_a_body_until_it_is_given_up_and_the_instants_that_the_lag
 
 
 def seen(*places):
-    return [Appearance(np.array([x, y, 1.0]), {0: (np.zeros((3, 2)), np.ones(3))}) for x, y in places]
+    return [PersonSighting(np.array([x, y, 1.0]), {0: (np.zeros((3, 2)), np.ones(3))}) for x, y in places]
 
 
 def absent(looks, begin=0, place=(0.0, 0.0, 1.0), alone=False):
     """Looks one after another; the numbers of those in which the subject is back."""
-    absence, back = Absence(np.array(place), -200_000_000, alone), []
+    absence, back = SubjectSearch(np.array(place), -200_000_000, alone), []
     for k, appearances in enumerate(looks):
         if absence.look(appearances, begin + k * FRAME, 0.5):
             back.append(k)
@@ -169,14 +169,14 @@ def half_seen(place, stamp_ns):
         local = joints @ pose.rotation.T + pose.translation
         points = np.where(joints[:, 2:] > 1.2, local[:, :2] / local[:, 2:], np.nan)
         people[number] = ViewPeople(points[None], np.full((1, len(points)), 0.9))
-    return Instant(stamp_ns, people)
+    return InstantViews(stamp_ns, people)
 
 
 def test_who_is_seen_in_part_is_neither_elsewhere_nor_somebody_else():
     subject = Subject(0, read_body_model().body(1.7))
-    weighing = Weighing(KinematicsConfig(), subject, read_prior(), RIG, SKELETON.joint_names)
-    expected = Sites(np.arange(len(SKELETON.joint_names)), person((0.0, 0.0), 0.3))
-    presence, at = Presence(), half_seen((0.0, 0.0), 10 * FRAME)
+    weighing = EvidenceBuilder(KinematicsConfig(), subject, read_prior(), RIG, SKELETON.joint_names)
+    expected = ExpectedJoints(np.arange(len(SKELETON.joint_names)), person((0.0, 0.0), 0.3))
+    presence, at = SubjectPresence(), half_seen((0.0, 0.0), 10 * FRAME)
     mine = {camera: (people.points[0], people.scores[0]) for camera, people in at.views.items()}
     assert presence.own(mine, expected, weighing, at).keys() == {0, 1}
     presence.saw(at, True, expected.middle)

@@ -9,7 +9,14 @@ from panoptic_ros.geometry.chain import Pose
 from panoptic_ros.geometry.rotations import rotations_of
 from panoptic_ros.kinematics.pose.normal_equations import assemble
 from panoptic_ros.kinematics.pose.prior import PoseStatistics, hinges_of
-from panoptic_ros.kinematics.pose.targets import NO_FLOOR, NO_POINTS, NO_TURNS, NO_VIEWS, Evidence, no_anchor
+from panoptic_ros.kinematics.pose.targets import (
+    NO_FLOOR,
+    NO_POINTS,
+    NO_TURNS,
+    NO_VIEWS,
+    PoseEvidence,
+    no_anchor,
+)
 
 RNG = np.random.default_rng(0)
 COMPONENTS = np.linalg.qr(RNG.normal(size=(9, 4)))[0]
@@ -43,7 +50,7 @@ def hinge_cost(bend, aside, turn):
     axes = np.array([[0, 0, bend], [aside, 0, 0], [0, turn, 0]])
     pose.turns[MODEL.index("lForearm")] = np.linalg.multi_dot(rotations_of(axes))
     prior = no_prior(S)._replace(hinges=hinges_of(MODEL, 0.1))
-    evidence = Evidence(NO_VIEWS, NO_POINTS, NO_TURNS, NO_FLOOR, prior, 1.0)
+    evidence = PoseEvidence(NO_VIEWS, NO_POINTS, NO_TURNS, NO_FLOOR, prior, 1.0)
     return assemble(CHAIN, pose, evidence, no_anchor(S), np.empty((D, D)), np.empty(D))
 
 

@@ -25,11 +25,11 @@ from panoptic_ros.kinematics.pose.targets import (
     NO_TURNS,
     NO_VIEWS,
     Anchor,
-    Evidence,
-    Floor,
+    FloorPoints,
+    OrientationTargets,
     PointTargets,
+    PoseEvidence,
     PosePrior,
-    TurnTargets,
     ViewTargets,
     no_anchor,
 )
@@ -72,13 +72,13 @@ def evidence_of(pose, seed=1, noise=0.0, kinds="vptfr"):
         2.0,
         hinges_of(MODEL, 0.1),
     )
-    return Evidence(
+    return PoseEvidence(
         views if "v" in kinds else NO_VIEWS,
         PointTargets(segments, offsets, points, spread @ spread.swapaxes(1, 2) + np.eye(3), 2.0)
         if "p" in kinds
         else NO_POINTS,
-        TurnTargets(segments, goals, np.full(S, 5.0), 3.0) if "t" in kinds else NO_TURNS,
-        Floor(segments[-8:], 1.0, 3.0) if "f" in kinds else NO_FLOOR,
+        OrientationTargets(segments, goals, np.full(S, 5.0), 3.0) if "t" in kinds else NO_TURNS,
+        FloorPoints(segments[-8:], 1.0, 3.0) if "f" in kinds else NO_FLOOR,
         poses if "r" in kinds else no_prior(S),
         0.7,
     )

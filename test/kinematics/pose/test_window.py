@@ -12,17 +12,17 @@ from panoptic_ros.kinematics.pose.targets import (
     NO_TURNS,
     NO_VIEWS,
     Accelerations,
-    Between,
-    Evidence,
+    IncrementEvidence,
     PointTargets,
+    PoseEvidence,
     no_anchor,
 )
-from panoptic_ros.kinematics.pose.window import Motion, PoseWindow
+from panoptic_ros.kinematics.pose.window import AccelerationModel, PoseWindow
 
 PERIOD = 1.0 / 60.0
 EVEN, UNEVEN = (1,) * 9, (1, 1, 2, 1, 3, 1, 1, 2, 1)  # periods between instants
 WORN = np.array([MODEL.index(n) for n in ("hips", "spine4", "lForearm", "rShin")])
-MOTION = Motion(8.0, 60.0, PERIOD)
+MOTION = AccelerationModel(8.0, 60.0, PERIOD)
 OFFSETS = np.array([[0.1, 0, 0], [0.1, 0, 0.05], [0, 0.15, 0.03], [0.05, 0, -0.2]])
 
 
@@ -42,7 +42,7 @@ def points(pose, noise, rng, weight):
     information = np.tile(np.eye(3) / 0.02**2, (len(segments), 1, 1))
     goals = goals + noise * rng.normal(size=goals.shape)
     targets = PointTargets(segments, offsets, goals, information, 0.0)
-    return Evidence(NO_VIEWS, targets, NO_TURNS, NO_FLOOR, no_prior(S), weight)
+    return PoseEvidence(NO_VIEWS, targets, NO_TURNS, NO_FLOOR, no_prior(S), weight)
 
 
 def sites(pose):
@@ -52,14 +52,16 @@ def sites(pose):
 
 def run(poses, lag, noise=0.02, weight=0.05, accelerations=True, sd=1.0, error=0.0):
     rng = np.random.default_rng(1)
-    window = PoseWindow(CHAIN, poses[0], Motion(8.0, 60.0, PERIOD), lag)
+    window = PoseWindow(CHAIN, poses[0], AccelerationModel(8.0, 60.0, PERIOD), lag)
     found = []
     for t in range(1, len(poses)):
         given = {}
         if accelerations and t >= 2:
             values = (sites(poses[t]) - 2 * sites(poses[t - 1]) + sites(poses[t - 2])) / PERIOD**2
             values = values + error * rng.normal(size=values.shape)
-            given = {"between": Between(Accelerations(WORN, OFFSETS, values, np.full(4, sd**-2), 9.0))}
+            given = {
+                "between": IncrementEvidence(Accelerations(WORN, OFFSETS, values, np.full(4, sd**-2), 9.0))
+            }
         window.step(window.predicted(), points(poses[t], noise, rng, weight), **given)
         if t >= lag:
             found.append((t - lag, window.smoothed()[lag]))
@@ -94,7 +96,9 @@ def test_where_instants_are_left_out_a_steady_body_is_followed_all_the_same(acce
         time += stride
         pose = still._replace(root=start + time / 80.0 * (end - start))
         guess = window.predicted(stride)
-        between = Between(given, stride=stride) if accelerations else Between(stride=stride)
+        between = (
+            IncrementEvidence(given, stride=stride) if accelerations else IncrementEvidence(stride=stride)
+        )
         last = window.step(guess, points(pose, 0.0, rng or np.random.default_rng(0), 1.0), between)
         if time > 36:
             assert np.abs(guess.root - pose.root).max() < 2e-3 and np.abs(last.root - pose.root).max() < 1e-3
@@ -113,7 +117,7 @@ def test_a_body_that_stops_at_once_while_nobody_sees_it_is_known_to_stop():
         values = np.tile([bend / PERIOD**2, 0.0, 0.0], (4, 1))
         given = Accelerations(WORN, OFFSETS, values, np.full(4, 0.25), 9.0)
         evidence = points(poses[t], 0.0, rng, 1.0 if t <= 30 else 1e-9)
-        last = window.step(window.predicted(), evidence, Between(given))
+        last = window.step(window.predicted(), evidence, IncrementEvidence(given))
     assert abs(last.root[0] - poses[-1].root[0]) < 0.1
 
 
@@ -126,11 +130,11 @@ def test_a_lag_helps():
 @pytest.mark.parametrize(("back", "strides"), [(0, EVEN), (1, EVEN), (4, EVEN), (1, UNEVEN), (4, UNEVEN)])
 def test_the_covariance_of_a_pose_is_that_of_all_data_so_far(back, strides, lasting):
     """Against the dense matrix of all poses of a body that stands still; some instants were left out."""
-    pose, count, motion, weight = moving(1)[0], 9, Motion(8.0, 60.0, PERIOD), 0.1
+    pose, count, motion, weight = moving(1)[0], 9, AccelerationModel(8.0, 60.0, PERIOD), 0.1
     window = PoseWindow(CHAIN, pose, motion, 5)
     evidence = points(pose, 0.0, np.random.default_rng(0), weight)
     for stride in strides:
-        window.step(pose.copy(), evidence, Between(stride=stride))
+        window.step(pose.copy(), evidence, IncrementEvidence(stride=stride))
     own, gradient = np.empty((D, D)), np.empty(D)
     assemble(CHAIN, pose, evidence, no_anchor(S), own, gradient)
     dense = np.zeros((count + 2, D, count + 2, D))
@@ -157,7 +161,7 @@ def test_the_covariance_of_a_pose_is_that_of_all_data_so_far(back, strides, last
 def test_errors_that_last_leave_a_pose_as_unsure_as_few_looks_at_it():
     """However long a body stands still before the same cameras, with motion that would be noticed."""
     pose, weight = moving(1)[0], 0.1
-    window = PoseWindow(CHAIN, pose, Motion(0.05, 0.5, PERIOD), 6)
+    window = PoseWindow(CHAIN, pose, AccelerationModel(0.05, 0.5, PERIOD), 6)
     evidence = points(pose, 0.0, np.random.default_rng(0), weight)
     for _ in range(200):
         window.step(pose.copy(), evidence)
@@ -172,7 +176,7 @@ def test_errors_that_last_leave_a_pose_as_unsure_as_few_looks_at_it():
 def test_what_comes_after_a_pose_is_kept_for_some_instants():
     """While nothing changes that makes no difference; what came up to the pose counts at once."""
     pose, rng = moving(1)[0], np.random.default_rng(0)
-    window = PoseWindow(CHAIN, pose, Motion(8.0, 60.0, PERIOD), 6)
+    window = PoseWindow(CHAIN, pose, AccelerationModel(8.0, 60.0, PERIOD), 6)
     few, many = (points(pose, 0.0, rng, weight) for weight in (0.05, 0.5))
     for _ in range(60):
         window.step(pose.copy(), few)
@@ -195,7 +199,7 @@ def test_what_comes_after_a_pose_is_kept_for_some_instants():
 def test_what_came_later_makes_a_pose_surer():
     poses = moving(30)
     rng = np.random.default_rng(1)
-    window = PoseWindow(CHAIN, poses[0], Motion(8.0, 60.0, PERIOD), 6)
+    window = PoseWindow(CHAIN, poses[0], AccelerationModel(8.0, 60.0, PERIOD), 6)
     for pose in poses[1:]:
         window.step(window.predicted(), points(pose, 0.02, rng, 0.05))
     newest, past = (window.covariance(back, 0.0) for back in (0, 6))

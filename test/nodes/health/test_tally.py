@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from panoptic_ros.cli.run.watch import Watch
+from panoptic_ros.cli.run.watch import TerminalObserver
 from panoptic_ros.graph.counters import StageStatistics
 from panoptic_ros.nodes.health.tally import CALM_S, NoticeLog
 from panoptic_ros.stage import Notice
@@ -38,7 +38,7 @@ def test_an_event_is_told_once_for_each_device_and_again_after_calm():
 
 
 def test_a_run_prints_what_is_odd_of_each_device_once(capsys):
-    watch = Watch(table=False)
+    watch = TerminalObserver(table=False)
     for stamp in range(3):
         statistics = StageStatistics()
         for device in ("back", "arm"):

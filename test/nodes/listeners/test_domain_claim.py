@@ -6,7 +6,7 @@ rclpy = pytest.importorskip("rclpy")
 from panoptic_ros.errors import EnvironmentProblem, UsageError  # noqa: E402
 from panoptic_ros.nodes.listeners import domain_claim  # noqa: E402
 from panoptic_ros.nodes.listeners.domain_claim import (  # noqa: E402
-    Listener,
+    GraphListener,
     claim_domain,
     require_no_other_graph,
 )
@@ -45,7 +45,7 @@ def test_names_of_namespaces():
 
 def test_a_listener_has_waited_since_it_was_made(ros, monkeypatch):
     """Once a second has gone by it looks without waiting; graphs of other namespaces are no matter."""
-    apart, listener = Listener("hall"), Listener("lab")
+    apart, listener = GraphListener("hall"), GraphListener("lab")
     other = rclpy.create_node("refinement", namespace="lab")
     other.create_publisher(message_class("panoptic_msgs/msg/Skeletons"), "skeletons", 1)
     apart.require_no_other_graph()

@@ -18,7 +18,7 @@ from panoptic_ros.errors import ConfigError  # noqa: E402
 from panoptic_ros.io.messages import bag_messages, to_message  # noqa: E402
 from panoptic_ros.io.messages.people import segment_transforms  # noqa: E402
 from panoptic_ros.io.messages.transforms import read_transform  # noqa: E402
-from panoptic_ros.kinematics.body_records import Solved, body_set  # noqa: E402
+from panoptic_ros.kinematics.body_records import SolvedBody, body_set  # noqa: E402
 from panoptic_ros.nodes.listeners.people_node import KINDS, OF_BODIES, PeopleNode  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
 from panoptic_ros.nodes.middleware.quality import LATCHED  # noqa: E402
@@ -112,7 +112,7 @@ def test_unknown_words_are_told(ros):
 
 def bodies():
     frames, places = placed(some_pose(1))
-    body = Solved(BodyState(5, 4, places, frames), BODY, 2, 4, 0)
+    body = SolvedBody(BodyState(5, 4, places, frames), BODY, 2, 4, 0)
     return body_set(0, 5, 5, MODEL, captures.SKELETON, [body])
 
 

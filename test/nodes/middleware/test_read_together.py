@@ -11,9 +11,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from rclpy.serialization import serialize_message  # noqa: E402
 
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
-from panoptic_ros.nodes.middleware.negotiation import Negotiated  # noqa: E402
+from panoptic_ros.nodes.middleware.negotiation import NegotiatedSubscription  # noqa: E402
 from panoptic_ros.nodes.middleware.packets import header_of  # noqa: E402
-from panoptic_ros.nodes.middleware.read_together import Came, GatheringNode, ReadTogether  # noqa: E402
+from panoptic_ros.nodes.middleware.read_together import GatheringNode, ReceivedMessage, SubscriptionPoller  # noqa: E402
 from panoptic_ros.nodes.middleware.runtime import make_executor  # noqa: E402
 
 pytestmark = pytest.mark.ros
@@ -27,7 +27,7 @@ class Gathered:
 
     def __init__(self):
         self.node, self.came, self.told, self.rounds = GatheringNode("taker"), [], [], 0
-        self.node.together = ReadTogether(self.node, self.at_once)
+        self.node.together = SubscriptionPoller(self.node, self.at_once)
         self.sources = {name: self.source(name) for name in ("left", "right")}
 
     @contextlib.contextmanager
@@ -39,7 +39,9 @@ class Gathered:
         def take(data, number):
             self.came.append((header_of(data)[0], name))
 
-        return Negotiated(self.node, HEADER, name, take, DEEP, True, self.told.append, self.node.together)
+        return NegotiatedSubscription(
+            self.node, HEADER, name, take, DEEP, True, self.told.append, self.node.together
+        )
 
     def publishers(self, executor, quality=DEEP):
         found = {name: self.node.create_publisher(HEADER, name, quality) for name in self.sources}
@@ -80,13 +82,13 @@ def test_nobody_looks_while_nothing_can_come():
 
         def waiting(self):
             self.looks += 1
-            return [Came(data, 0)] if number % 5 == 0 else []
+            return [ReceivedMessage(data, 0)] if number % 5 == 0 else []
 
         def take(self, came):
             taken.append(number)
 
     source, taken = Steady(), []
-    together = ReadTogether(Clockless(), contextlib.nullcontext)
+    together = SubscriptionPoller(Clockless(), contextlib.nullcontext)
     together.add(source)
     for number in range(100):
         data = serialize_message(message(number * 4_000_000))

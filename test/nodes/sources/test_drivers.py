@@ -13,10 +13,10 @@ from rclpy.serialization import deserialize_message  # noqa: E402
 
 from panoptic_ros.domain import ViewFrame  # noqa: E402
 from panoptic_ros.errors import EnvironmentProblem  # noqa: E402
-from panoptic_ros.graph.arrivals import Arrivals  # noqa: E402
+from panoptic_ros.graph.arrivals import ArrivalCounters  # noqa: E402
 from panoptic_ros.io.messages import camera_info_message, image_message  # noqa: E402
 from panoptic_ros.nodes.middleware.family import message_class, ros_messages  # noqa: E402
-from panoptic_ros.nodes.middleware.negotiation import Negotiated  # noqa: E402
+from panoptic_ros.nodes.middleware.negotiation import NegotiatedSubscription  # noqa: E402
 from panoptic_ros.nodes.sources.drivers import CAMERA_INFO, find_drivers  # noqa: E402
 from panoptic_ros.nodes.stages.inputs import lossy  # noqa: E402
 
@@ -36,7 +36,9 @@ def taker(node, quality, gives_way=True):
     def take(data, number):
         taken.append(deserialize_message(data, IMAGE))
 
-    subscription = Negotiated(node, IMAGE, "/driver/image_raw", take, quality, gives_way, told.append)
+    subscription = NegotiatedSubscription(
+        node, IMAGE, "/driver/image_raw", take, quality, gives_way, told.append
+    )
     return subscription, taken, told
 
 
@@ -97,7 +99,7 @@ def test_types_and_camera_info_are_found(executor):
 
 
 def test_a_driver_that_loses_images_shall_have_the_profile_of_the_graph(monkeypatch):
-    arrivals = Arrivals("image", "left", "/driver/image", True, 0)
+    arrivals = ArrivalCounters("image", "left", "/driver/image", True, 0)
     for k in range(10):
         arrivals.came(k * 10**8, 1 + 4 * k)
     monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", "/tmp/ours.xml")

@@ -45,7 +45,7 @@ def room(monkeypatch):
         )
         for name in ("left", "right")
     }
-    return module.Entrance(facts, tally, {}, wiring), tally, clock, inputs
+    return module.MessageValidator(facts, tally, {}, wiring), tally, clock, inputs
 
 
 @pytest.mark.parametrize("rate", [0.5, 4.0, 30.0])

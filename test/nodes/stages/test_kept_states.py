@@ -5,7 +5,7 @@ from spinning import spin_until
 
 rclpy = pytest.importorskip("rclpy")
 from panoptic_ros.nodes.middleware.runtime import OneShot  # noqa: E402
-from panoptic_ros.nodes.stages.kept_states import KeptStates, StateKeeper  # noqa: E402
+from panoptic_ros.nodes.stages.kept_states import StateExchange, StateKeeper  # noqa: E402
 
 pytestmark = pytest.mark.ros
 STAGE = "tracking"
@@ -24,7 +24,7 @@ def begun(executor, number, state=b"", proven=True, tried=True):
     """
     node, found = rclpy.create_node(f"node_{number}"), []
     executor.add_node(node)
-    kept = KeptStates(node, [STAGE], lambda: kept.publish(lambda: {STAGE: state}), lambda stage: proven)
+    kept = StateExchange(node, [STAGE], lambda: kept.publish(lambda: {STAGE: state}), lambda stage: proven)
     spin_until(executor, lambda: node.count_publishers(f"stages/{STAGE}/kept_state"))
     for _ in range(5):
         executor.spin_once(timeout_sec=0.1)
@@ -67,7 +67,7 @@ def test_states_that_take_long_are_handed_over_less_often(lab):
     node, times = rclpy.create_node("slow"), iter(range(100))
     executor.add_node(node)
     taken, begun = [], []
-    kept = KeptStates(
+    kept = StateExchange(
         node,
         [STAGE],
         lambda: kept.publish(lambda: taken.append(1) or {STAGE: b"large"}),

@@ -3,7 +3,7 @@
 import numpy as np
 
 from panoptic_ros.offsets.sound.matching import RATE
-from panoptic_ros.offsets.sound.passes import Coarse
+from panoptic_ros.offsets.sound.passes import CoarseLags
 
 LENGTH = 30_000  # frames: five minutes
 
@@ -23,7 +23,7 @@ def heard(true, begin, drift=0.0):
 
 
 def compared(*rises):
-    coarse = Coarse(rises)
+    coarse = CoarseLags(rises)
     for a in range(len(rises)):
         for b in range(a + 1, len(rises)):
             coarse.compare(a, b)

@@ -8,14 +8,14 @@ import pytest
 from panoptic_ros.offsets.sound.directness import Directness
 from panoptic_ros.offsets.sound.lines import (
     Lags,
-    Lines,
+    SoundClockLines,
     arrivals,
     fit_lines,
     largest_group,
     loops_close,
     settle,
 )
-from panoptic_ros.offsets.sound.travel import Places
+from panoptic_ros.offsets.sound.travel import SourcePositions
 
 PLACES = np.array([[0.0, 0.0, 1.5], [5.0, 0.5, 1.5], [4.0, 4.5, 2.0], [0.5, 4.0, 1.0]])
 
@@ -58,8 +58,8 @@ def test_stated_deviations_are_those_of_the_errors_from_however_many_places_soun
     """Sound from places that nobody knows, each for windows of a random order, 1 ms of noise."""
     nothing = np.zeros(0, int)
     unheard = Directness(nothing, nothing, np.zeros((0, 1)), np.zeros((0, 1)))
-    mean, spread = Places(PLACES).travel(unheard)
-    start = Lines(np.zeros(4), np.zeros(4), 20.0)
+    mean, spread = SourcePositions(PLACES).travel(unheard)
+    start = SoundClockLines(np.zeros(4), np.zeros(4), 20.0)
     times = np.arange(0.0, 40.0, 2.0)
     root, ratios = np.linalg.cholesky(spread), []
     for seed in range(60):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.errors import UsageError
-from panoptic_ros.graph.recording import HeldRecording
+from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.offsets.sound import SoundClocks, SoundClocksConfig
 from panoptic_ros.stage import untold
 from panoptic_ros.study.timing.sound_rooms import CASES, make_room
@@ -27,7 +27,7 @@ def records_of(heard):
 def find(heard, records=None, placed=True, **config):
     devices = {name: name for name in heard.recorders}
     work = SoundClocks(SoundClocksConfig(devices, heard.places if placed else {}, **config))
-    return work.run(HeldRecording(records or records_of(heard)), untold)
+    return work.run(InMemoryRecording(records or records_of(heard)), untold)
 
 
 def check(heard, found, base="mic0"):
@@ -147,7 +147,7 @@ def test_a_trusted_camera_needs_sound():
 def test_cameras_share_the_clock_of_the_device_that_hears_for_them():
     heard = room("claps")
     devices = {"left": "mic0", "right": "mic0", "far": "mic1", "deaf": ""}
-    found = SoundClocks(SoundClocksConfig(devices)).run(HeldRecording(records_of(heard)), untold)
+    found = SoundClocks(SoundClocksConfig(devices)).run(InMemoryRecording(records_of(heard)), untold)
     clocks = found.clocks
     assert clocks.known.tolist() == [True, True, True, False] and found.unknown == {"deaf": "no sound"}
     assert clocks.offsets[0] == clocks.offsets[1] != clocks.offsets[2]

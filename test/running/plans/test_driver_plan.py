@@ -15,7 +15,7 @@ from panoptic_ros.geometry import Rigid
 from panoptic_ros.graph.build import configure
 from panoptic_ros.io.messages import bag_messages, camera_info_message
 from panoptic_ros.io.rigs import write_rig
-from panoptic_ros.nodes.sources.drivers import Drivers
+from panoptic_ros.nodes.sources.drivers import DriverSearchResult
 from panoptic_ros.running.plans import driver_plan
 from panoptic_ros.running.runs.launch import write_launch_file
 
@@ -32,7 +32,9 @@ def plan(tmp_path, monkeypatch):
 
     def make(text, types, infos=(), rig="rig.json"):
         (tmp_path / "drivers.yaml").write_text(text)
-        monkeypatch.setattr(driver_plan, "find_drivers", lambda wanted: Drivers(types, dict(infos)))
+        monkeypatch.setattr(
+            driver_plan, "find_drivers", lambda wanted: DriverSearchResult(types, dict(infos))
+        )
         monkeypatch.setattr(driver_plan, "prepare_environment", lambda: None)
         return driver_plan.plan_drivers(tmp_path / "drivers.yaml", rig=tmp_path / rig if rig else None)
 

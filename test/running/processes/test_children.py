@@ -10,7 +10,7 @@ import pytest
 
 from panoptic_ros.errors import ContractError, EnvironmentProblem, UserError
 from panoptic_ros.running.processes import children as module
-from panoptic_ros.running.processes.children import MOST_REVIVALS, Ahead, Processes
+from panoptic_ros.running.processes.children import MOST_REVIVALS, LaunchPreparation, Processes
 
 
 @pytest.fixture
@@ -44,14 +44,14 @@ def told(tmp_path, monkeypatch):
 
 def test_the_first_process_may_have_been_loaded_ahead(told, tmp_path):
     launch, logs = tmp_path / "launch.json", tmp_path / "logs"
-    with Ahead() as ahead, Processes(launch, ["fusion"], logs, ahead=ahead) as running:
+    with LaunchPreparation() as ahead, Processes(launch, ["fusion"], logs, ahead=ahead) as running:
         with pytest.raises(UserError, match="^fusion$"):
             until(running.check)
 
 
 def test_what_broke_down_ahead_is_started_anew_and_tells_why(told, tmp_path):
     told.write_text("print('it is broken'); raise SystemExit(1)")
-    with Ahead() as ahead:
+    with LaunchPreparation() as ahead:
         ahead._process.wait()
         with Processes(tmp_path / "l.json", ["fusion"], tmp_path / "logs", ahead=ahead) as running:
             with pytest.raises(ContractError, match="it is broken"):
@@ -59,7 +59,7 @@ def test_what_broke_down_ahead_is_started_anew_and_tells_why(told, tmp_path):
 
 
 def test_what_nobody_needed_ahead_is_ended(told):
-    with Ahead() as ahead:
+    with LaunchPreparation() as ahead:
         process = ahead._process
         assert process.poll() is None
     assert process.returncode == -9

@@ -135,7 +135,7 @@ class Started:
         self.lines, self.asked = [], []
         monkeypatch.setattr(recording, "recording_facts", self._facts)
         self._meanwhile = asked_meanwhile
-        self._recording = recording._Recording(RecordOptions(), self.lines.append)
+        self._recording = recording._BagRecording(RecordOptions(), self.lines.append)
         self._folder = folder
 
     def _facts(self, node, executor):
@@ -176,7 +176,7 @@ def test_a_recorder_stands_by_after_a_bag_that_cannot_begin(tmp_path, monkeypatc
 def test_two_bags_that_begin_within_a_second_have_names_of_their_own(tmp_path, monkeypatch):
     monkeypatch.setattr(recording, "recording_facts", lambda node, executor: {})
     monkeypatch.setattr(recording.time, "strftime", lambda *_: "20261124-090000")
-    standing = recording._Recording(RecordOptions(), lambda line: None)
+    standing = recording._BagRecording(RecordOptions(), lambda line: None)
 
     def ask(start):
         return standing._asked(SimpleNamespace(data=start), SimpleNamespace()).message

@@ -11,7 +11,7 @@ from recordings import write_bag
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.cli.run import source
-from panoptic_ros.cli.run.watch import Watch
+from panoptic_ros.cli.run.watch import TerminalObserver
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.io import bag_recorder
 from panoptic_ros.io.bags import BagReader
@@ -82,7 +82,7 @@ def test_an_error_of_the_display_ends_the_display(run_live, tmp_path, monkeypatc
     def saw(self, key, record):
         raise RuntimeError("no window")
 
-    monkeypatch.setattr(Watch, "saw", saw)
+    monkeypatch.setattr(TerminalObserver, "saw", saw)
     code, _, said = run_live(ask)
     assert code == 0 and said.count("the display ended (RuntimeError: no window)") == 1
     assert json.loads((tmp_path / "out" / "report.json").read_text())["frames"]["out"] == 6

@@ -17,7 +17,7 @@ from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.planning import plan_capture, plan_videos
 from panoptic_ros.simulation import SKELETON, scene, simulate
 from panoptic_ros.simulation.generators import SAMPLE_RATE, Generator, filmed
-from panoptic_ros.view.video_file import Sound, VideoFile
+from panoptic_ros.view.video_file import VideoAudio, VideoFile
 
 SECOND = 10**9
 SECONDS = 1.7
@@ -49,7 +49,7 @@ def shoot(folder, channels, names=tuple(BEGINS), suffix=".mp4", clocks=None):
         heard = [
             noise if one is None else filmed([one], FREE, begin + SOUND_LATE, SECONDS)[:, 0] for one in own
         ]
-        sound = Sound(np.stack(heard, axis=1), SAMPLE_RATE, SOUND_LATE) if heard else None
+        sound = VideoAudio(np.stack(heard, axis=1), SAMPLE_RATE, SOUND_LATE) if heard else None
         with VideoFile(folder / f"{name}{suffix}", (16, 16), 30.0, sound=sound) as video:
             for k in range(int(SECONDS * 30)):
                 video.write(np.full((16, 16, 3), k, np.uint8))

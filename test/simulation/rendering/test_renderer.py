@@ -13,7 +13,7 @@ from panoptic_ros.geometry import Intrinsics
 from panoptic_ros.simulation import SCENES, Lens, Ring, simulate
 from panoptic_ros.simulation.rendering import RenderedView, Studio
 from panoptic_ros.simulation.rendering.renderer import pixel_plane, shape_boxes
-from panoptic_ros.simulation.rendering.room import Room
+from panoptic_ros.simulation.rendering.room import RenderedRoom
 
 SMALL = Lens((160, 120), (106.0, 110.0), distorted_every=2)  # every second camera
 SCENE = replace(SCENES["rendered-4p6v"], rig=Ring(2, radius=3.9, heights=(1.2, 2.6), lens=SMALL))
@@ -88,7 +88,7 @@ def rays_of(camera):
 
 def test_the_room_is_where_its_walls_are(take):
     camera = take.rig.camera("cam01")
-    room = Room.draw(np.random.default_rng(0), take.rig)
+    room = RenderedRoom.draw(np.random.default_rng(0), take.rig)
     backdrop = room.seen_by(camera, pixel_plane(camera))
     points = camera.centre + backdrop.depth[..., None] * rays_of(camera)
     gaps = np.stack([np.abs(points[..., wall.axis] - wall.value) for wall in room.walls])

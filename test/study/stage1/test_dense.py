@@ -5,12 +5,12 @@ import pytest
 
 from panoptic_ros.study.stage1 import dense
 from panoptic_ros.study.stage1.layouts import make_world
-from panoptic_ros.voting.proposals import Demands
+from panoptic_ros.voting.proposals import NodeCriteria
 from panoptic_ros.voting.scene import build_scene
 from panoptic_ros.voting.volume import Volume
 from panoptic_ros.voting.votes import at_rest, vote_points
 
-WANTED = Demands(0.1, 2, 0.1)
+WANTED = NodeCriteria(0.1, 2, 0.1)
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ from typing import cast
 import numpy as np
 import pytest
 
-from panoptic_ros.timecode.follow.following import CALM_WORDS, Follow
+from panoptic_ros.timecode.follow.following import CALM_WORDS, SignalTracker
 from panoptic_ros.timecode.follow.wander import Wander
 from panoptic_ros.timecode.label.expected import ExpectedLabels
-from panoptic_ros.timecode.signal.half_cells import Grid
+from panoptic_ros.timecode.signal.half_cells import CellGrid
 from panoptic_ros.timecode.word.edges import EdgeFit
 from panoptic_ros.timecode.word.layout import WORD_CELLS
 from panoptic_ros.timecode.word.tracking import BEFORE, TICKS
@@ -24,18 +24,18 @@ class _Labels:
 
 def fit_of(waver: float = 1.0) -> EdgeFit:
     ticks = np.zeros(TICKS + 1)
-    return EdgeFit(True, ticks, Grid(0.0, CELL), 0.04, np.full(2, 1e-3), waver, 0.1)
+    return EdgeFit(True, ticks, CellGrid(0.0, CELL), 0.04, np.full(2, 1e-3), waver, 0.1)
 
 
-def following(wander: Wander | None = None) -> Follow:
-    return Follow(Grid(0.0, CELL), 0, cast(ExpectedLabels, _Labels()), False, wander)
+def following(wander: Wander | None = None) -> SignalTracker:
+    return SignalTracker(CellGrid(0.0, CELL), 0, cast(ExpectedLabels, _Labels()), False, wander)
 
 
 def test_the_next_word_lies_on_the_line_through_the_last_ones() -> None:
     follow, rng = following(), np.random.default_rng(1)
     for number in range(12):
         middle = number * WORD_CELLS * CELL + rng.normal(0.0, 0.1)
-        follow.hit(fit_of(), Grid(middle, CELL + rng.normal(0.0, 0.01)), True, None)
+        follow.hit(fit_of(), CellGrid(middle, CELL + rng.normal(0.0, 0.01)), True, None)
     assert follow.number == follow.read == 12
     assert follow.grid.cell == pytest.approx(CELL, abs=1e-3)
     assert follow.grid.middle == pytest.approx(12 * WORD_CELLS * CELL, abs=0.4)
@@ -48,7 +48,7 @@ def test_a_word_that_is_off_the_line_begins_another() -> None:
     middles = [number * WORD_CELLS * CELL for number in range(10)]
     middles += [middles[-1] + number * WORD_CELLS * (CELL + 0.1) for number in range(1, 5)]
     for number, middle in enumerate(middles):
-        follow.hit(fit_of(), Grid(middle, CELL if number < 10 else CELL + 0.1), True, None)
+        follow.hit(fit_of(), CellGrid(middle, CELL if number < 10 else CELL + 0.1), True, None)
     assert follow.grid.cell == pytest.approx(CELL + 0.1, abs=0.01)
 
 
@@ -57,7 +57,7 @@ def test_swings_are_told_by_one_clear_word_or_by_many() -> None:
     assert follow.swings(fit_of(40.0)) and not follow.swings(fit_of(20.0))
     assert not follow.swings(fit_of(40.0)._replace(swing=1e-4))
     for _ in range(7):
-        follow.hit(fit_of(4.0), Grid(follow.grid.middle, CELL), True, None)
+        follow.hit(fit_of(4.0), CellGrid(follow.grid.middle, CELL), True, None)
     assert follow.swings(fit_of(4.0))
 
 
@@ -66,5 +66,5 @@ def test_a_speed_that_is_calm_for_long_counts_as_constant() -> None:
     for number in range(CALM_WORDS):
         assert follow.wander is not None
         ticks = number * WORD_CELLS * CELL + 0.5 * CELL * np.arange(-BEFORE, TICKS + 1)
-        follow.hit(fit_of(), Grid(ticks[BEFORE + WORD_CELLS], CELL), True, ticks)
+        follow.hit(fit_of(), CellGrid(ticks[BEFORE + WORD_CELLS], CELL), True, ticks)
     assert follow.wander is None

@@ -10,7 +10,7 @@ import pytest
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_signal import square_wave, timecode_rate, word_bits
 from panoptic_ros.timecode import TimecodeConfig, decode_recording
-from panoptic_ros.timecode.label.evidence import Evidence, UserBits, judge
+from panoptic_ros.timecode.label.evidence import LabelLikelihood, UserBits, judge
 from panoptic_ros.timecode.word.layout import USER_BITS, known_bits
 from panoptic_ros.timecode.word.viterbi import WordLevels
 
@@ -52,26 +52,26 @@ def test_a_word_that_an_eighth_of_silence_fills_is_no_word(noise: float) -> None
 def test_known_user_bits_cannot_hide_a_turned_polarity() -> None:
     """Labels 21 and 29 differ in a bit beside a user bit."""
     levels, nothing = levels_of(label_of(21), 0.4), UserBits(np.zeros(32))
-    alone = Evidence(levels, nothing).verdict(label_of(29)).nats
-    evidence = Evidence(levels, known())
+    alone = LabelLikelihood(levels, nothing).verdict(label_of(29)).nats
+    evidence = LabelLikelihood(levels, known())
     assert evidence.same_user
     assert evidence.verdict(label_of(29)).nats > max(30.0, 1.5 * alone)
     assert evidence.verdict(label_of(21)).good
 
 
 def test_a_word_with_user_bits_of_its_own_is_judged_freely() -> None:
-    evidence = Evidence(levels_of(label_of(21), 0.4, user=0x01234567), known())
+    evidence = LabelLikelihood(levels_of(label_of(21), 0.4, user=0x01234567), known())
     assert not evidence.same_user
     assert evidence.contradiction > 30.0
     assert evidence.verdict(label_of(21)).good
 
 
 def test_a_label_is_compared_with_those_beside_it() -> None:
-    evidence = Evidence(levels_of(label_of(1), 0.9), known())
+    evidence = LabelLikelihood(levels_of(label_of(1), 0.9), known())
     right, wrong = (evidence.compared(label, evidence.verdict(label)) for label in (label_of(1), label_of(2)))
     assert right.good and right.ahead > 0.0
     assert wrong.ahead < 0.0 and not wrong.good
-    clear = Evidence(levels_of(label_of(1)), known())
+    clear = LabelLikelihood(levels_of(label_of(1)), known())
     assert clear.compared(label_of(1), clear.verdict(label_of(1))).ahead == np.inf  # nobody else was asked
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from panoptic_ros.domain import AudioBlock, Timecode
-from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
+from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, timecode_rate, word_bits
 from panoptic_ros.timecode import TimecodeConfig, TimecodeStage
 from panoptic_ros.timecode.label.counting import closest_rate, possible_rates, proposals
@@ -176,7 +176,7 @@ def test_a_room_that_turns_a_minute_in_every_word() -> None:
     lead = 0.5 + rng.uniform(0.0, 1.0) / 48000
     user = int(rng.integers(0, 2**32))
     faults = AudioFaults(seed=3, snr_db=50.0)
-    channel = Channel(speed=speed, seed=3, faults=faults, echo_s=0.5, direct_db=3.0)
+    channel = ChannelDistortion(speed=speed, seed=3, faults=faults, echo_s=0.5, direct_db=3.0)
     clip = play_ltc(start, 300, 48000, channel, lead=lead, user_bits=user)
     samples = clip.samples[: int(1.5 * 48000)]
     stage = TimecodeStage(TimecodeConfig())

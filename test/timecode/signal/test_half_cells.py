@@ -13,7 +13,7 @@ from panoptic_ros.simulation.ltc_signal import (
     timecode_rate,
     word_bits,
 )
-from panoptic_ros.timecode.signal.half_cells import Grid, half_levels, integral, moved_grid, place_of
+from panoptic_ros.timecode.signal.half_cells import CellGrid, half_levels, integral, moved_grid, place_of
 from panoptic_ros.timecode.word.layout import FREE
 from panoptic_ros.timecode.word.viterbi import best_path
 
@@ -52,11 +52,11 @@ def test_cells_of_a_clean_signal() -> None:
     score, bits, _ = best_path(halves, np.full(160, FREE, np.int8), 0.0)
     assert bits.tolist() == [bit for label in signal.labels for bit in word_bits(label)]
     assert score > 0.999 * np.abs(halves).sum()
-    np.testing.assert_allclose(half_levels(sums, Grid(50.5, 20.0), 0.0, 160), halves, atol=1e-12)
+    np.testing.assert_allclose(half_levels(sums, CellGrid(50.5, 20.0), 0.0, 160), halves, atol=1e-12)
 
 
 def test_a_grid_is_moved_by_whole_cells() -> None:
-    grid = Grid(1000.0, 20.0)
+    grid = CellGrid(1000.0, 20.0)
     moved = moved_grid(grid, 7.0)
     for u in (-3.0, 0.0, 5.0):
         assert place_of(moved, u) == pytest.approx(grid.middle + grid.cell * (7.0 + u))

@@ -10,7 +10,7 @@ from panoptic_ros.simulation.ltc_signal import (
     timecode_rate,
     word_bits,
 )
-from panoptic_ros.timecode.signal.half_cells import Grid, half_levels
+from panoptic_ros.timecode.signal.half_cells import CellGrid, half_levels
 from panoptic_ros.timecode.word.acquisition import _even_parity
 from panoptic_ros.timecode.word.layout import SYNC, SYNC_BACK
 from panoptic_ros.timecode.word.search import sync_means
@@ -27,5 +27,5 @@ def test_sync_is_found_in_both_directions_and_nowhere_else() -> None:
 def test_cells_begin_where_the_level_always_changes() -> None:
     signal = encode_ltc(Timecode.from_frame_count(777, timecode_rate("30")), 2, 48000, lead=50.5)
     sums = np.concatenate([[0.0], np.cumsum(signal.samples.astype(float))])
-    halves = half_levels(sums, Grid(50.5, 20.0), 0.0, 160)
+    halves = half_levels(sums, CellGrid(50.5, 20.0), 0.0, 160)
     assert _even_parity(halves) and not _even_parity(halves[1:-1])

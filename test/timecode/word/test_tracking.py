@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.domain import Timecode
-from panoptic_ros.simulation.ltc_channel import Channel, play_ltc
+from panoptic_ros.simulation.ltc_channel import ChannelDistortion, play_ltc
 from panoptic_ros.simulation.ltc_signal import AudioFaults, LtcSignal, timecode_rate
 from panoptic_ros.timecode.word.tracking import BEFORE, TICKS, track, word_ticks
 
@@ -13,7 +13,9 @@ CELL = 20.0
 
 
 def _signal() -> LtcSignal:
-    channel = Channel(flutter=0.005, flutter_hz=15.0, seed=7, faults=AudioFaults(snr_db=18.0, seed=7))
+    channel = ChannelDistortion(
+        flutter=0.005, flutter_hz=15.0, seed=7, faults=AudioFaults(snr_db=18.0, seed=7)
+    )
     return play_ltc(Timecode(1, 2, 3, 4, timecode_rate("30")), 12, 48000, channel, lead=0.1)
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from panoptic_ros.domain import Timecode
 from panoptic_ros.simulation.ltc_signal import encode_ltc, timecode_rate
-from panoptic_ros.timecode.signal.half_cells import Grid
+from panoptic_ros.timecode.signal.half_cells import CellGrid
 from panoptic_ros.timecode.word.layout import FREE
 from panoptic_ros.timecode.word.viterbi import WordLevels, best_path, soft_bits, word_levels
 
@@ -63,7 +63,7 @@ def heard(word: int, reverse: bool, cut: bool = False) -> WordLevels:
     if cut:
         samples[slice(int(middle + 40 * CELL), None) if reverse else slice(0, int(middle - 40 * CELL))] = 0.0
     sums = np.concatenate([[0.0], np.cumsum(samples)])
-    return word_levels(sums, Grid(middle, CELL), reverse)
+    return word_levels(sums, CellGrid(middle, CELL), reverse)
 
 
 @pytest.mark.parametrize("reverse", [False, True])

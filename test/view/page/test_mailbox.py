@@ -1,12 +1,12 @@
 """A client gets the newest, and never more than it has drawn."""
 
-from panoptic_ros.view.page.mailbox import CREDITS, Instant, Mailbox
-from panoptic_ros.view.page.packets import Message
+from panoptic_ros.view.page.mailbox import CREDITS, Mailbox, PageInstant
+from panoptic_ros.view.page.packets import PageMessage
 
 
 def instant(number, *cameras):
-    views = {name: (Message(10, f"{name} {number}".encode()),) for name in cameras}
-    return Instant(Message(0, str(number).encode()), views)
+    views = {name: (PageMessage(10, f"{name} {number}".encode()),) for name in cameras}
+    return PageInstant(PageMessage(0, str(number).encode()), views)
 
 
 def texts(messages):
@@ -55,7 +55,7 @@ def test_acknowledging_too_often_gives_no_more_credit():
 def test_other_topics_do_not_push_skeletons_out():
     box = Mailbox()
     box.offer(instant(1))
-    box.offer(Instant(None, {}, (Message(5, b"nodes 1"),)))
-    box.offer(Instant(None, {}, (Message(5, b"nodes 2"),)))
+    box.offer(PageInstant(None, {}, (PageMessage(5, b"nodes 1"),)))
+    box.offer(PageInstant(None, {}, (PageMessage(5, b"nodes 2"),)))
     assert texts(box.take()) == ["1", "nodes 2"]
     assert box.dropped == 0

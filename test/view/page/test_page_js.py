@@ -26,9 +26,9 @@ from panoptic_ros.io.body_models import read_body_shape
 from panoptic_ros.io.colors import rgb_of
 from panoptic_ros.io.messages.family import decode_cdr
 from panoptic_ros.io.resources import share_folder
-from panoptic_ros.kinematics.body_records import Solved, body_set
+from panoptic_ros.kinematics.body_records import SolvedBody, body_set
 from panoptic_ros.view.page.facts import camera_document, schemas, shape_document
-from panoptic_ros.view.page.packets import Kind, Message, pack
+from panoptic_ros.view.page.packets import PacketKind, PageMessage, pack
 from panoptic_ros.view.page.recorded import RecordedScene
 
 pytestmark = needs_node
@@ -137,7 +137,7 @@ def test_messages_of_every_type_of_a_real_bag_are_decoded_as_in_the_package():
 
 
 def test_packets_are_taken_apart_and_what_is_none_is_refused():
-    messages = [Message(3, b"abc"), Message(0, b""), Message(70000, bytes(range(100)))]
+    messages = [PageMessage(3, b"abc"), PageMessage(0, b""), PageMessage(70000, bytes(range(100)))]
     found = run_js(
         BYTES
         + """
@@ -151,7 +151,7 @@ def test_packets_are_taken_apart_and_what_is_none_is_refused():
           messages: messages.map(({ topic, bytes }) => [topic, Buffer.from(bytes).toString("base64")]),
           aligned: messages.map(({ bytes }) => (bytes.byteOffset + 4) % 8) }));
         """,
-        {"packet": text(pack(Kind.BLOCK, 2**32 - 1, messages))},
+        {"packet": text(pack(PacketKind.BLOCK, 2**32 - 1, messages))},
     )
     assert found["messages"] == [[topic, text(data)] for topic, data in messages]
     assert (found["kind"], found["number"], found["refused"]) == (1, 2**32 - 1, 3)
@@ -422,7 +422,7 @@ def test_health_of_statuses_and_of_a_report():
 
 def test_balls_of_a_body_lie_where_its_capsules_are():
     frames, places = placed(some_pose(3))
-    body = Solved(BodyState(5, 4, places, frames), BODY, 2, 4, 0)
+    body = SolvedBody(BodyState(5, 4, places, frames), BODY, 2, 4, 0)
     data = as_bytes(body_set(0, 5, 5, MODEL, SKELETON, [body]))
     kind = "panoptic_msgs/msg/Bodies"
     found = run_js(

@@ -20,7 +20,7 @@ from panoptic_ros.view.page.folder import FolderScene
 from panoptic_ros.view.page.recorded import RecordedScene
 from panoptic_ros.view.page.recorded_talk import RecordedTalk
 from panoptic_ros.view.page.server import PageServer
-from panoptic_ros.view.page.truth import KEY, Truth
+from panoptic_ros.view.page.truth import KEY, TruthSkeletons
 
 
 def plain(start_ns, count=60):
@@ -66,7 +66,7 @@ def decoded(scene, messages):
 
 
 def test_truth_is_handed_out_by_stamp_in_the_joints_of_the_scene():
-    truth = Truth(plain(START_NS), SKELETON)
+    truth = TruthSkeletons(plain(START_NS), SKELETON)
     found = list(truth.between(START_NS + 10**9, START_NS + 2 * 10**9))
     assert len(found) == 30
     poses = from_message(decode_cdr(found[0], "panoptic_msgs/msg/Skeletons"), "RefinedPoseSet")
@@ -84,7 +84,7 @@ def test_a_bag_with_truth_has_its_messages_for_who_wants_them(recording):
 
 
 def test_a_folder_is_read_while_pages_wait(folder):
-    scene = scene_of(folder, Truth(plain(0), SKELETON))
+    scene = scene_of(folder, TruthSkeletons(plain(0), SKELETON))
     assert scene.block_count >= 2 and scene.facts()["rates"] == {"cam0": 30.0, "cam1": 30.0}
     reading = threading.Timer(0.2, scene.scan, (lambda: False, lambda: None))
     reading.start()
