@@ -132,14 +132,14 @@ class BodyStudy(Study):
             action="append",
             default=[],
             dest="captures",
-            help="a capture folder with its truth, in place of simulated ones; repeatable",
+            help="capture folder with its truth, instead of simulated ones; repeatable",
         )
         parser.add_argument(
             "--scenes",
             type=words,
             default=list(cls.scenes),
             metavar="NAME,NAME",
-            help=f"of bodies; default {','.join(cls.scenes)}",
+            help=f"scenes of bodies; default {','.join(cls.scenes)}",
         )
         add_seeds(parser, "0")
         parser.add_argument(
@@ -148,7 +148,7 @@ class BodyStudy(Study):
             default=[],
             metavar="NAME=VALUE",
             dest="settings",
-            help="a parameter of our kinematics; repeatable",
+            help="one parameter of our kinematics; repeatable",
         )
 
     def cases(self) -> list[Case]:

@@ -42,10 +42,18 @@ class Network(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--loss", type=within(float, 0.1, 50.0), default=5.0, metavar="PERCENT", help="default 5"
+            "--loss",
+            type=within(float, 0.1, 50.0),
+            default=5.0,
+            metavar="PERCENT",
+            help="share of lost packets; default 5",
         )
         parser.add_argument(
-            "--seconds", type=within(float, 1.0, 600.0), default=10.0, metavar="S", help="of loss; default 10"
+            "--seconds",
+            type=within(float, 1.0, 600.0),
+            default=10.0,
+            metavar="S",
+            help="duration of the loss; default 10",
         )
 
     def cases(self) -> list[Case]:

@@ -102,13 +102,21 @@ class Offsets(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--cases", type=words, default=list(CASES), metavar="NAME,NAME", help="default all"
+            "--cases", type=words, default=list(CASES), metavar="NAME,NAME", help="cases; default all"
         )
         add_seeds(parser, "0:3")
         parser.add_argument(
-            "--frames", type=within(int, 10, 10**6), default=150, metavar="N", help="of each; default 150"
+            "--frames",
+            type=within(int, 10, 10**6),
+            default=150,
+            metavar="N",
+            help="frames per case; default 150",
         )
-        parser.add_argument("--poses", action="store_true", help="also solve, for MPJPE before and after")
+        parser.add_argument(
+            "--poses",
+            action="store_true",
+            help="also solve skeletons, for their MPJPE before and after correction",
+        )
 
     def cases(self) -> list[Case]:
         """See `Study`."""
