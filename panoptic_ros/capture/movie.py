@@ -270,7 +270,9 @@ def open_media(path: Path, what: str, hardware: str = "") -> InputContainer:
     container.close()
     known = hwdevices_available()
     if hardware not in known:
-        raise EnvironmentProblem(f"FFmpeg knows no {hardware} here; there are {', '.join(known) or 'none'}")
+        raise EnvironmentProblem(
+            f"FFmpeg does not support {hardware} here; there are {', '.join(known) or 'none'}"
+        )
     try:
         return av.open(str(path), hwaccel=HWAccel(device_type=hardware, allow_software_fallback=False))
     except (av.FFmpegError, OSError, RuntimeError) as error:

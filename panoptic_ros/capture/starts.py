@@ -127,7 +127,7 @@ def _by_files(sources: Sequence[Begins]) -> tuple[dict[str, Fraction], list[str]
     late = {name: begin - first for name, begin in begins.items() if begin > first}
     said = [
         f"camera {name} begins {float(begin):.6g} s after the first, as "
-        + (f"its images are numbered from {numbers[name]} on" if name in numbers else "its file says")
+        + (f"its images are numbered from {numbers[name]} on" if name in numbers else "its file states")
         for name, begin in late.items()
     ]
     if not _overlap(sources, begins):

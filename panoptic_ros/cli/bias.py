@@ -61,5 +61,5 @@ def run(args: argparse.Namespace) -> int:
             benefits = write_measured_offsets(*given, args.bodies, bar.show)
         else:
             benefits = write_biases(*given, bar.show)
-    print(bias_table(benefits) if benefits else "one person: nobody to judge on")
+    print(bias_table(benefits) if benefits else "one person: no other person to validate on")
     return 0

@@ -144,7 +144,7 @@ def sizes_that_differ(rig: Rig, instants: Sequence[Mapping[str, ViewDetections]]
             elif abs(width * wanted[1] / (height * wanted[0]) - 1.0) < 0.02:
                 why = f"they are {width / wanted[0]:.3g} times the size; scale the intrinsics or the images"
             text = (
-                f"camera {camera.name}: the images have {width} x {height} px, the rig says "
+                f"camera {camera.name}: the images have {width} x {height} px, but the rig states "
                 f"{wanted[0]} x {wanted[1]}; {why}"
             )
             notices.append(Notice("rig.image_size", "warning", text, {"cameras": [camera.name]}))

@@ -66,4 +66,4 @@ def _check(file: IO[bytes], size: int, where: str) -> None:
     if dtype.hasobject:
         raise DataError(f"{where} holds objects of Python, which are not read")
     if math.prod(shape) * dtype.itemsize > size:
-        raise DataError(f"{where} says that it is {shape} of {dtype}, which is more than its {size} bytes")
+        raise DataError(f"{where} states {shape} of {dtype}, which is more than its {size} bytes")

@@ -25,7 +25,7 @@ _FISHEYE = frozenset(
 )
 _NONE = frozenset(("", "ideal", "none", "nodistortion", "rectified", "undistorted"))
 _MOST = {"plumbbob": 5, "radtan": 4, "radialtangential": 4}  # number of coefficients that the name implies
-KNOWN = "plumb_bob, rational_polynomial, equidistant, and what OpenCV and Kalibr call the same"
+KNOWN = "plumb_bob, rational_polynomial, equidistant, and their names in OpenCV and Kalibr"
 
 
 def ros_name(intrinsics: Intrinsics) -> str:

@@ -150,7 +150,7 @@ def _expect(words: Iterator[str], *wanted: str) -> None:
     for want in wanted:
         word = next(words)
         if word != want:
-            raise ValueError(f"{word} in place of {want}")
+            raise ValueError(f"{word} instead of {want}")
 
 
 def _placed(parents: list[int], offsets: Array, channels: list[list[str]], table: Array) -> Array:

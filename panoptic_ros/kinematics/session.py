@@ -116,8 +116,8 @@ def solve_recording(
         states += person.flush()
         if not person.came:
             notices.append(
-                f"subject {person.subject.id} has not come: no camera sees anybody near where it starts, "
-                "and no IMU that is mounted tells of it; look at `start` and the devices of its file"
+                f"subject {person.subject.id} was not found: no camera sees a person near its start, and "
+                "no mounted IMU measures it; check `start` and the devices of its file"
             )
     return Solved(states, people, notices)
 
@@ -252,8 +252,8 @@ class RecordedPeople:
             crowd = max((len(people.points) for people in instant.views.values()), default=0)
             if crowd and (len(self._people) > 1 or crowd > 1):
                 raise DataError(
-                    f"subject {subject.id}: {crowd} people are seen and nothing says who it is; state "
-                    "`start`, where the pelvis is at the first instant"
+                    f"subject {subject.id}: {crowd} people are seen and it cannot be identified; state "
+                    "`start`, the position of the pelvis at the first instant"
                 )
         alone = self._cameras < 2 or instant.stamp_ns > self._sets[0][0].stamp_ns + 1e9 * SEVERAL_S
         return nearest_to_start(subject, instant, person.weighing, alone)

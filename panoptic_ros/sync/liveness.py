@@ -49,7 +49,9 @@ class Liveness:
             return ()
         camera.silent = False
         away = "" if before is None else f" after {(self._passed_ns - before) / SECOND:.1f} s"
-        return (Notice("sync.camera_back", "info", f"camera {name} gives frames{away}", {"camera": name}),)
+        return (
+            Notice("sync.camera_back", "info", f"camera {name} sends frames again{away}", {"camera": name}),
+        )
 
     def took(self, name: str, stamp_ns: int) -> None:
         """Record a good frame of a camera, with its timestamp in master time."""

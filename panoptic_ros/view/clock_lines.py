@@ -28,7 +28,7 @@ def clock_lines(clocks: CameraClocks) -> list[str]:
         if far > 0.0:
             lines.append(f"  {name} strays from this by up to {1e3 * far:.0f} ms: does its clock jump?")
     if not clocks.known.any():
-        lines.append("  nothing moves enough to compare the clocks; let somebody walk about for 5 s")
+        lines.append("  too little motion to compare the clocks; let a person walk about for 5 s")
     if clocks.bias > 0.0:
         bias = f"{1e3 * clocks.bias:.0f} mm"
         lines.append(f"  2D joints are {bias} off for seconds on end; the deviations allow for it")
@@ -95,8 +95,10 @@ def contradictions(sound: HeardClocks, motion: CameraClocks) -> list[str]:
     both[known] = np.sqrt(np.maximum(np.diag(gauge @ joint @ gauge), 0.0))
     beside = motion.offsets - np.median(motion.offsets[known])
     return [
-        f"  motion puts {name} {1e3 * beside[c]:+.0f} ms beside what its sound says, which is known within "
-        f"{1e3 * both[c]:.0f} ms: do its images come later than its sound?"
+        (
+            f"  the clock of {name} from motion is {1e3 * beside[c]:+.0f} ms off that from sound, with an "
+            f"uncertainty of {1e3 * both[c]:.0f} ms: do its images come later than its sound?"
+        )
         for c, name in enumerate(sound.clocks.cameras)
         if known[c] and abs(beside[c]) > AIR * both[c]
     ]

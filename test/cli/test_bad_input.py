@@ -77,7 +77,7 @@ class TestCaptureFolder:
         assert line.endswith(told)
 
     def test_no_folder(self, capsys, out, tmp_path):
-        assert "is not there" in fails(capsys, out, "run", tmp_path / "nothing")
+        assert "does not exist" in fails(capsys, out, "run", tmp_path / "nothing")
 
     def test_missing_video(self, capsys, out, capture):
         (capture / "cam2.mp4").unlink()

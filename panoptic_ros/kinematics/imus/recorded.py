@@ -72,7 +72,7 @@ def _usable(series: ImuSeries, end_ns: int) -> tuple[ImuSeries, list[str]]:
         known = np.linalg.norm(quaternions, axis=-1) > 1e-3
     quaternions[~known] = np.nan
     if not known.all():
-        lines.append(f"tells no orientation in {int((~known).sum())} of {len(known)} samples")
+        lines.append(f"has no orientation in {int((~known).sum())} of {len(known)} samples")
     found = ImuSeries(series.stamps[kept], quaternions, rates, forces)
     told = found.stamps[known]
     gaps = np.diff(np.append(told, max(end_ns, int(told[-1])))) if len(told) else np.zeros(0)
@@ -80,8 +80,8 @@ def _usable(series: ImuSeries, end_ns: int) -> tuple[ImuSeries, list[str]]:
         k = int(np.argmax(gaps))
         since = 1e-9 * (int(told[k]) - int(told[0]))
         lines.append(
-            f"is silent for {1e-9 * gaps[k]:.1f} s, {since:.1f} s after its first sample; bodies go on "
-            "without it"
+            f"is silent for {1e-9 * gaps[k]:.1f} s, {since:.1f} s after its first sample; bodies are "
+            "solved without it"
         )
     return found, lines
 

@@ -189,8 +189,8 @@ class ImuStreams:
         self._unoriented[d] = self._unoriented[d] + 1 if np.isnan(sample.orientation[0]) else 0
         if self._unoriented[d] == FEWEST_UNORIENTED:
             text = (
-                f"{sample.device} tells no orientation (zeros, NaN or a covariance of -1), so bodies go on "
-                "without it; let its driver estimate one"
+                f"{sample.device} has no orientation (zeros, NaN or a covariance of -1), so bodies are "
+                "solved without it; let its driver estimate one"
             )
             told = (*told, _notice("unoriented", "warning", text, sample.device))
         return told
@@ -251,7 +251,7 @@ class ImuStreams:
         silent = come & (passed > SILENT_NS)
         limit = ALL_SILENT_NS if silent.sum() > max(FEW, 0.5 * come.sum()) else SILENT_NS
         for d in np.flatnonzero(silent & (passed > limit) & ~self._silent).tolist():
-            text = f"{self.names[d]} has been silent for {1e-9 * limit:g} s; bodies go on without it"
+            text = f"{self.names[d]} has been silent for {1e-9 * limit:g} s; bodies are solved without it"
             notices.append(_notice("imu_silent", "warning", text, self.names[d]))
         for d in np.flatnonzero(self._silent & ~silent).tolist():
             notices.append(_notice("imu_back", "info", f"{self.names[d]} is back", self.names[d]))

@@ -114,7 +114,9 @@ class _Listener:
         try:
             return world, {frame: tree.fixed_from(world, frame) for frame in frames}
         except CalibrationError as error:
-            raise CalibrationError(f"{error}; publish what connects them, or give --rig") from None
+            raise CalibrationError(
+                f"{error}; publish a transform that connects them, or give --rig"
+            ) from None
 
     def _take(self, message: Any) -> None:
         for transform in message.transforms:

@@ -137,8 +137,8 @@ def _check_place(out: Path) -> None:
     """
     if out.is_symlink() and not out.exists():
         raise UsageError(
-            f"--out {out} is a link to {os.readlink(out)}, which is not there; make that folder, or remove "
-            "the link"
+            f"--out {out} is a link to {os.readlink(out)}, which does not exist; make that folder, or "
+            "remove the link"
         )
     if out.exists() and not out.is_dir():
         raise UsageError(f"--out {out} is a file; give a folder")

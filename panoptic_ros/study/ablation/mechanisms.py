@@ -70,7 +70,7 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _assembly("gate", "views with large residuals are left out", gate=NO_LIMIT),
     _assembly(
         "robustness",
-        "gate and Cauchy weight, and a limit to what an observation costs",
+        "gate, Cauchy weight, and a limit of the cost of an observation",
         truncation=NO_LIMIT,
         gate=NO_LIMIT,
         cauchy=NO_LIMIT,
@@ -86,13 +86,13 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _assembly("agreed-share", "views agree on half of a person's joints", min_agreed_share=0.0),
     _assembly("fewest-joints", "a person has five joints", min_person_joints=1),
     _assembly("map-votes", "joints go to the soft votes of the maps", True, vote_distance=0.0),
-    _assembly("lost-people", "people whom the maps alone show are added", True, lost_people=False),
+    _assembly("lost-people", "people who are in score maps only are added", True, lost_people=False),
     _assembly(
         "two-view-joints",
         "joints on which two views disagree, or that one shows, are placed",
         two_view_joints=False,
     ),
-    _assembly("held-people", "bones hold people whom one or two views show", held_sigma=0.0),
+    _assembly("held-people", "bone lengths place people who are in one or two views", held_sigma=0.0),
     _assembly("longest-sigma", "joints that are too uncertain are missing", max_joint_sigma=10.0),
     _assembly("longest-bone", "no bone is longer than people's", max_bone=10.0),
     _assembly("lowest", "no people under the floor", lowest=-1000.0),
@@ -102,9 +102,12 @@ MECHANISMS: tuple[Mechanism, ...] = (
         "predicted-joints", "joints decide who is who, not the middle of the body alone", joint_memory=0.0
     ),
     _tracking(
-        "returns", "people who were lost come back near that place", return_distance=0.0, return_speed=0.0
+        "returns",
+        "lost people are re-identified near the place of loss",
+        return_distance=0.0,
+        return_speed=0.0,
     ),
-    _tracking("recognition", "who comes is looked at before it is somebody new", recognition_time=0.0),
+    _tracking("recognition", "newcomers are observed before they get a new id", recognition_time=0.0),
     _tracking("confirmation", "doubtful skeletons must be seen often", confirm_frames=1),
     _refinement("smoothing", "motion is smoothed", enabled=False),
     _refinement("lag", "later views are used, too", lag=0.0),
@@ -113,8 +116,8 @@ MECHANISMS: tuple[Mechanism, ...] = (
     _refinement("predictions", "joints of people who are seen are predicted", max_prediction=0.0),
     _refinement("filled-sigma", "filled joints that are too uncertain are missing", max_sigma=10.0),
     _refinement("bone-lengths", "bones keep their learnt lengths", bone_sigma=0.0),
-    _refinement("lasting-errors", "part of the errors lasts", lasting_share=0.0),
-    _refinement("bias-floor", "covariances know of constant biases", bias_floor=0.0),
+    _refinement("lasting-errors", "part of the errors persists", lasting_share=0.0),
+    _refinement("bias-floor", "covariances include constant biases", bias_floor=0.0),
 )
 
 

@@ -205,7 +205,7 @@ def read_case(folder: Path) -> BodyCase:
     """
     subjects = sorted(folder.glob("subject*.json"))
     if not subjects:
-        raise DataError(f"{folder} has no subject*.json; a capture of bodies names whom to solve for")
+        raise DataError(f"{folder} has no subject*.json; a capture of bodies needs one for each subject")
     rig, detections = folder / "rig.json", folder / "detections.json.gz"
     imu = next((folder / n for n in ("imu.csv", "imu.csv.gz") if (folder / n).exists()), None)
     if rig.exists() and not detections.exists():

@@ -99,7 +99,7 @@ class Borders(Study):
 
     def head(self, result: Result) -> str:
         """See `Study`."""
-        return "people whom borders cut: without the model, with it, and by an oracle; gain: its share"
+        return "people cut by image borders: without the model, with it, and by an oracle; gain: its share"
 
 
 def _figures(world: World, settings: dict[str, dict[str, Any]]) -> dict[str, float]:

@@ -101,7 +101,7 @@ def _run(loss: float, seconds: float, with_profile: bool) -> dict[str, Any]:
                 process.kill()
                 process.wait()
         if not out.is_file():
-            raise EnvironmentProblem("the receiving host gave nothing; is the machine out of memory?")
+            raise EnvironmentProblem("the receiving host sent nothing; is the machine out of memory?")
         return {"profile": with_profile, **figures(json.loads(out.read_text()), begun, ended)}
 
 

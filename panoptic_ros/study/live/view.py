@@ -99,7 +99,7 @@ class View(Study):
         Column("lost", "lost", ".0f"),
         Column("skeletons_p50_ms", "p50, ms", ".2f"),
         Column("skeletons_p99_ms", "p99, ms", ".2f"),
-        Column("p99_ratio", "p99 / that of nobody", ".2f"),
+        Column("p99_ratio", "p99 / without audience", ".2f"),
         Column("ratio_low", "  95 % from", ".2f"),
         Column("ratio_high", "  to", ".2f"),
         Column("publish_p50_ms", "publish a view p50, ms", ".3f"),

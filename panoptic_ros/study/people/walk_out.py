@@ -90,7 +90,8 @@ class Walkout(Study):
                 raise UsageError(f"{folder} has no truth.json.gz: name a capture folder with its truth")
             if len(capture.context.rig) < FEWEST:
                 raise UsageError(
-                    f"{len(capture.context.rig)} cameras are too few to lose some; {FEWEST} or more"
+                    f"{len(capture.context.rig)} cameras are too few to leave some out; at least {FEWEST} "
+                    "are needed"
                 )
         for seed in each(given.seeds, len(given.seeds), progress, "takes"):
             if capture is None:

@@ -72,10 +72,10 @@ CASES = {
     "talking": _Case(
         replace(SCENES["noisy-4p5v"], activities=("talk",) * 4), "four stand and talk; all faults"
     ),
-    "sitting": _Case(SCENES["sitting-group-6p5v"], "six round a table; faults that last for frames"),
+    "sitting": _Case(SCENES["sitting-group-6p5v"], "six round a table; faults that persist for frames"),
     "ten-cameras": _Case(SCENES["noisy-8p10v"], "eight people, ten cameras; all faults"),
     "swaying": _Case(_STANDING, "four stand and sway; all faults", _calm),
-    "resting": _Case(_STANDING, "nobody moves", _statue),
+    "resting": _Case(_STANDING, "no person moves", _statue),
 }
 
 

@@ -66,7 +66,9 @@ def test_what_is_missing_is_named_with_the_remedy(broadcasting):
     broadcasting([("base", "left_optical", 1.0), ("odom", "right_optical", 1.0)], [])
     with pytest.raises(CalibrationError, match=r"no frame 'lft_optical'; it has left_optical, .*static_"):
         find_transforms(["lft_optical"], patience_s=2.5)
-    with pytest.raises(CalibrationError, match=r"does not connect 'right_optical' .* publish what connects"):
+    with pytest.raises(
+        CalibrationError, match=r"does not connect 'right_optical' .* publish a transform that connects"
+    ):
         find_transforms(["left_optical", "right_optical"], patience_s=2.5)
 
 
