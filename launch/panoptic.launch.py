@@ -47,7 +47,7 @@ ARGUMENTS = {
     "flow": ("", "live (newest first) or replay (nothing is lost); default: replay for a capture folder"),
     "jpeg_quality": ("90", "of the images on the topics"),
     "node_per_stage": ("false", "true: live, a node and a process for every stage after detection too"),
-    "respawn": ("false", "true: a process that ends is started anew; for live use"),
+    "respawn": ("false", "true: a process that ends is restarted; for live use"),
 }
 
 

@@ -66,6 +66,4 @@ def test_stamps_that_go_back_between_batches(tmp_path: Path) -> None:
     notices: list[str] = []
     series = read_imus(tmp_path / "imu.csv", notices)["a"]
     assert len(series.stamps) == COUNT - 1 and (np.diff(series.stamps) > 0).all()
-    assert 50.0 not in series.rates[:, 0] and notices[0].endswith(
-        "; 1 left out, as their stamps go back"
-    )
+    assert 50.0 not in series.rates[:, 0] and notices[0].endswith("; 1 left out, as their stamps go back")
