@@ -196,7 +196,7 @@ class Movie:
                 if packet.size and not packet.is_discard and time is not None:
                     yield time
         except (av.FFmpegError, OSError) as error:
-            raise DataError(f"{self._what} cannot be read on: {reason(error)}") from None
+            raise DataError(f"{self._what} cannot be read further: {reason(error)}") from None
 
     def _time_of(self, packet: Packet[Any]) -> int | None:
         """Return the presentation time of a packet's frame, else its decoding time, ticks."""

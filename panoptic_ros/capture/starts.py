@@ -105,7 +105,7 @@ def _by_timecode(sources: Sequence[Begins]) -> tuple[dict[str, Fraction] | None,
     zero = next(iter(labels.values())).seconds
     begins = {name: _within_day(label.seconds - zero) for name, label in labels.items()}
     if not _overlap(sources, begins):
-        return None, f"timecode of the first frames, {said}, is not used: by it the recordings never overlap"
+        return None, f"timecode of the first frames, {said}, is not used: the recordings would never overlap"
     return begins, f"recordings are aligned by the timecode of their first frames: {said}; {OVERRIDE}"
 
 
@@ -131,7 +131,10 @@ def _by_files(sources: Sequence[Begins]) -> tuple[dict[str, Fraction], list[str]
         for name, begin in late.items()
     ]
     if not _overlap(sources, begins):
-        return {}, [f"{line}; but so the recordings never overlap, and all begin together" for line in said]
+        return {}, [
+            f"{line}; but then the recordings would never overlap, so all are assumed to begin together"
+            for line in said
+        ]
     return begins, [f"{line}; {OVERRIDE}" for line in said]
 
 

@@ -309,7 +309,7 @@ class VideoSource:
             (
                 "repaired",
                 self.repaired_stamps,
-                "frames have no times that increase; each comes a period after the one before",
+                "times of frames do not increase; frames are assumed to be one period apart",
             ),
         ]
         self.after = tuple(

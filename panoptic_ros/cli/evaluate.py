@@ -72,5 +72,5 @@ def run(args: argparse.Namespace) -> int:
     print(json.dumps(known(scores.values), indent=1) if args.json else scores.table)
     missed = scores.missed(limits)
     if missed:
-        raise UserError(f"{args.result} misses its bars: {'; '.join(missed)}")
+        raise UserError(f"{args.result} misses its limits: {'; '.join(missed)}")
     return 0

@@ -33,7 +33,7 @@ def implausible_cameras(rig: Rig) -> list[Notice]:
         text = f"the cameras lie {span:.0f} m apart: the unit of length is probably mm or cm, not m"
         notices.append(Notice("rig.units", "warning", text, {"span_m": span}))
     if len(rig) > 1 and span < 1e-3:
-        text = "all cameras are at one and the same place: the poses are missing, or in km"
+        text = "all cameras are at the same place: the poses are missing, or in km"
         notices.append(Notice("rig.units", "warning", text, {"span_m": span}))
     elif len(rig) > 1:
         notices += _at_one_pose(rig, ONE_PLACE * span)

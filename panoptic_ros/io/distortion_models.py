@@ -62,7 +62,7 @@ def read_lens(model: object, numbers: Array) -> tuple[Lens, Array, str]:
             f"the distortion model {named}; models that are read: {KNOWN}. Calibrate the camera with one of "
             "them, or undistort its images"
         )
-    unknown = f"distortion model {shown(model)} is not known; as it has no coefficients, none is taken"
+    unknown = f"distortion model {shown(model)} is unknown; as it has no coefficients, none is used"
     return "brown", np.zeros(0), "" if name in _NONE else unknown
 
 

@@ -174,7 +174,7 @@ def _aligned(
         found = align(subject, states, felt)
         if found is None:
             if not subject.heading_known:
-                text = "hardly moves, so the heading of its IMUs is taken as 0"
+                text = "hardly moves, so the heading of its IMUs is assumed to be 0"
                 notices.append(f"subject {subject.id}: {text}")
             continue
         headings[subject.id], shift, lines = taken_over(subject, found, config.clocks)
@@ -197,7 +197,7 @@ def _bent_heading(
     held = {name: during for name in turns if len(during := held_in(subject.t_pose, stamps, felt[name]))}
     found = heading_from_poses(subject, statistics, turns, held)
     if found is None:
-        text = "hardly moves and no camera sees it, so the heading of its IMUs is taken as 0"
+        text = "hardly moves and no camera sees it, so the heading of its IMUs is assumed to be 0"
         notices.append(f"subject {subject.id}: {text}")
         return 0.0
     notices.append(f"subject {subject.id}: {bent_line(found)}")

@@ -91,6 +91,6 @@ class Liveness:
                 continue
             camera.silent = True
             since = "yet" if heard is None else f"for {waited / SECOND:.2f} s"
-            text = f"camera {name} has given no usable frame {since}: sets do not wait for it"
+            text = f"camera {name} has sent no usable frame {since}: sets do not wait for it"
             notices.append(Notice("sync.camera_silent", "warning", text, {"camera": name}))
         return tuple(notices)

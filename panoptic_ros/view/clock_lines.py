@@ -18,7 +18,7 @@ def clock_lines(clocks: CameraClocks) -> list[str]:
         offset, deviation = 1e3 * clocks.offsets[c], 1e3 * clocks.deviations[c]
         drift, wobble = 1e6 * clocks.drifts[c], 1e6 * clocks.drift_deviations[c]
         if not clocks.known[c]:
-            text = f"not known (within {deviation:.0f} ms at best): too little moves in its view; stamps kept"
+            text = f"unknown ({deviation:.0f} ms at best): too little motion in its view; stamps kept"
         elif clocks.applied[c]:
             text = f"{offset:+8.2f} ms +- {deviation:.2f}   drift {drift:+4.0f} ppm +- {wobble:.0f}"
         else:
@@ -31,7 +31,7 @@ def clock_lines(clocks: CameraClocks) -> list[str]:
         lines.append("  too little motion to compare the clocks; let a person walk about for 5 s")
     if clocks.bias > 0.0:
         bias = f"{1e3 * clocks.bias:.0f} mm"
-        lines.append(f"  2D joints are {bias} off for seconds on end; the deviations allow for it")
+        lines.append(f"  2D joints are {bias} off for seconds on end; the deviations include it")
     if not clocks.converged:
         lines.append(f"  the estimate still moved after {clocks.iterations} iterations; trust it less")
     return lines

@@ -111,7 +111,7 @@ class TestCaptureFolder:
     def test_out_that_holds_other_things(self, capsys, out, capture):
         out.mkdir()
         (out / "thesis.tex").write_text("mine")
-        assert "other things" in fails(capsys, out, "run", capture)
+        assert "files that are not results of a run" in fails(capsys, out, "run", capture)
         assert (out / "thesis.tex").read_text() == "mine"
 
     def test_no_write_permission(self, capsys, out, capture):

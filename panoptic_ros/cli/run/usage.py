@@ -65,4 +65,4 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
     for option in ("jpeg", "node_per_stage", "publish"):
         if getattr(args, option) and (args.in_process or args.offline):
             name, other = option.replace("_", "-"), "offline" if args.offline else "in-process"
-            raise UsageError(f"--{name} has no meaning with --{other}, where there are no nodes")
+            raise UsageError(f"--{name} has no meaning with --{other}, which starts no nodes")

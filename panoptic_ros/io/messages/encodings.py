@@ -215,13 +215,13 @@ def shown_by(message: Any, what: str) -> Shown | None:
             other = "uyvy" if form.layout == "yuyv" else "yuyv"
             return Shown(
                 other,
-                f"{what} calls itself {stated}, but shows brightness where that has colour: taken as {other}",
+                f"{what} has encoding {stated}, but shows brightness instead of its colours: read as {other}",
             )
     if form.is_assumed:
-        return Shown("", f"{what} calls itself {stated}, which names no colours: taken as {form.layout}")
+        return Shown("", f"{what} has encoding {stated}, which names no colours: read as {form.layout}")
     if form.size == 2 and not form.bits:
         used = _bits_of(_values(message, form, what)[..., :3])
-        told = f"{what} has {used} bits in 16: stretched to all that there are" if used < 16 else ""
+        told = f"{what} has {used} bits in 16: scaled to the full range" if used < 16 else ""
         return Shown("", told)
     return Shown("", "")
 

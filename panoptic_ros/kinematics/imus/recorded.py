@@ -110,14 +110,14 @@ def _useless(series: ImuSeries, time: tuple[int, int] | None) -> str:
         return ""
     turned = from_quaternions(series.quaternions[known])
     if _turns_otherwise(_rates(series)):
-        return "turns otherwise by its quaternions, w x y z into its inertial frame, than by its rates"
+        return "rotates by its quaternions (w x y z, into its inertial frame) differently than by its rates"
     force = (turned @ series.forces[known][..., None])[..., 0].mean(0)
     if np.linalg.norm(force - GRAVITY) <= UPRIGHT:
         return ""
     mean = np.array2string(force, precision=1)
     return (
-        f"measures a mean force of {mean} m/s^2 in its inertial frame, where (0, 0, 9.81) is asked for: "
-        "z up, quaternions that turn device vectors into it, m/s^2, gravity not taken off"
+        f"measures a mean force of {mean} m/s^2 in its inertial frame, expected (0, 0, 9.81): z up, "
+        "quaternions that turn device vectors into it, m/s^2, gravity not subtracted"
     )
 
 

@@ -89,10 +89,10 @@ def unit_fault(sums: Array) -> str:
         return ""
     _, own, told, _ = sums.tolist()
     ratio = math.sqrt(told / own)
-    guess = "deg/s" if ratio > 1.0 else "rad/s turned from deg once too often"
+    guess = "deg/s" if ratio > 1.0 else "rad/s converted from deg twice"
     return (
-        f"sends angular velocities {ratio:.3g} times as large as its orientation turns, so perhaps {guess}; "
-        "rad/s is asked for; bodies do not rest on them"
+        f"sends angular velocities {ratio:.3g} times as large as its orientation turns, so perhaps "
+        f"{guess}; expected rad/s; bodies are solved without them"
     )
 
 
@@ -270,9 +270,9 @@ class ImuStreams:
         for d in np.flatnonzero(odd & ~self._odd).tolist():
             mean = np.array2string(self._force[d], precision=1)
             text = (
-                f"{self.names[d]} measures a mean force of {mean} m/s^2 in its inertial frame, where "
-                "(0, 0, 9.81) is asked for: z up, quaternions that turn device vectors into it, m/s^2, "
-                "gravity not taken off; it is left out"
+                f"{self.names[d]} measures a mean force of {mean} m/s^2 in its inertial frame, expected "
+                "(0, 0, 9.81): z up, quaternions that turn device vectors into it, m/s^2, gravity not "
+                "subtracted; it is left out"
             )
             notices.append(_notice("imu_convention", "warning", text, self.names[d]))
         self._odd = odd

@@ -99,7 +99,7 @@ class _Listener:
         if not self._found:
             told = f" ({self._bad[0]})" if self._bad else ""
             raise EnvironmentProblem(
-                f"nothing came on /tf or /tf_static within {patience_s:g} s{told}: is a "
+                f"no message on /tf or /tf_static within {patience_s:g} s{told}: is a "
                 "robot_state_publisher or static_transform_publisher running? Or give --rig"
             )
         for frame in (*frames, *((fixed,) if fixed else ())):

@@ -85,8 +85,8 @@ class SampleStream:
             first = block.first_sample - base
             if first < end or block.sample_rate != self.sample_rate or block.samples.shape[1] <= max(use):
                 raise DataError(
-                    f"sound of {block.device}: the block at sample {block.first_sample} does not "
-                    "follow the one before"
+                    f"sound of {block.device}: the block at sample {block.first_sample} does not follow "
+                    "the previous one"
                 )
             self._remember(first, block.stamp_ns)
             yield from self._silence(first - end, held, len(use))

@@ -18,7 +18,10 @@ from panoptic_ros.running.plans.bag_topics import KEYS, BagChoice, imu_streams
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.plan import BODIES, Plan
 
-ALONE = "no camera: bodies come from IMUs alone; poses hold, places drift but for a foot that stands"
+ALONE = (
+    "no camera: bodies are solved from IMUs alone; poses are reliable, but positions drift unless a "
+    "foot stands"
+)
 
 
 def plan_imu_file(title: str, options: RunOptions) -> Plan:

@@ -322,7 +322,7 @@ class Processes:
                     "out: free some, or use fewer cameras or smaller images"
                 )
             tail = " | ".join(lines[-3:])
-            raise ContractError(f"process {name} ended with exit code {code}: {tail or 'it said nothing'}")
+            raise ContractError(f"process {name} ended with exit code {code}: {tail or 'no output'}")
 
     def revive(self) -> list[str]:
         """Restart the children that were killed or crashed; return a line about each.

@@ -100,9 +100,7 @@ def result_folder(out: Path) -> Iterator[Path]:
         created = not out.exists()
         own = _own_files(out)
         if not created and own is None and any(not _is_staged(path) for path in out.iterdir()):
-            raise UsageError(
-                f"--out {out} holds other things than the results of a run; choose another folder"
-            )
+            raise UsageError(f"--out {out} holds files that are not results of a run; choose another folder")
         out.mkdir(parents=True, exist_ok=True)
         _remove_stale(out)
         part = out / STAGED.format(os.getpid())

@@ -73,5 +73,5 @@ def test_what_is_missing_is_named_with_the_remedy(broadcasting):
 
 
 def test_nobody_who_tells(executor):
-    with pytest.raises(EnvironmentProblem, match=r"nothing came on /tf or /tf_static within 0.3 s.*--rig"):
+    with pytest.raises(EnvironmentProblem, match=r"no message on /tf or /tf_static within 0.3 s.*--rig"):
         find_transforms(["left_optical"], patience_s=0.3)

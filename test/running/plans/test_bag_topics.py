@@ -61,8 +61,8 @@ def test_images_are_taken_as_they_show_and_told(tmp_path):
     bag = write_images(tmp_path / "bag", {"cam0": "yuyv", "cam1": "yuv422", "cam2": "8UC2"})
     streams, told, errors = taken(bag)
     assert [stream.encoding for stream in streams] == ["", "yuyv", ""] and max(errors.values()) < 2
-    assert len(told) == 2 and "/cam1/image_raw calls itself yuv422, but shows" in told[0]
-    assert "/cam2/image_raw calls itself 8UC2, which names no colours: taken as yuyv" in told[1]
+    assert len(told) == 2 and "/cam1/image_raw has encoding yuv422, but shows" in told[0]
+    assert "/cam2/image_raw has encoding 8UC2, which names no colours: read as yuyv" in told[1]
 
 
 def test_an_encoding_that_is_asked_for_counts_more(tmp_path):
