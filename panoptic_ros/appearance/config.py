@@ -12,5 +12,8 @@ class AppearanceConfig(Config):
     """Parameters of the measurement of clothing colours."""
 
     fewest: int = param(
-        6, ge=1, le=30, doc="Points of torso or legs that must be seen for their colour to be known."
+        6,
+        ge=1,
+        le=30,
+        doc="Visible points of the torso or the legs that a measurement of their colour needs.",
     )

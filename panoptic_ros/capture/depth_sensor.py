@@ -52,7 +52,7 @@ class DepthSensorSource:
             depth = read_depth(file, self.sensor.unit_m)
             if depth.shape[::-1] != self.image_size:
                 raise DataError(
-                    f"depth map {file} has {depth.shape[1]} x {depth.shape[0]} pixels, the rig says "
+                    f"depth map {file} has {depth.shape[1]} x {depth.shape[0]} pixels, but the rig states "
                     f"{self.image_size[0]} x {self.image_size[1]} for sensor {self.camera}"
                 )
             yield DepthFrame(self.camera, stamp_ns, number, depth)

@@ -147,7 +147,7 @@ class DeviceSource:
             if self._newest is not None:
                 return self._newest.image_size
         self._stop.set()
-        raise BackendError(f"{self._what}: {self._failure}; is it there, allowed, and free?")
+        raise BackendError(f"{self._what}: {self._failure}; is it connected, permitted, and not in use?")
 
     def _run(self) -> None:
         """Run the thread: open the device, read until it fails, pause, repeat."""
@@ -163,7 +163,7 @@ class DeviceSource:
                 return
             ever = self._newest is not None
             if not ever or not self._options.reconnect:
-                self._fail("it gives no more images" if ever else "it cannot be opened or gives no image")
+                self._fail("it sends no more images" if ever else "it cannot be opened or sends no image")
                 return
             attempt = 0 if count else attempt + 1
             self._stop.wait(BACKOFF_S[min(attempt, len(BACKOFF_S) - 1)])
@@ -214,7 +214,7 @@ def check_device(device: str, what: str) -> None:
     if not device.startswith("/dev/"):
         raise UsageError(f"{what}: a device is a number, /dev/videoN, or an rtsp:// or http:// address")
     if not Path(device).exists():
-        raise BackendError(f"{what}: no such device; `ls /dev/video*` shows those that there are")
+        raise BackendError(f"{what}: no such device; `ls /dev/video*` lists the available ones")
 
 
 def open_device(device: str, options: DeviceOptions) -> cv2.VideoCapture:

@@ -119,7 +119,7 @@ def open_capture_folder(
     """
     path = Path(path)
     if not path.is_dir():
-        raise DataError(f"capture folder {path} " + ("is a file" if path.exists() else "is not there"))
+        raise DataError(f"capture folder {path} " + ("is a file" if path.exists() else "does not exist"))
     if rig is None:
         rig = read_rig(find_rig(path), cameras=cameras)
         if (path / OCCLUDERS).is_file():

@@ -137,7 +137,8 @@ class ImageFolderSource:
             ) + (", ..." if len(gaps) > MOST_SHOWN else "")
             lost = self._places[-1] + 1 - len(numbers)
             self.notices = (
-                f"{lost} missing in the numbers of images ({said}): others lie where their numbers say",
+                f"{lost} image numbers are missing ({said}): the other images keep the places of their "
+                "numbers",
             )
 
     def _stamp(self, number: int) -> int:

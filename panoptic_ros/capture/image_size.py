@@ -47,7 +47,7 @@ def fit_camera(camera: Camera, image_size: tuple[int, int], policy: SizePolicy =
         bars = (0.5 * (new_width - scale * width), 0.5 * (new_height - scale * height))
         return camera.resized(image_size, (scale, scale), bars)
     raise CalibrationError(
-        f"camera {camera.name}: images are {new_width}x{new_height} but the rig says {width}x{height}; "
+        f"camera {camera.name}: images are {new_width}x{new_height} but the rig states {width}x{height}; "
         + _advice(camera.image_size, image_size, same_aspect)
     )
 
@@ -75,8 +75,8 @@ def size_change(camera: Camera, image_size: tuple[int, int], policy: SizePolicy)
     stated, found = (f"{width}x{height}" for width, height in (camera.image_size, image_size))
     if is_exchanged(camera, image_size):
         return (
-            f"the rig says {stated}, but its principal point is in the middle of {found}, as the images are: "
-            "width and height of the rig are taken as exchanged"
+            f"the rig states {stated}, but its principal point is in the middle of {found}, the size of "
+            "the images: width and height of the rig are taken as exchanged"
         )
     return f"calibrated at {stated}, images are {found}: {policy}"
 

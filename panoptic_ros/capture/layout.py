@@ -159,7 +159,7 @@ def check_cameras(path: Path, media: Media, names: Sequence[str], every: bool) -
         raise CalibrationError(
             f"{path}: the rig has no camera for the videos {', '.join(others)}; it has "
             f"{', '.join(names)}"
-            + (f", of which {', '.join(lacking)} lack a video" if lacking else "")
+            + (f"; cameras without a video: {', '.join(lacking)}" if lacking else "")
             + f"; {_offer(others, lacking)}"
         )
     for name in names:
@@ -167,7 +167,7 @@ def check_cameras(path: Path, media: Media, names: Sequence[str], every: bool) -
             there = ",".join(other for other in names if other in media.files)
             raise DataError(
                 f"{path} has no video {name}.mp4 and no images {name}/ for camera {name} of the rig; "
-                "add them or choose cameras that are there"
+                "add them or choose available cameras"
                 + (f" (--cameras {there})" if there else "")
                 + _deeper(path, name)
             )
@@ -270,7 +270,7 @@ def _offer(others: Mapping[str, Path], lacking: Sequence[str]) -> str:
     ]
     if not pairs:
         return "names must be equal"
-    return f"{', '.join(pairs[:MOST_OFFERED])}: rename files, or say --video CAMERA=FILE with --rig"
+    return f"{', '.join(pairs[:MOST_OFFERED])}: rename files, or give --video CAMERA=FILE with --rig"
 
 
 def _fits(one: str, other: str) -> bool:

@@ -196,7 +196,7 @@ class Movie:
                 if packet.size and not packet.is_discard and time is not None:
                     yield time
         except (av.FFmpegError, OSError) as error:
-            raise DataError(f"{self._what} cannot be read on: {reason(error)}") from None
+            raise DataError(f"{self._what} cannot be read further: {reason(error)}") from None
 
     def _time_of(self, packet: Packet[Any]) -> int | None:
         """Return the presentation time of a packet's frame, else its decoding time, ticks."""
@@ -270,7 +270,9 @@ def open_media(path: Path, what: str, hardware: str = "") -> InputContainer:
     container.close()
     known = hwdevices_available()
     if hardware not in known:
-        raise EnvironmentProblem(f"FFmpeg knows no {hardware} here; there are {', '.join(known) or 'none'}")
+        raise EnvironmentProblem(
+            f"FFmpeg does not support {hardware} here; there are {', '.join(known) or 'none'}"
+        )
     try:
         return av.open(str(path), hwaccel=HWAccel(device_type=hardware, allow_software_fallback=False))
     except (av.FFmpegError, OSError, RuntimeError) as error:

@@ -29,7 +29,7 @@ def decoded(container: Any, stream: Any, what: str) -> Iterator[tuple[Any, list[
         except StopIteration:
             return
         except Exception as error:  # PyAV also decodes the texts in a file, which can raise other errors
-            raise DataError(f"{what} cannot be read on: {reason(error)}") from None
+            raise DataError(f"{what} cannot be read further: {reason(error)}") from None
         try:
             frames = packet.decode()
         except av.FFmpegError:

@@ -60,5 +60,5 @@ def check_stamps(stamps: Sequence[int], what: str) -> tuple[int, ...]:
     """
     for i, (before, after) in enumerate(pairwise(stamps), start=1):
         if after <= before:
-            raise DataError(f"{what}: the stamp of frame {i} ({after} ns) is not after the one before")
+            raise DataError(f"{what}: the stamp of frame {i} ({after} ns) is not after the previous one")
     return tuple(int(stamp) for stamp in stamps)

@@ -107,7 +107,7 @@ def _by_timecode(sources: Sequence[RecordingStart]) -> tuple[dict[str, Fraction]
     zero = next(iter(labels.values())).seconds
     begins = {name: _within_day(label.seconds - zero) for name, label in labels.items()}
     if not _overlap(sources, begins):
-        return None, f"timecode of the first frames, {said}, is not used: by it the recordings never overlap"
+        return None, f"timecode of the first frames, {said}, is not used: the recordings would never overlap"
     return begins, f"recordings are aligned by the timecode of their first frames: {said}; {OVERRIDE}"
 
 
@@ -129,11 +129,14 @@ def _by_files(sources: Sequence[RecordingStart]) -> tuple[dict[str, Fraction], l
     late = {name: begin - first for name, begin in begins.items() if begin > first}
     said = [
         f"camera {name} begins {float(begin):.6g} s after the first, as "
-        + (f"its images are numbered from {numbers[name]} on" if name in numbers else "its file says")
+        + (f"its images are numbered from {numbers[name]} on" if name in numbers else "its file states")
         for name, begin in late.items()
     ]
     if not _overlap(sources, begins):
-        return {}, [f"{line}; but so the recordings never overlap, and all begin together" for line in said]
+        return {}, [
+            f"{line}; but then the recordings would never overlap, so all are assumed to begin together"
+            for line in said
+        ]
     return begins, [f"{line}; {OVERRIDE}" for line in said]
 
 

@@ -14,8 +14,8 @@ from panoptic_ros.io.synctables import COLOR_LATE_MS, DEMO_BASE, SyncStream, rea
 
 NODE = "KINECTNODE"
 HD_BASE_TOLD = (
-    f"frame N of HD cameras has the time of entry N + {DEMO_BASE} of hd.univ_time, as in CMU's demo, which "
-    "is contested; test it where it matters"
+    f"frame N of HD cameras has the time of entry N + {DEMO_BASE} of hd.univ_time, as in CMU's "
+    "demo, which is disputed; test it if it matters"
 )
 
 

@@ -22,7 +22,7 @@ from panoptic_ros.stage import Notice
 NEARLY = Fraction(1, 20)  # frame periods, tolerance for rounded times in a file
 # s, tolerance between the end that a track states and the end of its last frame
 SLACK_S = Fraction(1, 4)
-SKIP = "--skip-damaged leaves out what is damaged"
+SKIP = "leave out the damaged frames with --skip-damaged"
 
 
 class VideoSource:
@@ -98,7 +98,7 @@ class VideoSource:
             self._release(movie)
         timed = frame_rate is not None or self._stamps is not None or movie.has_times
         if frame_rate is None and (not timed or not 0.01 <= own_rate <= 10_000.0):
-            lack = "does not say its frame rate" if timed else "is a raw stream without times of its frames"
+            lack = "does not state its frame rate" if timed else "is a raw stream without times of its frames"
             raise DataError(f"{self._what} {lack}; give one (--frame-rate)")
         self._own_rate = own_rate
         self._given_rate = frame_rate is not None
@@ -148,7 +148,7 @@ class VideoSource:
 
     def _open(self, look: bool = False) -> Movie:
         if not self.path.is_file():
-            state = "is a folder" if self.path.is_dir() else "is not there"
+            state = "is a folder" if self.path.is_dir() else "does not exist"
             raise DataError(f"{self._what} {state}; check the path")
         if self.path.stat().st_size == 0:
             raise DataError(f"{self._what} is empty (0 bytes); record or copy it again")
@@ -309,7 +309,7 @@ class VideoSource:
             (
                 "repaired",
                 self.repaired_stamps,
-                "frames have no times that increase; each comes a period after the one before",
+                "times of frames do not increase; frames are assumed to be one period apart",
             ),
         ]
         self.after = tuple(

@@ -12,8 +12,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     texts = {
-        "repair": "save what is whole in a bag or a live take that was cut, in a new one",
-        "upgrade": "write a bag of an older version anew, with the messages of this one",
+        "repair": "copy the intact part of an incomplete bag or live take to a new bag",
+        "upgrade": "copy a bag of an older version to a new bag with the messages of this version",
     }
     for action, text in texts.items():
         usual = "BAG" + ENDINGS[action]
@@ -22,9 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "bag",
             type=Path,
             metavar="BAG",
-            help="folder of the bag, or its file; to repair, also the folder of a live run",
+            help="folder of the bag, or its file; for repair, also the folder of a live run",
         )
-        sub.add_argument("--out", type=Path, metavar="NEW", help=f"the new bag; default: {usual} beside it")
+        sub.add_argument(
+            "--out", type=Path, metavar="NEW", help=f"new bag to write; default: {usual} beside it"
+        )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -65,5 +67,5 @@ def _upgrade(source: Path, target: Path) -> int:
     print(f"{target}: {len(made.brought_up)} topics brought up to date, {len(made.kept)} as they were")
     for topic, kind in sorted(made.left_out.items()):
         name = kind.split("/")[-1]
-        print(f"left out: {topic}, as {name} has changed too much; `panoptic run` makes it anew")
+        print(f"left out: {topic}, as {name} has changed too much; `panoptic run` computes it again")
     return 0

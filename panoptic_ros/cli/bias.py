@@ -16,31 +16,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "truth",
         type=Path,
-        help="true skeletons, or those of another system; with --segments also bodies, known or our own",
+        help="true skeletons, or those of another system; with --segments also bodies, true or from "
+        "`panoptic kinematics`",
     )
-    parser.add_argument("result", type=Path, help="skeletons of this detector, without a bias table")
+    parser.add_argument("result", type=Path, help="skeletons of this detector, computed without a bias table")
     parser.add_argument(
         "--out", type=output_file, required=True, metavar="FILE", help="table (YAML) to write"
     )
-    parser.add_argument("--detector", default="", metavar="NAME", help="whose joints these are, for the file")
+    parser.add_argument("--detector", default="", metavar="NAME", help="name of the detector, for the file")
     parser.add_argument(
         "--leave-out",
         type=int,
         action="append",
         default=[],
         metavar="ID",
-        help="do not measure on this person of the truth; repeatable",
+        help="person of the truth to leave out of the measurement; repeatable",
     )
     parser.add_argument(
         "--segments",
         action="store_true",
-        help="in the frames of a body's segments, m, for kinematics.offsets; else in the torso's frame",
+        help="measure offsets in the frames of a body's segments, in m, for kinematics.offsets; default: "
+        "in the frame of the torso",
     )
     parser.add_argument(
         "--bodies",
         type=Path,
         metavar="FILE",
-        help="with --segments, where TRUTH has no bodies: those of RESULT (default: kinematics.json.gz "
+        help="with --segments, if TRUTH has no bodies: bodies of RESULT (default: kinematics.json.gz "
         "beside it)",
     )
 
@@ -59,5 +61,5 @@ def run(args: argparse.Namespace) -> int:
             benefits = write_measured_offsets(*given, args.bodies, bar.show)
         else:
             benefits = write_biases(*given, bar.show)
-    print(bias_table(benefits) if benefits else "one person: nobody to judge on")
+    print(bias_table(benefits) if benefits else "one person: no other person to validate on")
     return 0

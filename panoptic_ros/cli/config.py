@@ -14,7 +14,9 @@ from panoptic_ros.study.pages import PAGE, results_page
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("action", choices=("show", "write"), help="print them, or write the generated files")
+    parser.add_argument(
+        "action", choices=("show", "write"), help="print the parameters, or write the generated files"
+    )
     parser.add_argument("stage", nargs="?", choices=STAGES, help="show this stage only")
 
 

@@ -26,7 +26,7 @@ def as_lines(findings: dict[str, Finding]) -> str:
     width = max(map(len, findings))
     lines = []
     for name, finding in findings.items():
-        remedy = f"; to mend: {finding.remedy}" if finding.remedy else ""
+        remedy = f"; remedy: {finding.remedy}" if finding.remedy else ""
         lines.append(f"{finding.level:4}  {name:{width}}  {finding.found}{remedy}")
     levels = [finding.level for finding in findings.values()]
     lines.append(", ".join(f"{levels.count(level)} {level}" for level in LEVELS))

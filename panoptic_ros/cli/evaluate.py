@@ -16,24 +16,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     truth = "true skeletons (.json or .json.gz), or an annotation"
     parser.add_argument("truth", type=Path, nargs="?", help=truth)
     parser.add_argument("result", type=Path, nargs="?", help="estimated skeletons")
-    parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument("--plots", type=Path, metavar="DIR", help="also draw the plots into DIR")
     parser.add_argument(
         "--joints",
         metavar="WHICH",
-        help="compare only these: a skeleton (coco17, ..., or a YAML file) or names separated by commas",
+        help="compare only these joints: a skeleton (coco17, ..., or a YAML file) or names separated by "
+        "commas",
     )
     parser.add_argument("--skip", type=int, default=0, metavar="N", help="leave out the first N truth frames")
     parser.add_argument(
         "--align-time",
         action="store_true",
-        help="first remove a constant offset of the result's stamps, found from the motion",
+        help="first remove a constant offset of the result's timestamps, estimated from the motion",
     )
     parser.add_argument(
         "--protocol",
         choices=PROTOCOLS,
         default=PROTOCOLS[0],
-        help="count right limbs (PCP) as papers on Shelf and Campus do",
+        help="scoring protocol; all but default count correct limbs (PCP) like papers on Shelf and Campus",
     )
     for flag, word in (("--minimum", "least"), ("--maximum", "most")):
         parser.add_argument(
@@ -41,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             action="append",
             default=[],
             metavar="SCORE=NUMBER",
-            help=f"exit with 2 unless the score (as named by --json) is at {word} this; repeatable",
+            help=f"exit with code 2 unless the score (as named by --json) is at {word} this number; "
+            "repeatable",
         )
     # option of old versions; `run` reports its new name
     parser.add_argument("--study", help=argparse.SUPPRESS)
@@ -70,5 +72,5 @@ def run(args: argparse.Namespace) -> int:
     print(json.dumps(known(scores.values), indent=1) if args.json else scores.table)
     missed = scores.missed(limits)
     if missed:
-        raise UserError(f"{args.result} misses its bars: {'; '.join(missed)}")
+        raise UserError(f"{args.result} misses its limits: {'; '.join(missed)}")
     return 0

@@ -11,16 +11,16 @@ from panoptic_ros.running.arguments import output_file, within
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument(
-        "path", type=Path, metavar="RESULTS|BAG", help="what `panoptic run` or `solve` left, or a bag"
+        "path", type=Path, metavar="RESULTS|BAG", help="results of `panoptic run` or `solve`, or a bag"
     )
-    parser.add_argument("--rig", type=Path, help="calibration, where none is beside skeletons.json")
+    parser.add_argument("--rig", type=Path, help="calibration, if there is none beside skeletons.json")
     parser.add_argument(
         "--out",
         type=output_file,
         required=True,
         metavar="FILE.html|.bvh|...",
-        help="one page with all data and images; bodies: .bvh, .glb (glTF animation), "
-        ".trc and .mot (OpenSim), .urdf",
+        help="file to write. HTML: one page with all data and images. Bodies: .bvh, .glb (glTF "
+        "animation), .trc and .mot (OpenSim), .urdf",
     )
     parser.add_argument(
         "--from",
@@ -28,9 +28,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=within(float, 0, 1e9),
         default=0.0,
         metavar="S",
-        help="seconds from the beginning",
+        help="begin of the export, in seconds from the start",
     )
-    parser.add_argument("--to", dest="end", type=within(float, 0, 1e9), metavar="S", help="default: the end")
+    parser.add_argument(
+        "--to",
+        dest="end",
+        type=within(float, 0, 1e9),
+        metavar="S",
+        help="end of the export, in seconds from the start; default: the end",
+    )
     parser.add_argument(
         "--segments",
         default="segments21",

@@ -12,9 +12,11 @@ DATASETS = ("total-capture", "human3.6m")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument("dataset", choices=DATASETS, help="which data set the folder holds")
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="its unpacked archives")
-    parser.add_argument("--take", required=True, metavar="SUBJECT/TAKE", help="e.g. s1/acting1, S9/Walking")
+    parser.add_argument("dataset", choices=DATASETS, help="data set in the folder")
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="folder with the unpacked archives")
+    parser.add_argument(
+        "--take", required=True, metavar="SUBJECT/TAKE", help="take to convert, e.g. s1/acting1, S9/Walking"
+    )
     parser.add_argument(
         "--out", type=output_folder, required=True, metavar="CAPTURE", help="capture folder to write"
     )

@@ -11,37 +11,42 @@ from panoptic_ros.running.arguments import output_file
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("--rig", type=Path, help="calibration; with --detections")
-    parser.add_argument("--detections", type=Path, help="detections.json(.gz)")
-    parser.add_argument("--imu", type=Path, metavar="I", help="imu.csv(.gz); with or without cameras")
+    parser.add_argument("--rig", type=Path, help="calibration, for --detections")
+    parser.add_argument("--detections", type=Path, help="2D people, detections.json(.gz)")
+    parser.add_argument(
+        "--imu", type=Path, metavar="I", help="IMU data, imu.csv(.gz), with or without cameras"
+    )
     parser.add_argument(
         "--subject",
         type=Path,
         required=True,
         action="append",
         metavar="FILE",
-        help="subject.json of a designated person; once for each",
+        help="subject.json of a designated person; repeat it for each person",
     )
     parser.add_argument(
-        "--lag", type=float, metavar="S", help="delay over which poses are smoothed, 0 to 0.2"
+        "--lag", type=float, metavar="S", help="delay over which later data smooth the poses, 0 to 0.2"
     )
-    parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the poses, default 60")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="rate of the poses; default 60")
     parser.add_argument(
-        "--preset", default="", metavar="NAME", help="malleson-2020: every frame as in the paper"
+        "--preset",
+        default="",
+        metavar="NAME",
+        help="parameter preset; malleson-2020: solve every frame as in the paper",
     )
-    parser.add_argument("--prior", default="", metavar="FILE", help="pose prior, default: the installed one")
+    parser.add_argument("--prior", default="", metavar="FILE", help="pose prior; default: the installed one")
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         dest="settings",
         metavar="NAME=VALUE",
-        help="a parameter of kinematics",
+        help="one parameter of kinematics; repeatable",
     )
     parser.add_argument(
         "--out", type=output_file, required=True, metavar="K", help="kinematics.json(.gz) to write"
     )
-    parser.add_argument("--quiet", action="store_true", help="no summary")
+    parser.add_argument("--quiet", action="store_true", help="print no summary")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -17,22 +17,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     decode = actions.add_parser("decode", help="read the timecode of a WAV file or a video")
-    decode.add_argument("file", type=Path, metavar="FILE", help="WAV file, or any that FFmpeg hears")
-    decode.add_argument("--json", type=Path, metavar="OUT", help=f"write {FORMAT}; - for standard output")
-    decode.add_argument("--channel", type=int, default=0, help="counted from 0 (default 0)")
-    encode = actions.add_parser("encode", help="make a WAV file with timecode")
+    decode.add_argument(
+        "file", type=Path, metavar="FILE", help="WAV file, or any file with sound that FFmpeg reads"
+    )
+    decode.add_argument(
+        "--json", type=Path, metavar="OUT", help=f"file to write, {FORMAT}; - = standard output"
+    )
+    decode.add_argument(
+        "--channel", type=int, default=0, help="channel with the timecode, counted from 0 (default 0)"
+    )
+    encode = actions.add_parser("encode", help="write a WAV file with timecode")
     encode.add_argument("out", type=Path, metavar="OUT.wav")
     encode.add_argument(
         "--start",
         default="00:00:00:00",
         metavar="HH:MM:SS:FF",
-        help="first label; HH:MM:SS;FF for drop-frame",
+        help="first label; HH:MM:SS;FF means drop-frame",
     )
     encode.add_argument("--rate", default="25", choices=RATES, help="frames per second (default 25)")
-    encode.add_argument("--seconds", type=float, default=10.0, help="length (default 10)")
-    encode.add_argument("--sample-rate", type=int, default=48000, help="Hz (default 48000)")
-    encode.add_argument("--user-bits", default="00000000", metavar="HEX", help="8 hex digits, group 8 first")
-    encode.add_argument("--reverse", action="store_true", help="as of a tape that runs backwards")
+    encode.add_argument("--seconds", type=float, default=10.0, help="length of the file (default 10)")
+    encode.add_argument("--sample-rate", type=int, default=48000, help="sampling rate in Hz (default 48000)")
+    encode.add_argument(
+        "--user-bits", default="00000000", metavar="HEX", help="user bits as 8 hex digits, group 8 first"
+    )
+    encode.add_argument(
+        "--reverse", action="store_true", help="write the timecode of a tape that runs backwards"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -13,11 +13,15 @@ from panoptic_ros.view.progress import PassBar
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the actions and their arguments."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    actions.add_parser("list", help="the model cards that are installed, and which models are there")
-    fetching = actions.add_parser("fetch", help="download and convert a model into the cache")
-    fetching.add_argument("name", nargs="?", default=DEFAULT_MODEL, help=f"default: {DEFAULT_MODEL}")
+    actions.add_parser("list", help="list the installed model cards and the available models")
+    fetching = actions.add_parser("fetch", help="download a model and convert it into the cache")
+    fetching.add_argument(
+        "name", nargs="?", default=DEFAULT_MODEL, help=f"name of the model; default: {DEFAULT_MODEL}"
+    )
     checking = actions.add_parser("check", help="load a model and run it once")
-    checking.add_argument("name", nargs="?", default=DEFAULT_MODEL, help="a name, a card or an ONNX file")
+    checking.add_argument(
+        "name", nargs="?", default=DEFAULT_MODEL, help="name of a model, model card or ONNX file"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

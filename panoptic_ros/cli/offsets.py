@@ -14,7 +14,7 @@ def add_saved_option(parser: argparse.ArgumentParser) -> None:
         "--offsets",
         type=Path,
         metavar="FILE",
-        help="add these offsets, found before, to the stamps; for latencies that last (see docs/time.md)",
+        help="saved clock offsets to add to the timestamps; for latencies that persist (see docs/time.md)",
     )
 
 
@@ -25,7 +25,7 @@ def add_apart_option(parser: argparse.ArgumentParser) -> None:
         type=within(float, 0.0, 1000.0),
         default=6.0,
         metavar="M",
-        help="how far apart microphones are at most, where no calibration tells (default 6)",
+        help="greatest distance between microphones if no calibration states it (default 6)",
     )
 
 
@@ -35,25 +35,27 @@ def add_offset_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--offsets-from-motion",
         action="store_true",
-        help="find the cameras' clock offsets and drifts from the motion of people, and correct the stamps",
+        help="estimate the cameras' clock offsets and drifts from the motion of people, and correct the "
+        "timestamps",
     )
     parser.add_argument(
         "--offsets-from-sound",
         type=Path,
         metavar="DIR",
-        help="find them from what cameras hear, of which a capture folder or bag has recordings; with "
-        "--offsets-from-motion as its first guess",
+        help="estimate offsets from the cameras' sound, in a capture folder or bag with recordings; "
+        "--offsets-from-motion then starts from them",
     )
     add_apart_option(parser)
     parser.add_argument(
         "--offsets-out",
         type=output_file,
         metavar="FILE",
-        help="write the offsets, with standard deviations, as JSON",
+        help="file for the offsets, with standard deviations, as JSON",
     )
     parser.add_argument(
         "--trusted-camera",
         default="",
         metavar="NAME",
-        help="its stamps are right; default: those of most cameras if they agree, else offsets have mean 0",
+        help="camera with right timestamps; default: those of most cameras if they agree, else offsets "
+        "have mean 0",
     )

@@ -16,7 +16,7 @@ def add_occluder_option(parser: argparse.ArgumentParser) -> None:
         "--occluders",
         type=Path,
         metavar="FILE",
-        help="fixed things that hide people: occluders.json, PLY or OBJ",
+        help="fixed objects that hide people: occluders.json, PLY or OBJ",
     )
 
 
@@ -37,13 +37,13 @@ def add_parameter_options(parser: argparse.ArgumentParser) -> None:
         "--preset",
         metavar="NAME",
         default="",
-        help="parameters that belong together: panoptic-studio (the paper's method), or a YAML file",
+        help="set of parameters: panoptic-studio (the paper's method), or a YAML file",
     )
     parser.add_argument(
         "--config",
         type=Path,
         metavar="FILE",
-        help="YAML with parameters, {stage: {name: value}}, or a ROS parameter file",
+        help="YAML file of parameters, {stage: {name: value}}, or a ROS parameter file",
     )
     parser.add_argument(
         "--set",
@@ -51,7 +51,7 @@ def add_parameter_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="STAGE.NAME=VALUE",
         dest="settings",
-        help="one parameter; may be given several times (see docs/parameters.md)",
+        help="one parameter; repeatable (see docs/parameters.md)",
     )
 
 

@@ -11,18 +11,21 @@ from panoptic_ros.view.progress import PassBar
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument("action", choices=("train",), help="from motion to a pose prior")
+    parser.add_argument("action", choices=("train",), help="train a pose prior from motion")
     parser.add_argument(
-        "motion", type=Path, nargs="+", help=".bvh, .c3d, .npz of clips, or kinematics.json.gz of our own"
+        "motion",
+        type=Path,
+        nargs="+",
+        help="motion files: .bvh, .c3d, .npz of clips, or kinematics.json.gz of `panoptic kinematics`",
     )
     parser.add_argument(
         "--out", type=output_file, required=True, metavar="FILE", help="prior (.npz) to write"
     )
     parser.add_argument(
-        "--leave-out", action="append", default=[], metavar="NAME", help="clip that is not used; repeatable"
+        "--leave-out", action="append", default=[], metavar="NAME", help="clip to leave out; repeatable"
     )
     parser.add_argument(
-        "--unit", type=float, default=0.01, metavar="M", help="of BVH files, m (default 0.01)"
+        "--unit", type=float, default=0.01, metavar="M", help="length unit of BVH files, in m (default 0.01)"
     )
     parser.add_argument(
         "--segments",

@@ -18,43 +18,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="BAG",
-        help="the bag; with --standby, a folder for bags named by their time",
+        help="bag to write; with --standby, a folder for bags named by their time",
     )
     parser.add_argument(
         "--topic",
         action="append",
         default=[],
         metavar="PATTERN",
-        help="record topics of this name, e.g. '/cam*/image_raw', in place of all that "
-        "a run needs and gives; may be given several times",
+        help="record only topics that match, e.g. '/cam*/image_raw', instead of all topics that a run "
+        "uses and publishes; repeatable",
     )
     parser.add_argument("--no-images", action="store_true", help="leave out images and depth maps")
-    parser.add_argument("--rig", type=Path, help="calibration for the bag, where no /rig is published")
+    parser.add_argument("--rig", type=Path, help="calibration for the bag, if no /rig is published")
     parser.add_argument(
-        "--duration", type=within(float, 0.1, 1e9), metavar="S", help="end after so many seconds"
+        "--duration", type=within(float, 0.1, 1e9), metavar="S", help="end after this number of seconds"
     )
     parser.add_argument(
         "--budget",
         type=within(float, 0.001, 1e6),
         default=0.0,
         metavar="GB",
-        help="end when the messages have so many GB",
+        help="end when the messages take this number of GB",
     )
     parser.add_argument(
         "--keep-free",
         type=within(float, 0, 1e6),
         default=1.0,
         metavar="GB",
-        help="end when the disk has less room; default 1",
+        help="end when less than this is free on the disk; default 1",
     )
     parser.add_argument(
         "--split",
         metavar="30m|2GB",
-        help="go on in another bag, BAG/000, BAG/001, ..., after so long (s, m, h) or so much (MB, GB)",
+        help="continue in another bag, BAG/000, BAG/001, ..., after this time (s, m, h) or size (MB, GB)",
     )
     parser.add_argument("--standby", action="store_true", help="wait for --start and --stop, on every host")
-    parser.add_argument("--start", action="store_true", help="let the recorders of all hosts start")
-    parser.add_argument("--stop", action="store_true", help="let the recorders of all hosts stop")
+    parser.add_argument("--start", action="store_true", help="start the recorders of all hosts")
+    parser.add_argument("--stop", action="store_true", help="stop the recorders of all hosts")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -15,25 +15,31 @@ from panoptic_ros.io.rigs import WRITABLE, write_rig
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
-    check = actions.add_parser("check", help="say in plain words whether the views agree")
+    check = actions.add_parser("check", help="report in plain words whether the views agree")
     check.add_argument("rig", type=Path, help="calibration file, or a folder with one")
     check.add_argument("--detections", type=Path, help="detections.json(.gz): 2D people of the same cameras")
     check.add_argument("--json", action="store_true", help="print the findings as JSON")
     convert = actions.add_parser("convert", help="write a calibration in another format, in metres and z up")
     convert.add_argument("source", type=Path, metavar="IN", help="calibration file, or a folder with one")
     convert.add_argument("target", type=Path, metavar="OUT", help="file or, for camera_info, folder to write")
-    convert.add_argument("--format", choices=WRITABLE, help="default: from the name of OUT")
-    convert.add_argument("--cameras", help="only these, names separated by commas")
+    convert.add_argument("--format", choices=WRITABLE, help="format of OUT; default: from its name")
+    convert.add_argument("--cameras", help="convert only these cameras, names separated by commas")
     convert.add_argument(
         "--up",
         metavar="DIRECTION",
-        help="up direction of the world of IN, which is turned so that +z is up: --up=-y or "
-        "--up=0.1,-0.9,0.2; `rig check` finds it from people",
+        help="up direction of the world of IN: --up=-y or --up=0.1,-0.9,0.2. The world is rotated so that "
+        "+z is up; `rig check` finds the direction from people",
     )
     for sub in (check, convert):
-        sub.add_argument("--unit", choices=("m", "cm", "mm"), help="of a TOML file that does not state it")
-        sub.add_argument("--types", default="", help="rig.json, CMU Panoptic: vga, hd, kinect-color, ...")
-        sub.add_argument("--panels", default="", help="rig.json, CMU Panoptic: numbers separated by commas")
+        sub.add_argument(
+            "--unit", choices=("m", "cm", "mm"), help="length unit of a TOML file that does not state it"
+        )
+        sub.add_argument(
+            "--types", default="", help="camera types of a CMU Panoptic rig.json: vga, hd, kinect-color, ..."
+        )
+        sub.add_argument(
+            "--panels", default="", help="panels of a CMU Panoptic rig.json: numbers separated by commas"
+        )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -15,18 +15,26 @@ from panoptic_ros.running.simulations.takes import scene_lines, write_take
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument("scene", nargs="?", metavar="SCENE", help="name of a scene, see --list")
-    parser.add_argument("--list", action="store_true", help="list the scenes and end")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="another take (default 0)")
+    parser.add_argument("--list", action="store_true", help="list the scenes and exit")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="number of the take (default 0)")
     parser.add_argument("--out", type=output_folder, metavar="DIR", help="folder to write into")
-    parser.add_argument("--frames", type=int, metavar="F", help="in place of the scene's own number")
-    parser.add_argument("--images", action="store_true", help="rendered scenes: PNG folders, not videos")
-    parser.add_argument("--bag", action="store_true", help="2D people, sound, IMUs also as a bag")
+    parser.add_argument(
+        "--frames", type=int, metavar="F", help="number of frames, instead of the scene's own"
+    )
+    parser.add_argument(
+        "--images", action="store_true", help="rendered scenes: write PNG folders instead of videos"
+    )
+    parser.add_argument(
+        "--bag", action="store_true", help="also write 2D people, sound and IMU data as a bag"
+    )
     parser.add_argument(
         "--tracks",
         action="store_true",
-        help="rendered scenes with timecode: as sound tracks of the videos, which are all that stamps them",
+        help="rendered scenes with timecode: write it as sound tracks of the videos, and no other timestamps",
     )
-    parser.add_argument("--depth", action="store_true", help="rendered scenes: depth and person ids as PNG")
+    parser.add_argument(
+        "--depth", action="store_true", help="rendered scenes: write depth and person ids as PNG"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

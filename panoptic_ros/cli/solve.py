@@ -24,19 +24,19 @@ TOLD = ("sync.clock_off", "result.nobody")  # notices that are printed in full; 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("--rig", type=Path, required=True, help="calibration, any format that `rig` reads")
-    parser.add_argument("--detections", type=Path, required=True, help="detections.json(.gz)")
+    parser.add_argument("--rig", type=Path, required=True, help="calibration, in any format that `rig` reads")
+    parser.add_argument("--detections", type=Path, required=True, help="2D people, detections.json(.gz)")
     parser.add_argument(
         "--out", type=output_file, required=True, metavar="S", help="skeletons.json(.gz) to write"
     )
     parser.add_argument(
         "--skeleton",
         default="",
-        help="skeleton model; auto: that with most joints of the file, panoptic19 for COCO's; default: the "
-        "preset's, or auto",
+        help="skeleton model; auto: the model with most joints of the file, panoptic19 for COCO's; "
+        "default: that of the preset, or auto",
     )
-    parser.add_argument("--cameras", help="use only these, names separated by commas")
-    parser.add_argument("--quiet", action="store_true", help="no summary")
+    parser.add_argument("--cameras", help="use only these cameras, names separated by commas")
+    parser.add_argument("--quiet", action="store_true", help="print no summary")
     add_occluder_option(parser)
     add_offset_options(parser)
     add_parameter_options(parser)

@@ -13,9 +13,14 @@ from panoptic_ros.view.progress import PassBar
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb; each study has further options of its own."""
-    parser.add_argument("name", nargs="?", metavar="NAME", help="of a study; without it all are listed")
     parser.add_argument(
-        "rest", nargs=argparse.REMAINDER, metavar="OPTION", help="see `panoptic study NAME --help`"
+        "name", nargs="?", metavar="NAME", help="name of a study; without it, all studies are listed"
+    )
+    parser.add_argument(
+        "rest",
+        nargs=argparse.REMAINDER,
+        metavar="OPTION",
+        help="options of the study, see `panoptic study NAME --help`",
     )
 
 

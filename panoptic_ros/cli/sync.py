@@ -36,9 +36,9 @@ def _report_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BAG|CAPTURE_DIR",
         help="a bag, a capture folder, or a file: timestamps.csv, sync tables, WAV or video with timecode",
     )
-    parser.add_argument("--json", action="store_true", help="print JSON in place of a table")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument(
-        "--out", type=output_folder, metavar="DIR", help="write sync_report.json and sync.png there"
+        "--out", type=output_folder, metavar="DIR", help="folder for sync_report.json and sync.png"
     )
 
 
@@ -68,16 +68,18 @@ def _sound_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BAG|CAPTURE_DIR",
         help="a capture folder with WAV files or videos with sound, or a bag",
     )
-    parser.add_argument("--rig", type=Path, help="where cameras are, in place of the folder's calibration")
     parser.add_argument(
-        "--out", type=output_file, metavar="FILE", help="write the offsets as JSON, for --offsets"
+        "--rig", type=Path, help="calibration with the positions of the cameras, instead of the folder's own"
+    )
+    parser.add_argument(
+        "--out", type=output_file, metavar="FILE", help="file for the offsets as JSON, for --offsets"
     )
     parser.add_argument(
         "--trusted-camera",
         default="",
         metavar="NAME",
-        help="its stamps are right; default: those of most cameras if they agree, else of "
-        "the one that is farthest ahead",
+        help="camera with right timestamps; default: those of most cameras if they agree, else those of "
+        "the camera that is farthest ahead",
     )
     add_apart_option(parser)
 
@@ -111,14 +113,15 @@ def _kinects_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         required=True,
         metavar="N",
-        help="HD image file, counted from 0; may be given several times",
+        help="HD image file, counted from 0; repeatable",
     )
     parser.add_argument(
         "--hd-base",
         type=int,
         default=DEMO_BASE,
         choices=HD_BASES,
-        help="element of hd.univ_time for file N is N + this; contested, 1 is that of CMU's demo (default)",
+        help="offset of elements of hd.univ_time: file N is element N + this. The value is disputed; 1 is "
+        "that of CMU's demo (default)",
     )
 
 
@@ -137,17 +140,17 @@ def _kinects(args: argparse.Namespace) -> int:
 
 ACTIONS = {
     "report": (
-        "offset, drift, jitter and drops per device, what is wrong and what to do",
+        "report offset, drift, jitter and drops per device, with faults and remedies",
         _report_arguments,
         _report,
     ),
     "sound": (
-        "offset and drift per camera from what their microphones hear, without timecode",
+        "estimate offset and drift per camera from the sound of their microphones, without timecode",
         _sound_arguments,
         _sound,
     ),
     "kinects": (
-        "Panoptic Studio: the Kinect frames that belong to HD frames, from sync tables",
+        "find the Kinect frames of HD frames, from the sync tables of the Panoptic Studio",
         _kinects_arguments,
         _kinects,
     ),

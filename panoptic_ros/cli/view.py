@@ -21,22 +21,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         type=Path,
         metavar="RESULTS|BAG|FOLDER",
-        help="what `panoptic run` or `solve` left, a bag, or a capture folder",
+        help="results of `panoptic run` or `solve`, a bag, or a capture folder",
     )
-    parser.add_argument("--live", action="store_true", help="the graph that runs now, in this ROS domain")
-    parser.add_argument("--namespace", default="", help="with --live: of the graph")
+    parser.add_argument("--live", action="store_true", help="show the running graph in this ROS domain")
+    parser.add_argument("--namespace", default="", help="with --live: namespace of the graph")
     parser.add_argument("--rig", type=Path, help="calibration, for bags without /rig and skeletons.json")
     parser.add_argument("--skeleton", default="", help="skeleton model, for bags without /skeleton_model")
     parser.add_argument(
-        "--truth", type=Path, metavar="FILE", help="who was really there, e.g. truth.json.gz of a simulation"
+        "--truth", type=Path, metavar="FILE", help="true skeletons, e.g. truth.json.gz of a simulation"
     )
     parser.add_argument(
         "--host",
         default="127.0.0.1",
-        help="where to listen: 0.0.0.0 lets other machines see the page, with the address that is printed",
+        help="address on which to listen; 0.0.0.0 lets other machines open the page at the printed address",
     )
-    parser.add_argument("--port", type=within(int, 0, 65535), default=8765, help="0: any that is free")
-    parser.add_argument("--no-browser", action="store_true", help="print the address only")
+    parser.add_argument(
+        "--port", type=within(int, 0, 65535), default=8765, help="port on which to listen; 0: any free port"
+    )
+    parser.add_argument("--no-browser", action="store_true", help="print the address only, open no browser")
 
 
 def run(args: argparse.Namespace) -> int:

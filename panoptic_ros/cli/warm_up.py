@@ -8,7 +8,12 @@ import time
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument("--processes", type=int, metavar="N", help="default: one per processor, at most 4")
+    parser.add_argument(
+        "--processes",
+        type=int,
+        metavar="N",
+        help="number of processes; default: one per processor, at most 4",
+    )
 
 
 def run(args: argparse.Namespace) -> int:

@@ -17,10 +17,14 @@ HOME, REST, CLEAR = "\x1b[H", "\x1b[K", "\x1b[J"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
-    parser.add_argument("--namespace", metavar="NAME", help="of one graph; default: all in this ROS domain")
-    parser.add_argument("--once", action="store_true", help="print how it is now, and end")
-    parser.add_argument("--json", action="store_true", help="one JSON document for each look")
-    parser.add_argument("--period", type=float, default=1.0, metavar="S", help="between looks; default 1")
+    parser.add_argument(
+        "--namespace", metavar="NAME", help="namespace of one graph; default: all graphs in this ROS domain"
+    )
+    parser.add_argument("--once", action="store_true", help="print the current state and exit")
+    parser.add_argument("--json", action="store_true", help="print one JSON document per update")
+    parser.add_argument(
+        "--period", type=float, default=1.0, metavar="S", help="seconds between updates; default 1"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

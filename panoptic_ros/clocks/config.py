@@ -16,10 +16,11 @@ class ClocksConfig(Config):
         unit="s",
         ge=1.0,
         le=600.0,
-        doc="Length of the window of readings; longer is more precise, shorter follows a warming crystal.",
+        doc="Length of the window of readings. A longer window is more precise; a shorter one follows a "
+        "warming crystal.",
     )
     least_span_s: float = param(
-        1.0, unit="s", ge=0.1, le=60.0, doc="Span of readings before the first model of a device is given."
+        1.0, unit="s", ge=0.1, le=60.0, doc="Span of readings that the first model of a device needs."
     )
     period_s: float = param(0.25, unit="s", ge=0.0, le=60.0, doc="Time between two models of a device.")
     jump_s: float = param(
@@ -27,37 +28,44 @@ class ClocksConfig(Config):
         unit="s",
         ge=1e-4,
         le=10.0,
-        doc="Distance from the line beyond which a reading is left out, or a jump if others agree with it. "
-        "Where stamps scatter little, eight times their scatter counts instead.",
+        doc="Distance from the fitted line beyond which a reading is left out, or counts as a jump if "
+        "others agree with it. If timestamps scatter little, the limit is eight times their scatter.",
     )
     jump_words: int = param(
-        3, ge=2, le=10, doc="Consecutive readings off the line, on a line of their own, that make a jump."
+        3,
+        ge=2,
+        le=10,
+        doc="Consecutive readings off the line, but on one line of their own, that count as a jump.",
     )
     stamps: str = param(
         "auto",
         choices=("auto", "symmetric", "one-way"),
-        doc="How stamps err: symmetric errors are averaged; one-way stamps are late by a transport delay, "
-        "and the line lies under them. auto: one-way if stamps are late more than early.",
+        doc="Error model of timestamps. symmetric: errors are averaged. one-way: timestamps are late by a "
+        "transport delay, and the line lies below them. auto: one-way if timestamps are late more than "
+        "early.",
     )
     delays_ms: tuple[str, ...] = param(
         (),
         unit="ms",
-        doc='How much later than its true instant a device stamps the sound, as "device=milliseconds" '
-        '(delay of the line, of the sound in air, of filters); "*" stands for all others.',
-        when="timecode reaches a device late: 3 ms for each metre through air, or what a test showed.",
+        doc="Delay from the true instant of the sound to its timestamp on a device, as "
+        '"device=milliseconds" (delay of the line, of the sound in air, of filters); "*" applies to all '
+        "other devices.",
+        when="timecode reaches a device late: 3 ms for each metre through air, or the delay that a test "
+        "showed.",
     )
     wander_ppm: float = param(
         0.5,
         unit="ppm",
         ge=0.0,
         le=1000.0,
-        doc="How far the rate of a device may wander while nothing is heard; its uncertainty grows by that.",
+        doc="Possible change of a device's clock rate while no timecode arrives. The uncertainty of its "
+        "clock model grows by it.",
     )
 
     master_clock: str = param(
         "",
-        doc="Of clocks that are named for their timecode, the one whose time the master time is; empty: the "
-        "first that is heard. Unless given, that of sync.",
+        doc="Clock, among those named for their timecode, that defines the master time; empty: the first "
+        "one that is received. Unless given, it is sync.master_clock.",
     )
 
     def __post_init__(self) -> None:

@@ -125,7 +125,7 @@ class DeviceClock:
             self._strays.append(point)
             return notices + self._judge_strays(tolerance)
         if self._points and stamp <= self._points[-1].device_ns:
-            text = f"a timecode reading of {self._name} is not later than the one before it and is left out"
+            text = f"a timecode reading of {self._name} is not later than the previous one and is left out"
             return (*notices, Notice("clocks.stamp_back", "warning", text, {"device": self._name}))
         self._strays = []
         self._add(point)
@@ -159,7 +159,10 @@ class DeviceClock:
         self._timeline.forget(self._name)
         self._model = self._prior = None
         self._start()
-        text = f"the timecode of {self._name} runs at {float(label.rate.exact):.5g} Hz, not as it seemed"
+        text = (
+            f"the timecode of {self._name} runs at {float(label.rate.exact):.5g} Hz, not at the rate "
+            "assumed at first"
+        )
         return (Notice("clocks.rate", "info", text, {"device": self._name}),)
 
     def _expect(self, stamp: int) -> tuple[int | None, float]:
@@ -231,7 +234,7 @@ class DeviceClock:
             self._strays = []
             for stray in strays:
                 self._add(replace(stray, master_ns=stray.master_ns - jump))
-            text = f"the timecode of {self._name} jumped by {jump / SECOND:+.4g} s; master time runs on"
+            text = f"the timecode of {self._name} jumped by {jump / SECOND:+.4g} s; master time continues"
             return (Notice("clocks.timecode_jump", "info", text, values),)
         self._prior = self._model
         missed = self._timeline.rejoin(self._name, strays[-1].master_ns)

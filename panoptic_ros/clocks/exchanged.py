@@ -68,16 +68,16 @@ class ExchangedChannels:
         if channel in self._told or (owner and sample_ns - self._off_since[channel] < LONG_NS):
             return ()
         self._told.add(channel)
-        heard = f"the timecode of {reading.clock} that {reading.device} hears"
+        heard = f"the timecode of {reading.clock} at {reading.device}"
         if owner:
-            what = f"{heard} goes on as that of {owner} did, {reading.timecode}"
+            what = f"{heard} continues that of {owner}, {reading.timecode}"
             after = "are left out"
         else:
             what = (
                 f"{heard} had {self._counts[channel][0]} frames per second, and has "
                 f"{reading.timecode.rate.nominal} now"
             )
-            after = "are left out; a clock that shall have another rate needs a new run"
+            after = "are left out; another rate of a clock needs a new run"
         text = f"{what}: are channels swapped? Such words {after}"
         return (Notice("clocks.other_timecode", "warning", text, {"device": reading.device}),)
 

@@ -295,7 +295,7 @@ def _of_camera(camera: CameraClockReport) -> list[Notice]:
             _warning(
                 "odd_rate",
                 camera,
-                f"camera {name} gives {timing.rate_hz:.3f} frames a second, which is no usual rate (the "
+                f"camera {name} sends {timing.rate_hz:.3f} frames a second, which is no usual rate (the "
                 f"nearest is {camera.nominal_hz:.5g}): its exposure may be longer than a frame, or the "
                 "link too slow",
             )
@@ -305,9 +305,9 @@ def _of_camera(camera: CameraClockReport) -> list[Notice]:
             _warning(
                 "beats",
                 camera,
-                f"frames of camera {name} wander by {1e3 * camera.beat_s:.0f} ms about an even clock: the "
-                "camera's rate beats with that at which it is read; wait for frames in place of polling, or "
-                "trigger it",
+                f"frames of camera {name} wander by {1e3 * camera.beat_s:.0f} ms about an even clock: "
+                "the camera's rate beats with the rate at which it is read; wait for frames instead of "
+                "polling, or trigger it",
             )
         )
     return notices
@@ -323,8 +323,8 @@ def _paced(cameras: Sequence[CameraClockReport]) -> list[Notice]:
         return []
     names = ", ".join(camera.name for camera in paced)
     text = (
-        f"stamps of {names} lie on the grid of the host's seconds: frames are read at the host's pace, not "
-        "at the camera's, so stamps tell when a frame was read, up to a period after its exposure; use the "
+        f"stamps of {names} lie on the grid of the host's seconds: frames are read at the host's pace, "
+        "not at the camera's, so stamps are times of reading, up to a period after the exposure; use the "
         "driver's stamps, or a trigger"
     )
     return [Notice("sync_report.paced_by_host", "warning", text, {"cameras": [c.name for c in paced]})]

@@ -181,10 +181,10 @@ class NamedClocks:
         clocks, drift, rate = ", ".join(sorted(off)), next(iter(off.values())), self._rates[recorder]
         text = f"the timecode of {clocks} runs {1e6 * drift:+.0f} ppm against the samples of {recorder}"
         if len(off) == len(drifts) and rate:
-            text += f": its sound is not of {rate} Hz, as it says, but of about {rate / (1.0 + drift):.0f} Hz"
-            text += "; mend it, as 29.97 and 30 frames per second look alike then"
+            text += f": its sound has about {rate / (1.0 + drift):.0f} Hz instead of the stated {rate} Hz"
+            text += "; correct the rate, otherwise 29.97 and 30 frames per second cannot be distinguished"
         else:
-            text += ": more than any crystal; set its generator to the rate that it says (29.97 is not 30)"
+            text += ": more than any crystal; set its generator to the rate of its labels (29.97 is not 30)"
         return (Notice("clocks.timecode_rate", "warning", text, {"device": recorder}),)
 
 
@@ -357,7 +357,7 @@ class ClocksStage(Stateful):
         self._rate_off.add(model.device)
         unused = "" if _usable(model) else "; its clock is not used"
         text = (
-            f"the timecode that {model.device} hears runs {1e6 * model.drift:+.0f} ppm against its clock: "
+            f"the timecode at {model.device} runs {1e6 * model.drift:+.0f} ppm against its clock: "
             "more than any crystal; set generator and recorder to the same rate (29.97 is not 30), and check "
             f"pull-up and pull-down{unused}"
         )

@@ -26,7 +26,7 @@ SURE = 0.7  # least cosine of the angle between up and the tops of images, for i
 # be rolled.
 AROUND, FEWEST = 0.25, 3
 NOT_KNOWN = (0.0, 0.0, 0.0)  # value of `DetectionConfig.up` if no file states up
-FINDING = "`panoptic rig check RIG --detections FILE` finds from people which way is up"
+FINDING = "`panoptic rig check RIG --detections FILE` finds the up direction from people"
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def rolls_of(rig: Rig, up: Sequence[float] = ()) -> CameraRolls:
     known = rig.up if not up else direction(up) if any(up) else None
     degrees = _turns(rig, known or Z_UP)
     if known is None:
-        text = f"the rig does not state which way is up: +z is assumed, and no image is turned; {FINDING}"
+        text = f"the rig does not state its up direction: +z is assumed, and no image is turned; {FINDING}"
         if degrees:
             text += f". If +z is up, images of {', '.join(degrees)} must be turned: --set detection.up=0,0,1"
         severity: Severity = "warning" if degrees else "info"

@@ -290,7 +290,7 @@ class ProposalSet:
         if not np.isfinite(nodes).all():
             raise DataError("ProposalSet.nodes is not finite")
         if parts.size and not 0 <= parts.min() <= parts.max() < len(nodes):
-            raise DataError("ProposalSet.parts names a node that is not there")
+            raise DataError("ProposalSet.parts names a node that does not exist")
 
     @classmethod
     def of_nothing(cls, association: AssociationSet) -> ProposalSet:

@@ -149,7 +149,7 @@ class BodyStateSet:
         if (parents >= np.arange(len(parents))).any() or (parents[1:] < 0).any():
             raise DataError(f"BodyStateSet.parents = {parents.tolist()}: parents stand before their children")
         if len(set(ids.tolist())) != len(ids):
-            raise DataError(f"an id stands twice among the bodies {ids.tolist()}")
+            raise DataError(f"an id appears twice among the bodies {ids.tolist()}")
         if sources.size and sources.max() > max(BodySource):
             raise DataError(f"BodyStateSet.sources has the unknown source {sources.max()}")
         for name in ("offsets", "freedoms", "positions", "orientations", "velocities"):

@@ -207,8 +207,8 @@ class DetectionSet:
         for view in self.views:
             if view.skeleton_hash != self.skeleton_hash:
                 raise DataError(
-                    f"camera {view.camera} speaks of skeleton {view.skeleton_hash}, "
-                    f"the set of {self.skeleton_hash}"
+                    f"camera {view.camera} has skeleton {view.skeleton_hash}, but the set has "
+                    f"{self.skeleton_hash}"
                 )
 
 

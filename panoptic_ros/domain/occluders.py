@@ -34,7 +34,7 @@ class Occluders:
         if not np.isfinite(vertices).all():
             raise DataError("Occluders.vertices is not finite")
         if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(vertices):
-            raise DataError(f"Occluders.triangles speaks of vertices that are not among the {len(vertices)}")
+            raise DataError(f"Occluders.triangles names vertices that are not among the {len(vertices)}")
 
     @classmethod
     def box(cls, size: Array, rotation: Array, centre: Array) -> Occluders:

@@ -165,7 +165,7 @@ class TrackedPoseSet(PoseSet):
         if len(ids) != len(self.positions):
             raise DataError(f"{len(ids)} ids for {len(self.positions)} people")
         if len(set(ids.tolist())) != len(ids):
-            raise DataError(f"an id stands twice among {ids.tolist()}")
+            raise DataError(f"an id appears twice among {ids.tolist()}")
         ids.flags.writeable = False
         object.__setattr__(self, "ids", ids)
 

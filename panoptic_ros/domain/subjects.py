@@ -64,7 +64,7 @@ class Subject:
         """Return a line that states the assumed values, if there are any."""
         if not self.assumed:
             return []
-        return [f"subject {self.id}: taken, as its file does not say: {'; '.join(self.assumed)}"]
+        return [f"subject {self.id}: assumed, as its file does not state it: {'; '.join(self.assumed)}"]
 
 
 class ViewPeople(NamedTuple):

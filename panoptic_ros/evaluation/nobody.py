@@ -34,7 +34,7 @@ def why_nobody(sets: Sequence[DetectionSet], found: int, warnings: Sequence[Noti
 
 def _reason(sets: Sequence[DetectionSet], counts: list[list[int]], warnings: Sequence[Notice]) -> str:
     if warnings:
-        return "the check of the rig says why: " + warnings[0].text
+        return "the check of the rig reports the reason: " + warnings[0].text
     together = [sum(n > 0 for n in row) > 1 for row in counts]
     if not any(together):
         single = all(len(row) < 2 for row in counts)
@@ -48,7 +48,7 @@ def _reason(sets: Sequence[DetectionSet], counts: list[list[int]], warnings: Seq
     joints = np.concatenate([(view.scores > 0.0).sum(1) for item in sets for view in item.views])
     few = int(np.median(joints))
     if few < LEAST_JOINTS:
-        known = "joints or fewer that this skeleton knows; are joint_names right?"
+        known = "joints or fewer of this skeleton; are joint_names right?"
         return f"half of the people have {few} {known}"
     if float(np.mean(together)) < HARDLY:
         return f"two views show people in {100 * float(np.mean(together)):.0f} % of the instants only"

@@ -34,7 +34,7 @@ def refinement_scores(pairs: Sequence[FramePair], joint_names: Sequence[str]) ->
     """
     missing = [name for name in TORSO if name not in joint_names]
     if missing:
-        raise DataError(f"the truth has no joint {missing[0]}; offsets are told in the frame of the torso")
+        raise DataError(f"the truth has no joint {missing[0]}; offsets are given in the frame of the torso")
     corners = [list(joint_names).index(name) for name in TORSO]
     speeds = _speeds(pairs)
     errors: dict[int, list[Array]] = {}

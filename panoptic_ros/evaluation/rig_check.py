@@ -135,7 +135,7 @@ def _is_told_by(note: Notice, other: Notice) -> bool:
     return note.code == other.code and bool(cameras) and cameras <= set(other.values["cameras"])
 
 
-_FEW = "too few people are seen by two cameras at once to tell whether the views agree"
+_FEW = "too few people are seen by two cameras at once to decide whether the views agree"
 _NONE = "without 2D people only the numbers of the rig were checked, not whether the views agree"
 
 

@@ -105,7 +105,7 @@ def _transposed(camera: Camera) -> Camera:
 
 _POSES: tuple[tuple[str, str, Callable[[Camera], Camera]], ...] = (
     ("rig.pose_inverted", "seem{s} to have R and t of world_from_cam instead of cam_from_world", _inverse),
-    ("rig.pose_centre", "seem{s} to have the camera's position in place of t (-R times it)", _from_centre),
+    ("rig.pose_centre", "seem{s} to have the camera's position instead of t (-R times it)", _from_centre),
     ("rig.pose_transposed", "seem{s} to have R transposed", _transposed),
 )
 

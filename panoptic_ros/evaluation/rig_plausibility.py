@@ -33,7 +33,7 @@ def implausible_cameras(rig: Rig) -> list[Notice]:
         text = f"the cameras lie {span:.0f} m apart: the unit of length is probably mm or cm, not m"
         notices.append(Notice("rig.units", "warning", text, {"span_m": span}))
     if len(rig) > 1 and span < 1e-3:
-        text = "all cameras are at one and the same place: the poses are missing, or in km"
+        text = "all cameras are at the same place: the poses are missing, or in km"
         notices.append(Notice("rig.units", "warning", text, {"span_m": span}))
     elif len(rig) > 1:
         notices += _at_one_pose(rig, ONE_PLACE * span)
@@ -144,7 +144,7 @@ def sizes_that_differ(rig: Rig, instants: Sequence[Mapping[str, ViewDetections]]
             elif abs(width * wanted[1] / (height * wanted[0]) - 1.0) < 0.02:
                 why = f"they are {width / wanted[0]:.3g} times the size; scale the intrinsics or the images"
             text = (
-                f"camera {camera.name}: the images have {width} x {height} px, the rig says "
+                f"camera {camera.name}: the images have {width} x {height} px, but the rig states "
                 f"{wanted[0]} x {wanted[1]}; {why}"
             )
             notices.append(Notice("rig.image_size", "warning", text, {"cameras": [camera.name]}))

@@ -42,7 +42,7 @@ class SkeletonFrame:
         shapes = ShapeChecks(self)
         ids = shapes.store("ids", np.int64, "P")
         if len(np.unique(ids)) != len(ids):
-            raise DataError(f"an id stands twice in the frame at {self.stamp_ns} ns: {ids.tolist()}")
+            raise DataError(f"an id appears twice in the frame at {self.stamp_ns} ns: {ids.tolist()}")
         positions = shapes.store("positions", np.float64, "P J 3")
         if np.isinf(positions).any():
             raise DataError(f"a joint of the frame at {self.stamp_ns} ns is infinitely far away")
@@ -72,7 +72,7 @@ class SkeletonSequence:
         object.__setattr__(self, "joint_names", tuple(self.joint_names))
         object.__setattr__(self, "frames", tuple(self.frames))
         if len(set(self.joint_names)) != len(self.joint_names):
-            raise DataError("a joint name stands twice")
+            raise DataError("a joint name appears twice")
         for frame in self.frames:
             if frame.positions.shape[1] != len(self.joint_names):
                 raise DataError(
@@ -92,7 +92,7 @@ class SkeletonSequence:
         if not column.keys() & set(joint_names):
             raise DataError(
                 f"the result has none of the truth's joints: {', '.join(self.joint_names[:4])}, ... "
-                f"in place of {', '.join(list(joint_names)[:4])}, ..."
+                f"instead of {', '.join(list(joint_names)[:4])}, ..."
             )
         order = [column.get(name, len(column)) for name in joint_names]  # the last column is NaN
         return SkeletonSequence(tuple(joint_names), tuple(_reorder(f, order) for f in self.frames))

@@ -18,13 +18,13 @@ def report_table(report: Report, joints: bool = True) -> str:
         ("stamp offset", _offsets(report)),
         ("MPJPE", f"{_number(scores.mpjpe_mm, 1)} mm mean, {_number(scores.median_mm, 1)} mm median"),
         ("PCK", _pck(scores.pck)),
-        ("PCK of everybody", _pck(scores.pck_of_everybody)),
+        ("PCK of all people", _pck(scores.pck_of_everybody)),
         ("joint recall", _number(scores.recall)),
         ("joint precision", _number(scores.precision)),
         (
             "people",
             f"{people.found} found of {people.truth} true and {people.result} reported; "
-            f"{_number(people.unmatched_per_frame, 2)} per frame are nobody's",
+            f"{_number(people.unmatched_per_frame, 2)} per frame are of no true person",
         ),
         ("person recall", _number(people.recall)),
         ("person precision", _number(people.precision)),

@@ -38,7 +38,7 @@ def find_time_offset(
     motion = TruthMotion(truth)
     tracks = _matched_tracks(motion, truth, result.with_joints(truth.joint_names))
     if not tracks:
-        raise DataError("the time offset cannot be found: nobody of the result is near the truth")
+        raise DataError("the time offset cannot be found: no person of the result is near the truth")
     inside = (truth.frames[0].stamp_ns, truth.frames[-1].stamp_ns)
 
     def error(seconds: float) -> float:

@@ -131,7 +131,7 @@ class ArrivalCounters:
             return ""
         age = self.age_ns(now_ns) / SECOND
         if self._newest_ns is None:
-            return f"no {self.title} has come yet, {age:.1f} s after the start"
+            return f"no {self.title} was received yet, {age:.1f} s after the start"
         return f"no {self.title} for {age:.1f} s"
 
 

@@ -105,7 +105,7 @@ def _check_evidence(item: AssociationSet, rig: Rig) -> None:
         apart = np.abs(given - expected)
         if not (apart <= 1e-9 + 1e-6 * np.abs(expected)).all():
             farthest = float(apart.max())
-            raise DataError(f"Evidence.{name} differs by {farthest:.3g} from what its 2D people say")
+            raise DataError(f"Evidence.{name} differs by {farthest:.3g} from that of its 2D people")
     stamp = item.detections.stamp_ns
     delays = np.array([1e-9 * (view.stamp_ns - stamp) for view in views])
     if not ((found.delays == 0.0) | (np.abs(found.delays - delays) < 1e-6)).all():

@@ -151,7 +151,7 @@ class NodeHealth:
         warned = own.warnings.recent(own.statistics.warned, now_ns)
         told = [f"{count} {cause}" for cause, count in drops.items()]
         reasons = [*([trouble] if trouble else []), *self.unfit]
-        reasons += [f"dropped of late: {', '.join(told)}"] if told else []
+        reasons += [f"dropped recently: {', '.join(told)}"] if told else []
         reasons += [own.statistics.latest(code) for code in warned]
         title = self._node if len(self._stages) == 1 else name
         if briefly:
@@ -231,7 +231,7 @@ class GraphHealth:
             for node, heard in self._nodes.items()
             if now_ns - heard.newest_ns > SILENT_NS and not heard.finished
         }
-        gone = [f"node {node} has not been heard for {age:.1f} s" for node, age in silent.items()]
+        gone = [f"no message from node {node} for {age:.1f} s" for node, age in silent.items()]
         others = [
             f"{name}: {trouble}"
             for node, heard in self._nodes.items()

@@ -44,7 +44,7 @@ def arrays_of(path: Path) -> Iterator[Mapping[str, Any]]:
                     with archive.open(name) as file:
                         _check(file, archive.getinfo(name).file_size, f"{path}: {name}")
         except zipfile.BadZipFile as error:
-            raise DataError(f"{path} is no .npz file that is whole: {one_line(error)}") from None
+            raise DataError(f"{path} is no intact .npz file: {one_line(error)}") from None
         with np.load(path) as found:
             yield found
 
@@ -66,4 +66,4 @@ def _check(file: IO[bytes], size: int, where: str) -> None:
     if dtype.hasobject:
         raise DataError(f"{where} holds objects of Python, which are not read")
     if math.prod(shape) * dtype.itemsize > size:
-        raise DataError(f"{where} says that it is {shape} of {dtype}, which is more than its {size} bytes")
+        raise DataError(f"{where} states {shape} of {dtype}, which is more than its {size} bytes")

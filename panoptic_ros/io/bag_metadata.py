@@ -87,9 +87,9 @@ def chosen_files(folder: Path, metadata: BagMetadata) -> BagFiles:
     missing = [name for name in wanted if name not in there]
     others = [path.name for name, path in there.items() if name not in wanted]
     if not there:
-        raise DataError(f"the files that {NAME} names are not there: {_list(missing) or 'it names none'}")
+        raise DataError(f"the files that {NAME} names do not exist: {_list(missing) or 'it names none'}")
     if not named:
-        told = f"{NAME} names {_list(missing) or 'no file'}, which is not there; {_list(others)} is read"
+        told = f"{NAME} names {_list(missing) or 'no file'}, which does not exist; {_list(others)} is read"
         return BagFiles(tuple(there.values()), (told,))
     problems = [f"{_list(missing)} is missing, which {NAME} names"] if missing else []
     if others:

@@ -221,7 +221,7 @@ class BagRecorder:
         if self._split is not None:
             if self._parts == 0:
                 if os.path.lexists(path):
-                    raise DataError(f"{path} is there already; give another --out, or move it away")
+                    raise DataError(f"{path} exists already; give another --out, or move it away")
                 with file_errors(path, "write"):
                     path.mkdir(parents=True)
             path = path / f"{self._parts:03d}"

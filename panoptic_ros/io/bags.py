@@ -51,7 +51,7 @@ class BagWriter:
     def __init__(self, path: Path, in_place: bool = False):
         self.path = Path(path)
         if os.path.lexists(self.path):  # true also for a broken link
-            raise DataError(f"{self.path} is there already; choose another name or remove it")
+            raise DataError(f"{self.path} exists already; choose another name or remove it")
         self._in_place = in_place
         self._part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
         with file_errors(self.path, "write"):
@@ -213,8 +213,8 @@ class BagReader:
             raise
         except Exception as error:  # a damaged file can raise any exception
             raise DataError(
-                f"{self.path} cannot be read as a rosbag2 ({one_line(error)}); where a recording was "
-                f"cut off, `panoptic bag repair {self.path}` saves what is whole"
+                f"{self.path} cannot be read as a rosbag2 ({one_line(error)}); if a recording was cut off, "
+                f"`panoptic bag repair {self.path}` saves its intact part"
             ) from None
 
     def _tell(self, foreign: Counter[ForeignTopic], problems: list[str]) -> None:
@@ -303,8 +303,8 @@ class BagReader:
             raise
         except Exception as error:  # a damaged file can raise any exception
             raise DataError(
-                f"{self.path} is damaged: {one_line(error)}; `panoptic bag repair {self.path}` saves what is "
-                "whole"
+                f"{self.path} is damaged: {one_line(error)}; `panoptic bag repair {self.path}` saves its "
+                "intact part"
             ) from None
 
     def _one_by_one(self, rows: Iterator[tuple[int, Row]]) -> Iterator[tuple[int, Row]]:
@@ -350,9 +350,9 @@ class BagReader:
         bring = bringing_up(kind, connection.definition or self._connections[topic].definition)
         if bring is None:
             raise DataError(
-                f"{self.path} was recorded by another version of this program, whose {kind.split('/')[-1]} "
-                f"(topic {topic}) had other fields; read it with that version, or make the bag anew from the "
-                "capture with `panoptic run`"
+                f"{self.path} was recorded by another version of this program, with other fields of "
+                f"{kind.split('/')[-1]} (topic {topic}); read it with that version, or make the bag again "
+                "from the capture with `panoptic run`"
             )
         return bring
 
@@ -416,7 +416,7 @@ def upgrade(source: Path, target: Path) -> UpgradeResult | None:
         left_out = {topic: bag.topics[topic] for topic in outdated if not bag.can_be_brought_up(topic)}
         wanted = [topic for topic in bag.topics if topic not in left_out]
         if not wanted:
-            raise DataError(f"{source}: nothing in it can be brought up; make the bag anew from the capture")
+            raise DataError(f"{source}: no topic in it can be upgraded; make the bag again from the capture")
         with BagWriter(target) as new:
             for topic, stamp_ns, data, kind in bag.raw(*wanted):
                 if topic in outdated:

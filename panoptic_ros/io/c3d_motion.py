@@ -58,7 +58,7 @@ def read_c3d(path: Path) -> JointTrajectories:
 
 def _motion(package: Any, data: bytes, path: Path) -> JointTrajectories:
     # ezc3d trusts the lengths in a file, so a damaged file can crash its process
-    what = f"{path} is no C3D file that is whole; it"
+    what = f"{path} is no intact C3D file; it"
     points, residuals, point = apart(lambda: _content(package, path), what, len(data))
     labels, rate = _labels(point), float(point["RATE"]["value"][0])
     joints = np.moveaxis(np.asarray(points[:3], float), 0, -1).swapaxes(0, 1)
@@ -67,7 +67,7 @@ def _motion(package: Any, data: bytes, path: Path) -> JointTrajectories:
         raise DataError(f"{path}: {count} frames of {number} points, {len(labels)} labels, at {rate:g} Hz")
     stated = _frames_stated(data)
     if count < stated < LARGEST:  # longer recordings do not state their length in the header
-        raise DataError(f"{path} is no C3D file that is whole: it has {count} of {stated} frames")
+        raise DataError(f"{path} is no intact C3D file: it has {count} of {stated} frames")
     joints[np.asarray(residuals)[0].T < 0.0] = np.nan
     joints[~(np.abs(joints) < LARGEST_VALUE)] = np.nan
     turn = np.array(UPRIGHT[_up(path, point)], float)
@@ -163,7 +163,7 @@ def apart(work: Callable[[], Result], what: str, size: int) -> Result:
     finally:
         _, status = os.waitpid(child, 0)
     if status or not answer:
-        raise DataError(f"{what} cannot be read: its reader breaks down, so it is damaged; copy it again")
+        raise DataError(f"{what} cannot be read: its reader crashes, so it is damaged; copy it again")
     good, result = pickle.loads(answer)
     if not good:
         raise DataError(f"{what} cannot be read: {result}")

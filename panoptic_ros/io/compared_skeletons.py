@@ -66,7 +66,7 @@ def only_joints(truth: SkeletonSequence, text: str) -> SkeletonSequence:
     kept = [name for word, name in own.items() if word in words]
     if len(kept) < MIN_COMMON:
         raise UsageError(
-            f"--joints {text} leaves {len(kept)} of the truth's joints; people are told apart by "
+            f"--joints {text} leaves {len(kept)} of the truth's joints; the matching of people needs "
             f"{MIN_COMMON} or more"
         )
     return truth.with_joints(kept)
@@ -83,5 +83,5 @@ def spelt_alike(result: SkeletonSequence, truth: SkeletonSequence) -> SkeletonSe
     names = tuple(name if name in truth.joint_names else theirs.get(word, name) for name, word in words)
     for name in names:
         if names.count(name) > 1:
-            raise DataError(f"several joints of the result are {name} by their names")
+            raise DataError(f"several joints of the result have names that mean {name}")
     return replace(result, joint_names=names)

@@ -34,8 +34,8 @@ def noise_only(bias_floors: Sequence[float]) -> list[str]:
         bias_floors: bias standard deviations of the skeleton's joints, see `SkeletonModel`.
     """
     text = (
-        "covariances hold the noise of 2D people alone, as the constant biases of their detector are not "
-        "known: joint_bias of a model card tells them to `panoptic run`"
+        "covariances contain only the noise of 2D people, as the constant biases of their detector are "
+        "unknown: state them in joint_bias of a model card for `panoptic run`"
     )
     return [] if any(bias_floors) else [text]
 

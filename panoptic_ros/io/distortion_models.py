@@ -25,7 +25,7 @@ _FISHEYE = frozenset(
 )
 _NONE = frozenset(("", "ideal", "none", "nodistortion", "rectified", "undistorted"))
 _MOST = {"plumbbob": 5, "radtan": 4, "radialtangential": 4}  # number of coefficients that the name implies
-KNOWN = "plumb_bob, rational_polynomial, equidistant, and what OpenCV and Kalibr call the same"
+KNOWN = "plumb_bob, rational_polynomial, equidistant, and their names in OpenCV and Kalibr"
 
 
 def ros_name(intrinsics: Intrinsics) -> str:
@@ -62,7 +62,7 @@ def read_lens(model: object, numbers: Array) -> tuple[Lens, Array, str]:
             f"the distortion model {named}; models that are read: {KNOWN}. Calibrate the camera with one of "
             "them, or undistort its images"
         )
-    unknown = f"distortion model {shown(model)} is not known; as it has no coefficients, none is taken"
+    unknown = f"distortion model {shown(model)} is unknown; as it has no coefficients, none is used"
     return "brown", np.zeros(0), "" if name in _NONE else unknown
 
 

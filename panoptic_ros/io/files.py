@@ -75,7 +75,7 @@ def _target(path: Path) -> Path:
         except FileNotFoundError:
             if os.path.islink(path):
                 raise DataError(
-                    f"cannot write {path}: it is a link to {found}, which is not there; remove the link"
+                    f"cannot write {path}: it is a link to {found}, which does not exist; remove the link"
                 ) from None
         except NotADirectoryError:  # `_check_parent` reports it
             pass

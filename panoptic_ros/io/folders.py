@@ -49,7 +49,7 @@ def whole_folder(folder: Path) -> Iterator[Path]:
         EnvironmentProblem: on missing permissions, a full disk and other operating-system errors.
     """
     if folder.exists():
-        raise DataError(f"{folder} is there already; choose another name or remove it")
+        raise DataError(f"{folder} exists already; choose another name or remove it")
     temporary = folder.with_name(f".{folder.name}.{os.getpid()}.part")
     with file_errors(folder, "write"):
         try:

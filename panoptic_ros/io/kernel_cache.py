@@ -25,8 +25,8 @@ def full_disk_told() -> Iterator[None]:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
         raise EnvironmentProblem(
-            f"{error.strerror}: make room, also where compiled kernels are kept (50 MB in the user's "
-            "cache, or where NUMBA_CACHE_DIR says)"
+            f"{error.strerror}: make room, also for compiled kernels (50 MB in the user's cache, or in "
+            "NUMBA_CACHE_DIR)"
         ) from None
 
 

@@ -99,7 +99,7 @@ def _in_order(stamps: Array) -> tuple[Array, Array, str]:
     repeated = (stamps == newest) & (stamps >= 0)
     sizes = np.add.reduceat(repeated.astype(int), begins) if len(begins) else np.zeros(0, int)
     if len(begins) < 2 or (sizes > 1).mean() < BATCHED:
-        line = f"{int((~new).sum())} samples are left out, whose stamps stand twice or go back"
+        line = f"{int((~new).sum())} samples are left out, as their stamps are repeated or go back"
         return stamps[new], begins, line
     steps = np.diff(stamps[begins])
     period = float(np.median(steps / sizes[:-1]))
@@ -112,7 +112,7 @@ def _in_order(stamps: Array) -> tuple[Array, Array, str]:
     times, rows = times[rising], rows[rising]
     line = f"samples come several to a stamp; they are spread by their rate, {1e9 / period:.1f} Hz"
     lost = len(stamps) - len(rows)
-    return times, rows, line + (f"; {lost} whose stamps go back are left out" if lost else "")
+    return times, rows, line + (f"; {lost} left out, as their stamps go back" if lost else "")
 
 
 def write_imus(path: Path, devices: Mapping[str, ImuSeries]) -> None:
@@ -178,7 +178,7 @@ def _assumed(document: Mapping[str, Any], devices: Sequence[Device]) -> tuple[st
     if not document.get("segments"):
         found.append("lengths of segments as usual for height_m")
     if devices and "inertial_frame" not in document:
-        found.append('inertial_frame "world", whose x the IMUs know')
+        found.append('inertial_frame "world", with an x axis common to the IMUs')
     t_pose, unmounted = document.get("t_pose"), any(device.mount is None for device in devices)
     if unmounted and t_pose is not None and t_pose.get("facing") is None:
         found.append("facing +x in the t_pose")
@@ -226,7 +226,7 @@ def _distinct(devices: tuple[Device, ...]) -> tuple[Device, ...]:
     names = [device.name for device in devices]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise DataError(f"device {twice} stands twice; each is on one segment")
+        raise DataError(f"device {twice} is listed twice; each is on one segment")
     return devices
 
 

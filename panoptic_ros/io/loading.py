@@ -92,7 +92,7 @@ class _Parsing:
 
 def malformed(where: Path | str, error: Exception, kind: type[UserError] = DataError) -> UserError:
     """Return the error about a document whose keys or values do not follow its format."""
-    return kind(f"{where}: {_told(error)}; docs/files.md says what must be there")
+    return kind(f"{where}: {_told(error)}; see docs/files.md for the format")
 
 
 def _told(error: Exception) -> str:
@@ -199,8 +199,8 @@ def unpacked(data: bytes, path: Path | str, most: int) -> bytes:
             raise DataError(f"{path} begins as a gzip file and is damaged: {error}; copy it again") from None
         if member.unconsumed_tail:
             raise DataError(
-                f"{path}: {PIECE // 1024} kB of it unpack to more than {UNPACKED // MIB} MB, as of no real "
-                "document; where it is one, unpack it with gunzip"
+                f"{path}: {PIECE // 1024} kB of it unpack to more than {UNPACKED // MIB} MB, which is "
+                "implausible for a document; if it is one, unpack it with gunzip"
             )
         if whole.tell() > most:
             raise _too_large(path, most)

@@ -90,7 +90,7 @@ def _bvh(words: Iterator[str], path: Path, unit: float) -> JointTrajectories:
         values = np.array([float(word) for word in words])
         table = values.reshape(count, sum(len(own) for own in channels))
     except (StopIteration, ValueError, IndexError) as error:
-        raise DataError(f"{path} is no BVH file that is whole: {one_line(error)}") from None
+        raise DataError(f"{path} is no intact BVH file: {one_line(error)}") from None
     if not 0.0 < period < math.inf or not np.isfinite(table).all() or not np.isfinite(offsets).all():
         raise DataError(f"{path}: frames of {period} s or numbers that are none")
     places = _placed(parents, np.array(offsets), channels, table)
@@ -152,7 +152,7 @@ def _expect(words: Iterator[str], *wanted: str) -> None:
     for want in wanted:
         word = next(words)
         if word != want:
-            raise ValueError(f"{word} in place of {want}")
+            raise ValueError(f"{word} instead of {want}")
 
 
 def _placed(parents: list[int], offsets: Array, channels: list[list[str]], table: Array) -> Array:

@@ -34,16 +34,16 @@ def parameter_page(classes: Mapping[str, type[Config]]) -> str:
         "",
         "Set them with `panoptic ... --set stage.name=value`, in a file for `--config` "
         "(`{stage: {name: value}}`, or like `config/<stage>.yaml`), or as ROS parameters of the "
-        "stage's node. `--preset NAME` sets many at once (`config/presets`); the other two count more.",
+        "stage's node. `--preset NAME` sets many at once (`config/presets`); the other two take precedence.",
         "",
         *_changed_by_labs(classes),
         "",
-        "The rest is below, stage by stage. *Expert*: the default serves all captures that we know of; "
+        "The rest is below, stage by stage. *Expert*: the default suits all captures that we know of; "
         "change it with figures in hand (`panoptic evaluate`, `panoptic study ablation`).",
         "",
     ]
     for stage, cls in classes.items():
-        lines += [f"## {stage}", "", "| name | default | unit | range | what it does |"]
+        lines += [f"## {stage}", "", "| name | default | unit | range | description |"]
         lines.append("|---|---|---|---|---|")
         for item in describe(cls):
             cells = (f"`{item.name}`", f"`{_yaml(item.default)}`", item.unit, _range(item), item.told)

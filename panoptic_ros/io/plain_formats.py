@@ -87,7 +87,7 @@ class PlainDetections:
         last = -1
         for frame in self.frames:
             if frame.stamp_ns < last:
-                raise DataError(f"frame {frame.index}: stamp {frame.stamp_ns} lies before the one before")
+                raise DataError(f"frame {frame.index}: stamp {frame.stamp_ns} is before the previous one")
             last = frame.stamp_ns
             for name in frame.views:
                 if name not in allowed:

@@ -41,7 +41,7 @@ def read_prior(name: str = "", model: SegmentModel | None = None) -> PoseStatist
             arrays = [found[key] for key in PRIOR_KEYS]
         except KeyError as error:
             told = f"{path} is no pose prior, or an old one ({one_line(error)})"
-            raise DataError(f"{told}: train it anew") from None
+            raise DataError(f"{told}: train it again") from None
         own = tuple(map(str, found[SEGMENTS])) if SEGMENTS in found else read_body_model().names
     with parsing(path):
         _check_shapes(arrays, path)

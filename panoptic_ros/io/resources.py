@@ -24,7 +24,7 @@ def share_folder() -> Path:
         if (place / "config" / "skeletons").is_dir():
             return place
     raise EnvironmentProblem(
-        "the installed files of panoptic_ros (config/) are not there; looked in "
+        "the installed files of panoptic_ros (config/) are missing; searched in "
         + ", ".join(str(place) for place in places)
         + "; install the package again"
     )

@@ -153,7 +153,7 @@ class KernelFile(IndexDataCacheFile):
     def _load_data(self, name: str) -> Any:
         content = _content(Path(self._data_path(name)))
         if content is None:
-            raise FileNotFoundError(f"{name} is not there or damaged")  # numba then compiles
+            raise FileNotFoundError(f"{name} is missing or damaged")  # numba then compiles
         return pickle.loads(content)
 
     def _save_data(self, name: str, data: Any) -> None:

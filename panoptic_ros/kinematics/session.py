@@ -119,8 +119,8 @@ def solve_recording(
         states += person.flush()
         if not person.came:
             notices.append(
-                f"subject {person.subject.id} has not come: no camera sees anybody near where it starts, "
-                "and no IMU that is mounted tells of it; look at `start` and the devices of its file"
+                f"subject {person.subject.id} was not found: no camera sees a person near its start, and "
+                "no mounted IMU measures it; check `start` and the devices of its file"
             )
     return BodySolution(states, people, notices)
 
@@ -179,7 +179,7 @@ def _aligned(
         found = align(subject, states, felt)
         if found is None:
             if not subject.heading_known:
-                text = "hardly moves, so the heading of its IMUs is taken as 0"
+                text = "hardly moves, so the heading of its IMUs is assumed to be 0"
                 notices.append(f"subject {subject.id}: {text}")
             continue
         headings[subject.id], shift, lines = taken_over(subject, found, config.clocks)
@@ -202,7 +202,7 @@ def _bent_heading(
     held = {name: during for name in turns if len(during := held_in(subject.t_pose, stamps, felt[name]))}
     found = heading_from_poses(subject, statistics, turns, held)
     if found is None:
-        text = "hardly moves and no camera sees it, so the heading of its IMUs is taken as 0"
+        text = "hardly moves and no camera sees it, so the heading of its IMUs is assumed to be 0"
         notices.append(f"subject {subject.id}: {text}")
         return 0.0
     notices.append(f"subject {subject.id}: {bent_line(found)}")
@@ -257,8 +257,8 @@ class RecordedPoseSource:
             crowd = max((len(people.points) for people in instant.views.values()), default=0)
             if crowd and (len(self._people) > 1 or crowd > 1):
                 raise DataError(
-                    f"subject {subject.id}: {crowd} people are seen and nothing says who it is; state "
-                    "`start`, where the pelvis is at the first instant"
+                    f"subject {subject.id}: {crowd} people are seen and it cannot be identified; state "
+                    "`start`, the position of the pelvis at the first instant"
                 )
         alone = self._cameras < 2 or instant.stamp_ns > self._sets[0][0].stamp_ns + 1e9 * SEVERAL_S
         return nearest_to_start(subject, instant, person.weighing, alone)

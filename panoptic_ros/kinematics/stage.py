@@ -111,7 +111,7 @@ def odd_stamp(stamp_ns: int, name: str, warns: bool) -> Notice:
 
 def jump(stamp_ns: int, name: str) -> Notice:
     """Return the notice of timestamps that continue elsewhere."""
-    text = f"stamps go on from {stamp_ns}, as {name} and others say; bodies begin anew"
+    text = f"stamps of {name} and others continue from {stamp_ns}; bodies start again"
     return Notice("kinematics.jump", "warning", text)
 
 
@@ -127,8 +127,8 @@ def late(left_out: int, waited_ns: int) -> Notice:
 def never_came(number: int, seconds: float) -> Notice:
     """Return the notice of a subject that was not seen for `seconds`, s."""
     text = (
-        f"subject {number} has not come in {seconds:g} s: no camera has seen it and no IMU that is "
-        "mounted tells of it; look at `start`, `id` and the devices of its file"
+        f"subject {number} was not found in {seconds:g} s: no camera has seen it and no mounted IMU "
+        "measures it; check `start`, `id` and the devices of its file"
     )
     return Notice("kinematics.never_came", "warning", text, {"device": f"subject {number}"})
 

@@ -13,8 +13,10 @@ class OffsetsConfig(Config):
 
     active: bool = param(
         False,
-        doc="Find the cameras' clock offsets from the motion of people, and let sync correct stamps by them.",
-        when="cameras are neither triggered together nor on one clock, and nothing is known of their stamps.",
+        doc="Estimate the cameras' clock offsets from the motion of people, and let sync correct "
+        "timestamps by them.",
+        when="cameras are neither triggered together nor on one clock, and errors of their timestamps are "
+        "unknown.",
     )
     block_s: float = param(
         2.0,
@@ -28,18 +30,19 @@ class OffsetsConfig(Config):
         unit="s",
         ge=2.0,
         le=3600.0,
-        doc="Time after which a measurement counts 1/e; longer is more precise, shorter follows crystals.",
+        doc="Time after which the weight of a measurement falls to 1/e. A longer time is more precise; a "
+        "shorter one follows crystals.",
     )
     trusted_camera: str = param(
         "",
-        doc="A camera whose stamps are right; empty: most cameras are right if they agree, else offsets "
+        doc="Camera whose timestamps are right; empty: most cameras are right if they agree, else offsets "
         "have mean 0.",
     )
     delays_ms: tuple[str, ...] = param(
         (),
         unit="ms",
-        doc="What is known of the clocks already; the same as sync.delays_ms, which is its default. "
-        "Offsets that are found are added to it.",
+        doc="Clock delays that are known already; the same as sync.delays_ms, which is the default. "
+        "Offsets that are found are added to them.",
     )
 
     def __post_init__(self) -> None:

@@ -84,8 +84,8 @@ class ClockNotices:
             return ()
         names = ", ".join(name for name, known in zip(self._cameras, clocks.known) if not known)
         text = (
-            f"after {self._passed:.0f} s the clocks of {names} are not known: too little moves in their "
-            "views. Their stamps are kept; let somebody walk about there"
+            f"after {self._passed:.0f} s the clocks of {names} are unknown: there is too little motion "
+            "in their views. Their stamps are kept; let a person walk about there"
         )
         return (Notice("offsets.unknown", "warning", text, {"cameras": names}),)
 
@@ -234,8 +234,8 @@ class OffsetsStage(Stateful):
 
 def _jump(name: str, jump: float) -> Notice:
     text = (
-        f"the clock of camera {name} has jumped by about {-1e3 * jump:+.0f} ms against the others; it is "
-        "found anew from motion"
+        f"the clock of camera {name} has jumped by about {-1e3 * jump:+.0f} ms against the others; "
+        "it is estimated again from motion"
     )
     return Notice("offsets.jump", "warning", text, {"camera": name, "jump_s": -jump})
 

@@ -58,7 +58,7 @@ class DepthMaps:
             raise DataError(f"a map of depth sensor {item.camera}, which is not in the rig")
         if item.image_size != camera.image_size:
             found, size = ("{} x {}".format(*size) for size in (item.image_size, camera.image_size))
-            raise DataError(f"a map of depth sensor {item.camera} has {found} px, the rig says {size}")
+            raise DataError(f"a map of depth sensor {item.camera} has {found} px, but the rig states {size}")
         own = self.maps.setdefault(item.camera, deque(maxlen=KEPT))
         if not own or item.stamp_ns > own[-1].stamp_ns:
             own.append(item)
@@ -105,7 +105,9 @@ class DepthMaps:
             if self.believed[name] == (was is not False):
                 continue
             whose = {"device": name}
-            text = f"depth sensor {name}: {now:.0%} of the people that cameras see are where it measures them"
+            text = (
+                f"depth sensor {name}: {now:.0%} of the people that cameras see agree with its measurements"
+            )
             if self.believed[name]:
                 notices.append(Notice("patches.depth_back", "info", f"{text}; it is used again", whose))
             else:
@@ -114,10 +116,10 @@ class DepthMaps:
         for name, own in self.maps.items():
             silent, whose = stamp_ns - own[-1].stamp_ns > SILENT_NS, {"device": name}
             if silent and name not in self.told:
-                text = f"depth sensor {name} gives no maps: patches go on without it"
+                text = f"depth sensor {name} sends no maps: patches continue without it"
                 notices.append(Notice("patches.depth_silent", "warning", text, whose))
             elif not silent and name in self.told:
-                text = f"depth sensor {name} gives maps again"
+                text = f"depth sensor {name} sends maps again"
                 notices.append(Notice("patches.depth_again", "info", text, whose))
             (self.told.add if silent else self.told.discard)(name)
         return tuple(notices)

@@ -37,9 +37,9 @@ NO_TRACKS = (
     Notice(
         "patches.no_tracks",
         "warning",
-        "no camera gives 2D tracks: motion is not measured; do images come, and does flow run?",
+        "no camera has 2D tracks: motion is not measured; do images arrive, and is flow running?",
     ),
-    Notice("patches.tracks_back", "info", "2D tracks come again"),
+    Notice("patches.tracks_back", "info", "2D tracks arrive again"),
 )
 NO_MOTION = (
     Notice(

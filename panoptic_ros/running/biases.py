@@ -53,7 +53,7 @@ def write_biases(
     seen = np.isfinite(found.offsets).all(axis=1)
     rows = {words[j]: found.offsets[j] for j in np.flatnonzero(seen & left)}
     if not rows:
-        raise DataError(f"nobody in {result_path} shows both shoulders and both hips")
+        raise DataError(f"no person in {result_path} has both shoulders and both hips")
     basis = f"{found.skeletons} skeletons of {len(found.measured)} people"
     write_bias_table(out, rows, {"detector": detector, "measured_on": basis})
     return found.benefits
@@ -69,12 +69,12 @@ def _check_people(
         UsageError: if a left-out person was not found, or no other person remains.
     """
     if not found.found:
-        raise DataError(f"nobody in {result_path} is near anybody in {truth_path}")
+        raise DataError(f"no person in {result_path} is near a person in {truth_path}")
     for person in leave_out:
         if person not in found.found:
             raise UsageError(f"--leave-out {person}: the ids found are {', '.join(map(str, found.found))}")
     if not found.measured:
-        raise UsageError("--leave-out leaves nobody to measure on")
+        raise UsageError("--leave-out leaves no person to measure on")
 
 
 def _other_side(word: str, words: tuple[str, ...]) -> int:

@@ -73,8 +73,8 @@ def _write_html(path: Path, out: Path, wanted: ExportOptions, progress: Progress
     try:
         if not scene.has_people:
             raise UsageError(
-                f"{path} has no skeletons; `panoptic run --bag {path} --out RESULTS` finds them, where it "
-                "has images or 2D people"
+                f"{path} has no skeletons; `panoptic run --bag {path} --out RESULTS` computes them from "
+                "images or 2D people"
             )
         scene.scan(lambda: False, lambda: None)
         write_bytes(out, one_file(scene, wanted.begin_s, wanted.end_s, progress))

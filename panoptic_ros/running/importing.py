@@ -60,10 +60,10 @@ def import_total_capture(folder: Path, take: str, out: Path) -> list[str]:
     return [
         *notices,
         *person.told(),
-        f"taken as the data set says, not its files: {total_capture.RATE:g} frames/s, inches, y up; height "
-        f"{person.stature:.2f} m from the bones",
+        f"assumed from the description of the data set, not from its files: {total_capture.RATE:g} "
+        f"frames/s, inches, y up; height {person.stature:.2f} m from the bones",
         f"{out}: {seconds:.1f} s, {len(rig)} cameras, {linked} videos, {len(devices)} IMUs",
-        f"does all of it go together? {seen}; IMUs with their mountings are {middle:.1f} deg off the true "
+        f"check of consistency: {seen}; IMUs with their mountings are {middle:.1f} deg off the true "
         f"segments (median; most {off[worst]:.1f}, {worst})",
     ]
 
@@ -103,9 +103,10 @@ def import_human36m(folder: Path, take: str, out: Path) -> list[str]:
         )
         linked = _link(staged, videos, human36m.RATE, len(joints))
     return [
-        f"taken as the data set says, not its files: {human36m.RATE:g} frames/s, millimetres, z up",
+        f"assumed from the description of the data set, not from its files: {human36m.RATE:g} frames/s, "
+        "millimetres, z up",
         f"{out}: {len(joints) / human36m.RATE:.1f} s, {len(rig)} cameras, {linked} videos",
-        f"does all of it go together? {_seen(rig, joints[:, 0])}",
+        f"check of consistency: {_seen(rig, joints[:, 0])}",
     ]
 
 
@@ -158,11 +159,13 @@ class _FileIndex:
         for name in names:
             found = [path for path in self._named(name, anybody) if inside in ("", path.parent.name.lower())]
             if len(found) > 1:
-                raise UsageError(f"{found[0]} and {found[1]} could both be meant; name a folder with one")
+                raise UsageError(f"{found[0]} and {found[1]} both match; name a folder with one")
             if found:
                 return found[0]
         where = f" in a folder {inside}" if inside else ""
-        raise DataError(f"{self._folder} has no {' or '.join(names)}{where}, whatever case, of the take")
+        raise DataError(
+            f"{self._folder} has no {' or '.join(names)}{where} of the take, in upper or lower case"
+        )
 
     def video(self, stem: str) -> Path | None:
         """Return the video of this name, or None."""

@@ -71,7 +71,7 @@ def write_measured_offsets(
     truth = truth.with_joints([name for name in truth.joint_names if name in result.joint_names])
     people = _posed(truth, result.with_joints(truth.joint_names), states, model, of_bodies)
     if not len(people.ids):
-        raise DataError(f"nobody in {result_path} is near anybody in {truth_path} who has a body")
+        raise DataError(f"no person in {result_path} is near a person in {truth_path} who has a body")
     found = np.unique(people.ids).tolist()
     for person in leave_out:
         if person not in found:
@@ -79,7 +79,7 @@ def write_measured_offsets(
     kept = people.rows(~np.isin(people.ids, leave_out))
     offsets = measure_joint_offsets(kept, truth.joint_names, model)
     if not offsets:
-        raise DataError(f"no joint is seen in 10 frames by {result_path} and those who are not left out")
+        raise DataError(f"no joint is in 10 frames of {result_path} and of the people who are not left out")
     progress(0.6, "judging the offsets")
     benefits = judge_joint_offsets(people, truth.joint_names, model)
     words = dict(zip(model.keypoints, in_vocabulary(tuple(model.keypoints))))

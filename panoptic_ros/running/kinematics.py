@@ -94,7 +94,7 @@ def read_body_task(
     for subject in people:
         odd = sorted(subject.body.own - {*subject.body.model.keypoints, *names})
         if odd:
-            text = f"nobody sees its keypoints {', '.join(odd)}; look at their names"
+            text = f"no detector has its keypoints {', '.join(odd)}; check their names"
             notices.append(f"subject {subject.id}: {text}")
     recording = BodyRecording(used, names, views, devices)
     return BodyTask(config, recording, people, known["pose_prior"], tuple(notices))
@@ -112,7 +112,7 @@ def _worn_devices(imu: Path, people: Sequence[Subject], notices: list[str]) -> d
     if missing and len(missing) == len(worn):
         raise UsageError(f"{imu} has no samples of {', '.join(missing)}, which a subject wears")
     if missing:
-        notices.append(f"{imu} has no samples of {', '.join(missing)}; bodies go on without")
+        notices.append(f"{imu} has no samples of {', '.join(missing)}; bodies are solved without them")
     unworn = [name for name in devices if name not in worn]
     if unworn:
         notices.append(f"{imu}: no subject wears {', '.join(unworn)}; they are left out")

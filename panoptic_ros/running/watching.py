@@ -68,4 +68,4 @@ def _nobody(wanted: str | None, node: WatchNode) -> str:
         if others
         else "is one running, in this domain? ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET reaches other machines"
     )
-    return f"no graph told of itself within {PATIENCE_S:g} s {where}; {there}"
+    return f"no graph reported its state within {PATIENCE_S:g} s {where}; {there}"

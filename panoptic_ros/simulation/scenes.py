@@ -120,7 +120,7 @@ SCENES: dict[str, SimulatedScene] = {
         walls=(Wall((6.0, 0.1, 2.6)), Wall((0.1, 6.0, 2.6))),
     ),
     "occluded": SimulatedScene(
-        "nobody sees person 0 for a second",
+        "no camera sees person 0 for a second",
         ("walk", "walk", "talk"),
         Ring(5),
         degradation=MILD,
@@ -175,7 +175,7 @@ SCENES: dict[str, SimulatedScene] = {
         frames=150,
     ),
     "own-clocks-3p5v": SimulatedScene(
-        "cameras whose clocks are seconds apart, and what they hear",
+        "cameras with clocks seconds apart, and their sound",
         ("walk", "talk", "wave"),
         Ring(5, radius=3.0),
         area=1.6,
@@ -184,7 +184,7 @@ SCENES: dict[str, SimulatedScene] = {
         timing=Timing(stamp_jitter=0.0005, own_clocks=OwnClocks()),
     ),
     "sitting-group-6p5v": SimulatedScene(
-        "round a table, faults that last",
+        "round a table, persistent faults",
         ("sit",) * 6,
         Ring(5, radius=3.2),
         staging="table",
@@ -246,7 +246,7 @@ SCENES: dict[str, SimulatedScene] = {
         rendered=True,
     ),
     "rendered-own-clocks-2p4v": SimulatedScene(
-        "images of cameras whose clocks are seconds apart, and what they hear",
+        "images of cameras with clocks seconds apart, and their sound",
         ("walk", "wave"),
         replace(_VGA_RING, cameras=4),
         staging="spread",

@@ -203,8 +203,8 @@ def _check(detections: DetectionSet, arrays: RigArrays, skeleton: SkeletonModel,
         size = arrays.cameras[arrays.index[record.camera]].image_size
         if record.image_size != size:
             raise DataError(
-                f"camera {record.camera}: detections in an image of {record.image_size}, the rig says "
-                f"{size}; rescale one of them"
+                f"camera {record.camera}: detections in an image of {record.image_size}, but the rig "
+                f"states {size}; rescale one of them"
             )
 
 

@@ -77,28 +77,28 @@ def opened(layout: StateLayout, conditions: Mapping[str, str], state: bytes) -> 
         raise DataError(f"{what} is not the state of a stage: give the bytes that {layout.stage} handed over")
     _, version, text_length, length, digest = FIXED.unpack_from(state)
     if version != VERSION:
-        raise DataError(f"{what} is of format {version}, this version has {VERSION}; hand it over anew")
+        raise DataError(f"{what} is of format {version}, this version has {VERSION}; hand it over again")
     body = memoryview(state)[FIXED.size :]
     if len(state) != length or digest != _digest(body):
         raise DataError(
-            f"{what} is damaged: {len(state)} of {length} bytes, wrong checksum; hand it over anew"
+            f"{what} is damaged: {len(state)} of {length} bytes, wrong checksum; hand it over again"
         )
     try:
         head = json.loads(bytes(body[:text_length]))
         _check(layout, conditions, head, what)
         return head["tree"], body[text_length:]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise DataError(f"{what} has no readable head: {error!r}; hand it over anew") from None
+        raise DataError(f"{what} has no readable head: {error!r}; hand it over again") from None
 
 
 def _check(layout: StateLayout, conditions: Mapping[str, str], head: Mapping[str, Any], what: str) -> None:
     if head["stage"] != layout.stage:
         raise DataError(f"{what} is one of {head['stage']}; give the bytes that {layout.stage} handed over")
     if head["layout"] != layout.schema:
-        raise DataError(f"{what} was handed over by another version of the stage; hand it over anew")
+        raise DataError(f"{what} was handed over by another version of the stage; hand it over again")
     other = [name for name, value in conditions.items() if head["same"][name] != value]
     if other:
-        raise DataError(f"{what} is of a stage whose {' and '.join(other)} differ; begin with the same")
+        raise DataError(f"{what} is of a stage with different {' and '.join(other)}; begin with the same")
 
 
 def _digest(body: bytes | memoryview) -> bytes:
@@ -258,7 +258,7 @@ class StateReader:
         except (ValueError, LookupError, TypeError, AttributeError, RecursionError, struct.error) as error:
             problem = repr(error)
         stage = self._layout.stage
-        raise DataError(f"the state to begin {stage} from cannot be read ({problem}); hand it over anew")
+        raise DataError(f"the state to begin {stage} from cannot be read ({problem}); hand it over again")
 
     def node(self, node: Any) -> Any:
         """Return the value of a tree."""

@@ -18,11 +18,11 @@ from panoptic_ros.study.study import Study
 STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this package, subject)
     "ablation": (
         "ablation.ablation:Ablation",
-        "the value of every mechanism of the core: each off in turn, on simulations and recordings",
+        "effect of every mechanism of the core: each off in turn, on simulations and recordings",
     ),
     "accidents": (
         "faults.faults:Accidents",
-        "the loss by accidents of live takes: full disks, kills, power cuts",
+        "data lost by accidents of live takes: full disks, kills, power cuts",
     ),
     "alignment": (
         "bodies.alignment:Alignment",
@@ -30,7 +30,7 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
     ),
     "borders": (
         "fusion.borders:Borders",
-        "people whom image borders cut: with and without the model of borders, and an oracle",
+        "people cut by image borders: with and without the model of borders, and an oracle",
     ),
     "cameras": (
         "rigs.cameras:Cameras",
@@ -42,19 +42,20 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
     ),
     "child": (
         "people.hidden_child:Child",
-        "a child whom adults hide, in rendered takes: seconds lost, identity",
+        "a child hidden by adults, in rendered takes: seconds lost, identity",
     ),
     "clocks": (
         "timing.clocks:Clocks",
-        "stamps corrected by timecode against the truth: an hour of mixed rates, and events",
+        "timestamps corrected by timecode against the truth: an hour of mixed rates, and events",
     ),
     "detection": (
         "detection.detection:Detection",
-        "processor time and accuracy of looks, regions and carrying, beside every image",
+        "processor time and accuracy of rationed detection, regions and propagation, beside detection at "
+        "every image",
     ),
     "devices": (
         "bodies.devices:Devices",
-        "IMUs that are worn otherwise than stated: what is told, when, and the correction",
+        "IMUs worn otherwise than stated: reports, their delay, and the correction",
     ),
     "faults": (
         "faults.faults:Faults",
@@ -62,15 +63,15 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
     ),
     "fill": (
         "people.fill:Fill",
-        "how bodies fit, and joints that few views see with and without them",
+        "fit of bodies, and accuracy of joints in few views with and without them",
     ),
     "graph": (
         "live.graph:Graph",
-        "the live graph after detection, over DDS: losses, latency, processor time",
+        "live graph after detection, over DDS: losses, latency, processor time",
     ),
     "identity": (
         "people.identity_study:Identity",
-        "identities of people who hide, cross, come and go, and whom few views see",
+        "identities of people who are hidden, cross, come and go, or are in few views",
     ),
     "kinematics": (
         "bodies.goals:Goals",
@@ -90,7 +91,8 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
     ),
     "live": (
         "live.live:Live",
-        "cameras to skeletons live, recordings played as cameras: losses, latency, processor time",
+        "live graph from cameras to skeletons, with recordings played as cameras: losses, latency, "
+        "processor time",
     ),
     "ltc": (
         "timing.ltc:Ltc",
@@ -110,7 +112,7 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
     ),
     "network": (
         "live.network:Network",
-        "2D people from host to host with packets lost (network namespaces, root)",
+        "transport of 2D people between hosts that lose packets (network namespaces, root)",
     ),
     "nodes": (
         "rigs.cameras:Nodes",
@@ -126,19 +128,19 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
     ),
     "patches": (
         "surface.patches:Patches",
-        "the motion of the surface: time of every stage by the number of views",
+        "motion of the surface: time of every stage by the number of views",
     ),
     "recording": (
         "live.recording:Recording",
-        "the memory of a live run that records, hours in minutes",
+        "memory of a live run that records, with hours simulated in minutes",
     ),
     "refine": (
         "surface.refine:Refine",
-        "the value of the motion of the surface, on a capture with truth",
+        "effect of the motion of the surface, on a capture with truth",
     ),
     "refine-faults": (
         "surface.refine_faults:RefineFaults",
-        "true joints with noise, outliers and gaps, refined in every way",
+        "refinement by every method of true joints with noise, outliers and gaps",
     ),
     "resolution": (
         "rigs.resolution:Resolution",
@@ -146,11 +148,11 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
     ),
     "soak": (
         "live.soak:Soak",
-        "a long live run: cameras die and come back, processes are killed",
+        "a long live run in which cameras fail and return and processes are killed",
     ),
     "solve": (
         "fusion.solve:Solve",
-        "2D people to skeletons: time of every stage on one thread, and joints far off",
+        "2D people to skeletons: time of every stage on one thread, and joints with large errors",
     ),
     "sound": (
         "timing.sound:Sound",
@@ -166,7 +168,7 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
     ),
     "start": (
         "start:Start",
-        "seconds from a command to its end",
+        "duration of each command in seconds",
     ),
     "steady": (
         "surface.steady:Steady",
@@ -182,19 +184,19 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
     ),
     "view": (
         "live.view:View",
-        "the viewer at a live graph: its load, ages of data, effects of slow and frozen pages",
+        "viewer of a live graph: its load, ages of data, effects of slow and frozen pages",
     ),
     "view-recording": (
         "live.view:ViewRecording",
-        "the viewer at a recording: seconds to open it and to seek",
+        "viewer of a recording: seconds to open it and to seek",
     ),
     "visibility": (
         "fusion.visibility:Visibility",
-        "the value of known occluders and depth maps: votes, nodes and people",
+        "effect of known occluders and depth maps on votes, nodes and people",
     ),
     "walkout": (
         "people.walk_out:Walkout",
-        "people whom two cameras, then one see, of a capture or simulated",
+        "people seen by two cameras and then by one, in a capture or simulated",
     ),
 }
 PRINTED = Path("-")  # value of --json without a file name: print JSON
@@ -236,10 +238,10 @@ def parsed(name: str, words: Sequence[str]) -> Study:
         nargs="?",
         const=PRINTED,
         metavar="FILE",
-        help="write JSON into FILE; without FILE, print JSON in place of the table",
+        help="write JSON into FILE; without FILE, print JSON instead of the table",
     )
     if kind.has_plot:
-        parser.add_argument("--plot", type=output_file, metavar="FILE.png", help="draw the result")
+        parser.add_argument("--plot", type=output_file, metavar="FILE.png", help="plot the result into FILE")
     return kind(name, parser.parse_args(list(words)), _of_the_work(words))
 
 

@@ -56,11 +56,11 @@ def add_seeds(parser: argparse.ArgumentParser, default: str) -> None:
         type=seeds,
         default=seeds(default),
         metavar="FROM:TO",
-        help=f"of the simulation, or one seed; default {default}",
+        help=f"range of seeds of the simulation, or one seed; default {default}",
     )
 
 
-def add_settings(parser: argparse.ArgumentParser, text: str = "a parameter, for every method") -> None:
+def add_settings(parser: argparse.ArgumentParser, text: str = "one parameter, for every method") -> None:
     """Add the option --set STAGE.NAME=VALUE."""
     parser.add_argument(
         "--set", action="append", default=[], metavar=SETTING, dest="settings", help=f"{text}; repeatable"
@@ -71,7 +71,7 @@ def add_capture(parser: argparse.ArgumentParser, text: str, required: bool = Tru
     """Add the options --capture DIR and --cameras NAME,NAME."""
     parser.add_argument("--capture", type=Path, metavar="DIR", required=required, help=text)
     parser.add_argument(
-        "--cameras", type=words, default=[], metavar="NAME,NAME", help="of the capture, only these"
+        "--cameras", type=words, default=[], metavar="NAME,NAME", help="use only these cameras of the capture"
     )
 
 
@@ -84,7 +84,7 @@ def add_recordings(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="PATH",
         dest="captures",
-        help="a recording with its truth: a folder (rig.json, detections.json.gz, truth.json.gz); or a bag "
+        help="recording with its truth: a folder (rig.json, detections.json.gz, truth.json.gz); or a bag "
         "(or folder) of `panoptic run` and TRUTH; or RIG DETECTIONS TRUTH. Repeatable",
     )
 

@@ -34,7 +34,11 @@ class Start(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--runs", type=within(int, 1, 1000), default=10, metavar="N", help="of each command; default 10"
+            "--runs",
+            type=within(int, 1, 1000),
+            default=10,
+            metavar="N",
+            help="number of runs of each command; default 10",
         )
 
     def measure(self, case: Case, progress: Progress) -> Iterator[Row]:

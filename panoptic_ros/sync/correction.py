@@ -26,7 +26,7 @@ GAP_S = 0.3  # s; a longer step between frames may hide a clock jump
 ODD_STEP = 0.2  # periods, maximum deviation of a frame step from whole periods
 MOST_PERIODS = 2  # longest regular frame step: one frame may be dropped; a longer step may be a clock jump
 PATIENCE_S = 2.0  # s of frames that wait for a new clock model after a gap
-BEFORE_JUMP = "its clock jumped before anything was known about it"
+BEFORE_JUMP = "its clock jumped before its model was known"
 LARGEST_DRIFT = 5e-3  # bad crystals deviate by 1e-4, and confused frame rates by 1e-3
 RECENT = 9  # number of frame steps whose median is the period of a camera
 
@@ -137,7 +137,7 @@ class StampCorrection:
     def end(self, name: str) -> tuple[Notice, ...]:
         """End a camera; its waiting frames are dropped, as their time will never be known."""
         held = self._cameras[name].held
-        lost = [_lost(view, "its clock was not heard") for view in held]
+        lost = [_lost(view, "its clock had no observations") for view in held]
         held.clear()
         return tuple(lost)
 
@@ -146,8 +146,8 @@ class StampCorrection:
         told = model.device in self._implausible
         self._implausible.add(model.device)
         text = (
-            f"a model of clock {model.device} is left out: it says that the clock is {model.drift:.3g} s off "
-            f"after each second, of which at most {LARGEST_DRIFT} is possible"
+            f"a model of clock {model.device} is left out: its drift is {model.drift:.3g} s per second, "
+            f"and at most {LARGEST_DRIFT} is possible"
         )
         severity: Severity = "info" if told else "warning"
         return (Notice("sync.clock_implausible", severity, text, {"device": model.device}),)
@@ -165,8 +165,8 @@ class StampCorrection:
         self._told.add(clock)
         heard = ", ".join(sorted(self._heard)) or "none"
         text = (
-            f"nothing tells of clock {clock}: frames of camera {name} wait for it, and are dropped at last; "
-            f"clocks that are heard: {heard}"
+            f"clock {clock} has no observations: frames of camera {name} wait for it, and are dropped "
+            f"in the end; clocks with observations: {heard}"
         )
         return (Notice("sync.clock_unheard", "warning", text, {"device": clock}),)
 
@@ -177,7 +177,7 @@ class StampCorrection:
         if self._heard.get(model.device, True):
             return ()
         self._heard[model.device] = True
-        text = f"clock {model.device} was not heard for {SILENT_S:g} s of frames; its line is held over"
+        text = f"clock {model.device} had no observations for {SILENT_S:g} s of frames; its line is held over"
         return (Notice("sync.clock_silent", "warning", text, {"device": model.device}),)
 
     def _is_far(self, camera: CameraClock, notices: list[Notice]) -> bool:
@@ -194,8 +194,8 @@ class StampCorrection:
         if model.device not in self._told:
             self._told.add(model.device)
             text = (
-                f"camera {first.camera} is stamped {away:.0f} s from all times at which clock {model.device} "
-                "was heard, and waits: are channels swapped, or is it the clock of others?"
+                f"camera {first.camera} is stamped {away:.0f} s from all observations of clock "
+                f"{model.device}, and waits: are channels swapped, or is it the clock of other cameras?"
             )
             notices.append(Notice("sync.clock_far", "warning", text, {"device": model.device}))
         return True

@@ -90,8 +90,8 @@ class SetBackGuard:
             own = self._cameras[released.camera]
             self._accept(own, max(released.stamp_ns, own.newest or 0))
         text = (
-            f"the clock of all cameras was set back by {jump / SECOND:.4g} s; the sets' times run on, "
-            f"{self._shift / SECOND:.4g} s ahead of it until sync starts anew"
+            f"the clock of all cameras was set back by {jump / SECOND:.4g} s; the times of sets "
+            f"continue, {self._shift / SECOND:.4g} s ahead of it until sync restarts"
         )
         return views, [Notice("sync.clock_set_back", "warning", text, {"step_s": -jump / SECOND})]
 
@@ -116,6 +116,6 @@ class SetBackGuard:
         back_s = ((camera.newest or 0) - view.stamp_ns) / SECOND
         text = (
             f"the clock of camera {view.camera} was set back by {back_s:.4g} s: its images are left out "
-            "until their stamps go on; let the clock be slewed, not set"
+            "until their stamps are newer again; let the clock be slewed, not set"
         )
         return [Notice("sync.clock_jump", "warning", text, values)]

@@ -49,7 +49,9 @@ class Liveness:
             return ()
         camera.silent = False
         away = "" if before is None else f" after {(self._passed_ns - before) / SECOND:.1f} s"
-        return (Notice("sync.camera_back", "info", f"camera {name} gives frames{away}", {"camera": name}),)
+        return (
+            Notice("sync.camera_back", "info", f"camera {name} sends frames again{away}", {"camera": name}),
+        )
 
     def took(self, name: str, stamp_ns: int) -> None:
         """Record a good frame of a camera, with its timestamp in master time."""
@@ -89,6 +91,6 @@ class Liveness:
                 continue
             camera.silent = True
             since = "yet" if heard is None else f"for {waited / SECOND:.2f} s"
-            text = f"camera {name} has given no usable frame {since}: sets do not wait for it"
+            text = f"camera {name} has sent no usable frame {since}: sets do not wait for it"
             notices.append(Notice("sync.camera_silent", "warning", text, {"camera": name}))
         return tuple(notices)

@@ -18,24 +18,28 @@ class TimecodeConfig(Config):
         1.27,
         ge=1.01,
         le=1.4,
-        doc="Largest factor by which the tape may run too fast or too slow.",
+        doc="Greatest factor by which the tape may run too fast or too slow.",
     )
     high_pass_hz: float = param(
         350.0,
         unit="Hz",
         ge=100.0,
         le=500.0,
-        doc="Corner of the filter against DC and hum; half of the slowest bit rate's tone at most.",
+        doc="Corner frequency of the high-pass filter against DC and hum. At most half the frequency of "
+        "the slowest bit rate's tone.",
     )
     lost_words: int = param(
-        4, ge=1, le=50, doc="Consecutive unreadable words after which the signal is searched for anew."
+        4,
+        ge=1,
+        le=50,
+        doc="Consecutive unreadable words after which the decoder searches for the signal again.",
     )
     channels: tuple[str, ...] = param(
         (),
-        doc='Whose timecode the channels of a device carry, as "device=clock,clock", one for each channel, '
-        "empty for one that carries none; in place of what its sound says. A device that nobody names is "
-        "searched on all channels.",
-        when="a sound card hears the timecodes of several clocks, and no sound.yaml says which.",
+        doc='Clock whose timecode each channel of a device carries, as "device=clock,clock": one name per '
+        "channel, empty for a channel without timecode. It overrides the names that come with the sound. "
+        "Without names, all channels of a device are searched.",
+        when="a sound card receives the timecodes of several clocks, and no sound.yaml names them.",
     )
 
     def __post_init__(self) -> None:

@@ -278,8 +278,8 @@ def _choose(device: DeviceStream, channel: Channel, words: list[Word]) -> list[N
         return []
     device.several = True
     text = (
-        f"{device.name} hears timecode on channels {device.main} and {channel.number}; that of {device.main} "
-        "counts. Name their clocks in sound.yaml or timecode.channels"
+        f"{device.name} has timecode on channels {device.main} and {channel.number}; that of "
+        f"{device.main} counts. Name their clocks in sound.yaml or timecode.channels"
     )
     return [Notice("timecode.several", "warning", text, {"device": device.name})]
 

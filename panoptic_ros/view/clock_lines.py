@@ -18,7 +18,7 @@ def clock_lines(clocks: CameraClocks) -> list[str]:
         offset, deviation = 1e3 * clocks.offsets[c], 1e3 * clocks.deviations[c]
         drift, wobble = 1e6 * clocks.drifts[c], 1e6 * clocks.drift_deviations[c]
         if not clocks.known[c]:
-            text = f"not known (within {deviation:.0f} ms at best): too little moves in its view; stamps kept"
+            text = f"unknown ({deviation:.0f} ms at best): too little motion in its view; stamps kept"
         elif clocks.applied[c]:
             text = f"{offset:+8.2f} ms +- {deviation:.2f}   drift {drift:+4.0f} ppm +- {wobble:.0f}"
         else:
@@ -28,10 +28,10 @@ def clock_lines(clocks: CameraClocks) -> list[str]:
         if far > 0.0:
             lines.append(f"  {name} strays from this by up to {1e3 * far:.0f} ms: does its clock jump?")
     if not clocks.known.any():
-        lines.append("  nothing moves enough to compare the clocks; let somebody walk about for 5 s")
+        lines.append("  too little motion to compare the clocks; let a person walk about for 5 s")
     if clocks.bias > 0.0:
         bias = f"{1e3 * clocks.bias:.0f} mm"
-        lines.append(f"  2D joints are {bias} off for seconds on end; the deviations allow for it")
+        lines.append(f"  2D joints are {bias} off for seconds on end; the deviations include it")
     if not clocks.converged:
         lines.append(f"  the estimate still moved after {clocks.iterations} iterations; trust it less")
     return lines
@@ -95,8 +95,10 @@ def contradictions(sound: SoundClockEstimate, motion: CameraClocks) -> list[str]
     both[known] = np.sqrt(np.maximum(np.diag(gauge @ joint @ gauge), 0.0))
     beside = motion.offsets - np.median(motion.offsets[known])
     return [
-        f"  motion puts {name} {1e3 * beside[c]:+.0f} ms beside what its sound says, which is known within "
-        f"{1e3 * both[c]:.0f} ms: do its images come later than its sound?"
+        (
+            f"  the clock of {name} from motion is {1e3 * beside[c]:+.0f} ms off that from sound, with an "
+            f"uncertainty of {1e3 * both[c]:.0f} ms: do its images come later than its sound?"
+        )
         for c, name in enumerate(sound.clocks.cameras)
         if known[c] and abs(beside[c]) > AIR * both[c]
     ]

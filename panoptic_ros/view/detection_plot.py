@@ -22,7 +22,7 @@ def write_plot(path: Path, rows: Sequence[Mapping[str, Any]], title: str) -> Non
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)
     _panel(left, rows, "median_mm", 1.0, "median error [mm]")
-    _panel(right, rows, "pck_5", 100.0, "joints of everybody within 5 cm [%]")
+    _panel(right, rows, "pck_5", 100.0, "joints of all people within 5 cm [%]")
     figure.legend(*left.get_legend_handles_labels(), loc="outside right center", fontsize="small")
     figure.suptitle(title, fontsize="medium")
     figure.supxlabel("processor time of detection per instant [ms]", fontsize="medium")

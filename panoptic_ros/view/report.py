@@ -171,7 +171,7 @@ class RunReport:
             means = f"{subject['views']:.1f} views and {subject['devices']:.1f} IMUs on average"
             name = f"subject {subject['id']}"
             rows.append(f"{name:<16}{there}; {means}")
-        return rows if len(rows) > 1 else [*rows, "nobody of the designated was there"]
+        return rows if len(rows) > 1 else [*rows, "no designated person was found"]
 
     def _latency(self) -> list[str]:
         if not self.latency_ms:

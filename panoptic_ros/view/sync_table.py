@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 UNSEEN = (
-    "stamps cannot show what is wrong by a constant, e.g. a latency of 30 ms; where people move, "
-    "`panoptic solve --offsets-from-motion` finds it (live: offsets.active)"
+    "stamps cannot show constant errors, e.g. a latency of 30 ms; if people move, `panoptic solve "
+    "--offsets-from-motion` finds them (live: offsets.active)"
 )
 
 
@@ -48,7 +48,7 @@ def sync_table(document: dict[str, Any]) -> list[str]:
         )
     lines += [f"{note['severity']}: {note['text']}" for note in document["notices"]]
     if not document["notices"]:
-        lines.append("nothing is wrong with these clocks as far as stamps tell")
+        lines.append("the stamps show no fault of these clocks")
     if grouping:
         lines.append(UNSEEN)
     return lines

@@ -43,7 +43,7 @@ def readings_table(sample_rate: int, readings: Sequence[TimecodeReading]) -> str
     found = date_of(readings[-1].user_bits)
     if found is not None:
         zone = "" if found.zone is None else f", zone {_zone(found.zone)}"
-        lines.append(f"as a date (SMPTE ST 309) the user bits say {found.date.isoformat()}{zone}")
+        lines.append(f"as a date (SMPTE ST 309) the user bits mean {found.date.isoformat()}{zone}")
     return "\n".join(lines)
 
 

@@ -107,7 +107,7 @@ class VideoFile:
             raise DataError(f"{image.dtype} {image.shape} for a video of {self.size[0]}x{self.size[1]}")
         number = self._next if number is None else number
         if number < self._next:
-            raise DataError(f"{self.path}: picture {number} is not after the one before")
+            raise DataError(f"{self.path}: picture {number} is not after the previous one")
         planes = cv2.cvtColor(image, cv2.COLOR_BGR2YUV_I420)
         frame = av.VideoFrame.from_ndarray(planes.view(np.uint8), format="yuv420p")
         frame.pts, frame.time_base = number, 1 / self._rate

@@ -30,9 +30,9 @@ def _graph_lines(namespace: str, told: Sequence[ReceivedStatus], now_s: float) -
     count = len(warned) + len(gone)
     how = "all is well" if not count else "1 warning" if count == 1 else f"{count} warnings"
     if not nodes:
-        return [f"graph /{namespace}: no stage has told of itself yet, or its run is over"]
+        return [f"graph /{namespace}: no stage has reported yet, or its run is over"]
     lines = [f"graph /{namespace}: {len(nodes)} node{'s' * (len(nodes) != 1)}, {how}"]
-    lines += [f"  WARN  node {name} has not been heard for {STALE_S:g} s and more" for name in gone]
+    lines += [f"  WARN  no message from node {name} for {STALE_S:g} s or more" for name in gone]
     lines += [f"  WARN  {item.name}: {item.trouble}" for item in warned]
     stages = [_stage_row(item, now_s) for item in told if "state" in item.values]
     inputs = [_input_row(item, now_s) for item in told if "rate_hz" in item.values and "topic" in item.values]

@@ -97,7 +97,10 @@ def test_frames_that_are_damaged_in_parts_are_told(video):
     except DataError as error:
         assert "--skip-damaged" in str(error)
     else:
-        assert "frames are damaged in parts; --skip-damaged leaves out" in source.after[0].text
+        assert (
+            "frames are damaged in parts; leave out the damaged frames with --skip-damaged"
+            in source.after[0].text
+        )
     skipping = VideoSource("cam", path, skip_damaged=True)
     frames = list(skipping)
     assert COUNT - GOP - 2 <= len(frames) < COUNT

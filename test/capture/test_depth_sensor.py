@@ -90,7 +90,7 @@ def test_stamps_that_do_not_fit_are_refused(tmp_path: Path, rows: list[str], tol
 def test_maps_have_the_size_that_the_rig_says(tmp_path: Path) -> None:
     maps(tmp_path, "near", 1, (30, 24))
     (source,) = open_depth_sensors(tmp_path, rig())
-    with pytest.raises(DataError, match="30 x 24 pixels, the rig says 32 x 24 for sensor near"):
+    with pytest.raises(DataError, match="30 x 24 pixels, but the rig states 32 x 24 for sensor near"):
         list(source)
 
 

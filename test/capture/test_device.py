@@ -124,7 +124,7 @@ def test_without_reconnecting_the_end_is_told(start):
     frames = iter(source)
     next(frames)
     camera.let(1)
-    with pytest.raises(BackendError, match="camera cam at 0: it gives no more images"):
+    with pytest.raises(BackendError, match="camera cam at 0: it sends no more images"):
         next(frames)
 
 

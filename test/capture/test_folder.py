@@ -100,7 +100,7 @@ def test_two_files_of_one_camera(make_video, tmp_path):
 
 
 def test_no_folder_and_no_rig(make_rig_file, tmp_path):
-    with pytest.raises(DataError, match="is not there"):
+    with pytest.raises(DataError, match="does not exist"):
         open_capture_folder(tmp_path / "nowhere")
     (tmp_path / "skeletons.json").write_text("{}")
     with pytest.raises(DataError, match="has no rig"):
@@ -127,7 +127,7 @@ def test_width_and_height_that_only_the_rig_exchanges_are_told(make_video, tmp_p
     with open_capture_folder(tmp_path, rig=Rig((_camera(size=SIZE[::-1]),))) as capture:
         assert capture.rig.camera("cam1").image_size == SIZE
         (line,) = capture.notices
-    assert "the rig says 48x64" in line and "taken as exchanged" in line
+    assert "the rig states 48x64" in line and "taken as exchanged" in line
 
 
 def test_videos_of_cameras_that_the_rig_leaves_out_are_left_alone(make_video, tmp_path):

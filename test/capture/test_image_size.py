@@ -47,7 +47,7 @@ def test_a_rig_whose_width_and_height_are_exchanged_is_taken_as_its_principal_po
     camera = Camera("a", (640, 480), lens, Rigid.identity())
     taken = fit_camera(camera, (480, 640))
     assert taken.image_size == (480, 640) and taken.intrinsics is lens
-    assert "the rig says 640x480, but its principal point is in the middle of 480x640" in size_change(
+    assert "the rig states 640x480, but its principal point is in the middle of 480x640" in size_change(
         camera, (480, 640), "strict"
     )
     landscape = replace(camera, intrinsics=Intrinsics([[430.0, 0, 322], [0, 431, 236], [0, 0, 1]], []))

@@ -66,7 +66,7 @@ def test_a_video_of_the_only_camera_that_fits_is_taken_and_told(make_video, tmp_
 def test_names_that_may_be_meant_are_offered(make_video, tmp_path):
     for name in ("video0", "video1"):
         make_video(tmp_path / f"{name}.mp4", 3)
-    with pytest.raises(CalibrationError, match=r"video1\.mp4 may be cam1: rename files, or say --video"):
+    with pytest.raises(CalibrationError, match=r"video1\.mp4 may be cam1: rename files, or give --video"):
         open_capture_folder(tmp_path, rig=rig("cam1", "cam2"))
     make_video(tmp_path / "cam1.mp4", 3)
     (tmp_path / "video0.mp4").unlink()

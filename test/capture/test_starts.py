@@ -98,7 +98,7 @@ def test_midnight_lies_between_two_recordings(film, tmp_path):
     [
         ({"a": "10:00:00:00", "b": ""}, "10:00:00:00 (a), is not used: b have none"),
         ({"a": "10:00:00:00", "b": "10:00:00:00"}, "the timecode of all first frames is 10:00:00:00 (a, b)"),
-        ({"a": "10:00:00:00", "b": "11:00:00:00"}, "by it the recordings never overlap"),
+        ({"a": "10:00:00:00", "b": "11:00:00:00"}, "the recordings would never overlap"),
     ],
 )
 def test_timecode_that_tells_nothing_is_reported(film, tmp_path, codes, says):
@@ -122,7 +122,7 @@ def test_a_late_start_counts_from_the_beginning_of_the_recording(film, tmp_path,
         stamps = stamps_of(capture)
     assert stamps["a"] == [40 * MS * k for k in range(20)]
     assert stamps["b"] == [200 * MS + 40 * MS * k for k in range(20)]
-    assert [line for line in capture.notices if "b begins 0.2 s after the first, as its file says" in line]
+    assert [line for line in capture.notices if "b begins 0.2 s after the first, as its file states" in line]
 
 
 def test_delays_of_encoders_are_no_late_starts(film, tmp_path):
@@ -149,7 +149,8 @@ def test_matroska_whose_times_begin_late_has_all_its_frames(film, tmp_path, told
     with open_files(rig(*files), files) as capture:
         assert stamps_of(capture)["a"] == stamps_of(capture)["b"]
     (line,) = capture.notices
-    assert "a begins 10 s after the first, as its file says; but so the recordings never overlap" in line
+    told = "a begins 10 s after the first, as its file states; but then the recordings would never overlap"
+    assert told in line
 
 
 def test_numbers_of_images_are_frames(film, tmp_path):
@@ -160,7 +161,7 @@ def test_numbers_of_images_are_frames(film, tmp_path):
     assert stamps["a"] == [40 * MS * (number - 1) for number in [*range(1, 10), *range(14, 21)]]
     assert stamps["b"] == [40 * MS * k for k in range(20)]
     assert capture.notices == (
-        "camera a: 4 missing in the numbers of images (10 to 13): others lie where their numbers say",
+        "camera a: 4 image numbers are missing (10 to 13): the other images keep the places of their numbers",
     )
 
 

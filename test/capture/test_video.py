@@ -184,7 +184,7 @@ def test_sound_alone_is_no_video(tmp_path):
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        (None, "is not there"),
+        (None, "does not exist"),
         (b"", "is empty"),
         (b"no video at all\n" * 50, "cannot be opened"),
     ],
@@ -273,7 +273,7 @@ def test_hardware_decodes_where_it_is_asked_for(make_video, tmp_path, monkeypatc
 
 def test_hardware_that_is_not_there_is_told_and_nothing_else_is_taken(make_video, tmp_path, monkeypatch):
     path = make_video(tmp_path / "a.mp4", 5)
-    with pytest.raises(EnvironmentProblem, match="FFmpeg knows no steam here; there are"):
+    with pytest.raises(EnvironmentProblem, match="FFmpeg does not support steam here; there are"):
         VideoSource("cam", path, hardware="steam")
 
     def refuse(*given, hwaccel=None, plain=av.open, **more):

@@ -61,8 +61,8 @@ def test_24_bits_are_read_too(tmp_path):
     ("more", "message"),
     [
         ({"clocks": ["A"]}, "1 channels of .*mic.wav are named"),
-        ({"stamps": [(0, 5), (0, 6)]}, "sample 0 at 6 ns is not after the row before"),
-        ({"stamps": [(0, 5), (9, 5)]}, "sample 9 at 5 ns is not after the row before"),
+        ({"stamps": [(0, 5), (0, 6)]}, "sample 0 at 6 ns is not after the previous row"),
+        ({"stamps": [(0, 5), (9, 5)]}, "sample 9 at 5 ns is not after the previous row"),
         ({"stamps": [(0, 5), (1, 6), (2, 7)]}, "a frame is the index of the first sample"),
     ],
 )

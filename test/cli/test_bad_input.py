@@ -79,7 +79,7 @@ class TestCaptureFolder:
         assert line.endswith(told)
 
     def test_no_folder(self, capsys, out, tmp_path):
-        assert "is not there" in fails(capsys, out, "run", tmp_path / "nothing")
+        assert "does not exist" in fails(capsys, out, "run", tmp_path / "nothing")
 
     def test_missing_video(self, capsys, out, capture):
         (capture / "cam2.mp4").unlink()
@@ -113,7 +113,7 @@ class TestCaptureFolder:
     def test_out_that_holds_other_things(self, capsys, out, capture):
         out.mkdir()
         (out / "thesis.tex").write_text("mine")
-        assert "other things" in fails(capsys, out, "run", capture)
+        assert "files that are not results of a run" in fails(capsys, out, "run", capture)
         assert (out / "thesis.tex").read_text() == "mine"
 
     def test_no_write_permission(self, capsys, out, capture):

@@ -228,7 +228,7 @@ def test_an_image_that_is_far_larger_than_its_file(files):
         (files / camera.name).mkdir()
         (files / camera.name / "0.png").write_bytes(png(16000, 16000))
     line = refused(files, "run", files, "--out", files / "out", "--in-process", "--frame-rate", "25")
-    assert "images are 16000x16000 but the rig says 1280x720" in line
+    assert "images are 16000x16000 but the rig states 1280x720" in line
 
 
 def test_sync_tables_that_are_text(files):

@@ -31,8 +31,8 @@ def raising(monkeypatch):
         (
             OSError(errno.ENOSPC, "Disk full"),
             2,
-            "panoptic config: Disk full: make room, also where compiled "
-            "kernels are kept (50 MB in the user's cache, or where NUMBA_CACHE_DIR says)",
+            "panoptic config: Disk full: make room, also for compiled "
+            "kernels (50 MB in the user's cache, or in NUMBA_CACHE_DIR)",
         ),
         (KeyboardInterrupt(), 2, "panoptic config: interrupted"),
     ],

@@ -188,7 +188,7 @@ def test_a_rig_that_is_wrong_is_the_reason(tmp_path: Path, capsys: pytest.Captur
     found = sum(len(frame.ids) for frame in read_skeletons(tmp_path / "s.json.gz").frames)
     error = capsys.readouterr().err
     assert "does not agree with the others" in error
-    assert found > 0 or "the check of the rig says why: camera" in error
+    assert found > 0 or "the check of the rig reports the reason: camera" in error
 
 
 def test_an_empty_room_is_no_mistake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

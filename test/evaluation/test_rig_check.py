@@ -271,7 +271,7 @@ def test_intrinsics_of_images_of_half_the_size(cameras: int, people: int) -> Non
 def test_smaller_images_than_the_rig_says(cameras: int, people: int) -> None:
     small, large = ring(cameras, (960, 540)), ring(cameras)
     code, text = {(n.code, n.text) for n in check(large, detect(small, walkers(people))).warnings}.pop()
-    assert code == "rig.image_size" and "have 960 x 540 px, the rig says 1920 x 1080" in text
+    assert code == "rig.image_size" and "have 960 x 540 px, but the rig states 1920 x 1080" in text
     assert "0.5 times the size" in text
 
 

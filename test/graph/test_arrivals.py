@@ -47,7 +47,7 @@ def test_silence_is_named_after_a_second_or_three_periods_and_clears(period, nam
 def test_a_camera_that_never_came_is_named():
     arrivals = ArrivalCounters("detections", "left", "/left/detections", True, 5 * SECOND)
     assert not arrivals.trouble(round(5.9 * SECOND))
-    assert arrivals.trouble(7 * SECOND) == "no left detections has come yet, 2.0 s after the start"
+    assert arrivals.trouble(7 * SECOND) == "no left detections was received yet, 2.0 s after the start"
 
 
 def test_what_is_no_stream_may_be_silent():

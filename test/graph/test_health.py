@@ -45,11 +45,11 @@ def test_drops_and_notices_warn_for_ten_seconds_with_what_was_new():
     health, statistics, _ = node(live=False)
     sync = statistics["sync"]
     sync.dropped["lost"] = 3
-    assert by_name(health, SECOND)["sync"].trouble == "dropped of late: 3 lost"
+    assert by_name(health, SECOND)["sync"].trouble == "dropped recently: 3 lost"
     sync.dropped["lost"] += 2
     sync.take(Notice("sync.late_frame", "warning", "frame 7 of camera left was dropped", {}))
     trouble = by_name(health, 5 * SECOND)["sync"].trouble
-    assert trouble == "dropped of late: 5 lost; frame 7 of camera left was dropped"
+    assert trouble == "dropped recently: 5 lost; frame 7 of camera left was dropped"
     assert not by_name(health, 16 * SECOND)["sync"].trouble
     sync.take(Notice("kinematics.late", "warning", "some were left out", {"left_out": 4}))
     sync.take(Notice("kinematics.late", "warning", "some were left out", {"left_out": 1}))
@@ -57,7 +57,7 @@ def test_drops_and_notices_warn_for_ten_seconds_with_what_was_new():
     assert not by_name(health, 28 * SECOND)["sync"].trouble
     sync.dropped["lost"] += 1
     found = by_name(health, 29 * SECOND)["sync"]
-    assert found.trouble == "dropped of late: 1 lost" and found.values["dropped.lost"] == "6"
+    assert found.trouble == "dropped recently: 1 lost" and found.values["dropped.lost"] == "6"
 
 
 def test_a_stage_that_stalls_warns_and_one_that_compiles_says_so():
@@ -101,7 +101,7 @@ def test_the_graph_names_a_node_that_is_not_heard_until_it_is_again():
     for second in (4, 5, 6):
         hear("detection_0", second * SECOND)
     (status,) = graph.statuses(6 * SECOND)
-    assert status.trouble == "node fusion has not been heard for 3.0 s"
+    assert status.trouble == "no message from node fusion for 3.0 s"
     assert status.values == {"nodes": "2", "silent": "fusion", "warnings": "1"}
     hear("fusion", 6 * SECOND)
     assert not graph.statuses(7 * SECOND)[0].trouble

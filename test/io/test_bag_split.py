@@ -34,7 +34,7 @@ def test_every_part_stands_alone_and_all_messages_are_there_once(tmp_path, split
         assert ("/first", "again") in rows or number == 0
         came += [text for name, text in rows if name == "/numbers"]
     assert came == sent and recorder.counters["/numbers"].count == len(sent)
-    with pytest.raises(DataError, match="is there already"):
+    with pytest.raises(DataError, match="exists already"):
         BagRecorder(tmp_path / "day", 0, 0, split)
 
 

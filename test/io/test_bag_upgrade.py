@@ -69,5 +69,5 @@ def test_nothing_is_written_where_nothing_is_old(tmp_path):
 def test_what_is_there_is_not_overwritten(tmp_path):
     old_bag(tmp_path / "bag")
     (tmp_path / "new").mkdir()
-    with pytest.raises(DataError, match="is there already"):
+    with pytest.raises(DataError, match="exists already"):
         upgrade(tmp_path / "bag", tmp_path / "new")

@@ -34,7 +34,7 @@ def test_an_error_leaves_nothing(tmp_path):
 
 def test_does_not_overwrite(tmp_path):
     path = write_bag(tmp_path / "bag", [])
-    with pytest.raises(DataError, match="is there already"):
+    with pytest.raises(DataError, match="exists already"):
         BagWriter(path)
 
 

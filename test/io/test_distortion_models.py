@@ -92,7 +92,7 @@ def test_other_models_are_named(model, says):
 
 
 def test_another_model_without_numbers_is_told():
-    assert "distortion model 'division' is not known" in lens_of("division", [0, 0])[1]
+    assert "distortion model 'division' is unknown" in lens_of("division", [0, 0])[1]
 
 
 def test_names_for_ros():

@@ -56,7 +56,7 @@ def test_single_repeated_stamps_are_left_out(tmp_path: Path) -> None:
     notices: list[str] = []
     found = read_imus(tmp_path / "imu.csv", notices)
     assert len(found["a"].stamps) == COUNT - 3 and len(found["c"].stamps) == COUNT
-    assert notices == ["a, b: 3 samples are left out, whose stamps stand twice or go back"]
+    assert notices == ["a, b: 3 samples are left out, as their stamps are repeated or go back"]
 
 
 def test_stamps_that_go_back_between_batches(tmp_path: Path) -> None:
@@ -66,4 +66,4 @@ def test_stamps_that_go_back_between_batches(tmp_path: Path) -> None:
     notices: list[str] = []
     series = read_imus(tmp_path / "imu.csv", notices)["a"]
     assert len(series.stamps) == COUNT - 1 and (np.diff(series.stamps) > 0).all()
-    assert 50.0 not in series.rates[:, 0] and notices[0].endswith("; 1 whose stamps go back are left out")
+    assert 50.0 not in series.rates[:, 0] and notices[0].endswith("; 1 left out, as their stamps go back")

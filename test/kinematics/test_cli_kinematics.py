@@ -95,7 +95,7 @@ def test_files_are_read_as_they_were_written(capture, tmp_path):
         ({"segments": {"lShin": [0, 0, -40]}}, "more than half of the stature"),
         ({"id": -3}, "id = -3"),
         ({"id": True}, "id = True"),
-        ({"devices": 2 * [{"device": "imu01", "segment": "hips"}]}, "imu01 stands twice"),
+        ({"devices": 2 * [{"device": "imu01", "segment": "hips"}]}, "imu01 is listed twice"),
         ({"devices": [{"device": "imu01", "segment": "hips", "mount": [0, 0, 0, 0]}]}, "is no rotation"),
         ({"inertial_frame": "mars"}, "neither of world, unknown heading"),
         ({"t_pose": {"from_ns": 5, "to_ns": 1}}, "is not before to_ns"),
@@ -154,11 +154,11 @@ def test_devices_that_repeat_stamps_or_have_none_are_told_and_somebody_who_never
     ]
     assert main(["kinematics", *map(str, words), "--quiet", "--set", "clocks=false"]) == 0
     told = capsys.readouterr().err
-    assert "no samples of imu05; bodies go on without" in told
+    assert "no samples of imu05; bodies are solved without" in told
     assert "imu06: 62 samples are left out" in told
     assert "no subject wears imu07" in told
-    assert "nobody sees its keypoints rnee" in told
-    assert "subject 0 has not come" in told
+    assert "no detector has its keypoints rnee" in told
+    assert "subject 0 was not found" in told
 
 
 def test_imus_alone_go_without_one_that_has_no_samples(capture, tmp_path, capsys):
@@ -166,7 +166,7 @@ def test_imus_alone_go_without_one_that_has_no_samples(capture, tmp_path, capsys
     (tmp_path / "imu.csv").write_text("\n".join(line for line in lines if not line.startswith("imu05")))
     words = ["--imu", tmp_path / "imu.csv", "--subject", capture / "subject.json", "--quiet"]
     assert main(["kinematics", *map(str, words), "--out", str(tmp_path / "k.json")]) == 0
-    assert "no samples of imu05; bodies go on without" in capsys.readouterr().err
+    assert "no samples of imu05; bodies are solved without" in capsys.readouterr().err
     _, found = read_bodies(tmp_path / "k.json")
     _, truth = read_bodies(capture / "truth.json.gz")
     assert score_bodies(truth, found, MODEL.parents, 3.0)["relative_mm"] < 50.0
@@ -278,9 +278,9 @@ def test_values_that_are_assumed_are_stated_once(capture, tmp_path, capsys, key)
     lines = read_subject(path, MODEL).told()
     assert len(lines) == (key is not None)
     if key is not None:
-        assert lines[0].startswith("subject 0: taken, as its file does not say: ")
+        assert lines[0].startswith("subject 0: assumed, as its file does not state it: ")
         assert ASSUMED[key] in lines[0]
     if key == "t_pose.facing":
         command = ["kinematics", "--imu", str(capture / "imu.csv.gz"), "--subject", str(path)]
         assert main([*command, "--out", str(tmp_path / "k.json")]) == 0
-        assert capsys.readouterr().err.count("as its file does not say") == 1
+        assert capsys.readouterr().err.count("as its file does not state it") == 1

@@ -127,7 +127,7 @@ def test_a_device_without_orientation_is_told_once():
         nowhere = ImuSample("back", k * 10_000_000, np.full(4, np.nan), np.zeros(3), UP)
         told += streams.take(nowhere)
     assert [notice.code for notice in told] == ["kinematics.unoriented"]
-    assert "back tells no orientation" in told[0].text
+    assert "back has no orientation" in told[0].text
 
 
 def test_a_flood_of_samples_pushes_nothing_out():

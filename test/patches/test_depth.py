@@ -118,7 +118,7 @@ def test_maps_of_another_rig_or_size_are_refused():
     stage = make_stage("patches", configure({"patches": {"active": True}})["patches"], CONTEXT)
     with pytest.raises(DataError, match="depth sensor far, which is not in the rig"):
         stage.step(DepthFrame("far", 1, 0, np.ones((80, 80), np.float32)))
-    with pytest.raises(DataError, match="has 80 x 70 px, the rig says 80 x 80"):
+    with pytest.raises(DataError, match="has 80 x 70 px, but the rig states 80 x 80"):
         stage.step(DepthFrame("depth0", 1, 0, np.ones((70, 80), np.float32)))
 
 

@@ -247,7 +247,7 @@ STATE = Toy([1.5, np.arange(5), Plain(1, 2)]).state()
         (Toy(), MARK + struct.pack("<I", 2) + STATE[len(MARK) + 4 :], "is of format 2, this version has 1"),
         (Other(), STATE, "is one of toy"),
         (Older(), STATE, "by another version of the stage"),
-        (Toy(cameras=("a", "c")), STATE, "of a stage whose cameras differ; begin with the same"),
+        (Toy(cameras=("a", "c")), STATE, "of a stage with different cameras; begin with the same"),
     ],
 )
 def test_foreign_and_damaged_bytes_are_refused_in_one_line(stage: Toy, state: bytes, words: str) -> None:

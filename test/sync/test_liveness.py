@@ -66,7 +66,7 @@ def test_a_camera_that_never_came_is_named(bench):
     sync = bench.stage(deadline_s=0.5)
     steps = [sync.step(item) for item in arrivals(bench, "ab", 60)]
     assert [n.text for r in steps for n in r.notices] == [
-        "camera c has given no usable frame yet: sets do not wait for it"
+        "camera c has sent no usable frame yet: sets do not wait for it"
     ]
     assert sum(len(r.outputs) for r in steps) == 60
 

@@ -119,5 +119,5 @@ def test_what_cannot_be_written_is_refused(tmp_path):
         with pytest.raises(DataError, match="96x64"):
             video.write(picture(0, (64, 64)))
         video.write(picture(0), 3)
-        with pytest.raises(DataError, match="picture 3 is not after the one before"):
+        with pytest.raises(DataError, match="picture 3 is not after the previous one"):
             video.write(picture(1), 3)

@@ -72,10 +72,10 @@ def test_warnings_and_silent_nodes_come_first_and_graphs_stay_apart():
     )
     assert lines[:2] == ["graph /: 1 node, 1 warning", "  WARN  sync: waits for left detections"]
     other = lines.index("graph /lab: 1 node, 1 warning")
-    assert lines[other + 1] == "  WARN  node sync has not been heard for 2.5 s and more"
+    assert lines[other + 1] == "  WARN  no message from node sync for 2.5 s or more"
     assert any("4.2" not in line and "3.2" in line for line in lines[other:])  # the age goes on
 
 
 def test_a_graph_whose_nodes_are_not_there_yet_is_not_well():
     (line,) = watch_lines([ReceivedStatus("lab", "graph", "", {"nodes": "0"}, 10.0)], 10.2)
-    assert line == "graph /lab: no stage has told of itself yet, or its run is over"
+    assert line == "graph /lab: no stage has reported yet, or its run is over"

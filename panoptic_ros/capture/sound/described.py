@@ -173,7 +173,7 @@ def _portaudio() -> Any:
         ) from None
     except OSError:
         raise EnvironmentProblem(
-            "microphones need PortAudio: apt install libportaudio2, or what your system calls it"
+            "microphones need PortAudio: apt install libportaudio2, or the package of your system"
         ) from None
 
 

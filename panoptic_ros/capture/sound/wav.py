@@ -84,7 +84,7 @@ class WavSource:
         where = f"timestamps.csv, sound of {self.device}"
         for (before, earlier), (sample, stamp) in pairwise(self._stamps):
             if sample <= before or stamp <= earlier:
-                raise DataError(f"{where}: sample {sample} at {stamp} ns is not after the row before")
+                raise DataError(f"{where}: sample {sample} at {stamp} ns is not after the previous row")
         counted = [sample for sample, _ in self._stamps] == list(range(len(self._stamps)))
         if counted and len(self._stamps) > 2:
             raise DataError(

@@ -21,87 +21,97 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("capture", nargs="?", type=Path, metavar="CAPTURE_DIR", help="a capture folder")
+    parser.add_argument(
+        "capture", nargs="?", type=Path, metavar="CAPTURE_DIR", help="capture folder to process"
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
-    parser.add_argument("--demo", nargs="?", const="multi", help="the demo capture: multi or single")
+    parser.add_argument("--demo", nargs="?", const="multi", help="process the demo capture: multi or single")
     parser.add_argument(
         "--bag",
         action="append",
         default=[],
         type=Path,
-        help="a rosbag2 with detections or images; may be given several times",
+        help="rosbag2 with detections or images; repeatable",
     )
     parser.add_argument(
         "--topic",
         action="append",
         default=[],
         metavar="CAMERA=TOPIC",
-        help="with --bag: a camera's topic, where it does not tell by its name",
+        help="with --bag: topic of a camera, if its name does not contain the camera; repeatable",
     )
     parser.add_argument(
         "--depth-topic",
         action="append",
         default=[],
         metavar="CAMERA=TOPIC",
-        help="with --bag: the same for the depth maps of a camera",
+        help="with --bag: topic of a camera's depth maps; repeatable",
     )
     parser.add_argument(
         "--encoding",
         action="append",
         default=[],
         metavar="[CAMERA=]ENCODING",
-        help="with --bag: of images, in place of what they say, e.g. yuyv",
+        help="with --bag: encoding of the images, instead of the one in the messages, e.g. yuyv; repeatable",
     )
     parser.add_argument(
         "--arrival-stamps",
         action="store_true",
-        help="with --bag: times of recording in place of the stamps in headers",
+        help="with --bag: use the times of recording instead of the timestamps in headers",
     )
     parser.add_argument(
-        "--redetect", action="store_true", help="with --bag: use its images, not its detections"
+        "--redetect",
+        action="store_true",
+        help="with --bag: run detection on the images, and ignore recorded detections",
     )
-    parser.add_argument("--rig", type=Path, help="calibration, in place of the capture's own")
+    parser.add_argument("--rig", type=Path, help="calibration, instead of the capture's own")
     add_occluder_option(parser)
     parser.add_argument(
-        "--video", action="append", default=[], metavar="CAMERA=FILE", help="a video or a folder of images"
+        "--video",
+        action="append",
+        default=[],
+        metavar="CAMERA=FILE",
+        help="video or folder of images of a camera; repeatable",
     )
     parser.add_argument(
         "--device",
         action="append",
         default=[],
         metavar="CAMERA=DEVICE",
-        help="V4L2 device or RTSP/HTTP address",
+        help="V4L2 device or RTSP/HTTP address of a camera; repeatable",
     )
     parser.add_argument(
         "--topics",
         type=Path,
         metavar="FILE",
-        help="topics of running drivers: {camera: {image, camera_info, depth, encoding}}; "
-        "without --rig, poses come from TF",
+        help="topics of running drivers: {camera: {image, camera_info, depth, encoding}}. Without --rig, "
+        "camera poses come from TF",
     )
     parser.add_argument(
-        "--imus", action="store_true", help="live, no cameras: bodies of --subject from /<device>/imu alone"
+        "--imus",
+        action="store_true",
+        help="live, without cameras: solve bodies of --subject from /<device>/imu alone",
     )
     parser.add_argument(
         "--fixed-frame",
         default="",
         metavar="FRAME",
-        help="with --topics and without --rig: the world among the frames of TF",
+        help="with --topics and without --rig: TF frame that is the world",
     )
     parser.add_argument(
         "--microphone",
         action="append",
         default=[],
         metavar="NAME=DEVICE",
-        help="with --device: an input that hears timecode, as PortAudio calls it, e.g. "
-        "mic=hw:1, or a WAV file that is played",
+        help="with --device: sound input with timecode, by its PortAudio name, e.g. mic=hw:1, or a WAV "
+        "file to play; repeatable",
     )
     parser.add_argument(
         "--latency-ms",
         type=within(float, 0, 60_000),
         default=0.0,
         metavar="MS",
-        help="of the devices, from exposure to arrival",
+        help="latency of the devices, from exposure to arrival",
     )
     parser.add_argument(
         "--subject",
@@ -109,32 +119,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         type=Path,
         metavar="FILE",
-        help="a designated person; may be given several times. All others are bystanders and "
-        "left out. subject*.json of a capture folder count as given",
+        help="file of a designated person; repeatable. All others are bystanders and left out. "
+        "subject*.json files of a capture folder are included",
     )
-    parser.add_argument("--cameras", help="use only these, names separated by commas")
+    parser.add_argument("--cameras", help="use only these cameras, names separated by commas")
     parser.add_argument(
         "--frame-rate",
         type=within(float, 0.01, 10_000),
         metavar="HZ",
-        help="in place of the files' own; of devices, 30 unless given",
+        help="frame rate, instead of the files' own; for devices, default 30",
     )
     parser.add_argument(
         "--size-policy",
         choices=("strict", "scale", "letterbox", "crop"),
         default="strict",
-        help="images of another size than calibrated: refuse, or fit it so",
+        help="images of another size than calibrated: refuse them (strict), or fit them in this way",
     )
     parser.add_argument(
         "--hardware",
         default="",
         metavar="KIND",
-        help="what decodes videos in place of the processor: cuda, qsv, ...",
+        help="decoder of videos instead of the processor: cuda, qsv, ...",
     )
     parser.add_argument(
         "--skip-damaged",
         action="store_true",
-        help="leave out frames that are damaged, and count them, in place of an error",
+        help="leave out damaged frames and count them, instead of an error",
     )
     parser.add_argument("--model", help="pose model: name, card or ONNX file (as --set detection.model=)")
     parser.add_argument(
@@ -142,52 +152,55 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="",
         help=f"working skeleton: name or YAML file; default: the preset's, or {DEFAULT_SKELETON}",
     )
-    parser.add_argument("--in-process", action="store_true", help="all stages in one process, without ROS")
+    parser.add_argument(
+        "--in-process", action="store_true", help="run all stages in one process, without ROS"
+    )
     parser.add_argument(
         "--offline",
         action="store_true",
-        help="recordings: skeletons refined over all of it, in both directions of time (in "
-        "one process; with --preset patches by the motion of the surface)",
+        help="recordings: refine skeletons over the whole recording, in both directions of time (in one "
+        "process; with --preset patches by the motion of the surface)",
     )
     parser.add_argument(
         "--node-per-stage",
         action="store_true",
-        help="live: a node and a process for every stage after detection too",
+        help="live: run every stage after detection in a node and process of its own too",
     )
     parser.add_argument(
         "--jpeg",
         type=within(int, 0, 100),
         default=0,
         metavar="QUALITY",
-        help="send images as JPEG of this quality (1-100); 0: as they are",
+        help="send images as JPEG of this quality (1-100); 0: unchanged",
     )
     parser.add_argument(
         "--publish",
         default="",
         metavar="WORDS",
-        help="skeletons in other words too, separated by commas: roots (PoseArray), tf (of "
-        "joints), bodies (REP 155), boxes (Detection3DArray); of --subject joints "
-        "(JointState, URDF), segments (TF), stream (WebSocket); also heat_maps",
+        help="publish skeletons in other formats too, separated by commas: roots (PoseArray), tf (of "
+        "joints), bodies (REP 155), boxes (Detection3DArray); of --subject joints (JointState, URDF), "
+        "segments (TF), stream (WebSocket); also heat_maps",
     )
     parser.add_argument(
         "--namespace",
         default="",
         metavar="NAME",
-        help="of nodes and topics, so that several graphs can run side by side",
+        help="namespace of nodes and topics, to run several graphs side by side",
     )
-    parser.add_argument("--live-view", action="store_true", help="show a table while it runs")
-    parser.add_argument("--no-pictures", action="store_true", help="no overlays, video and plot")
+    parser.add_argument("--live-view", action="store_true", help="show a table during the run")
+    parser.add_argument("--no-pictures", action="store_true", help="write no overlays, video and plot")
     parser.add_argument(
         "--duration",
         type=within(float, 0.1, 1e9),
         metavar="S",
-        help="of a recording: its first seconds, by its stamps; live: stop so long after the first image",
+        help="recording: use only its first seconds, by timestamps. Live: stop this time after the first "
+        "image",
     )
     add_saved_option(parser)
     parser.add_argument(
         "--offsets-from-sound",
         action="store_true",
-        help="find clocks of cameras from what they hear, and correct stamps",
+        help="estimate the cameras' clocks from their sound, and correct timestamps",
     )
     add_apart_option(parser)
     add_parameter_options(parser)

@@ -78,6 +78,6 @@ def _encodings(texts: list[str]) -> dict[str, str]:
     """Parse encodings by camera; one without a camera applies to all other cameras, under the key ""."""
     for_all = [text for text in texts if "=" not in text]
     if len(for_all) > 1:
-        raise UsageError(f"--encoding says {' and '.join(for_all)}; write CAMERA=ENCODING")
+        raise UsageError(f"--encoding gives {' and '.join(for_all)} for all cameras; write CAMERA=ENCODING")
     named = pairs([text for text in texts if "=" in text], "--encoding")
     return named | ({"": for_all[0]} if for_all else {})

@@ -61,8 +61,8 @@ def check_usage(args: argparse.Namespace, defaults: argparse.Namespace) -> None:
         raise UsageError("--imus takes topics, so it has no meaning with --in-process")
     unknown = [word for word in names(args.publish) or () if word not in PUBLISHABLE]
     if unknown:
-        raise UsageError(f"--publish {unknown[0]}: there is no such thing, only {', '.join(PUBLISHABLE)}")
+        raise UsageError(f"--publish {unknown[0]}: unknown format; there are {', '.join(PUBLISHABLE)}")
     for option in ("jpeg", "node_per_stage", "publish"):
         if getattr(args, option) and (args.in_process or args.offline):
             name, other = option.replace("_", "-"), "offline" if args.offline else "in-process"
-            raise UsageError(f"--{name} has no meaning with --{other}, where there are no nodes")
+            raise UsageError(f"--{name} has no meaning with --{other}, which starts no nodes")

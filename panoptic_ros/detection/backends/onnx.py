@@ -102,13 +102,13 @@ def _check_tensors(card: ModelCard, session: onnxruntime.InferenceSession) -> No
     outputs = {item.name: item for item in session.get_outputs()}
     if set(inputs) != {card.input.name}:
         raise BackendError(
-            f"model {card.name}: its inputs are {', '.join(inputs)}, the card says {card.input.name!r}"
+            f"model {card.name}: its inputs are {', '.join(inputs)}, but its card states {card.input.name!r}"
         )
     given = inputs[card.input.name]
     dtype = _DTYPES.get(given.type, given.type)
     if dtype != card.input.dtype:
         raise BackendError(
-            f"model {card.name}: input {given.name!r} is {dtype}, the card says {card.input.dtype}"
+            f"model {card.name}: input {given.name!r} is {dtype}, but its card states {card.input.dtype}"
         )
     height, width = card.input.size or (None, None)
     planes = (None, 3, height, width) if card.input.layout == "NCHW" else (None, height, width, 3)
@@ -138,4 +138,6 @@ def _check_shape(
         def text(sizes: Sequence[int | str | None]) -> str:
             return " x ".join("any" if size is None else str(size) for size in sizes)
 
-        raise BackendError(f"model {card.name}: {label} is {text(shape)}, the card says {text(expected)}")
+        raise BackendError(
+            f"model {card.name}: {label} is {text(shape)}, but its card states {text(expected)}"
+        )

@@ -319,7 +319,7 @@ def read_calibration(path: Path) -> dict[str, Array]:
     lines = _lines(path)
     number = int(_numbers(path, 1, lines[0], 1, "the number of sensors")[0])
     if number < 1 or len(lines) < 1 + number:
-        raise DataError(f"{path}: {len(lines) - 1} sensors, expected {number}, as line 1 says")
+        raise DataError(f"{path}: {len(lines) - 1} sensors, expected {number} according to line 1")
     found = {}
     for k, line in enumerate(lines[1 : 1 + number]):
         name, *words = line.split() or [""]

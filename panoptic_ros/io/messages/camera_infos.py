@@ -51,7 +51,7 @@ def whole_camera(message: Any, name: str, cam_from_world: Rigid) -> tuple[Camera
         raise DataError(f"camera_info of {name} is all 0: its driver is not calibrated")
     size = whole_size(message)
     if size == (0, 0):
-        raise DataError(f"camera_info of {name} says images of 0 x 0: its driver is not calibrated")
+        raise DataError(f"camera_info of {name} states images of 0 x 0: its driver is not calibrated")
     try:
         lens, terms, assumed = read_lens(str(message.distortion_model), np.array(message.d, float))
         camera = Camera(name, size, Intrinsics(matrix, terms, lens), cam_from_world)

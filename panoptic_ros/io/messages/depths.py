@@ -90,7 +90,7 @@ def _levels_of_rvl(data: Array, what: str) -> Array:
         raise DataError(f"{what}: no RVL in its {data.size} bytes")
     columns, rows = _SIZE.unpack_from(data.tobytes()[: _SIZE.size])
     if not 0 < columns * rows <= MOST_PIXELS:
-        raise DataError(f"{what}: its RVL header says {columns} x {rows} pixels")
+        raise DataError(f"{what}: its RVL header states {columns} x {rows} pixels")
     stream = data[_SIZE.size :].tobytes()
     return decode_rvl(stream, columns * rows, what).reshape(rows, columns)
 
@@ -122,7 +122,7 @@ def decode_rvl(data: bytes, count: int, what: str) -> Array:
         deltas.append(numbers[at + 2 : at + 2 + run])
         pixel, at = pixel + run, at + 2 + run
     if pixel > count or at > len(numbers):
-        raise DataError(f"{what}: its RVL data are damaged: they tell of {pixel} pixels, it has {count}")
+        raise DataError(f"{what}: its RVL data are damaged: they describe {pixel} pixels, it has {count}")
     pixels = np.zeros(count, np.int64)
     zigzag = np.concatenate([np.zeros(0, np.int64), *deltas])
     pixels[np.concatenate([np.zeros(0, np.int64), *places])] = np.cumsum((zigzag >> 1) ^ -(zigzag & 1))

@@ -215,15 +215,15 @@ def shown_by(message: Any, what: str) -> EncodingCheck | None:
             other = "uyvy" if form.layout == "yuyv" else "yuyv"
             return EncodingCheck(
                 other,
-                f"{what} calls itself {stated}, but shows brightness where that has colour: taken as {other}",
+                f"{what} has encoding {stated}, but shows brightness instead of its colours: read as {other}",
             )
     if form.is_assumed:
         return EncodingCheck(
-            "", f"{what} calls itself {stated}, which names no colours: taken as {form.layout}"
+            "", f"{what} has encoding {stated}, which names no colours: read as {form.layout}"
         )
     if form.size == 2 and not form.bits:
         used = _bits_of(_values(message, form, what)[..., :3])
-        told = f"{what} has {used} bits in 16: stretched to all that there are" if used < 16 else ""
+        told = f"{what} has {used} bits in 16: scaled to the full range" if used < 16 else ""
         return EncodingCheck("", told)
     return EncodingCheck("", "")
 

@@ -99,7 +99,7 @@ def decode_cdr(data: bytes, kind: str, types: Typestore | None = None) -> Any:
     """
     store = types or bag_typestore()
     if kind not in store.types:
-        raise DataError(f"messages of type {kind} are not known here")
+        raise DataError(f"messages of type {kind} are unknown here")
     definition = store.get_msgdef(kind)
     if len(data) < 4 or data[0] != 0 or data[1] > 1:
         raise DataError(f"no CDR message of type {kind}")
@@ -135,4 +135,4 @@ def _message_folder() -> Path:
     for place in places:
         if any(place.glob("*.msg")):
             return place
-    raise EnvironmentProblem(f"the message definitions are not there: install {PACKAGE} (msg_defs/)")
+    raise EnvironmentProblem(f"the message definitions are missing: install {PACKAGE} (msg_defs/)")

@@ -38,7 +38,7 @@ def view_of_poses(
     flat = np.asarray(message.bodies_flat, np.float64)
     what = f"Poses of camera {camera}"
     if len(shape) == 3 and shape[2] == 4:
-        raise DataError(f"{what} has 4 values per joint: these are people in 3D, not what a camera sees")
+        raise DataError(f"{what} has 4 values per joint: these are 3D poses, expected 2D poses of a camera")
     if len(shape) != 3 or shape[1:] != (len(names), 3) or min(shape) < 0 or flat.size != np.prod(shape):
         raise DataError(
             f"{what}: bodies_shape {list(shape)} does not fit {len(names)} joint names and {flat.size} values"

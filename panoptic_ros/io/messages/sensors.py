@@ -160,7 +160,8 @@ def _sample(device: str, stamp_ns: int, parts: Sequence[tuple[str, Sequence[floa
             values = (np.nan,) * len(values)
         elif not all(map(math.isfinite, values)):
             raise DataError(
-                f"Imu.{name} of {device} is {list(values)}; what is not measured has a covariance of -1"
+                f"Imu.{name} of {device} is {list(values)}; a quantity that is not measured must have a "
+                "covariance of -1"
             )
         array = np.array(values)
         array.flags.writeable = False

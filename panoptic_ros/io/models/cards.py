@@ -84,8 +84,8 @@ def read_card(name_or_path: str, beside: Path | None = None) -> CardFile:
         path = path.with_suffix(".yaml")
         if not path.is_file():
             raise UsageError(
-                f"{name_or_path} needs a model card {path.name} beside it that says how to read it; "
-                f"copy the one of the same family from {share_folder() / 'config' / 'models'}"
+                f"{name_or_path} needs a model card {path.name} beside it that describes its format; copy "
+                f"the one of the same family from {share_folder() / 'config' / 'models'}"
             )
     if path.suffix not in (".yaml", ".yml"):
         if name_or_path not in card_names():

@@ -260,7 +260,7 @@ def explain_npm(text: str) -> str:
     if code in ("E404", "ETARGET"):
         return f"the package registry does not have it ({code}); check npm's settings"
     reasons = [line for line in lines if line and not line.startswith("code ")]
-    return f"npm says: {reasons[0]}" if reasons else "npm gave no reason"
+    return f"npm reports: {reasons[0]}" if reasons else "npm gave no reason"
 
 
 def _extract(archive: Path, package: str, wanted: Sequence[PackedFile]) -> list[bytes]:

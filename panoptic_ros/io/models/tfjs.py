@@ -90,5 +90,5 @@ def _weights(entries: list[Mapping[str, Any]], data: bytes) -> dict[str, Array]:
         arrays[entry["name"]] = raw.astype(entry["dtype"])
         start += raw.nbytes
     if start != len(data):
-        raise ValueError(f"the weights have {len(data)} bytes, the manifest speaks of {start}")
+        raise ValueError(f"the weights have {len(data)} bytes, but the manifest states {start}")
     return arrays

@@ -120,7 +120,7 @@ def check_unit(rig: Rig, options: ReadOptions) -> Rig:
     span = float(np.ptp(centres, axis=0).max())
     if options.unit is None and span > FAR_APART:
         raise CalibrationError(
-            f"the cameras lie {span:.0f} m apart; the file does not say its unit of length and is "
+            f"the cameras lie {span:.0f} m apart; the file does not state its unit of length and is "
             "probably in mm: `panoptic rig convert --unit mm IN OUT` makes a rig in metres"
         )
     return rig

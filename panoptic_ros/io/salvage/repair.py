@@ -118,7 +118,7 @@ def _missing(source: Path, files: list[Path], counts: Counter[str], losses: Loss
         return
     there = {packed_name(path) for path in files}
     missing = [name for name in metadata.files if packed_name(Path(name)) not in there]
-    yield from (f"{name}: all of it, as it is not there, and {NAME} names it" for name in missing)
+    yield from (f"{name}: the whole file, as {NAME} names it but it does not exist" for name in missing)
     difference = count_difference(metadata.counts, counts)
     if difference and not missing and not losses.lines:
         yield difference
@@ -360,7 +360,7 @@ class _Contents:
         elif (connection := self._topics.known.get(channel)) is not None:
             return SalvagedMessage(connection, stamp, content[MESSAGE_HEAD.size :])
         else:
-            self._losses.count(self._name, "messages on topics of which nothing is known")
+            self._losses.count(self._name, "messages on unknown topics")
         return None
 
     def _tell_quality(self, topic: str, text: str) -> None:

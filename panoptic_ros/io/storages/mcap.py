@@ -214,7 +214,7 @@ class McapStorage:
             problems.append(told)
         described = self._topics.known.keys() | self._topics.foreign.keys()
         if lost := sum(count for channel, count in self._counts.items() if channel not in described):
-            problems.append(f"{lost} messages of {self._name} are on topics of which nothing is known")
+            problems.append(f"{lost} messages of {self._name} are on unknown topics")
         return problems
 
     def _of_chunk(

@@ -337,7 +337,7 @@ class WornDevices:
             return False
         (i, j), names = found.devices, self._subject.body.model.names
         text = f"is on {names[self.segments[j]]}, and {self._devices[j].name} on {names[self.segments[i]]}"
-        self._tell("swapped", self._devices[i], f"{text}: taken for each other")
+        self._tell("swapped", self._devices[i], f"{text}: the two are swapped")
         for values in (self.segments, self.positions):
             values[[i, j]] = values[[j, i]]
         self.mounts[[i, j]] = found.mounts
@@ -349,7 +349,7 @@ class WornDevices:
         """Add notices of mistaken or slipped devices and of a wrong heading, once each."""
         names = self._subject.body.model.names
         for k in self.mounting.slipped:
-            text = f"has slipped on {names[self.segments[k]]}; its mounting is found anew"
+            text = f"has slipped on {names[self.segments[k]]}; its mounting is estimated again"
             self._tell("strap", self._devices[k], text)
         for k in np.flatnonzero(self.mounting.mistaken).tolist():
             off = math.degrees(float(np.linalg.norm(self.mounting.mountings[k])))

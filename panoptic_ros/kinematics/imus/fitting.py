@@ -151,7 +151,7 @@ class ImuFitting:
         if self.heading is not None:
             return []
         self.heading = 0.0
-        line = f"{why}, so the heading of its IMUs is taken as 0"
+        line = f"{why}, so the heading of its IMUs is assumed to be 0"
         return [_notice("imu_heading", "warning", subject, line)]
 
     def _done(self) -> None:

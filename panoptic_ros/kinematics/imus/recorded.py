@@ -72,7 +72,7 @@ def _usable(series: ImuSeries, end_ns: int) -> tuple[ImuSeries, list[str]]:
         known = np.linalg.norm(quaternions, axis=-1) > 1e-3
     quaternions[~known] = np.nan
     if not known.all():
-        lines.append(f"tells no orientation in {int((~known).sum())} of {len(known)} samples")
+        lines.append(f"has no orientation in {int((~known).sum())} of {len(known)} samples")
     found = ImuSeries(series.stamps[kept], quaternions, rates, forces)
     told = found.stamps[known]
     gaps = np.diff(np.append(told, max(end_ns, int(told[-1])))) if len(told) else np.zeros(0)
@@ -80,8 +80,8 @@ def _usable(series: ImuSeries, end_ns: int) -> tuple[ImuSeries, list[str]]:
         k = int(np.argmax(gaps))
         since = 1e-9 * (int(told[k]) - int(told[0]))
         lines.append(
-            f"is silent for {1e-9 * gaps[k]:.1f} s, {since:.1f} s after its first sample; bodies go on "
-            "without it"
+            f"is silent for {1e-9 * gaps[k]:.1f} s, {since:.1f} s after its first sample; bodies are "
+            "solved without it"
         )
     return found, lines
 
@@ -110,14 +110,14 @@ def _useless(series: ImuSeries, time: tuple[int, int] | None) -> str:
         return ""
     turned = from_quaternions(series.quaternions[known])
     if _turns_otherwise(_rates(series)):
-        return "turns otherwise by its quaternions, w x y z into its inertial frame, than by its rates"
+        return "rotates by its quaternions (w x y z, into its inertial frame) differently than by its rates"
     force = (turned @ series.forces[known][..., None])[..., 0].mean(0)
     if np.linalg.norm(force - GRAVITY) <= UPRIGHT:
         return ""
     mean = np.array2string(force, precision=1)
     return (
-        f"measures a mean force of {mean} m/s^2 in its inertial frame, where (0, 0, 9.81) is asked for: "
-        "z up, quaternions that turn device vectors into it, m/s^2, gravity not taken off"
+        f"measures a mean force of {mean} m/s^2 in its inertial frame, expected (0, 0, 9.81): z up, "
+        "quaternions that turn device vectors into it, m/s^2, gravity not subtracted"
     )
 
 

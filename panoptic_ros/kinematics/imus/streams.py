@@ -90,10 +90,10 @@ def unit_fault(sums: Array) -> str:
         return ""
     _, own, told, _ = sums.tolist()
     ratio = math.sqrt(told / own)
-    guess = "deg/s" if ratio > 1.0 else "rad/s turned from deg once too often"
+    guess = "deg/s" if ratio > 1.0 else "rad/s converted from deg twice"
     return (
-        f"sends angular velocities {ratio:.3g} times as large as its orientation turns, so perhaps {guess}; "
-        "rad/s is asked for; bodies do not rest on them"
+        f"sends angular velocities {ratio:.3g} times as large as its orientation turns, so perhaps "
+        f"{guess}; expected rad/s; bodies are solved without them"
     )
 
 
@@ -192,8 +192,8 @@ class ImuStreams:
         self._unoriented[d] = self._unoriented[d] + 1 if np.isnan(sample.orientation[0]) else 0
         if self._unoriented[d] == FEWEST_UNORIENTED:
             text = (
-                f"{sample.device} tells no orientation (zeros, NaN or a covariance of -1), so bodies go on "
-                "without it; let its driver estimate one"
+                f"{sample.device} has no orientation (zeros, NaN or a covariance of -1), so bodies are "
+                "solved without it; let its driver estimate one"
             )
             told = (*told, _notice("unoriented", "warning", text, sample.device))
         return told
@@ -254,7 +254,7 @@ class ImuStreams:
         silent = come & (passed > SILENT_NS)
         limit = ALL_SILENT_NS if silent.sum() > max(FEW, 0.5 * come.sum()) else SILENT_NS
         for d in np.flatnonzero(silent & (passed > limit) & ~self._silent).tolist():
-            text = f"{self.names[d]} has been silent for {1e-9 * limit:g} s; bodies go on without it"
+            text = f"{self.names[d]} has been silent for {1e-9 * limit:g} s; bodies are solved without it"
             notices.append(_notice("imu_silent", "warning", text, self.names[d]))
         for d in np.flatnonzero(self._silent & ~silent).tolist():
             notices.append(_notice("imu_back", "info", f"{self.names[d]} is back", self.names[d]))
@@ -273,9 +273,9 @@ class ImuStreams:
         for d in np.flatnonzero(odd & ~self._odd).tolist():
             mean = np.array2string(self._force[d], precision=1)
             text = (
-                f"{self.names[d]} measures a mean force of {mean} m/s^2 in its inertial frame, where "
-                "(0, 0, 9.81) is asked for: z up, quaternions that turn device vectors into it, m/s^2, "
-                "gravity not taken off; it is left out"
+                f"{self.names[d]} measures a mean force of {mean} m/s^2 in its inertial frame, expected "
+                "(0, 0, 9.81): z up, quaternions that turn device vectors into it, m/s^2, gravity not "
+                "subtracted; it is left out"
             )
             notices.append(_notice("imu_convention", "warning", text, self.names[d]))
         self._odd = odd

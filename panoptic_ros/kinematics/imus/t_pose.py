@@ -79,7 +79,7 @@ def t_pose_decides(subject: Subject) -> bool:
 def bent_line(heading: float) -> str:
     """Return the line for the user about a heading from bending joints."""
     found = f"{math.degrees(heading):.0f} deg, as its joints bend"
-    return f"no camera tells the heading of its IMUs, which is taken as {found}"
+    return f"no camera shows the heading of its IMUs, which is assumed to be {found}"
 
 
 def _joints(moved: Mapping[int, Array], model: SegmentModel) -> dict[int, int]:
@@ -155,8 +155,8 @@ def t_pose_mounts(
         pose = subject.t_pose
         if pose is None:
             raise DataError(
-                f"subject {subject.id}: device {device.name} has no mount, and there is no t_pose to "
-                "tell it; state one of them"
+                f"subject {subject.id}: device {device.name} has no mount, and there is no t_pose to find "
+                "it from; state one of them"
             )
         held = held_in(pose, stamps, felt[device.name])
         if len(held):

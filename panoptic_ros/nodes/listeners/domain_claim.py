@@ -32,7 +32,7 @@ def claim_domain(namespace: str = "") -> socket.socket:
     except OSError:
         claim.close()
         raise EnvironmentProblem(
-            f"another `panoptic run` is going on in {_where(namespace)}; wait for it, give this one a "
+            f"another `panoptic run` is running in {_where(namespace)}; wait for it, give this one a "
             "--namespace of its own, or set ROS_DOMAIN_ID to another number"
         ) from None
     return claim

@@ -118,7 +118,7 @@ class BodyOutputs:
             message = unpacked(data, self._kind)
             item = from_message(message, "BodyStateSet")
             if item.segment_names != self._model.names:
-                raise DataError("bodies of other segments than the parameter `segments` says")
+                raise DataError("bodies of other segments than those of the parameter `segments`")
         except DataError as error:
             self._node.get_logger().warning(f"dropped: {error}", throttle_duration_sec=5.0)
             return

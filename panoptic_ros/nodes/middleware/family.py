@@ -39,7 +39,7 @@ def _interface(name: str) -> Any:
         return getattr(importlib.import_module(f"{package}.{folder}"), kind)
     except ImportError as error:
         raise EnvironmentProblem(
-            f"the ROS package {package} is not installed here ({error}); `panoptic doctor` tells more"
+            f"the ROS package {package} is not installed here ({error}); see `panoptic doctor`"
         ) from None
 
 

@@ -148,8 +148,8 @@ class NegotiatedSubscription:
             return
         name = qos_policy_name_from_kind(policy).lower()
         text = (
-            f"a publisher of {self.topic_name} does not fit: it offers another {name} than is needed, so "
-            "nothing of it is taken; let it offer what others do, or take another topic"
+            f"a publisher of {self.topic_name} is incompatible: its {name} differs from the required "
+            f"one, so its messages are not received; use the {name} of the other publishers, or another topic"
         )
         self._tell(Notice("graph.incompatible_qos", "warning", text, {"device": self._topic}))
 
@@ -162,5 +162,5 @@ class NegotiatedSubscription:
         self._quality.depth = max(self._quality.depth, BEST_EFFORT_DEPTH)
         if self._pause is None:
             self._subscription = self._subscribe()
-        text = f"{self.topic_name} is taken as best effort, as a publisher offers no more"
+        text = f"{self.topic_name} is received as best effort, as a publisher offers no more"
         self._tell(Notice("graph.best_effort", "info", text, {"device": self._topic}))

@@ -145,8 +145,8 @@ def start_ros(arguments: Sequence[str] | None, context: Context | None = None) -
         rclpy.init(args=words, context=context, signal_handler_options=SignalHandlerOptions.NO)
     except RCLError as error:
         raise EnvironmentProblem(
-            f"ROS does not start ({str(error).split(', at ')[0]}); where HOME is not set or cannot be "
-            "written, set ROS_LOG_DIR to a folder of yours; `panoptic doctor` tells more"
+            f"ROS does not start ({str(error).split(', at ')[0]}); if HOME is not set or cannot be "
+            "written, set ROS_LOG_DIR to a folder of yours; see `panoptic doctor`"
         ) from None
 
 

@@ -97,7 +97,7 @@ class _DriverSearch:
         silent = [topic for topic, kind in self._found.types.items() if kind == CAMERA_INFO]
         for topic, what in self._topics.items():
             if topic not in self._found.types:
-                return f"nobody publishes {topic} ({what}) within {patience_s:g} s; {self._others(topic)}"
+                return f"no node publishes {topic} ({what}) within {patience_s:g} s; {self._others(topic)}"
         topic = next(topic for topic in silent if topic not in self._found.infos)
         what = self._topics[topic]
         return f"no message came on {topic} ({what}) within {patience_s:g} s: is its driver running?"
@@ -110,7 +110,7 @@ class _DriverSearch:
             f"there are {', '.join(like)}"
             if like
             else (
-                "no camera publishes anything here: is the driver running, in this ROS_DOMAIN_ID "
+                "no camera publishes images here: is the driver running, in this ROS_DOMAIN_ID "
                 "(ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET reaches other machines)?"
             )
         )

@@ -99,7 +99,7 @@ class _TransformListener:
         if not self._found:
             told = f" ({self._bad[0]})" if self._bad else ""
             raise EnvironmentProblem(
-                f"nothing came on /tf or /tf_static within {patience_s:g} s{told}: is a "
+                f"no message on /tf or /tf_static within {patience_s:g} s{told}: is a "
                 "robot_state_publisher or static_transform_publisher running? Or give --rig"
             )
         for frame in (*frames, *((fixed,) if fixed else ())):
@@ -114,7 +114,9 @@ class _TransformListener:
         try:
             return world, {frame: tree.fixed_from(world, frame) for frame in frames}
         except CalibrationError as error:
-            raise CalibrationError(f"{error}; publish what connects them, or give --rig") from None
+            raise CalibrationError(
+                f"{error}; publish a transform that connects them, or give --rig"
+            ) from None
 
     def _take(self, message: Any) -> None:
         for transform in message.transforms:

@@ -102,7 +102,7 @@ class FactsSubscriber:
         try:
             if key != "rig":
                 name = self._node.get_name()
-                raise ConfigError(f"another /{key} has come: restart node {name} to work with it")
+                raise ConfigError(f"another /{key} was received: restart node {name} to use it")
             self._on_rig(record)
         except ConfigError as error:
             self._unfit[key] = str(error)
@@ -143,7 +143,8 @@ class RigChanges:
         """
         if self._named(rig) != self._named(now):
             raise ConfigError(
-                f"another /rig has other cameras: restart node {self._node.get_name()} to work with it"
+                f"another /rig with other cameras was received: restart node {self._node.get_name()} to "
+                "use it"
             )
         waits, self._next = self._next is not None, rig
         if not waits:
@@ -153,8 +154,8 @@ class RigChanges:
         rig, self._next = self._next, None
         assert rig is not None
         anew = self._change(rig)
-        kept = f"; {', '.join(anew)} begin anew" if anew else ""
-        self._node.get_logger().info(f"another /rig was taken over{kept}", throttle_duration_sec=5.0)
+        kept = f"; {', '.join(anew)} start again" if anew else ""
+        self._node.get_logger().info(f"another /rig is in use now{kept}", throttle_duration_sec=5.0)
 
     def _named(self, rig: Rig) -> list[tuple[str, tuple[int, int]]]:
         wanted = self._cameras or list(rig.names)

@@ -254,7 +254,7 @@ def _subscribe(
 
     def leave_alone(why: str, now_ns: int) -> None:
         seconds = 1e-9 * guard.pause(now_ns)
-        arrivals.paused = f"{arrivals.title}: {why} came; nothing of it is taken for {seconds:g} s"
+        arrivals.paused = f"{arrivals.title}: {why} came; its messages are ignored for {seconds:g} s"
         subscription.pause(seconds, resume)
         values = {"camera": owner}
         takers.tell(found, Notice("graph.flood", "warning", arrivals.paused, values))

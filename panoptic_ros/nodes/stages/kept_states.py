@@ -62,7 +62,9 @@ class StateKeeper:
         self._trials[stage] += 1
         if self._trials[stage] == MOST_TRIALS:
             self._publishers[stage].publish(self._kind())
-            self._logger.warning(f"what stage {stage} remembered is given up: it failed with it twice")
+            self._logger.warning(
+                f"the saved state of stage {stage} is discarded: the stage failed with it twice"
+            )
 
 
 class StateExchange:

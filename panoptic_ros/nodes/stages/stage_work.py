@@ -126,7 +126,7 @@ class PauseService:
         elif request.data:
             response.message = "paused already"
         elif self.paused:
-            response.message = f"goes on; {self.left_out} messages were left out"
+            response.message = f"resumed; {self.left_out} messages were left out"
         else:
             response.message = "was not paused"
         self.paused = bool(request.data)
@@ -355,9 +355,9 @@ class StageWork:
         for stage, state in states.items():
             try:
                 self.pipeline.begin({stage: state})
-                self._logger.info(f"stage {stage} goes on from what it remembered")
+                self._logger.info(f"stage {stage} resumes from its saved state")
             except DataError as error:
-                self._logger.warning(f"stage {stage} begins anew: {error}")
+                self._logger.warning(f"stage {stage} starts without its saved state: {error}")
 
     def publish_states(self, kept: StateExchange) -> None:
         """Hand over the states of the stages to the keeper."""
@@ -454,7 +454,7 @@ class StageWork:
         if self._live and self._around.tally.refuses_all(stage):
             self._delivery.wait()
             self.pipeline.begin_anew(stage)
-            self._logger.warning(f"stage {stage} has refused all of late: it forgets what it knew")
+            self._logger.warning(f"stage {stage} has refused all recent records: its state is reset")
 
     def _stepped(self, stage: str, duration_ns: int) -> None:
         self._around.tally.stepped(stage, self._around.reading.duration_ns(stage, duration_ns))

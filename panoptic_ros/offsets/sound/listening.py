@@ -78,13 +78,15 @@ class SampleStream:
                 self.sample_rate, base = block.sample_rate, block.first_sample
                 use = [c for c in range(block.samples.shape[1]) if not (block.clocks and block.clocks[c])]
                 if not use:
-                    raise DataError(f"all channels of {block.device} carry timecode, none what is said")
+                    raise DataError(
+                        f"all channels of {block.device} carry timecode, none carries sound of the room"
+                    )
                 self.device = block.device
             first = block.first_sample - base
             if first < end or block.sample_rate != self.sample_rate or block.samples.shape[1] <= max(use):
                 raise DataError(
-                    f"sound of {block.device}: the block at sample {block.first_sample} does not "
-                    "follow the one before"
+                    f"sound of {block.device}: the block at sample {block.first_sample} does not follow "
+                    "the previous one"
                 )
             self._remember(first, block.stamp_ns)
             yield from self._silence(first - end, held, len(use))

@@ -168,7 +168,7 @@ def _reason(best: LagMatch | None) -> str:
     if best is None:
         return "silence, or less than 5 s"
     if best.strength < STRONG:
-        return "no lag stands out: nothing in common is heard, or it repeats"
+        return "no lag stands out: the sounds have nothing in common, or they repeat"
     if best.events < EVENTS:
         return "too few sounds in common"
     return f"it repeats: {abs(best.other - best.lag):.2f} s on fits nearly as well"
@@ -308,7 +308,9 @@ class SoundClocks:
         i = devices.index(device)
         reasons = [why for pair, why in coarse.why.items() if i in pair]
         if not reasons:
-            return "it hears too little together with the others" if len(devices) > 1 else "no other sound"
+            return (
+                "it has too little sound in common with the others" if len(devices) > 1 else "no other sound"
+            )
         return max(reasons, key=reasons.count)
 
 

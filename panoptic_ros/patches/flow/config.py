@@ -16,15 +16,20 @@ class FlowConfig(Config):
         unit="px",
         ge=160,
         le=8192,
-        doc="Wider images are made so small first: motion is then measured less exactly, and quicker.",
+        doc="Image width above which images are downscaled to this width. Motion is then measured faster, "
+        "but less exactly.",
     )
     views: int = param(
         8,
         ge=0,
         le=480,
-        doc="Views that follow all points on a person. Where more see the person, each follows a share, so "
-        "that a person costs the same in rigs of any size. 0 = every view follows all points.",
+        doc="Views that track all points on a person. If more views see the person, each tracks a share, "
+        "so that a person costs the same in rigs of any size. 0 = every view tracks all points.",
     )
     longest_gap: float = param(
-        0.15, unit="s", ge=0.001, le=10.0, doc="Nothing is followed over longer gaps between two images."
+        0.15,
+        unit="s",
+        ge=0.001,
+        le=10.0,
+        doc="Longest time between two images over which points are tracked.",
     )

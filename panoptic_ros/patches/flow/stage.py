@@ -261,7 +261,7 @@ class FlowStage(Stateful):
             return StepResult()
         before, now = self._seen.get(item.camera), self._made_small(item)
         if before is not None and item.stamp_ns <= before.stamp_ns:
-            text = f"camera {item.camera}: image {item.frame_number} is not newer than the one before"
+            text = f"camera {item.camera}: image {item.frame_number} is not newer than the previous one"
             return StepResult(notices=(Notice("flow.old_stamp", "warning", text),))
         self._seen[item.camera] = now
         if before is None or before.begins is None or before.grey.shape != now.grey.shape:

@@ -110,7 +110,7 @@ def check_multicast() -> Finding:
                 f"no multicast ({error}): nodes on other hosts are not found",
                 "allow UDP multicast to 239.255.0.1, or name the hosts in ROS_STATIC_PEERS",
             )
-    return ok(f"multicast to {MULTICAST_GROUP} is heard")
+    return ok(f"multicast to {MULTICAST_GROUP} is received")
 
 
 def check_graph() -> Finding:
@@ -132,7 +132,7 @@ def check_graph() -> Finding:
         return ok(f"two processes found each other ({where})")
     if listener.last_error or spoken.last_error:
         broken = listener.last_error or spoken.last_error
-        return fail(f"a node broke: {broken}", "mend what fails above first")
+        return fail(f"a node failed: {broken}", "correct the failures above first")
     return fail(
         f"no message from one process to another within 10 s ({where})",
         "try ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST or FASTDDS_BUILTIN_TRANSPORTS=UDPv4",
@@ -190,7 +190,7 @@ def check_model() -> Finding:
             return ok(f"{DEFAULT_MODEL} in {source.model_path}")
     except UserError as error:
         return fail(str(error), "install the package again")
-    return warn(f"{DEFAULT_MODEL} is not there yet", "panoptic models fetch")
+    return warn(f"{DEFAULT_MODEL} is not installed yet", "panoptic models fetch")
 
 
 def check_video() -> Finding:
@@ -331,7 +331,7 @@ def check_inference() -> Finding:
     from panoptic_ros.io.models import DEFAULT_MODEL, is_cached, load_detector, read_card
 
     if not is_cached(read_card(DEFAULT_MODEL)):
-        return warn(f"{DEFAULT_MODEL} is not there yet, so nothing was measured", "panoptic models fetch")
+        return warn(f"{DEFAULT_MODEL} is not installed yet, so nothing was measured", "panoptic models fetch")
     model = load_detector(DEFAULT_MODEL)
     return judged(model.card.name, *measured(model, available_providers(), run_ms))
 

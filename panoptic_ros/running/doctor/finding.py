@@ -93,5 +93,5 @@ def run_checks(checks: Mapping[str, Check]) -> dict[str, Finding]:
         except ImportError as error:
             findings[name] = fail(f"cannot be loaded: {error}", "./run setup")
         except (EnvironmentProblem, OSError) as error:
-            findings[name] = fail(str(error), "mend this first, then run the check again")
+            findings[name] = fail(str(error), "correct this first, then run the check again")
     return findings

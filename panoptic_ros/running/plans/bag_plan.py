@@ -221,8 +221,9 @@ def _recorded_skeleton(
         if skeleton.hash == stream.first_record(bag).skeleton_hash:
             return skeleton
     raise DataError(
-        f"{bag.path} has no message on /skeleton_model, and its detections are not what {model} gives "
-        f"for {named.name}; name their --skeleton and --model, or use --redetect if there are images"
+        f"{bag.path} has no message on /skeleton_model, and its detections do not match the output of "
+        f"{model} for {named.name}; name their --skeleton and --model, or use --redetect if there are "
+        "images"
     )
 
 
@@ -230,7 +231,7 @@ def _refuse_detector_options(options: RunOptions, bag: BagReader) -> None:
     if options.model or options.skeleton:
         option = "--model" if options.model else "--skeleton"
         raise UsageError(
-            f"{option} has no meaning for the detections in {bag.path}, which are used as they are; add "
+            f"{option} has no meaning for the detections in {bag.path}, which are used unchanged; add "
             "--redetect if it has images"
         )
 

@@ -111,7 +111,7 @@ def _check_encodings(choice: BagChoice, streams: Sequence[BagStream]) -> None:
     for stream in streams:
         if stream.key == "compressed_image" and not is_mosaic(stream.encoding or BAYER):
             told = f"--encoding {stream.encoding} has no meaning for {stream.topic}"
-            raise UsageError(f"{told}, whose pictures are compressed")
+            raise UsageError(f"{told}, as its images are compressed")
 
 
 def with_encodings(

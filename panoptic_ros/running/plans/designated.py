@@ -34,7 +34,7 @@ def with_subjects(plan: Plan, paths: Sequence[Path]) -> Plan:
         return plan
     config = config_of(plan.configs, TrackingConfig)
     if config.subjects:
-        raise UsageError("--subject and tracking.subjects both tell who is designated; give one of them")
+        raise UsageError("--subject and tracking.subjects both designate people; give one of them")
     people = body_extras(paths)["subjects"]
     words = tuple(subject_word(subject.id, subject.start) for subject in people)
     bodies = config_of(plan.configs, KinematicsConfig)

@@ -168,7 +168,7 @@ def _compare(camera: Camera, info: Any, notices: list[str]) -> None:
     focal = np.array([[own[0, 0], ours[0, 0]], [own[1, 1], ours[1, 1]]])
     if np.abs(np.diff(np.log(np.abs(focal)), axis=1)).max() > SAME_FOCAL:
         notices.append(
-            f"camera {camera.name}: its driver says focal length {own[0, 0]:.1f} px, the rig "
+            f"camera {camera.name}: its driver states a focal length of {own[0, 0]:.1f} px, the rig "
             f"{ours[0, 0]:.1f} px; the rig's is used"
         )
 
@@ -206,7 +206,7 @@ def plan_drivers(
     calibrated = None if rig is None else read_rig(rig, cameras=tuple(file.cameras))
     if calibrated is not None:
         if file.fixed_frame or fixed_frame:
-            raise UsageError("a fixed frame is one of TF, which is not asked where --rig is given")
+            raise UsageError("--fixed-frame names a frame of TF, which is not used with --rig")
         require_cameras(calibrated.subset(file.cameras), bool(options.subjects))
     elif len(file.cameras) < (1 if options.subjects else 2):
         raise CalibrationError(

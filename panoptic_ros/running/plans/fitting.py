@@ -37,8 +37,8 @@ def fit_to_info(camera: Camera, info: Any, what: str) -> tuple[Camera, str]:
     check_size(camera, info, what)
     (width, height), (columns, rows) = camera.image_size, size
     return as_published(camera, info), (
-        f"CameraInfo says that {what} of {columns}x{rows} are binned or cut from {width}x{height}; "
-        "the calibration is made to fit"
+        f"CameraInfo states that {what} of {columns}x{rows} are binned or cropped from {width}x{height}; "
+        "the calibration is adapted"
     )
 
 

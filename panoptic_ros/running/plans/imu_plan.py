@@ -18,7 +18,10 @@ from panoptic_ros.running.plans.bag_topics import KEYS, BagChoice, imu_streams
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.plan import BODIES, Plan
 
-ALONE = "no camera: bodies come from IMUs alone; poses hold, places drift but for a foot that stands"
+ALONE = (
+    "no camera: bodies are solved from IMUs alone; poses are reliable, but positions drift unless a "
+    "foot stands"
+)
 
 
 def plan_imu_file(title: str, options: RunOptions) -> Plan:
@@ -56,7 +59,9 @@ def plan_live_imus(options: RunOptions) -> Plan:
 
 def _plan(title: str, options: RunOptions) -> Plan:
     if not options.subjects:
-        raise UsageError("IMUs without cameras need --subject FILE, which tells who wears which device where")
+        raise UsageError(
+            "IMUs without cameras need --subject FILE, which states the devices that a person wears"
+        )
     configs = configure(options.all_parameters())
     skeleton = load_skeleton(options.chosen_skeleton)
     return Plan(title, NO_CAMERAS, skeleton, configs, stage=BODIES, notices=(ALONE,))
@@ -66,8 +71,8 @@ def _checked(plan: Plan, there: Sequence[str]) -> Plan:
     if not plan.imu_devices:
         files = ", ".join(str(path) for path in plan.subjects)
         raise UsageError(
-            f"nobody wears any of {', '.join(there)}: {files} has no such `devices`, and without cameras "
-            "nothing else tells of a body"
+            f"no subject wears any of {', '.join(there)}: {files} has no such `devices`, and without "
+            "cameras there is no other measurement of a body"
         )
     return plan
 

@@ -122,7 +122,7 @@ def _with_offsets(plan: Plan, path: Path) -> Plan:
     """Return the plan with known clock offsets as delays of the cameras."""
     sync, offsets = config_of(plan.configs, SyncConfig), config_of(plan.configs, OffsetsConfig)
     if sync.delays_ms:
-        raise UsageError("--offsets and sync.delays_ms both tell how late stamps are; give one of them")
+        raise UsageError("--offsets and sync.delays_ms both state the delays of stamps; give one of them")
     saved = saved_offsets(path, plan.rig.names)
     delays = tuple(f"{name}={1e3 * offset.offset_s:.4f}" for name, offset in saved.items())
     configs = {

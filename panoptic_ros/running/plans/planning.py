@@ -75,9 +75,9 @@ def check_overlap(
             for group in groups
         )
         raise DataError(
-            f"by the timecode that they hear, the recordings never overlap: {said}. Different "
-            "generators? Give a recording that hears both and name them in sound.yaml, or leave cameras "
-            "out (--cameras)"
+            f"by their timecode, the recordings never overlap: {said}. Different generators? Give a "
+            "recording with the timecode of both and name them in sound.yaml, or leave cameras out "
+            "(--cameras)"
         )
 
 

@@ -33,8 +33,10 @@ def saved_lines(saved: Mapping[str, SavedOffset], cameras: Sequence[str]) -> lis
             text += f" +- {1e3 * saved[name].offset_std_s:.2f}" if saved[name].offset_std_s else ""
         lines.append(f"  {name:<{width}}  {text}")
     lines += [
-        f"  the clock of {name} drifts by {60e3 * saved[name].drift:+.1f} ms a minute: its offset does not "
-        "last, find it again"
+        (
+            f"  the clock of {name} drifts by {60e3 * saved[name].drift:+.1f} ms a minute: its offset "
+            "changes, estimate it again"
+        )
         for name in cameras
         if name in saved and saved[name].drifts
     ]

@@ -318,11 +318,11 @@ class Processes:
                 raise EnvironmentProblem(f"process {name} ended by a bus error: {full()}")
             if code == -signal.SIGKILL:
                 raise EnvironmentProblem(
-                    f"process {name} was killed by the system or by somebody; systems do so when memory runs "
+                    f"process {name} was killed by the system or by a user; systems do so when memory runs "
                     "out: free some, or use fewer cameras or smaller images"
                 )
             tail = " | ".join(lines[-3:])
-            raise ContractError(f"process {name} ended with exit code {code}: {tail or 'it said nothing'}")
+            raise ContractError(f"process {name} ended with exit code {code}: {tail or 'no output'}")
 
     def revive(self) -> list[str]:
         """Restart the children that were killed or crashed; return a line about each.
@@ -346,7 +346,7 @@ class Processes:
             else:
                 self._children[name] = successor
             how = f"was killed (signal {-code})" if code < 0 else f"broke down (exit code {code})"
-            told.append(f"process {name} {how} and is started anew")
+            told.append(f"process {name} {how} and is restarted")
         self.check()
         return told
 

@@ -50,7 +50,7 @@ def _fields(process: int) -> tuple[int, int, int]:
         text = path.read_text()
     except OSError as error:
         raise EnvironmentProblem(
-            f"{path} cannot be read ({error.strerror}), which tells processor time; run it on Linux"
+            f"{path}, the file of processor times, cannot be read ({error.strerror}); run it on Linux"
         ) from None
     # fields from the third on; the process name before them may contain any character
     fields = text.rpartition(")")[2].split()

@@ -85,7 +85,7 @@ def told_room(path: Path, rates: Mapping[str, float], options: RecordOptions) ->
     room = min(free, options.budget_gb * GB) if options.budget_gb else free
     line = f"{total / 1e6:.2f} MB/s on {len(rates)} topics, {3600 * total / GB:.1f} GB an hour"
     if not total:
-        return f"nothing comes yet on the topics; room for {room / GB:.1f} GB"
+        return f"no messages on the topics yet; room for {room / GB:.1f} GB"
     seconds = room / total
     if options.duration_s is not None and seconds < options.duration_s:
         raise EnvironmentProblem(

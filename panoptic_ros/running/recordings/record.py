@@ -128,8 +128,8 @@ class _BagRecording:
             self._executor.spin_once(timeout_sec=0.05)
         if not self._node.topics and not stop():
             raise EnvironmentProblem(
-                "nobody publishes anything that is to be recorded: is the graph running, in this "
-                "ROS_DOMAIN_ID? `--topic PATTERN` chooses other topics"
+                "no node publishes a topic to record: is the graph running, in this ROS_DOMAIN_ID? "
+                "`--topic PATTERN` chooses other topics"
             )
 
     def begin(self, path: Path) -> None:
@@ -306,7 +306,7 @@ def _close(bag: BagRecorder, take: OpenTake | None) -> None:
         if take is not None:
             take.leave()
         raise type(error)(
-            f"{error}; the bag is not closed, `panoptic bag repair {bag.path}` saves what was recorded"
+            f"{error}; the bag is not closed, `panoptic bag repair {bag.path}` saves its intact part"
         ) from None
     if take is not None:
         take.close()

@@ -241,8 +241,8 @@ class _Player:
                 break
         if self._options.wait_s and not self._node.heard(data_topics) and not self._stop():
             raise EnvironmentProblem(
-                f"nobody subscribes to any topic within {self._options.wait_s:g} s: is the graph running, in "
-                "this ROS_DOMAIN_ID and --namespace?"
+                f"no node subscribes to any topic within {self._options.wait_s:g} s: is the graph running, "
+                "in this ROS_DOMAIN_ID and --namespace?"
             )
 
     def play(self, loop: int) -> None:

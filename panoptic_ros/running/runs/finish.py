@@ -253,8 +253,8 @@ def _newest_only(results: Results) -> list[Notice]:
     if results.instants <= len(results.poses):
         return []
     text = (
-        f"people, errors and frames out are those of the last {len(results.poses)} of {results.instants} "
-        "instants; skeletons.json.gz and the bag hold all"
+        f"people, errors and frames out are those of the last {len(results.poses)} of "
+        f"{results.instants} instants; skeletons.json.gz and the bag contain all"
     )
     return [Notice("run.newest_only", "info", text)]
 

@@ -100,9 +100,7 @@ def result_folder(out: Path) -> Iterator[Path]:
         created = not out.exists()
         own = _own_files(out)
         if not created and own is None and any(not _is_staged(path) for path in out.iterdir()):
-            raise UsageError(
-                f"--out {out} holds other things than the results of a run; choose another folder"
-            )
+            raise UsageError(f"--out {out} holds files that are not results of a run; choose another folder")
         out.mkdir(parents=True, exist_ok=True)
         _remove_stale(out)
         part = out / STAGED.format(os.getpid())
@@ -137,8 +135,8 @@ def _check_place(out: Path) -> None:
     """
     if out.is_symlink() and not out.exists():
         raise UsageError(
-            f"--out {out} is a link to {os.readlink(out)}, which is not there; make that folder, or remove "
-            "the link"
+            f"--out {out} is a link to {os.readlink(out)}, which does not exist; make that folder, or "
+            "remove the link"
         )
     if out.exists() and not out.is_dir():
         raise UsageError(f"--out {out} is a file; give a folder")

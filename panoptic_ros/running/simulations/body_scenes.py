@@ -14,15 +14,16 @@ BODY_SCENES = {  # {name: description}
     "body-walk": "the same: walking on uneven ground",
     "body-shake": "the same: walking and shaking hands",
     "body-jog": "the same: walking, jogging, jumping",
-    "body-t-pose": "the same as body-punch; a T-pose, 4 degrees off per joint and axis, tells the mounting",
+    "body-t-pose": "the same as body-punch; mounting from a T-pose, 4 degrees off per joint and axis",
 }
 # further scenes with less information: unknown headings, clocks or mountings, other people, or few views
 OTHER_BODY_SCENES = {
     "body-heading": "the same as body-shake; the heading of the IMUs is unknown",
     "body-clocks": "the same as body-jog; the clock of the IMUs is up to 60 ms off",
-    "body-strapped": "the same as body-wash; heading unknown, clock off, and a T-pose tells the mounting",
-    "body-pair": "two who are solved for, each with 13 IMUs, and somebody else who walks between them",
-    "body-crowd": "the same in less room, two others; headings unknown, clocks off, T-poses tell mountings",
+    "body-strapped": "the same as body-wash; heading unknown, clock off, mounting from a T-pose",
+    "body-pair": "two subjects with 13 IMUs each, and a bystander who walks between them",
+    "body-crowd": "the same in less room, two bystanders; headings unknown, clocks off, mountings from "
+    "T-poses",
     "body-leaves": "walking and jogging out of the sight of most of 8 cameras and back, twice",
 }
 SECONDS = 19.0

@@ -170,16 +170,16 @@ def corrections_from_sound(
     named = [recorder.device for recorder in recorders if any(recorder.clocks)]
     if named:
         raise UsageError(
-            f"the sound of {', '.join(named)} carries timecode, which tells clocks better; leave "
+            f"the sound of {', '.join(named)} carries timecode, which gives better clocks; leave "
             "--offsets-from-sound out"
         )
     if options.offsets:
-        raise UsageError("give --offsets FILE or --offsets-from-sound, which finds them anew, not both")
+        raise UsageError("give --offsets FILE or --offsets-from-sound, which estimates them again, not both")
     found = clocks_from_sound(recorders, rig.names, rig, apart=options.apart)
     clocks = found.clocks
     if not clocks.known.any():
         why = next(iter(found.unknown.values()))
-        raise DataError(f"clocks of no camera are known from sound: {why}; leave --offsets-from-sound out")
+        raise DataError(f"sound gives the clock of no camera: {why}; leave --offsets-from-sound out")
     lines = {
         name: StampLine(
             int(clocks.reference_ns), round(SECOND * float(clocks.offsets[c])), float(clocks.drifts[c])

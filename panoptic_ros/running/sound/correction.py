@@ -49,7 +49,7 @@ class Correction:
         found = self.from_motion or self.from_sound is not None
         if self.saved and found:
             option = "--offsets-from-motion" if self.from_motion else "--offsets-from-sound"
-            raise UsageError(f"give --offsets FILE or {option}, which finds them anew, not both")
+            raise UsageError(f"give --offsets FILE or {option}, which estimates them again, not both")
         if not found and (self.out or self.trusted):
             raise UsageError(
                 "--offsets-out and --trusted-camera need --offsets-from-motion or --offsets-from-sound"

@@ -113,8 +113,8 @@ def _timecode_of(sound: Sound, configs: Mapping[str, Config], clock: str) -> lis
         if not _is_same(first, other):
             raise DataError(
                 f"{Path(sound['path']).name} has two timecodes, {first[0].timecode} and "
-                f"{other[0].timecode}, on channels {' and '.join(map(str, words))}: say in sound.yaml "
-                f"whose they are, e.g. {Path(sound['path']).name}: [A, B]"
+                f"{other[0].timecode}, on channels {' and '.join(map(str, words))}: name their clocks in "
+                f"sound.yaml, e.g. {Path(sound['path']).name}: [A, B]"
             )
     chosen = next(iter(words))
     return [clock if channel == chosen else "" for channel in range(channels)]
@@ -143,12 +143,12 @@ def _line(tracks: Mapping[str, Sound], silent: Sequence[str], asked: Collection[
     files = ", ".join(Path(tracks[name]["path"]).name for name in silent)
     if not set(silent) & set(asked):
         return (
-            f"the sound of {files} is not used: the frames have stamps; if it carries timecode, say so in "
-            "sound.yaml"
+            f"the sound of {files} is not used: the frames have stamps; if it carries timecode, name "
+            "its clock in sound.yaml"
         )
     return (
-        f"no timecode in the first {LISTEN_S:.0f} s of the sound of {files}: their frames are taken as the "
-        "videos count them; if it comes later, say so in sound.yaml"
+        f"no timecode in the first {LISTEN_S:.0f} s of the sound of {files}: their frames are numbered "
+        "as in the videos; if timecode begins later, name its clock in sound.yaml"
     )
 
 
@@ -170,7 +170,7 @@ def _require_stamps(
         if c.name not in timed and c.clock not in devices and (own or c.clock in named)
     ]
     if lost:
-        others = f"{', '.join(own)} hear timecode" if own else "the rig says that timecode stamps them"
+        others = f"{', '.join(own)} have timecode" if own else "the rig states that timecode stamps them"
         raise DataError(
             f"{', '.join(lost)} have neither stamps nor timecode in their sound, but {others}: add "
             "timestamps.csv, name their sound tracks in sound.yaml, or leave them out (--cameras)"

@@ -160,7 +160,10 @@ def _refuse_unheard_parameters(
     for camera, clock in told.items():
         if clock not in carried and clock not in rig.names:
             there = ", ".join(carried) or "there is no sound"
-            raise UsageError(f"sync.clocks names {camera}={clock}, but nobody hears clock {clock}: {there}")
+            raise UsageError(
+                f"sync.clocks names {camera}={clock}, but no recording has the timecode of clock {clock}: "
+                f"{there}"
+            )
 
 
 def _require_carried(clocks: Mapping[str, str], carried: Mapping[str, SoundRecorder]) -> None:
@@ -168,8 +171,8 @@ def _require_carried(clocks: Mapping[str, str], carried: Mapping[str, SoundRecor
         if clock not in carried:
             cameras = ", ".join(camera for camera, own in clocks.items() if own == clock)
             raise DataError(
-                f"nobody hears clock {clock}, which stamps {cameras}: there is sound of "
-                f"{', '.join(carried)}; name its channel in sound.yaml, or leave these cameras out"
+                f"no recording has the timecode of clock {clock}, which stamps {cameras}: there is sound "
+                f"of {', '.join(carried)}; name its channel in sound.yaml, or leave these cameras out"
             )
 
 
@@ -185,8 +188,8 @@ def _require_one_rate(heard: DecodedSound) -> None:
         other, before = rates.setdefault(clock, (device, rate))
         if clock and abs(rate - before) > SAME_RATE * rate:
             raise DataError(
-                f"clock {clock} is heard as {before:.5g} fps by {other} and as {rate:.5g} fps by {device}: "
-                "are channels swapped? Mend sound.yaml"
+                f"clock {clock} has {before:.5g} fps at {other} and {rate:.5g} fps at {device}: are "
+                "channels swapped? Correct sound.yaml"
             )
 
 
@@ -199,8 +202,8 @@ def _require_heard(
             what = _what_was_heard(heard, used) + (f" ({heard.notices[0]})" if heard.notices else "")
             lone = _apart(clock, heard, used, master)
             if lone:
-                what += f"; nobody hears {lone} and {master} together"
-            raise DataError(f"nothing tells of clock {clock}, which stamps {cameras}: {what}")
+                what += f"; no recording has the timecodes of both {lone} and {master}"
+            raise DataError(f"there is no timecode of clock {clock}, which stamps {cameras}: {what}")
 
 
 def _apart(clock: str, heard: DecodedSound, used: Sequence[SoundRecorder], master: str) -> str:
@@ -253,18 +256,18 @@ def _unused(recorders: Sequence[SoundRecorder], rig: Rig) -> Iterator[str]:
     where = ", ".join(recorder.where for recorder in recorders[:3])
     if len(recorders) > 3:
         where += f" and {len(recorders) - 3} more"
-    told = "is not used: it tells" if len(recorders) == 1 else "are not used: they tell"
+    told = "is not used: it gives" if len(recorders) == 1 else "are not used: they give"
     of_cameras = sum(recorder.device in rig.names for recorder in recorders)
     remedy = "; if the cameras' clocks differ, --offsets-from-sound aligns them by it"
     yield (
-        f"{where} {told} of no clock of the cameras (the rig names {named}){remedy if of_cameras > 1 else ''}"
+        f"{where} {told} no clock of the cameras (the rig names {named}){remedy if of_cameras > 1 else ''}"
     )
 
 
 def _on_no_clock(rig: Rig, clocks: Mapping[str, str]) -> Iterator[str]:
     others = [name for name in rig.names if name not in clocks]
     if others:
-        yield f"stamps of {', '.join(others)} are taken for master time, as no clock of theirs is named"
+        yield f"stamps of {', '.join(others)} are assumed to be master time, as no clock is named for them"
 
 
 def check_swapped(clocks: Mapping[str, str], words: Readings, stamps: Mapping[str, Sequence[int]]) -> None:
@@ -288,7 +291,7 @@ def check_swapped(clocks: Mapping[str, str], words: Readings, stamps: Mapping[st
             raise DataError(
                 f"the channels of {one} seem to be swapped: cameras of clock {a} fit the timecode on the "
                 f"channel of {b} ({words[other, b].timecode}), and those of {b} that of {a} "
-                f"({words[one, a].timecode}); mend sound.yaml"
+                f"({words[one, a].timecode}); correct sound.yaml"
             )
 
 

@@ -30,7 +30,7 @@ def viewer(arguments: Sequence[str]) -> Iterator[tuple[int, str]]:
         line = child.stdout.readline()
         found = re.search(r"http://\S+", line)
         if found is None:
-            raise EnvironmentProblem(f"the viewer did not start: {line.strip() or 'it said nothing'}")
+            raise EnvironmentProblem(f"the viewer did not start: {line.strip() or 'no output'}")
         yield child.pid, found[0]
     finally:
         child.terminate()

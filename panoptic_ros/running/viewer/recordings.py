@@ -104,7 +104,7 @@ def _write_bag(
     path: Path, plain: PlainSkeletons, order: Sequence[int], model: SkeletonModel, rig: Rig
 ) -> None:
     if not plain.frames:
-        raise DataError("it has no frames, so there is nothing to be seen")
+        raise DataError("it has no frames, so there is nothing to show")
     first = min(frame.stamp_ns for frame in plain.frames)
     family = bag_messages()
     with BagWriter(path) as bag:

@@ -66,18 +66,25 @@ class Ablation(Study):
             type=words,
             default=list(SIMULATED),
             metavar="NAME,NAME",
-            help="of `panoptic simulate`; behind the name of one that is not rendered "
-            f"{', '.join('+' + word for word in VARIANTS)} (drawn score maps; somebody whom these alone "
-            f"show; two cameras only; 5 instants per second); empty = none; default {','.join(SIMULATED)}",
+            help="scenes of `panoptic simulate`. Variants of scenes that are not rendered: append "
+            f"{', '.join('+' + word for word in VARIANTS)} (drawn score maps; a person who is in score "
+            "maps only; two cameras only; 5 instants per second). Empty = none; default "
+            f"{','.join(SIMULATED)}",
         )
         add_recordings(parser)
         parser.add_argument(
-            "--only", type=words, default=[], metavar="NAME,NAME", help="these mechanisms, or these parts"
+            "--only",
+            type=words,
+            default=[],
+            metavar="NAME,NAME",
+            help="only these mechanisms, or all mechanisms of these parts",
         )
-        parser.add_argument("--frames", type=within(int, 3, 10**6), metavar="N", help="of each scene at most")
+        parser.add_argument(
+            "--frames", type=within(int, 3, 10**6), metavar="N", help="greatest number of frames per scene"
+        )
         parser.add_argument("--model", default="movenet-multipose", help="detector of rendered scenes")
         parser.add_argument(
-            "--jobs", type=within(int, 1, 64), default=1, metavar="N", help="processes at a time; default 1"
+            "--jobs", type=within(int, 1, 64), default=1, metavar="N", help="parallel processes; default 1"
         )
 
     def cases(self) -> list[Case]:

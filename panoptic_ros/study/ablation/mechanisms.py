@@ -77,7 +77,7 @@ _OF_PARAMETERS: tuple[Mechanism, ...] = (
     _assembly("gate", "views with large residuals are left out", gate=NO_LIMIT),
     _assembly(
         "robustness",
-        "gate and Cauchy weight, and a limit to what an observation costs",
+        "gate, Cauchy weight, and a limit of the cost of an observation",
         truncation=NO_LIMIT,
         gate=NO_LIMIT,
         cauchy=NO_LIMIT,
@@ -92,13 +92,13 @@ _OF_PARAMETERS: tuple[Mechanism, ...] = (
     _assembly("foreign-joints", "joints are taken from other 2D people of the view", foreign_penalty=100.0),
     _assembly("agreed-share", "views agree on half of a person's joints", min_agreed_share=0.0),
     _assembly("map-votes", "joints go to the soft votes of the maps", True, vote_distance=0.0),
-    _assembly("lost-people", "people whom the maps alone show are added", True, lost_people=False),
+    _assembly("lost-people", "people who are in score maps only are added", True, lost_people=False),
     _assembly(
         "two-view-joints",
         "joints on which two views disagree, or that one shows, are placed",
         two_view_joints=False,
     ),
-    _assembly("held-people", "bones hold people whom one or two views show", held_sigma=0.0),
+    _assembly("held-people", "bone lengths place people who are in one or two views", held_sigma=0.0),
     _assembly("longest-sigma", "joints that are too uncertain are missing", max_joint_sigma=10.0),
     _assembly("few-views-variance", "covariances grow where few views agree", covariance_inflation=0.0),
     _tracking("memory", "identities wait longer than 0.1 s for people who are not seen", memory=0.1),
@@ -106,9 +106,12 @@ _OF_PARAMETERS: tuple[Mechanism, ...] = (
         "predicted-joints", "joints decide who is who, not the middle of the body alone", joint_memory=0.0
     ),
     _tracking(
-        "returns", "people who were lost come back near that place", return_distance=0.0, return_speed=0.0
+        "returns",
+        "lost people are re-identified near the place of loss",
+        return_distance=0.0,
+        return_speed=0.0,
     ),
-    _tracking("recognition", "who comes is looked at before it is somebody new", recognition_time=0.0),
+    _tracking("recognition", "newcomers are observed before they get a new id", recognition_time=0.0),
     _tracking("confirmation", "doubtful skeletons must be seen often", confirm_frames=1),
     _refinement("smoothing", "motion is smoothed", enabled=False),
     _refinement("lag", "later views are used, too", lag=0.0),
@@ -117,8 +120,8 @@ _OF_PARAMETERS: tuple[Mechanism, ...] = (
     _refinement("predictions", "joints of people who are seen are predicted", max_prediction=0.0),
     _refinement("filled-sigma", "filled joints that are too uncertain are missing", max_sigma=10.0),
     _refinement("bone-lengths", "bones keep their learnt lengths", bone_sigma=0.0),
-    _refinement("lasting-errors", "part of the errors lasts", lasting_share=0.0),
-    _refinement("bias-floor", "covariances know of constant biases", bias_floor=0.0),
+    _refinement("lasting-errors", "part of the errors persists", lasting_share=0.0),
+    _refinement("bias-floor", "covariances include constant biases", bias_floor=0.0),
 )
 
 _OF_CODE = tuple(

@@ -220,7 +220,7 @@ class Captures(BodyStudy):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         super().add_options(parser)
-        parser.add_argument("--drawn", action="store_true", help="captures whose setup is drawn by the seed")
+        parser.add_argument("--drawn", action="store_true", help="draw the setup of captures by the seed")
 
     def cases(self) -> list[Case]:
         """See `Study`."""

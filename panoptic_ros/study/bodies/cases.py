@@ -132,14 +132,14 @@ class BodyStudy(Study):
             action="append",
             default=[],
             dest="captures",
-            help="a capture folder with its truth, in place of simulated ones; repeatable",
+            help="capture folder with its truth, instead of simulated ones; repeatable",
         )
         parser.add_argument(
             "--scenes",
             type=words,
             default=list(cls.scenes),
             metavar="NAME,NAME",
-            help=f"of bodies; default {','.join(cls.scenes)}",
+            help=f"scenes of bodies; default {','.join(cls.scenes)}",
         )
         add_seeds(parser, "0")
         parser.add_argument(
@@ -148,7 +148,7 @@ class BodyStudy(Study):
             default=[],
             metavar="NAME=VALUE",
             dest="settings",
-            help="a parameter of our kinematics; repeatable",
+            help="one parameter of our kinematics; repeatable",
         )
 
     def cases(self) -> list[Case]:
@@ -205,7 +205,7 @@ def read_case(folder: Path) -> BodyCase:
     """
     subjects = sorted(folder.glob("subject*.json"))
     if not subjects:
-        raise DataError(f"{folder} has no subject*.json; a capture of bodies names whom to solve for")
+        raise DataError(f"{folder} has no subject*.json; a capture of bodies needs one for each subject")
     rig, detections = folder / "rig.json", folder / "detections.json.gz"
     imu = next((folder / n for n in ("imu.csv", "imu.csv.gz") if (folder / n).exists()), None)
     if rig.exists() and not detections.exists():

@@ -69,10 +69,19 @@ class Devices(Study):
         """See `Study`."""
         add_seeds(parser, "0")
         parser.add_argument(
-            "--scenes", type=words, default=list(SCENES), metavar="NAME,NAME", help="default all four"
+            "--scenes",
+            type=words,
+            default=list(SCENES),
+            metavar="NAME,NAME",
+            help="scenes of bodies; default all four",
         )
         parser.add_argument(
-            "--set", action="append", default=[], metavar="NAME=VALUE", dest="settings", help="of kinematics"
+            "--set",
+            action="append",
+            default=[],
+            metavar="NAME=VALUE",
+            dest="settings",
+            help="one parameter of kinematics; repeatable",
         )
 
     def cases(self) -> list[Case]:

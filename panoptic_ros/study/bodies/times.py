@@ -59,7 +59,11 @@ class KinematicsTime(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--seconds", type=within(float, 2.0, 20.0), default=6.0, metavar="S", help="default 6"
+            "--seconds",
+            type=within(float, 2.0, 20.0),
+            default=6.0,
+            metavar="S",
+            help="length of the simulated capture; default 6",
         )
         add_seeds(parser, "1")
 
@@ -111,18 +115,24 @@ class KinematicsLive(Study):
             type=within(int, 1, MOST_LIVE),
             default=SUBJECTS,
             metavar="N",
-            help=f"default {SUBJECTS}",
+            help=f"number of subjects; default {SUBJECTS}",
         )
-        parser.add_argument("--rate", type=int, choices=RATES, default=30, help="of cameras; default 30")
         parser.add_argument(
-            "--lag", type=within(float, 0.0, 0.2), default=0.1, metavar="S", help="of bodies; default 0.1"
+            "--rate", type=int, choices=RATES, default=30, help="rate of the cameras; default 30"
+        )
+        parser.add_argument(
+            "--lag",
+            type=within(float, 0.0, 0.2),
+            default=0.1,
+            metavar="S",
+            help="lag of the bodies; default 0.1",
         )
         parser.add_argument(
             "--seconds",
             type=within(float, 1.0, 3600.0),
             default=6.0,
             metavar="S",
-            help="that count; default 6",
+            help="measured time, after the graph has settled; default 6",
         )
         add_seeds(parser, "1")
 

@@ -70,28 +70,42 @@ class Detection(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         count = within(int, 1, 10**6)
-        add_capture(parser, "a capture folder")
+        add_capture(parser, "capture folder")
         parser.add_argument(
-            "--truth", type=Path, metavar="FILE", help="its true skeletons; default: truth.json.gz in it"
+            "--truth",
+            type=Path,
+            metavar="FILE",
+            help="true skeletons of the capture; default: truth.json.gz in its folder",
         )
-        parser.add_argument("--frames", type=count, metavar="N", help="the first of each camera")
-        parser.add_argument("--every", type=count, default=1, metavar="N", help="only each N-th frame")
-        parser.add_argument("--apart", action="store_true", help="every other camera half a period later")
         parser.add_argument(
-            "--rate", type=within(float, 0.1, 1e4), default=25.0, metavar="HZ", help="of frames; default 25"
+            "--frames", type=count, metavar="N", help="use only the first N frames of each camera"
         )
-        parser.add_argument("--joints", default="coco17", metavar="NAMES", help="scored; default coco17")
+        parser.add_argument("--every", type=count, default=1, metavar="N", help="use only every N-th frame")
+        parser.add_argument("--apart", action="store_true", help="shift every second camera by half a period")
         parser.add_argument(
-            "--skip", type=int, default=6, metavar="N", help="first frames not scored; default 6"
+            "--rate", type=within(float, 0.1, 1e4), default=25.0, metavar="HZ", help="frame rate; default 25"
+        )
+        parser.add_argument(
+            "--joints", default="coco17", metavar="NAMES", help="joints to score; default coco17"
+        )
+        parser.add_argument(
+            "--skip",
+            type=int,
+            default=6,
+            metavar="N",
+            help="number of first frames to leave out of the scores; default 6",
         )
         parser.add_argument(
             "--only",
             action="append",
             metavar="TEXT",
-            help=f'settings whose names contain it, beside "{FULL}"; repeatable',
+            help=f'only settings whose names contain this text, and "{FULL}"; repeatable',
         )
         parser.add_argument(
-            "--detection", action="append", metavar="A=1,B=2", help="one more setting: detection parameters"
+            "--detection",
+            action="append",
+            metavar="A=1,B=2",
+            help="one more setting: parameters of detection",
         )
         add_settings(parser)
 

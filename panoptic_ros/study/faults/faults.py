@@ -44,16 +44,18 @@ class Faults(Study):
             type=within(float, 0.1, 1e5),
             default=60.0,
             metavar="S",
-            help="per format; default 60",
+            help="time per format; default 60",
         )
         add_seeds(parser, "1")
-        parser.add_argument("--formats", type=words, default=[], metavar="NAME,NAME", help="only these")
+        parser.add_argument(
+            "--formats", type=words, default=[], metavar="NAME,NAME", help="test only these formats"
+        )
         parser.add_argument(
             "--keep",
             type=Path,
             default=Path("faults"),
             metavar="DIR",
-            help="folder for copies that raise an exception of others; default faults",
+            help="folder for copies that raise a foreign exception; default faults",
         )
 
     def cases(self) -> list[Case]:
@@ -91,7 +93,9 @@ class Accidents(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        parser.add_argument("--only", default="", metavar="TEXT", help="accidents whose names have this text")
+        parser.add_argument(
+            "--only", default="", metavar="TEXT", help="only accidents whose names contain this text"
+        )
         add_seeds(parser, "1")
 
     def measure(self, case: Case, progress: Progress) -> list[Row]:

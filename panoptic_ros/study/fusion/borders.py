@@ -55,18 +55,20 @@ class Borders(Study):
             type=words,
             default=["rendered-6p8v"],
             metavar="NAME,NAME",
-            help="rendered ones of `panoptic simulate`; empty = none; default rendered-6p8v",
+            help="rendered scenes of `panoptic simulate`; empty = none; default rendered-6p8v",
         )
         add_seeds(parser, "51")
-        parser.add_argument("--frames", type=within(int, 1, 10**6), metavar="N", help="of each scene at most")
+        parser.add_argument(
+            "--frames", type=within(int, 1, 10**6), metavar="N", help="greatest number of frames per scene"
+        )
         for name, default, text in (
-            ("--width", 0.5, "of the images of scenes, in the middle; default 0.5"),
-            ("--height", 1.0, "the same; default 1"),
+            ("--width", 0.5, "width of the central window of scene images, as a share; default 0.5"),
+            ("--height", 1.0, "height of the central window of scene images, as a share; default 1"),
         ):
             parser.add_argument(
                 name, type=within(float, 0.1, 1.0), default=default, metavar="SHARE", help=text
             )
-        parser.add_argument("--model", default="movenet-multipose", help="detector of scenes")
+        parser.add_argument("--model", default="movenet-multipose", help="detector for scenes")
         add_recordings(parser)
 
     def cases(self) -> list[Case]:
@@ -97,7 +99,7 @@ class Borders(Study):
 
     def head(self, result: Result) -> str:
         """See `Study`."""
-        return "people whom borders cut: without the model, with it, and by an oracle; gain: its share"
+        return "people cut by image borders: without the model, with it, and by an oracle; gain: its share"
 
 
 def _figures(world: World, settings: dict[str, dict[str, Any]]) -> dict[str, float]:

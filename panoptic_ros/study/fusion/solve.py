@@ -51,10 +51,12 @@ class Solve(Study):
             type=words,
             default=words(SCENES),
             metavar="NAME,NAME",
-            help=f"of `panoptic simulate`, none that is rendered; empty = none; default {SCENES}",
+            help=f"scenes of `panoptic simulate` that are not rendered; empty = none; default {SCENES}",
         )
         add_seeds(parser, "0:1")
-        parser.add_argument("--frames", type=within(int, 3, 10**6), metavar="N", help="of each scene at most")
+        parser.add_argument(
+            "--frames", type=within(int, 3, 10**6), metavar="N", help="greatest number of frames per scene"
+        )
         add_recordings(parser)
 
     def cases(self) -> list[Case]:

@@ -57,11 +57,15 @@ class Visibility(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--frames", type=within(int, 1, 10**6), default=20, metavar="N", help="default 20"
+            "--frames",
+            type=within(int, 1, 10**6),
+            default=20,
+            metavar="N",
+            help="number of frames; default 20",
         )
         add_seeds(parser, "0")
-        bag = parser.add_argument_group("a recording in place of the simulation")
-        bag.add_argument("--bag", type=Path, metavar="DIR", help="that `panoptic run` wrote, with depth")
+        bag = parser.add_argument_group("a recording instead of the simulation")
+        bag.add_argument("--bag", type=Path, metavar="DIR", help="bag of `panoptic run`, with depth")
         bag.add_argument("--truth", type=Path, metavar="FILE", help="true skeletons")
 
     def cases(self) -> list[Case]:

@@ -47,11 +47,14 @@ class Graph(Study):
             "--hosts",
             choices=(*HOSTS, "both"),
             default="both",
-            help="all stages in one process, a process per stage, or one after the other (default)",
+            help="all stages in one process (one), a process per stage (stage), or one after the other "
+            "(default)",
         )
-        parser.add_argument("--scenario", default=SCENARIO, metavar="NAME", help=f"default {SCENARIO}")
         parser.add_argument(
-            "--kill", action="store_true", help="then kill each process, and see who comes back"
+            "--scenario", default=SCENARIO, metavar="NAME", help=f"simulated scenario; default {SCENARIO}"
+        )
+        parser.add_argument(
+            "--kill", action="store_true", help="then kill each process, and measure whether it recovers"
         )
         parser.add_argument(
             "--flood",
@@ -60,9 +63,12 @@ class Graph(Study):
             const=10.0,
             default=0.0,
             metavar="S",
-            help="then send bad messages on every topic, S seconds each; default 10 (42: 100,000 messages)",
+            help="then send invalid messages on every topic, for S seconds each; default 10 (42: 100,000 "
+            "messages)",
         )
-        parser.add_argument("--bag", type=Path, metavar="DIR", help="2D people of a bag, not simulated ones")
+        parser.add_argument(
+            "--bag", type=Path, metavar="DIR", help="use the 2D people of a bag instead of simulated ones"
+        )
 
     def cases(self) -> list[Case]:
         """See `Study`."""
@@ -108,17 +114,23 @@ class Graph(Study):
 def add_load(parser: argparse.ArgumentParser, seconds: float = 20.0) -> None:
     """Add the options for the load of a live graph."""
     parser.add_argument(
-        "--rate", type=within(float, 1.0, 240.0), default=30.0, metavar="HZ", help="default 30"
+        "--rate",
+        type=within(float, 1.0, 240.0),
+        default=30.0,
+        metavar="HZ",
+        help="rate of the cameras; default 30",
     )
     parser.add_argument(
         "--seconds",
         type=within(float, 1.0, 3600.0),
         default=seconds,
         metavar="S",
-        help=f"that count; default {seconds:g}",
+        help=f"measured time, after the graph has settled; default {seconds:g}",
     )
     for name in ("--people", "--views"):
-        parser.add_argument(name, type=within(int, 1, 480), metavar="N", help="in place of the scenario's")
+        parser.add_argument(
+            name, type=within(int, 1, 480), metavar="N", help="number, instead of the scenario's own"
+        )
 
 
 def _restart_line(restart: dict[str, Any]) -> str:

@@ -41,18 +41,26 @@ class Live(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        add_capture(parser, "a capture folder with videos, or demo")
+        add_capture(parser, "capture folder with videos, or demo")
         parser.add_argument(
-            "--rate", type=within(float, 1.0, 240.0), default=20.0, metavar="HZ", help="default 20"
+            "--rate",
+            type=within(float, 1.0, 240.0),
+            default=20.0,
+            metavar="HZ",
+            help="frame rate of the playback; default 20",
         )
         seconds = within(float, 1.0, 3600.0)
         parser.add_argument(
-            "--seconds", type=seconds, default=20.0, metavar="S", help="that count; default 20"
+            "--seconds", type=seconds, default=20.0, metavar="S", help="measured time; default 20"
         )
         parser.add_argument(
-            "--settle", type=within(float, 0.0, 600.0), default=5.0, metavar="S", help="before; default 5"
+            "--settle",
+            type=within(float, 0.0, 600.0),
+            default=5.0,
+            metavar="S",
+            help="playback before the measured time; default 5",
         )
-        add_settings(parser, "a parameter, e.g. detection.budget=0.8")
+        add_settings(parser, "one parameter, e.g. detection.budget=0.8")
 
     def measure(self, case: Case, progress: Progress) -> list[Row]:
         """See `Study`."""

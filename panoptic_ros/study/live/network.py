@@ -42,10 +42,18 @@ class Network(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--loss", type=within(float, 0.1, 50.0), default=5.0, metavar="PERCENT", help="default 5"
+            "--loss",
+            type=within(float, 0.1, 50.0),
+            default=5.0,
+            metavar="PERCENT",
+            help="share of lost packets; default 5",
         )
         parser.add_argument(
-            "--seconds", type=within(float, 1.0, 600.0), default=10.0, metavar="S", help="of loss; default 10"
+            "--seconds",
+            type=within(float, 1.0, 600.0),
+            default=10.0,
+            metavar="S",
+            help="duration of the loss; default 10",
         )
 
     def cases(self) -> list[Case]:
@@ -93,7 +101,7 @@ def _run(loss: float, seconds: float, with_profile: bool) -> dict[str, Any]:
                 process.kill()
                 process.wait()
         if not out.is_file():
-            raise EnvironmentProblem("the receiving host gave nothing; is the machine out of memory?")
+            raise EnvironmentProblem("the receiving host sent nothing; is the machine out of memory?")
         return {"profile": with_profile, **figures(json.loads(out.read_text()), begun, ended)}
 
 

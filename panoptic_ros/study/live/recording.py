@@ -39,14 +39,26 @@ class Recording(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--minutes", type=within(float, 0.1, 6000.0), default=10.0, metavar="M", help="default 10"
+            "--minutes",
+            type=within(float, 0.1, 6000.0),
+            default=10.0,
+            metavar="M",
+            help="simulated duration of the run; default 10",
         )
         parser.add_argument(
-            "--rate", type=within(float, 1.0, 240.0), default=30.0, metavar="HZ", help="default 30"
+            "--rate",
+            type=within(float, 1.0, 240.0),
+            default=30.0,
+            metavar="HZ",
+            help="rate of the cameras; default 30",
         )
-        for name, default in (("--people", 3), ("--views", 4)):
+        for name, default, text in (("--people", 3, "people"), ("--views", 4, "views")):
             parser.add_argument(
-                name, type=within(int, 1, 480), default=default, metavar="N", help=f"default {default}"
+                name,
+                type=within(int, 1, 480),
+                default=default,
+                metavar="N",
+                help=f"number of {text}; default {default}",
             )
 
     def measure(self, case: Case, progress: Progress) -> list[Row]:

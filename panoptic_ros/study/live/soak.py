@@ -19,22 +19,29 @@ class Soak(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        for name, low, high, default, unit in (
-            ("--minutes", 0.2, 3000.0, 3.0, "M"),
-            ("--rate", 1.0, 240.0, 30.0, "HZ"),
-            ("--kill-every", 10.0, 1e6, 20.0, "S"),
-            ("--away-every", 0.1, 1e6, 8.0, "S"),
+        for name, low, high, default, unit, text in (
+            ("--minutes", 0.2, 3000.0, 3.0, "M", "duration of the run"),
+            ("--rate", 1.0, 240.0, 30.0, "HZ", "rate of the cameras"),
+            ("--kill-every", 10.0, 1e6, 20.0, "S", "mean time between two kills of a process"),
+            ("--away-every", 0.1, 1e6, 8.0, "S", "mean time between two failures of a camera"),
         ):
             parser.add_argument(
                 name,
                 type=within(float, low, high),
                 default=default,
                 metavar=unit,
-                help=f"default {default:g}",
+                help=f"{text}; default {default:g}",
             )
-        parser.add_argument("--hosts", choices=("one", "stage"), default="stage", help="default stage")
+        parser.add_argument(
+            "--hosts",
+            choices=("one", "stage"),
+            default="stage",
+            help="all stages in one process (one), or a process per stage (stage, default)",
+        )
         for name in ("--people", "--views"):
-            parser.add_argument(name, type=within(int, 1, 480), metavar="N", help=f"not those of {SCENARIO}")
+            parser.add_argument(
+                name, type=within(int, 1, 480), metavar="N", help=f"number, instead of that of {SCENARIO}"
+            )
 
     def measure(self, case: Case, progress: Progress) -> list[Row]:
         """See `Study`."""

@@ -99,7 +99,7 @@ class View(Study):
         Column("lost", "lost", ".0f"),
         Column("skeletons_p50_ms", "p50, ms", ".2f"),
         Column("skeletons_p99_ms", "p99, ms", ".2f"),
-        Column("p99_ratio", "p99 / that of nobody", ".2f"),
+        Column("p99_ratio", "p99 / without audience", ".2f"),
         Column("ratio_low", "  95 % from", ".2f"),
         Column("ratio_high", "  to", ".2f"),
         Column("publish_p50_ms", "publish a view p50, ms", ".3f"),
@@ -113,14 +113,18 @@ class View(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--seconds", type=within(float, 2.0, 600.0), default=8.0, metavar="S", help="for each; default 8"
+            "--seconds",
+            type=within(float, 2.0, 600.0),
+            default=8.0,
+            metavar="S",
+            help="duration for each audience; default 8",
         )
         parser.add_argument(
             "--rounds",
             type=within(int, 1, 100),
             default=3,
             metavar="N",
-            help="how often each has its turn, always after nobody; default 3",
+            help="number of rounds over all audiences, with no audience between two; default 3",
         )
 
     def measure(self, case: Case, progress: Progress) -> list[Row]:
@@ -175,7 +179,9 @@ class ViewRecording(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        parser.add_argument("--recording", type=Path, metavar="RESULTS|BAG", required=True, help="to open")
+        parser.add_argument(
+            "--recording", type=Path, metavar="RESULTS|BAG", required=True, help="recording to open"
+        )
 
     def measure(self, case: Case, progress: Progress) -> list[Row]:
         """See `Study`."""

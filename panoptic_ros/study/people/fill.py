@@ -152,10 +152,13 @@ class Fill(Study):
         add_capture(
             parser,
             "images, 2D people in detections.json.gz, or the results of a run; with imu.csv and "
-            "subject*.json, else everybody has a body",
+            "subject*.json, else all people get a body",
         )
         parser.add_argument(
-            "--truth", type=Path, metavar="FILE", help="in place of the capture's own, which it need not have"
+            "--truth",
+            type=Path,
+            metavar="FILE",
+            help="true skeletons, instead of the capture's own, which it may lack",
         )
         parser.add_argument(
             "--person",

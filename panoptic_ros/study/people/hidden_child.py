@@ -309,7 +309,9 @@ class Child(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         add_seeds(parser, "0:20")
-        parser.add_argument("--kind", choices=tuple(KINDS), default="usual", help="of takes; default usual")
+        parser.add_argument(
+            "--kind", choices=tuple(KINDS), default="usual", help="kind of the takes; default usual"
+        )
         add_settings(parser)
 
     def cases(self) -> list[Case]:

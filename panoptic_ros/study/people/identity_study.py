@@ -171,7 +171,7 @@ class Identity(Study):
             type=within(int, 1, 10**6),
             default=100,
             metavar="N",
-            help="of each kind, with seeds from the first on; default 100",
+            help="number of trials of each kind, with seeds from the first one on; default 100",
         )
         add_seeds(parser, "0")
         add_settings(parser)

@@ -71,8 +71,10 @@ class Walkout(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        add_capture(parser, "with its truth, in place of simulated people", required=False)
-        parser.add_argument("--truth", type=Path, metavar="FILE", help="in place of the capture's own")
+        add_capture(parser, "capture folder with its truth, instead of simulated people", required=False)
+        parser.add_argument(
+            "--truth", type=Path, metavar="FILE", help="true skeletons, instead of the capture's own"
+        )
         add_seeds(parser, "0")
         add_settings(parser)
 
@@ -88,7 +90,8 @@ class Walkout(Study):
                 raise UsageError(f"{folder} has no truth.json.gz: name a capture folder with its truth")
             if len(capture.context.rig) < FEWEST:
                 raise UsageError(
-                    f"{len(capture.context.rig)} cameras are too few to lose some; {FEWEST} or more"
+                    f"{len(capture.context.rig)} cameras are too few to leave some out; at least {FEWEST} "
+                    "are needed"
                 )
         for seed in each(given.seeds, len(given.seeds), progress, "takes"):
             if capture is None:

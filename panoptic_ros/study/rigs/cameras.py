@@ -51,14 +51,18 @@ class RigStudy(Study):
             "--rig", type=Path, metavar="FILE", required=True, help="calibration, e.g. of the Panoptic Studio"
         )
         parser.add_argument(
-            "--people", type=people, default=people(cls.people), metavar="N,N", help=f"default {cls.people}"
+            "--people",
+            type=people,
+            default=people(cls.people),
+            metavar="N,N",
+            help=f"numbers of people; default {cls.people}",
         )
         parser.add_argument(
             "--frames",
             type=within(int, 1, 10**6),
             default=cls.frames,
             metavar="N",
-            help=f"per number of people; default {cls.frames}",
+            help=f"frames per number of people; default {cls.frames}",
         )
         add_seeds(parser, "0")
         parser.add_argument(
@@ -66,14 +70,16 @@ class RigStudy(Study):
             type=within(float, 1e-6, 0.1),
             default=0.012,
             metavar="SHARE",
-            help="standard deviation of 2D joints, a share of the diagonal of the person's box; default .012",
+            help="standard deviation of 2D joints, as a share of the diagonal of the person's box; "
+            "default .012",
         )
-        add_settings(parser, "a parameter of voting or assembly, for every method")
+        add_settings(parser, "one parameter of voting or assembly, for every method")
         parser.add_argument(
             "--preset",
             default=PAPER,
             metavar="NAME",
-            help=f"beside the default: a preset or a YAML file; default {PAPER}; {NOTHING} = nothing",
+            help=f"configuration beside the default: a preset or a YAML file; default {PAPER}; {NOTHING} = "
+            "none",
         )
 
     @property

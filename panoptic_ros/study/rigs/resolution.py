@@ -42,7 +42,7 @@ class Resolution(Nodes):
             type=within(int, 2, 480),
             default=19,
             metavar="N",
-            help="pairs of HD and VGA cameras at most; default 19",
+            help="greatest number of pairs of HD and VGA cameras; default 19",
         )
 
     def measure(self, case: Case, progress: Progress) -> Iterator[Row]:

@@ -56,46 +56,70 @@ class Stage1(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--people", type=numbers(1, 64), default=(1, 4, 8), metavar="N,N", help="default 1,4,8"
+            "--people",
+            type=numbers(1, 64),
+            default=(1, 4, 8),
+            metavar="N,N",
+            help="numbers of people; default 1,4,8",
         )
         parser.add_argument(
-            "--views", type=numbers(2, 480), default=(3, 5, 10, 31), metavar="N,N", help="default 3,5,10,31"
+            "--views",
+            type=numbers(2, 480),
+            default=(3, 5, 10, 31),
+            metavar="N,N",
+            help="numbers of views; default 3,5,10,31",
         )
         parser.add_argument(
             "--many-views",
             type=numbers(0, 480),
             default=(96, 480),
             metavar="N,N",
-            help="rigs of VGA cameras with smaller maps, without dense voting; default 96,480; 0 = none",
+            help="numbers of views of rigs of VGA cameras with smaller maps, without dense voting; "
+            "default 96,480; 0 = none",
         )
         parser.add_argument(
             "--skeletons",
             type=words,
             default=words(SKELETONS),
             metavar="NAME,NAME",
-            help=f"for the growth with joints, at 4 people and 5 views; empty = none; default {SKELETONS}",
+            help="skeletons for the growth with the number of joints, at 4 people and 5 views; empty = "
+            f"none; default {SKELETONS}",
         )
         parser.add_argument(
-            "--frames", type=within(int, 2, 10**6), default=60, metavar="N", help="per case; default 60"
+            "--frames",
+            type=within(int, 2, 10**6),
+            default=60,
+            metavar="N",
+            help="frames per case; default 60",
         )
         parser.add_argument(
-            "--budget", type=within(float, 0.01, 60.0), default=0.5, metavar="S", help="per row; default 0.5"
+            "--budget",
+            type=within(float, 0.01, 60.0),
+            default=0.5,
+            metavar="S",
+            help="processor time per row; default 0.5",
         )
         add_seeds(parser, "0")
         parser.add_argument(
-            "--aniposelib", metavar="PYTHON", help="interpreter of an environment that has aniposelib"
+            "--aniposelib", metavar="PYTHON", help="Python interpreter of an environment that has aniposelib"
         )
-        bag = parser.add_argument_group("a recording in place of the simulation")
-        bag.add_argument("--bag", type=Path, metavar="DIR", help="a bag that `panoptic run` wrote")
-        bag.add_argument("--cameras", type=words, default=[], metavar="NAME,NAME", help="only these")
+        bag = parser.add_argument_group("a recording instead of the simulation")
+        bag.add_argument("--bag", type=Path, metavar="DIR", help="bag of `panoptic run`")
+        bag.add_argument(
+            "--cameras", type=words, default=[], metavar="NAME,NAME", help="use only these cameras"
+        )
         bag.add_argument(
             "--skeleton",
             metavar="NAME",
-            help="in the joints of this model, e.g. coco17; default: as recorded",
+            help="score the joints of this model, e.g. coco17; default: as recorded",
         )
         bag.add_argument("--truth", type=Path, metavar="FILE", help="true skeletons")
         bag.add_argument(
-            "--volume", type=float, nargs=6, metavar="M", help="to search: least x y z, largest x y z, m"
+            "--volume",
+            type=float,
+            nargs=6,
+            metavar="M",
+            help="volume to search: least x y z, greatest x y z, in m",
         )
 
     def cases(self) -> list[Case]:

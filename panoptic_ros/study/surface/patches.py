@@ -49,10 +49,17 @@ class Patches(Study):
         """See `Study`."""
         views = numbers(2, 480)
         parser.add_argument(
-            "--views", type=views, default=views(VIEWS), help=f"VGA views in a ring; default {VIEWS}"
+            "--views",
+            type=views,
+            default=views(VIEWS),
+            help=f"numbers of VGA views in a ring; default {VIEWS}",
         )
         parser.add_argument(
-            "--frames", type=within(int, FEWEST, 10**6), default=40, metavar="N", help="of each; default 40"
+            "--frames",
+            type=within(int, FEWEST, 10**6),
+            default=40,
+            metavar="N",
+            help="frames per number of views; default 40",
         )
         add_seeds(parser, "0")
 

@@ -30,13 +30,13 @@ class SurfaceStudy(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        add_capture(parser, "a capture folder with its truth")
+        add_capture(parser, "capture folder with its truth")
         parser.add_argument(
             "--depth",
             choices=("none", "given", "kinect"),
             default="given",
-            help="the capture's depth maps besides: not at all, as they are (default), or, for simulated "
-            "ones, with the noise of a sensor",
+            help="depth maps of the capture: unused (none), unchanged (given, default), or, for simulated "
+            "ones, with the noise of a sensor (kinect)",
         )
         add_seeds(parser, "0")
         add_settings(parser)

@@ -51,7 +51,7 @@ class Steady(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        add_capture(parser, 'a capture folder; "demo" and "demo-single": the demo captures')
+        add_capture(parser, 'capture folder; "demo" and "demo-single": the demo captures')
         add_settings(parser)
 
     def measure(self, case: Case, progress: Progress) -> list[Row]:

@@ -238,7 +238,9 @@ class Clocks(Study):
             metavar="M",
             help="length of the long capture; default 60",
         )
-        parser.add_argument("--only", default="", metavar="TEXT", help="events whose names contain this")
+        parser.add_argument(
+            "--only", default="", metavar="TEXT", help="only events whose names contain this text"
+        )
         add_seeds(parser, "0")
 
     def cases(self) -> list[Case]:

@@ -62,11 +62,13 @@ class Ltc(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        parser.add_argument("--only", metavar="TEXT", default="", help="conditions whose names contain this")
-        parser.add_argument("--no-libltc", action="store_true", help="do not look for libltc")
+        parser.add_argument(
+            "--only", metavar="TEXT", default="", help="only conditions whose names contain this text"
+        )
+        parser.add_argument("--no-libltc", action="store_true", help="do not search for libltc")
         for name, default, text in (
-            ("--clips", CLIPS, "of each condition"),
-            ("--words", WORDS, "of each clip"),
+            ("--clips", CLIPS, "number of clips of each condition"),
+            ("--words", WORDS, "number of words of each clip"),
         ):
             parser.add_argument(
                 name,
@@ -140,7 +142,11 @@ class LtcSounds(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--seconds", type=within(float, 0.1, 1e6), default=60.0, metavar="S", help="default 60"
+            "--seconds",
+            type=within(float, 0.1, 1e6),
+            default=60.0,
+            metavar="S",
+            help="length of the sound; default 60",
         )
         add_seeds(parser, "1")
 
@@ -171,7 +177,11 @@ class LtcStarts(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--number", type=within(int, 1, 10**7), default=100, metavar="N", help="of starts; default 100"
+            "--number",
+            type=within(int, 1, 10**7),
+            default=100,
+            metavar="N",
+            help="number of starts; default 100",
         )
         add_seeds(parser, "1")
 
@@ -189,7 +199,11 @@ class LtcImpairments(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--number", type=within(int, 1, 10**7), default=200, metavar="N", help="of clips; default 200"
+            "--number",
+            type=within(int, 1, 10**7),
+            default=200,
+            metavar="N",
+            help="number of clips; default 200",
         )
         add_seeds(parser, "1")
 

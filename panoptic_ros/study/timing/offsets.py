@@ -72,10 +72,10 @@ CASES = {
     "talking": _Case(
         replace(SCENES["noisy-4p5v"], activities=("talk",) * 4), "four stand and talk; all faults"
     ),
-    "sitting": _Case(SCENES["sitting-group-6p5v"], "six round a table; faults that last for frames"),
+    "sitting": _Case(SCENES["sitting-group-6p5v"], "six round a table; faults that persist for frames"),
     "ten-cameras": _Case(SCENES["noisy-8p10v"], "eight people, ten cameras; all faults"),
     "swaying": _Case(_STANDING, "four stand and sway; all faults", _calm),
-    "resting": _Case(_STANDING, "nobody moves", _statue),
+    "resting": _Case(_STANDING, "no person moves", _statue),
 }
 
 
@@ -102,13 +102,21 @@ class Offsets(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--cases", type=words, default=list(CASES), metavar="NAME,NAME", help="default all"
+            "--cases", type=words, default=list(CASES), metavar="NAME,NAME", help="cases; default all"
         )
         add_seeds(parser, "0:3")
         parser.add_argument(
-            "--frames", type=within(int, 10, 10**6), default=150, metavar="N", help="of each; default 150"
+            "--frames",
+            type=within(int, 10, 10**6),
+            default=150,
+            metavar="N",
+            help="frames per case; default 150",
         )
-        parser.add_argument("--poses", action="store_true", help="also solve, for MPJPE before and after")
+        parser.add_argument(
+            "--poses",
+            action="store_true",
+            help="also solve skeletons, for their MPJPE before and after correction",
+        )
 
     def cases(self) -> list[Case]:
         """See `Study`."""

@@ -40,8 +40,12 @@ class OffsetsShifted(Study):
     @classmethod
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
-        parser.add_argument("--rig", type=Path, metavar="FILE", required=True, help="calibration")
-        parser.add_argument("--detections", type=Path, metavar="FILE", required=True, help="its 2D people")
+        parser.add_argument(
+            "--rig", type=Path, metavar="FILE", required=True, help="calibration of the recording"
+        )
+        parser.add_argument(
+            "--detections", type=Path, metavar="FILE", required=True, help="2D people of the recording"
+        )
 
     def measure(self, case: Case, progress: Progress) -> Iterator[Row]:
         """See `Study`."""

@@ -59,19 +59,33 @@ class Sound(Study):
     def add_options(cls, parser: argparse.ArgumentParser) -> None:
         """See `Study`."""
         parser.add_argument(
-            "--cases", type=words, default=list(CASES), metavar="NAME,NAME", help="default all"
+            "--cases", type=words, default=list(CASES), metavar="NAME,NAME", help="cases; default all"
         )
         parser.add_argument(
-            "--microphones", type=numbers(2, 64), default=(2, 4, 8), metavar="N,N", help="default 2,4,8"
+            "--microphones",
+            type=numbers(2, 64),
+            default=(2, 4, 8),
+            metavar="N,N",
+            help="numbers of microphones; default 2,4,8",
         )
         add_seeds(parser, "1000:1010")
         parser.add_argument(
-            "--seconds", type=within(float, 5.0, 3600.0), default=40.0, metavar="S", help="default 40"
+            "--seconds",
+            type=within(float, 5.0, 3600.0),
+            default=40.0,
+            metavar="S",
+            help="length of the recording; default 40",
         )
         parser.add_argument(
-            "--snr-db", type=float, default=10.0, metavar="DB", help="of each microphone; default 10"
+            "--snr-db",
+            type=float,
+            default=10.0,
+            metavar="DB",
+            help="signal-to-noise ratio of each microphone; default 10",
         )
-        parser.add_argument("--unplaced", action="store_true", help="positions of microphones are unknown")
+        parser.add_argument(
+            "--unplaced", action="store_true", help="treat the positions of microphones as unknown"
+        )
 
     def cases(self) -> list[Case]:
         """See `Study`."""

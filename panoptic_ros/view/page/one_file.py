@@ -49,12 +49,12 @@ def one_file(
     numbers = range(max(0, first), min(scene.block_count, last))
     if not numbers:
         raise UsageError(
-            f"nothing lies from {begin_s:g} s to {last:g} s: the recording is {scene.block_count} s long"
+            f"there are no data from {begin_s:g} s to {last:g} s: the recording is {scene.block_count} s long"
         )
     if len(numbers) > LONGEST_S:
         raise UsageError(
-            f"{len(numbers)} s are too much for one file, whose limit is {LONGEST_S} s; choose a part by "
-            "--from and --to, or let the other look at `panoptic view --host 0.0.0.0`"
+            f"{len(numbers)} s are too much for one file, the limit is {LONGEST_S} s; choose a part by "
+            "--from and --to, or share the page of `panoptic view --host 0.0.0.0`"
         )
     facts, blocks, seen = scene.facts(), [], Counter[str]()
     for done, number in enumerate(each(numbers, len(numbers), progress, "seconds")):

@@ -29,7 +29,7 @@ def test_camera_info_and_back():
         camera_from_info(info, CAMERA.name, CAMERA.cam_from_world)
     info = camera_info_message(CAMERA, 7, bag_messages())
     info.width = info.height = 0
-    with pytest.raises(DataError, match="says images of 0 x 0: its driver is not calibrated"):
+    with pytest.raises(DataError, match="states images of 0 x 0: its driver is not calibrated"):
         camera_from_info(info, CAMERA.name, CAMERA.cam_from_world)
 
 

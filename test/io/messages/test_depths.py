@@ -67,7 +67,7 @@ def test_compressed_metres_are_right_within_the_steps_of_inverse_depth():
 @pytest.mark.parametrize(
     ("message", "told"),
     [
-        (compressed(np.zeros((2, 3), np.uint16), "16UC1; compressedDepth rvl"), "its RVL header says"),
+        (compressed(np.zeros((2, 3), np.uint16), "16UC1; compressedDepth rvl"), "its RVL header states"),
         (compressed(np.zeros((2, 3), np.uint16), "8UC1; compressedDepth png"), "8UC1"),
         (compressed(np.zeros((2, 3), np.uint16), "rgb8; jpeg compressed bgr8"), "jpeg"),
         (compressed(np.zeros((2, 3), np.uint8), "16UC1; compressedDepth png"), "no PNG of 16 bits"),

@@ -221,10 +221,10 @@ def test_brightness_where_the_stated_encoding_has_colour_is_seen(seed, colour):
     picture = room(seed, colour)
     for stated, luma in (("yuv422", 1), ("uyvy", 1), ("yuyv", 0), ("yuv422_yuy2", 0), ("8UC2", 0)):
         right = shown_by(image(packed_yuv(picture, luma), stated), "it")
-        assert right.encoding == "" and (stated == "8UC2") == ("taken as yuyv" in right.told)
+        assert right.encoding == "" and (stated == "8UC2") == ("read as yuyv" in right.told)
         wrong = shown_by(image(packed_yuv(picture, 1 - luma), stated), "it")
         other = "uyvy" if luma == 0 else "yuyv"
-        assert wrong.encoding == other and f"calls itself {stated}" in wrong.told and other in wrong.told
+        assert wrong.encoding == other and f"has encoding {stated}" in wrong.told and other in wrong.told
 
 
 def test_pictures_without_details_tell_nothing_of_their_encoding():
@@ -243,8 +243,8 @@ def test_what_is_assumed_of_an_encoding_is_told():
             ("mono12", np.full((4, 4), 4000, np.uint16)),
         )
     }
-    assert told["8UC4"] == "it calls itself 8UC4, which names no colours: taken as bgra"
-    assert told["mono16"] == "it has 12 bits in 16: stretched to all that there are"
+    assert told["8UC4"] == "it has encoding 8UC4, which names no colours: read as bgra"
+    assert told["mono16"] == "it has 12 bits in 16: scaled to the full range"
     assert told["bgr8"] == told["mono12"] == ""
 
 

@@ -57,7 +57,7 @@ def test_nobody_is_nobody():
 
 
 def test_what_does_not_fit_is_told():
-    with pytest.raises(DataError, match="4 values per joint: these are people in 3D"):
+    with pytest.raises(DataError, match="4 values per joint: these are 3D poses"):
         view_of_poses(message(np.zeros((1, len(NAMES), 4))), *CAMERA, 0, "panoptic19")
     with pytest.raises(DataError, match=r"bodies_shape \[3, 7, 3\] does not fit 7 joint names and 42 values"):
         view_of_poses(message(some(), shape=(3, 7, 3)), *CAMERA, 0, "panoptic19")

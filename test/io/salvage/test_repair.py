@@ -300,7 +300,7 @@ def test_what_the_metadata_tell_of_and_is_not_there_is_told(tmp_path):
     about["relative_file_paths"].append("bag_1.mcap")
     path.write_text(yaml.safe_dump(document))
     made = repair(tmp_path / "bag", tmp_path / "new2")
-    assert made.lost == ("bag_1.mcap: all of it, as it is not there, and metadata.yaml names it",)
+    assert made.lost == ("bag_1.mcap: the whole file, as metadata.yaml names it but it does not exist",)
 
 
 def test_channels_of_one_topic_that_differ_go_into_one(tmp_path):

@@ -159,7 +159,7 @@ class TestSplit:
     def test_files_that_were_renamed_are_read(self, bag):
         for k in range(3):
             (bag / f"bag_{k}.mcap").rename(bag / f"take_{k}.mcap")
-        with pytest.warns(PartBagWarning, match="bag_0.mcap.*is not there; take_0.mcap.*is read"):
+        with pytest.warns(PartBagWarning, match="bag_0.mcap.*does not exist; take_0.mcap.*is read"):
             assert content(bag) == expected()
 
     @pytest.mark.filterwarnings("error")

@@ -89,7 +89,7 @@ def test_two_exchanged_devices_are_told_and_taken_for_each_other(good):
     left, right = (good.subject.devices[worn_on(good, name)].name for name in ("lForearm", "rForearm"))
     swapped = {left: good.devices[right], right: good.devices[left]}
     notices, tracker = told(good, devices=swapped)
-    assert notices == [f"subject 0: {left} is on rForearm, and {right} on lForearm: taken for each other"]
+    assert notices == [f"subject 0: {left} is on rForearm, and {right} on lForearm: the two are swapped"]
     assert np.degrees(np.abs(tracker.mounting.mountings)).max() < 20.0
 
 
@@ -107,7 +107,7 @@ def slipped(take, name, turn):
 @pytest.mark.parametrize("name", ["rThigh", "lForearm"])
 def test_a_slipped_strap_is_told(good, name):
     told_first = slipped(good, name, [25.0, 0.0, 5.0])[0]
-    assert told_first == f"subject 0: it has slipped on {name}; its mounting is found anew"
+    assert told_first == f"subject 0: it has slipped on {name}; its mounting is estimated again"
 
 
 def test_what_cameras_do_not_see_is_no_slip(good):

@@ -84,7 +84,9 @@ def test_quaternions_the_other_way_round_contradict_the_gyroscope(way, kept):
     assert ("arm" in found) is kept and len(lines) == (not kept)
 
 
-@pytest.mark.parametrize(("unit", "told"), [(np.pi / 180, "deg/s"), (180 / np.pi, "once too often")])
+@pytest.mark.parametrize(
+    ("unit", "told"), [(np.pi / 180, "deg/s"), (180 / np.pi, "converted from deg twice")]
+)
 def test_rates_of_another_unit_are_told_and_harm_nobody(unit, told):
     found, lines = looked_through({"arm": turning(unit), "leg": turning(unit), "back": turning(1.0)}, TIME)
     assert set(found) == {"arm", "leg", "back"}

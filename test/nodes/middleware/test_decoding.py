@@ -111,7 +111,7 @@ def test_live_images_are_taken_as_the_first_with_details_shows_and_told_once():
     for number in (1, 2):
         shown = decode(exchanged, number).image.astype(int)
         assert np.abs(shown - np.clip((grey[..., None].astype(int) - 16) * 1.164, 0, 255)).max() < 2
-    assert len(told) == 1 and "image of camera c calls itself yuv422" in told[0]
+    assert len(told) == 1 and "image of camera c has encoding yuv422" in told[0]
 
 
 @pytest.mark.parametrize("encoding", ["", "uyvy"])

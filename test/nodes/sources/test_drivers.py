@@ -87,7 +87,7 @@ def test_types_and_camera_info_are_found(executor):
     try:
         wanted = {"/driver/image_raw": "image of camera left", "/driver/camera_info": "camera_info of left"}
         found = find_drivers(wanted, 20.0)
-        told = "nobody publishes /driver/image .*there are /driver/image_raw"
+        told = "no node publishes /driver/image .*there are /driver/image_raw"
         with pytest.raises(EnvironmentProblem, match=told):
             find_drivers({"/driver/image": "image of camera left"}, 1.5)
     finally:

@@ -25,8 +25,8 @@ def test_one_line_per_check_and_a_sum() -> None:
     lines = doctor.as_lines(findings).splitlines()
     assert lines == [
         "OK    disk   much",
-        "WARN  model  none; to mend: fetch it",
-        "FAIL  rclpy  gone; to mend: install it",
+        "WARN  model  none; remedy: fetch it",
+        "FAIL  rclpy  gone; remedy: install it",
         "1 OK, 1 WARN, 1 FAIL",
     ]
 

@@ -167,7 +167,7 @@ def test_people_of_another_stack_in_3d(tmp_path, capsys):
     write_rig(tmp_path / "rig.json", captures.RIG)
     bag = write_foreign_bag(tmp_path / "b", VIEWS, values=4)
     assert run(tmp_path, "--bag", bag, "--rig", tmp_path / "rig.json")[0] == 2
-    assert "/poses/cam0" in (error := capsys.readouterr().err) and "people in 3D" in error
+    assert "/poses/cam0" in (error := capsys.readouterr().err) and "3D poses" in error
 
 
 def test_stamps_that_stand_still(tmp_path, capsys):

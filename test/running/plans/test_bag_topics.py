@@ -61,8 +61,8 @@ def test_images_are_taken_as_they_show_and_told(tmp_path):
     bag = write_images(tmp_path / "bag", {"cam0": "yuyv", "cam1": "yuv422", "cam2": "8UC2"})
     streams, told, errors = taken(bag)
     assert [stream.encoding for stream in streams] == ["", "yuyv", ""] and max(errors.values()) < 2
-    assert len(told) == 2 and "/cam1/image_raw calls itself yuv422, but shows" in told[0]
-    assert "/cam2/image_raw calls itself 8UC2, which names no colours: taken as yuyv" in told[1]
+    assert len(told) == 2 and "/cam1/image_raw has encoding yuv422, but shows" in told[0]
+    assert "/cam2/image_raw has encoding 8UC2, which names no colours: read as yuyv" in told[1]
 
 
 def test_an_encoding_that_is_asked_for_counts_more(tmp_path):
@@ -90,7 +90,7 @@ def test_encodings_of_what_states_none_are_refused(tmp_path):
     with BagWriter(tmp_path / "jpeg") as bag:
         frame = ViewFrame("cam0", 0, 0, np.zeros((*SIZE, 3), np.uint8))
         bag.write("/cam0/image_raw/compressed", 0, compressed_image_message(frame, bag_messages(), 90))
-    for name, told in (("people", "--redetect"), ("jpeg", "whose pictures are compressed")):
+    for name, told in (("people", "--redetect"), ("jpeg", "as its images are compressed")):
         with BagReader(tmp_path / name) as bag, pytest.raises(UsageError, match=told):
             image_streams(BagChoice(encodings={"": "rgb8"}), [bag], captures.RIG, "")
 
@@ -114,6 +114,6 @@ def test_videos_are_named_with_the_remedy(tmp_path, kind, capsys):
 def test_one_encoding_alone_is_that_of_all_cameras(capsys):
     given = ["run", "--bag", "b", "--out", "o"]
     assert main([*given, "--encoding", "yuyv", "--encoding", "rgb8"]) == 2
-    assert "--encoding says yuyv and rgb8" in capsys.readouterr().err
+    assert "--encoding gives yuyv and rgb8" in capsys.readouterr().err
     assert main(["run", "folder", "--out", "o", "--encoding", "yuyv"]) == 2
     assert "only with --bag" in capsys.readouterr().err

@@ -101,7 +101,7 @@ def test_another_calibration_is_told_and_another_size_refused(plan):
     info = info_of("cam0")
     assert plan(text, types, {"/a/camera_info": info}).notices == ()
     info.k[0] *= 1.05
-    assert "its driver says focal length" in plan(text, types, {"/a/camera_info": info}).notices[0]
+    assert "its driver states a focal length" in plan(text, types, {"/a/camera_info": info}).notices[0]
     info.width = 640
     with pytest.raises(CalibrationError, match="publishes images of 640 x 720, but the rig"):
         plan(text, types, {"/a/camera_info": info})
@@ -203,7 +203,7 @@ def test_drivers_that_are_not_calibrated_are_told(plan, monkeypatch):
     infos["/a/camera_info"].header.frame_id = ""
     with pytest.raises(CalibrationError, match=r"cam0 \(/a/camera_info\) names no frame"):
         plan(text, types, infos, "")
-    with pytest.raises(UsageError, match="a fixed frame is one of TF"):
+    with pytest.raises(UsageError, match="--fixed-frame names a frame of TF"):
         plan("fixed_frame: map\n" + text, types, infos)
     with pytest.raises(CalibrationError, match="names 1 camera, which is not enough"):
         plan("cam0: {image: /a/image_raw}", types, infos, "")
@@ -214,7 +214,7 @@ def test_the_rig_counts_where_the_driver_is_not_calibrated(plan):
     types = {"/a/image_raw": IMAGE, "/a/camera_info": INFO, "/b/image_raw": IMAGE}
     ours = captures.RIG.camera("cam0")
     for change, told in (
-        ({"width": 0, "height": 0}, "says images of 0 x 0: its driver is not calibrated"),
+        ({"width": 0, "height": 0}, "states images of 0 x 0: its driver is not calibrated"),
         ({"width": 0, "height": 0, "k": np.zeros(9), "d": [], "distortion_model": ""}, "is all 0"),
         ({"d": np.zeros(8)}, "plumb_bob has 5 coefficients, not 8; the others are 0 and mean nothing"),
         ({"d": np.ones(3), "distortion_model": "omni"}, "the distortion model is 'omni'"),
@@ -240,7 +240,7 @@ def test_binned_and_cut_images_of_a_rig(plan):
     made = plan(text, types, {"/a/camera_info": info})
     seen, ours = made.rig.camera("cam0"), captures.RIG.camera("cam0")
     assert seen.image_size == (640, 360) and len(made.notices) == 1
-    assert "CameraInfo says that images of 640x360 are binned or cut from 1280x720" in made.notices[0]
+    assert "CameraInfo states that images of 640x360 are binned or cropped from 1280x720" in made.notices[0]
     points = captures.people(0.0)[0]
     assert np.allclose(seen.project(points)[0], (ours.project(points)[0] - 0.5) / 2, atol=1e-9)
     rectified = plan(

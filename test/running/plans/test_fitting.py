@@ -52,7 +52,7 @@ def cut(info):
 )
 def test_camera_info_tells_how_images_were_binned_or_cut(tmp_path, size, change, scale, shift):
     fitted, (line,) = fit(tmp_path / "bag", size, change)
-    assert f"images of {size[0]}x{size[1]} are binned or cut from 64x48" in line
+    assert f"images of {size[0]}x{size[1]} are binned or cropped from 64x48" in line
     assert fitted.names == RIG.names and fitted.camera("cam0").image_size == size
     assert fitted.camera("cam1") is RIG.camera("cam1")
     point = np.array([0.1, 0.2, 1.3])

@@ -69,7 +69,7 @@ def test_what_cannot_be_is_told_with_a_way_out(folder, tmp_path):
         plan_live_imus(RunOptions())
     document = json.loads((folder / "subject.json").read_text())
     (folder / "subject.json").write_text(json.dumps({**document, "devices": []}))
-    with pytest.raises(UsageError, match="nobody wears any of chest"):
+    with pytest.raises(UsageError, match="no subject wears any of chest"):
         plan_capture(folder)
     (folder / "detections.json.gz").write_bytes(b"")
     with pytest.raises(DataError, match="has no videos and no images; for its 2D people: panoptic solve"):

@@ -77,7 +77,7 @@ def test_what_was_killed_is_started_anew_and_told(launched):
         assert running.names == ("fusion",) and running.revive() == []
         (before,) = running.ids
         running.kill("fusion")
-        assert running.revive() == ["process fusion was killed (signal 9) and is started anew"]
+        assert running.revive() == ["process fusion was killed (signal 9) and is restarted"]
         (after,) = running.ids
         assert after != before and running.revive() == []
         running.kill("fusion")
@@ -95,7 +95,7 @@ def test_what_breaks_down_time_and_again_ends_the_run(launched):
     with launched("print('it is broken'); raise SystemExit(1)") as running:
         with pytest.raises(ContractError, match="fusion ended with exit code 1: .*it is broken"):
             until(revive)
-    assert told == ["process fusion broke down (exit code 1) and is started anew"] * MOST_REVIVALS
+    assert told == ["process fusion broke down (exit code 1) and is restarted"] * MOST_REVIVALS
 
 
 def test_what_the_user_can_mend_is_not_started_anew(launched):

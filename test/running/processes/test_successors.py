@@ -57,7 +57,7 @@ def test_what_is_killed_is_revived_by_a_fork_and_ends_with_the_rest(launch, tmp_
     with Processes(launch, ["idle"], tmp_path / "logs", revived=True) as running:
         until(lambda: is_ready(running._server))
         running.kill("idle")
-        assert running.revive() == ["process idle was killed (signal 9) and is started anew"]
+        assert running.revive() == ["process idle was killed (signal 9) and is restarted"]
         (pid,) = running.ids
         running.check()
     assert running._children["idle"].poll() is not None

@@ -32,5 +32,7 @@ def test_several_processes_are_added_up():
 def test_one_that_is_gone_is_told():
     child = subprocess.Popen([sys.executable, "-c", ""])
     child.wait()
-    with pytest.raises(EnvironmentProblem, match=f"/proc/{child.pid}/stat cannot be read"):
+    with pytest.raises(
+        EnvironmentProblem, match=f"/proc/{child.pid}/stat, the file of processor times, cannot be read"
+    ):
         usage_of([child.pid])

@@ -40,5 +40,5 @@ def test_a_time_that_does_not_fit_is_refused_with_what_it_needs(tmp_path):
 
 def test_topics_on_which_nothing_comes_tell_no_rate(tmp_path):
     assert options.told_room(tmp_path, {}, RecordOptions()) == (
-        "nothing comes yet on the topics; room for 10.0 GB"
+        "no messages on the topics yet; room for 10.0 GB"
     )

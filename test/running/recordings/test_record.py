@@ -251,7 +251,7 @@ def test_no_recorder_is_told(monkeypatch):
 
 def test_nothing_to_record_is_told(tmp_path, monkeypatch):
     monkeypatch.setattr(recording, "PATIENCE_S", 0.2)
-    with pytest.raises(EnvironmentProblem, match="nobody publishes anything"):
+    with pytest.raises(EnvironmentProblem, match="no node publishes a topic to record"):
         recording.record(tmp_path / "take", RecordOptions(), lambda line: None)
     assert not list(tmp_path.iterdir())
 

@@ -108,7 +108,7 @@ def test_stamps_run_on_from_one_loop_to_the_next(people):
 
 def test_nobody_there_is_told(people, monkeypatch):
     monkeypatch.setattr(replays, "DISCOVERY_S", 0.1)
-    with pytest.raises(EnvironmentProblem, match=r"nobody subscribes .* within 0.2 s"):
+    with pytest.raises(EnvironmentProblem, match=r"no node subscribes .* within 0.2 s"):
         replay([people], ReplayOptions(wait_s=0.2), lambda line: None)
 
 

@@ -78,7 +78,7 @@ def test_a_link_to_a_folder_is_followed_and_one_to_nothing_refused(tmp_path):
     assert (tmp_path / "link").is_symlink() and content(tmp_path / "there") == {"a.txt": "1"}
     (tmp_path / "dangling").symlink_to(tmp_path / "nothing")
     for make in (lambda: leave(tmp_path / "dangling", {}), lambda: open_live_folder(tmp_path / "dangling")):
-        with pytest.raises(UserError, match="link to .*nothing, which is not there"):
+        with pytest.raises(UserError, match="link to .*nothing, which does not exist"):
             make()
     assert (tmp_path / "dangling").is_symlink()
 

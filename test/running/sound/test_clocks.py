@@ -80,7 +80,7 @@ def test_motion_after_sound_gives_skeletons_as_with_right_stamps(capture, tmp_pa
         out,
     )
     assert code == 0 and "clocks from sound" in text and "clocks from motion" in text
-    assert "beside what its sound says" not in text
+    assert "off that from sound" not in text
     found, true = read_offsets(offsets), behind(take)
     error = np.array([(found[name].offset_s if name in found else 0.0) - true[name] for name in true])
     assert np.abs(error - error.mean()).max() < 0.002

@@ -184,12 +184,12 @@ def test_stamps_on_the_clocks_of_the_cameras_are_held_against_their_sound(folder
         (
             {"cam00": [OTHER, HOUSE], "cam01": [OTHER], "cam02": [HOUSE]},
             "cam00.mp4: [H, B]\ncam01.mp4: [B]\ncam02.mp4: [H]",
-            "clock B is heard as 25 fps by cam00 and as 29.97 fps by",
+            "clock B has 25 fps at cam00 and 29.97 fps at",
         ),
         (
             {"cam00": [HOUSE], "cam01": [OTHER], "cam02": [HOUSE]},
             "cam00.mp4: [H]\ncam01.mp4: [B]\ncam02.mp4: [H]",
-            "clock cam01, which stamps cam01: .*nobody hears B and H",
+            "clock cam01, which stamps cam01: .*no recording has the timecodes of both B and H",
         ),
         (
             [HOUSE],
@@ -216,7 +216,7 @@ def test_timecode_beside_videos_that_have_no_stamps_is_told(folder):
     shoot(folder, [], clocks=dict.fromkeys(BEGINS, "H"))
     write_wav(folder / "box.wav", SAMPLE_RATE, filmed([HOUSE], FREE, 0.0, SECONDS))
     (folder / "sound.yaml").write_text("box.wav: [H]")
-    with pytest.raises(DataError, match="cam00, cam01, cam02 have neither .*but the rig says that time"):
+    with pytest.raises(DataError, match="cam00, cam01, cam02 have neither .*but the rig states that time"):
         plan_capture(folder)
 
 

@@ -58,7 +58,7 @@ def test_a_part_begins_at_its_own_zero(scene):
 
 
 def test_too_much_and_nothing_are_told(scene, monkeypatch):
-    with pytest.raises(UsageError, match="nothing lies from 9 s"):
+    with pytest.raises(UsageError, match="no data from 9 s"):
         one_file(scene, 9.0)
     monkeypatch.setattr("panoptic_ros.view.page.one_file.LONGEST_S", 3)
     with pytest.raises(UsageError, match="4 s are too much for one file.*--from and --to"):
