@@ -131,7 +131,7 @@ def test_times_that_are_repaired_are_told(film, tmp_path):
     source._tell(source._open(look=True), 20, 0, frames[-1].stamp_ns)
     source.close()
     (told,) = source.after
-    assert told.code == "source.repaired" and "3 frames have no times that increase" in told.text
+    assert told.code == "source.repaired" and "3 frames have times that do not increase" in told.text
 
 
 @pytest.mark.parametrize("codec", ["libx264", "mpeg4"])

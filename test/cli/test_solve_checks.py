@@ -151,7 +151,7 @@ def in_few_joints(view: ViewDetections) -> ViewDetections:
     ("change", "says"),
     [
         (faint, "half of the joints have scores of 0.045 or less; scores from 0.2 on count"),
-        (in_few_joints, "half of the people have 3 joints or fewer that this skeleton knows"),
+        (in_few_joints, "half of the people have 3 joints or fewer of this skeleton"),
         (lambda view: view, "the rays of people meet, so look at the parameters of assembly and tracking"),
     ],
 )
