@@ -309,7 +309,7 @@ class VideoSource:
             (
                 "repaired",
                 self.repaired_stamps,
-                "times of frames do not increase; frames are assumed to be one period apart",
+                "frames have times that do not increase; each comes one period after the previous frame",
             ),
         ]
         self.after = tuple(

@@ -111,7 +111,7 @@ def test_frames_that_are_damaged_in_parts_are_told(video):
 def test_a_file_that_is_cut_off_is_used_as_far_as_it_goes(film, video, tmp_path):
     path = video("a.mkv")
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 4 // 5])
-    with pytest.raises(DataError, match="is cut off: .*or --skip-damaged"):
+    with pytest.raises(DataError, match="is cut off: .*or leave out the damaged frames with --skip-damaged"):
         VideoSource("cam", path)
     source = VideoSource("cam", path, skip_damaged=True)
     frames = list(source)
@@ -131,7 +131,7 @@ def test_times_that_are_repaired_are_told(film, tmp_path):
     source._tell(source._open(look=True), 20, 0, frames[-1].stamp_ns)
     source.close()
     (told,) = source.after
-    assert told.code == "source.repaired" and "3 frames have no times that increase" in told.text
+    assert told.code == "source.repaired" and "3 frames have times that do not increase" in told.text
 
 
 @pytest.mark.parametrize("codec", ["libx264", "mpeg4"])

@@ -82,7 +82,7 @@ def test_cameras_without_a_video(make_video, tmp_path):
 
 def test_videos_without_a_camera(make_video, tmp_path):
     make_video(tmp_path / "cam01.mp4")
-    says = "for the videos cam01; it has left, of which left lack a video; names must be equal"
+    says = "for the videos cam01; it has left; cameras without a video: left; names must be equal"
     with pytest.raises(CalibrationError, match=says):
         open_capture_folder(tmp_path, rig=_rig("left"))
     with pytest.raises(CalibrationError, match="no camera 'cam01'"):

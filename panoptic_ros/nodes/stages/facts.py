@@ -102,7 +102,7 @@ class FactsSubscriber:
         try:
             if key != "rig":
                 name = self._node.get_name()
-                raise ConfigError(f"another /{key} was received: restart node {name} to use it")
+                raise ConfigError(f"another /{key} has been received: restart node {name} to use it")
             self._on_rig(record)
         except ConfigError as error:
             self._unfit[key] = str(error)
@@ -143,8 +143,7 @@ class RigChanges:
         """
         if self._named(rig) != self._named(now):
             raise ConfigError(
-                f"another /rig with other cameras was received: restart node {self._node.get_name()} to "
-                "use it"
+                f"another /rig has other cameras: restart node {self._node.get_name()} to use it"
             )
         waits, self._next = self._next is not None, rig
         if not waits:

@@ -168,7 +168,7 @@ def _reason(best: LagMatch | None) -> str:
     if best is None:
         return "silence, or less than 5 s"
     if best.strength < STRONG:
-        return "no lag stands out: the sounds have nothing in common, or they repeat"
+        return "no lag stands out: the recordings have nothing in common, or the sound repeats"
     if best.events < EVENTS:
         return "too few sounds in common"
     return f"it repeats: {abs(best.other - best.lag):.2f} s on fits nearly as well"

@@ -168,7 +168,7 @@ def test_stamps_on_the_clocks_of_the_cameras_are_held_against_their_sound(folder
         (
             {"cam00": [HOUSE], "cam01": [None], "cam02": [HOUSE]},
             None,
-            "cam01 have neither stamps nor timecode in their sound, but cam00, cam02 hear timecode",
+            "cam01 have neither stamps nor timecode in their sound, but cam00, cam02 have timecode",
         ),
         ({"cam00": [HOUSE], "cam01": [HOUSE], "cam02": []}, None, "cam02 have neither stamps nor timecode"),
         (
