@@ -34,7 +34,12 @@ class Processor:
 
 
 class DetectionPace(NamedTuple):
-    """Chosen pace: looks per s and camera (0 = every image), height of people in regions (net px)."""
+    """Chosen pace of the detector.
+
+    Attributes:
+        looks_per_s: Looks per second of each camera, 0 = every image.
+        region_height: Height of people in image regions, in pixels of the network input.
+    """
 
     looks_per_s: float
     region_height: int

@@ -21,7 +21,8 @@ from panoptic_ros.sync.agreement import Agreement
 SECOND = 1_000_000_000
 LEAST_AHEAD_NS = SECOND // 2  # 0.5 s; allowed step of a timestamp beyond the elapsed time
 FASTER = 1.5  # factor by which timestamps may advance faster than the clock, e.g. while a backlog arrives
-# 1 s; another time line is accepted after this time without a good record and with agreeing other records
+# 1 s; another time line is accepted if for this long no record was good, and the other records have agreed
+# for this long
 GONE_NS = SECOND
 SLOWEST_NS = 5 * SECOND  # 5 s; longest step between timestamps of one time line
 SURE = 5  # agreeing records in a row that confirm another time line

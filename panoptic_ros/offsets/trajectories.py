@@ -1,9 +1,9 @@
 """Fit the trajectory of every joint to its rays, and compute its information about the clocks (kernels).
 
 A trajectory is a uniform cubic B-spline with a penalty on its second differences, the prior of white
-acceleration. Observation i at the corrected time t_i is the linear pair of rows A_i X(t_i) = b_i. A change do
-of its camera's clock changes the residual by d_i do, with d_i = A_i X'(t_i). Elimination of the spline
-(banded Cholesky) leaves a small system for the clocks.
+acceleration. Observation i at the corrected time t_i is the linear pair of rows A_i X(t_i) = b_i. If the
+clock of its camera changes by e, the residual changes by d_i e, with d_i = A_i X'(t_i). Elimination of the
+spline (banded Cholesky) leaves a small system for the clocks.
 
 The module also has kernels for symmetric banded systems: Cholesky factor, solution, and the part of the
 inverse inside the band. A matrix (n, n) of half bandwidth b is stored as its lower band (n, b + 1):

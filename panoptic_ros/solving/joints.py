@@ -229,13 +229,13 @@ def solve_joints(found: Candidates, seen: Observations, rules: SolverRules) -> S
 def solve_without(
     wrong: Array, solved: SolvedJoints, found: Candidates, seen: Observations, rules: SolverRules
 ) -> None:
-    """Solve the joints that depend on wrong 2D joints again, in place.
+    """Solve the joints that depend on wrong 2D joints again, and replace them in `solved`.
 
-    The precision of the wrong 2D joints becomes 0, in place. All other joints keep their 2D joints, unless a
-    newly solved joint fits them better.
+    The wrong 2D joints get precision 0 in `seen.precision`. All other joints keep their 2D joints, unless a
+    2D joint fits a newly solved joint better.
 
     Args:
-        wrong: (D, J) 2D joints to exclude.
+        wrong: (D, J) bool, 2D joints to exclude.
     """
     seen.precision[wrong] = 0.0
     claims = Claims(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
@@ -245,9 +245,10 @@ def solve_without(
 
 @njit(cache=True, error_model="numpy")
 def claim_right(wrong, claims, solved):
-    """Mark the joints (P, J) that depend on wrong 2D joints (D, J); let the others claim theirs, in place.
+    """Return a mask (P, J) of the joints that depend on wrong 2D joints (D, J).
 
-    A joint depends on a wrong 2D joint if the person's own 2D pose offers it, or if the solution used it.
+    For all other joints, enter the person as owner of the 2D joints used, in `claims.owner`. A joint depends
+    on a wrong 2D joint if the person's own 2D pose offers it, or if the solution used it.
     """
     member, source, owner = claims
     people, joints, views = solved.residuals.shape

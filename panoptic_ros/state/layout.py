@@ -36,9 +36,10 @@ class Fields:
 
     @classmethod
     def of(cls, entry: type | Fields) -> Fields:
-        """Return the fields of a dataclass, NamedTuple or Enum, which define them.
+        """Return the `Fields` of a dataclass, NamedTuple or Enum.
 
-        An entry that is `Fields` already is returned unchanged.
+        The class itself declares its attributes, unlike a plain class (see `named`). An entry
+        that is `Fields` already is returned unchanged.
         """
         if isinstance(entry, Fields):
             return entry

@@ -18,11 +18,11 @@ from panoptic_ros.sync.majority import ClockGroup, Majority
 
 SECOND = 1_000_000_000
 SURE = 3  # minimum number of frames that decide on a pending line
-# ns that these frames must span; a burst after a stall is shorter, and the limit is 1 s
+# ns, minimum span of these frames. A burst after a stall is shorter. START_NS (1 s) is the upper limit.
 SURE_NS = SECOND // 2
 # ns after the first frame at which the time line begins without cameras that have no frames yet
 START_NS = SECOND
-ALONE_NS = 10 * SECOND  # ns after which a camera that no other camera confirms is named
+ALONE_NS = 10 * SECOND  # ns after which a notice names a camera that no other camera confirms
 AGAIN_NS = 5 * SECOND  # ns between notices on one camera; /diagnostics drops a warning after 10 s
 OFFSETS = 5  # frames whose median clock offset is reported; single ones scatter with the latency
 HELD = 64  # maximum number of frames kept on a pending line
@@ -30,7 +30,9 @@ NEAR_NS = 2 * SECOND  # ns, maximum step between consecutive frames of one line,
 NEAR_STEPS = 4  # the same limit in frame steps, for slower cameras
 MOST_NEAR_NS = 40 * SECOND  # ns, upper bound of that limit for all cameras: four steps at 0.1 Hz
 YEAR_NS = 365 * 86_400 * SECOND
-PERIODS_BY_STAMPS = 3  # periods of tolerance without arrival times; frame order gives time to 1 or 2 periods
+# frame periods, tolerance of a clock offset if arrival times are missing: "now" is then the median of the
+# cameras' newest timestamps, which is right only to 1 or 2 periods
+PERIODS_BY_STAMPS = 3
 
 
 class StampedFrame(Protocol):

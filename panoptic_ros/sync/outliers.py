@@ -1,4 +1,4 @@
-"""Remove outlier timestamps: single frames far off a camera line that otherwise continues."""
+"""Remove single frames whose timestamps are far from those of the same camera before and after."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from panoptic_ros.domain import ViewDetections
 from panoptic_ros.stage import Notice
 
 SECOND = 1_000_000_000
-FAR_NS = 2 * SECOND  # ns from the last frame of a camera; farther frames mean a pause, a jump or an outlier
-PERIODS = 4  # periods of a slow camera that are not yet far
+FAR_NS = 2 * SECOND  # ns, minimum step between frames of a camera that means a pause, a jump or an outlier
+PERIODS = 4  # the same limit for slow cameras, in frame periods
 SURE = 3  # number of consecutive frames that confirm a pause or a jump
 LATEST_NS = (2**31 - 1) * SECOND  # ns; ROS messages cannot hold later timestamps
 
@@ -21,9 +21,9 @@ class StampGate:
     """Timestamps of one camera.
 
     Args:
-        newest: (ns) timestamp of the newest frame on the line; None before the first.
-        reach: (ns) maximum distance of the next frame from it.
-        off: frames off the line that are consecutive among themselves so far.
+        newest: (ns) timestamp of the newest accepted frame; None before the first.
+        reach: (ns) maximum distance of the next frame from `newest`.
+        off: waiting frames. Each is farther than `reach` from `newest`, and they follow each other plausibly.
     """
 
     newest: int | None = None
@@ -34,17 +34,18 @@ class StampGate:
 class StampOutliers:
     """Filter for frames whose timestamps are far off those of the same camera before and after.
 
-    A frame seconds away from the last one waits for the next two frames. If one of these is on the old line,
-    the waiting frame was an outlier. If all three are consecutive, the camera paused or its clock jumped, and
-    all are passed. The first frames of a camera wait in the same way. The result depends on the timestamps of
-    that camera alone.
+    A frame more than `reach` (2 s or more) from the last accepted frame waits for the next two frames. If one
+    of the two is near the last accepted frame, the waiting frame was an outlier. If all three follow each
+    other plausibly, the camera paused or its clock jumped, and all three are passed. Otherwise the oldest
+    waiting frame is dropped. The first frames of a camera also wait until three follow each other. The
+    decision on a camera depends on the timestamps of that camera alone.
     """
 
     def __init__(self, cameras: Sequence[str]):
         self._cameras = {name: StampGate() for name in cameras}
 
     def take(self, view: ViewDetections) -> tuple[list[ViewDetections], list[Notice]]:
-        """Add a frame; return the frames now on the line of their camera, and notices on outliers."""
+        """Add a frame; return the frames of its camera that are now accepted, and notices on outliers."""
         if view.stamp_ns >= LATEST_NS:
             return [], [_outlier(view)]
         camera = self._cameras[view.camera]
@@ -62,7 +63,7 @@ class StampOutliers:
         return released, notices
 
     def end(self, name: str) -> tuple[list[ViewDetections], list[Notice]]:
-        """End a camera; pass waiting frames if they are its only ones, otherwise drop them."""
+        """End a camera: pass its waiting frames if none of its frames was accepted, otherwise drop them."""
         camera = self._cameras[name]
         waiting, camera.off = camera.off, []
         if camera.newest is None:

@@ -112,7 +112,7 @@ def decode_rvl(data: bytes, count: int, what: str) -> Array:
         DataError: if the stream ends early, or holds more than `count` pixels.
     """
     numbers = _numbers(data)
-    places, deltas = [], []  # pixel indices and zigzag differences of each run that is not 0
+    places, deltas = [], []  # of each run of non-zero pixels: their indices and zigzag differences
     pixel = at = 0
     while pixel < count:
         if at + 1 >= len(numbers):

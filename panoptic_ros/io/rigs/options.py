@@ -38,7 +38,10 @@ class ReadOptions:
         return {name for name in ("unit", "types", "panels") if getattr(self, name)}
 
     def wants(self, item: Any) -> bool:
-        """Return whether a camera of a JSON list has a selected type and panel."""
+        """Return whether a camera of a JSON list has a selected type and panel.
+
+        The result is also True for an entry that is not a mapping, and if no type or panel is selected.
+        """
         if not isinstance(item, Mapping):
             return True
         right_type = not self.types or item.get("type") in self.types

@@ -49,12 +49,12 @@ LATE_HEADING = math.radians(5.0)  # minimum heading error that is reported
 
 
 class MeanObservation(NamedTuple):
-    """Average of observations.
+    """Average of the observations of N devices.
 
     Attributes:
-        information, pull: (1 + 3 N, 1 + 3 N) and (1 + 3 N,) of the heading and the mountings. `pull` is the
-            gradient of the cost.
-        number: Number of observations.
+        information, pull: Hessian (1 + 3 N, 1 + 3 N) and gradient (1 + 3 N,), at zero corrections, of the
+            cost of the heading and the mountings.
+        number: Number of observations in the average.
     """
 
     information: Array

@@ -13,9 +13,9 @@ from panoptic_ros.kernels import njit
 from panoptic_ros.kinematics.body.sight import People
 
 Array = np.ndarray
-KEPT_NS = 250_000_000  # time before a camera's newest sample for which older samples are kept
-NEAR_NS = 1_000  # tolerance of a sample at an instant: periods are no whole numbers of ns
-LONGEST_GAP_NS = 150_000_000  # longest interval over which joints are interpolated
+KEPT_NS = 250_000_000  # ns, time before a camera's newest sample for which older samples are kept
+NEAR_NS = 1_000  # ns within which a sample is used as it is: frame periods are no whole numbers of ns
+LONGEST_GAP_NS = 150_000_000  # ns, longest interval over which joints are interpolated
 SEVERAL = 2  # minimum number of agreeing views that measured a joint whose 3D position is used
 
 
@@ -71,11 +71,13 @@ class PersonSamples:
     def views_at(self, stamp_ns: int, half_period_ns: int, told: Array | None = None) -> People:
         """Return points (K, 2) and scores (K,) of every camera at an instant.
 
-        Joints are interpolated linearly between two samples. A single sample, or a joint that only one sample
-        has, counts if the sample is within half a period of the instant.
+        Joints are interpolated linearly between the samples before and after the instant. If only one of
+        these samples exists, it is used if it is within half a period of the instant. A joint that is in the
+        nearer sample only is used under the same condition. A joint that is in the farther sample only is
+        missing.
 
         Args:
-            told: (K,) bool, joints that are given in another form, and left out.
+            told: (K,) bool, joints to leave out, because the caller has them in another form.
         """
         cameras: list[int] = []
         begins: list[ViewJoints] = []
@@ -118,7 +120,10 @@ class PersonSamples:
 
 
 def joints_as_seen(item: TrackedPoseSet, model: SegmentModel, several: bool = False) -> Array:
-    """Return the 3D joints (P, J, 3) m, where the detector sees them if the model has the detector's offsets.
+    """Return the 3D joints (P, J, 3) m.
+
+    If the model has the detector's offsets, they are the positions at which the detector places the joints:
+    the corrections of detector biases are removed.
 
     Args:
         several: True for only those joints that several views measured; all others are NaN.
@@ -133,7 +138,7 @@ def joints_as_seen(item: TrackedPoseSet, model: SegmentModel, several: bool = Fa
 
 
 def _forget_old(own: list[Seen]) -> None:
-    """Discard samples older than KEPT_NS, except for the newest of them."""
+    """Discard from `own` the samples older than KEPT_NS, except for the newest of these."""
     while len(own) > 2 and own[1].stamp_ns < own[-1].stamp_ns - KEPT_NS:
         del own[0]
 
@@ -170,9 +175,9 @@ def _share(begin_ns: int, end_ns: int, stamp_ns: int) -> float:
 def _pair(
     begin: ViewJoints | None, end: ViewJoints | None, stamp_ns: int, half_period_ns: int
 ) -> tuple[ViewJoints, ViewJoints, float, bool] | None:
-    """Return two samples, the weight of the later one, and whether a joint of only one of them counts.
+    """Return two samples, the weight of the later one, and whether joints of the nearer one alone are used.
 
-    Where a single sample counts, it is returned twice. The result is None where none does.
+    A single usable sample is returned twice. The result is None if no sample is usable.
     """
     if begin is None or end is None or end.stamp_ns - begin.stamp_ns > LONGEST_GAP_NS:
         one = _nearest(begin, end, stamp_ns, half_period_ns)
@@ -193,8 +198,9 @@ def _mix(
 
     Args:
         shares: (V,), weights of the later sample.
-        near: (V,), True if a joint that only one sample has counts.
-        told: (K,), joints that are left out.
+        near: (V,) bool. True: a joint that is in one sample only is taken from the nearer sample. A joint
+            that is in the farther sample only is always missing.
+        told: (K,) bool, joints to leave out.
     """
     for v in range(len(begin)):
         share = shares[v]

@@ -117,7 +117,7 @@ class PreviewReports:
 
 
 class RecordReport(Protocol):
-    """Receiver of all records of one class."""
+    """Receiver of all records of one class, with diagnostics for /diagnostics."""
 
     def take(self, record: Any) -> None:
         """Process one record."""

@@ -58,7 +58,9 @@ def check_size(camera: Camera, info: Any, what: str) -> None:
 def fit_to_bags(
     rig: Rig, bag_of: Mapping[BagStream, BagReader], bags: Sequence[BagReader], policy: SizePolicy
 ) -> tuple[Rig, tuple[str, ...]]:
-    """Return the rig for the images of bags, adapted by the CameraInfo beside them, else by the policy.
+    """Return the rig with its cameras adapted to the image sizes in bags.
+
+    A camera is adapted by the CameraInfo beside its images if that fits, else by the policy.
 
     Args:
         bag_of: bag by stream of images or detections. The streams identify the cameras of the rig.
@@ -69,7 +71,7 @@ def fit_to_bags(
         the rig, and lines about the changes.
 
     Raises:
-        DataError: if a camera is calibrated for another size.
+        DataError: if the policy refuses the image size of a camera.
     """
     fitted, told = {camera.name: camera for camera in rig.cameras}, list[tuple[str, str]]()
     for stream, bag in bag_of.items():

@@ -299,7 +299,10 @@ class _BagRecording:
 
 
 def _close(bag: BagRecorder, take: OpenTake | None) -> None:
-    """Close a bag and its open-take mark. The mark stays if the bag cannot be closed."""
+    """Close a bag, and remove the marker file of its take.
+
+    If the bag cannot be closed, the marker file stays: the take is incomplete.
+    """
     try:
         bag.close()
     except PanopticError as error:

@@ -186,7 +186,11 @@ class _NodeEntries:
         return {"kind": "stages", "stages": list(stages), "name": name, "parameters": parameters}
 
     def _own(self, stage: str) -> dict[str, Any]:
-        """Return a stage's parameters that differ from their defaults or have other defaults in live flow."""
+        """Return the parameters of a stage that the node does not have by default.
+
+        They are the parameters that differ from their defaults, and those with other defaults in live flow.
+        Changed parameters that are empty lists are left out.
+        """
         config = self._plan.configs[stage]
         own = {key: value for key, value in diff(config).items() if value != []}
         return own | {key: getattr(config, key) for key in live_defaults(self._flow, stage)}

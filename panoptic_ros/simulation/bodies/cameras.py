@@ -103,7 +103,11 @@ def _wandering(rng: np.random.Generator, shape: tuple[int, ...], steps: float) -
 
 
 def _behind(points: Array, trunk: Array, centre: Array) -> Array:
-    """Return a mask (T, K) of joints with the trunk, a capsule, between them and the camera."""
+    """Return a mask (T, K) of joints that the trunk hides from the camera.
+
+    The trunk is seven spheres along the spine. Only spheres whose depth on the ray is more than 0.12 m less
+    than that of the joint hide it.
+    """
     along = np.linspace(0.0, 1.0, 7)[None, :, None]
     spine = trunk[:, None, 0] * (1 - along) + trunk[:, None, 1] * along
     ray = points - centre

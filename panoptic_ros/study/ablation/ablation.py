@@ -125,9 +125,11 @@ class Ablation(Study):
         }
 
     def lines(self, result: Result) -> Iterable[str]:
-        """Yield a table of all scenes, a table per scene, and the mechanisms without effect.
+        """Yield the lines of the report on the solutions without one mechanism each.
 
-        The table of a scene lists the mechanisms that change any figure.
+        They are the legend, a table over all scenes, a table per scene, the mechanisms without which no
+        figure gets clearly worse, and a list of all mechanisms. The table of one scene omits mechanisms that
+        change no quality figure in that scene.
         """
         everything, *scenes = result["scenes"]
         seeds, mechanisms = result["seeds"], result["mechanisms"]

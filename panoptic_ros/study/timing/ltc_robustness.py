@@ -313,10 +313,12 @@ class Outcome:
     """Readings of one clip compared with its ground truth.
 
     Args:
-        sent: Words that are at least partly in the clip.
+        sent: Number of words that are at least partly in the clip.
         right: Number of these words that were read.
-        wrong: Readings with another label, or at a place without a word.
-        unusable: Readings whose start or deviation is not finite, or whose deviation is not positive.
+        wrong: Number of readings with another label, or at a place without a word, except those with a label
+            of the crosstalk.
+        unusable: Number of readings whose start or deviation is not finite, or whose deviation is not
+            positive.
         error: Exception with its place in the source; "" = none.
     """
 

@@ -1,4 +1,7 @@
-"""The studies of clock offsets from sound: errors next to stated deviations, and controls."""
+"""Studies of clock offsets from sound: errors beside stated standard deviations, and control rooms.
+
+In control rooms no offset can be found.
+"""
 
 from __future__ import annotations
 

@@ -44,8 +44,9 @@ class BitFit(NamedTuple):
         nats: (nats) log-likelihood by which the given bits fit worse than the best bits.
         level: Mean level of the signal.
         share: (0..1) share of the level magnitude that the bits explain.
-        tenth: Smallest level of the ten tenths of the word.
-        anywhere: Smallest level over a tenth of the word, for windows at any position.
+        tenth: Smallest mean level among ten fixed, adjacent tenths of the word.
+        anywhere: Smallest mean level in a sliding window of a tenth of the word, moved by a quarter of the
+            window.
         bits, signs: See `Path`.
     """
 

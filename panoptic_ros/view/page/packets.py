@@ -2,7 +2,8 @@
 
 A packet begins with 16 bytes, uint32 little endian: `MAGIC`, kind, number, count of messages. Each message
 follows as uint32 topic (its index in the page's topic list), uint32 length, uint32 0, CDR bytes, and zero
-padding to a multiple of 8. This keeps data that CDR aligns to 8 bytes aligned in the packet, too.
+padding to a multiple of 8. With the 4-byte CDR header, the 12 bytes before it make 16. Values that CDR aligns
+to 8 bytes are therefore aligned in the packet, too.
 """
 
 from __future__ import annotations
