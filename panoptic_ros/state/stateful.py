@@ -381,7 +381,10 @@ def _plain(text: str) -> np.dtype[Any]:
     Raises:
         ValueError: for any other dtype, e.g. one that holds objects.
     """
-    dtype = np.dtype(text)
+    try:
+        dtype = np.dtype(text)
+    except SyntaxError as error:  # numpy parses text with commas as Python
+        raise ValueError(f"an array of {text!r}") from error
     if dtype.kind not in KINDS:
         raise ValueError(f"an array of {dtype}")
     return dtype
