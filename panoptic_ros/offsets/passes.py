@@ -56,14 +56,15 @@ def clocks_from_motion(
     arrays: RigArrays | None = None,
     progress: Progress = untold,
 ) -> CameraClocks:
-    """Estimate the clocks once.
+    """Estimate the camera clocks in one pass, from the 2D poses of frames and 3D tracks.
 
     Args:
-        frames: frames with the cameras' own timestamps.
-        tracked: tracked persons on the time line of `start`.
-        start: initial clocks.
-        scale: see `SCALES`.
-        trusted: see `CameraClocks.of`.
+        frames: 2D poses of images, with the timestamps of the cameras' own clocks.
+        tracked: 3D tracks, solved from detections whose timestamps are corrected by the clocks `start`.
+        start: clocks before this pass.
+        scale: (m) distance scale of the agreement between 2D poses and tracks, see `SCALES`.
+        trusted: camera whose timestamps are right; "": see `CameraClocks.of`.
+        arrays: the rig as arrays; None: they are made from `rig`.
     """
     count = len(rig)
     stamps = np.array([1e-9 * (frame.stamp_ns - start.reference_ns) for frame in frames])

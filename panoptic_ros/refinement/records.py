@@ -59,7 +59,7 @@ class People(NamedTuple):
     speeds: Array  # (P, J) m/s against the body, largest recent speed
     factors: Array  # (P, J) factors on the process noise
     levels: Array  # (P,) scale of the covariances
-    weights: Array  # (P,) number of measurements of a whole person that the level averages, at most MEMORY
+    weights: Array  # (P,) number of measurements of a whole person that the level averages, at most 100
     counts: Array  # (P,) number of measurements of the person
     innovations: Array  # (P, 3, J, 3) whitened, one, two and three measurements ago; NaN = none
     turns: Array  # (P, J, 3) whitened innovations of the latest displacements; NaN = none
