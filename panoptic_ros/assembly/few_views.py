@@ -27,14 +27,19 @@ from panoptic_ros.solving.scene import SEEN, Observations, Scene, look_at
 
 Array = np.ndarray
 
-FEW_SEEING = 3  # maximum number of views that should see a person of few views; others may be false
+# maximum number of views that should see a person of few views; a person whom more views should see may be
+# false
+FEW_SEEING = 3
 FEWEST_JOINTS = 4  # minimum number of joints that views show of a held person
 PLACE = 0.01  # m, added to the standard deviation of predictions in quadrature
 UNSEEN = 10.0  # m/s, growth of the standard deviation of predicted joints that no view shows
 TURNING = 0.9  # m/s, standard deviation of the change of bone vectors with both ends shown
-STRAYING, SWINGING = 0.5, 4.0  # the same for other bones: m/s for a standing body, m/s per m/s of its speed
+# standard deviation of the change of other bone vectors: m/s for a standing body, and m/s per m/s of body
+# speed
+STRAYING, SWINGING = 0.5, 4.0
 RISING = 0.15  # m/s, standard deviation of the vertical motion of the trunk
-BONE, BONE_MEMORY = 0.015, 0.5  # m, deviation of bones from learnt lengths; s, time for which it persists
+# m, standard deviation of bones from their learnt lengths; s, time for which a deviation persists
+BONE, BONE_MEMORY = 0.015, 0.5
 SIDES = 0.1  # m, standard deviation of bone lengths from those of the other side
 GROWTH = 5.0  # factor on covariances: errors of learnt bones and 2D joints persist from frame to frame
 WORST_FIT = 4.0  # standard deviations, largest median residual of a person's rays

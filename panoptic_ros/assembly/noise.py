@@ -22,9 +22,12 @@ LEVEL_RANGE = (0.02, 50.0)  # residual / initial sigma, range of the histograms
 LOW = float(np.log(LEVEL_RANGE[0]))
 WIDTH = (float(np.log(LEVEL_RANGE[1])) - LOW) / LEVELS
 RAYLEIGH_MEDIAN = 1.17741  # median length of a 2D residual with standard deviation 1 per axis
-MOST_OF, RAYLEIGH_MOST = 0.9, 2.14597  # quantile of the tail, and its value for such a residual
+# quantile that measures the tail; this quantile of the length of a 2D residual with standard deviation 1 per
+# axis
+MOST_OF, RAYLEIGH_MOST = 0.9, 2.14597
 PRIOR_COUNT = 20.0  # weight of the initial values of visible joints, in residuals
-HIDDEN_PRIOR_COUNT = 2.5  # the same for (perhaps) hidden joints, which are few
+# weight of the initial values of hidden and perhaps hidden joints, in residuals; these joints are few
+HIDDEN_PRIOR_COUNT = 2.5
 VIEW_PRIOR_COUNT = 100.0  # weight of the initial factor of a camera, in residuals
 SIZE_PRIOR = 10.0  # weight of the prior slope 0, in residuals times variance of their log sizes
 REACH, CLIP = 1.4, 4.0  # limits of log sizes about their mean, and of log residuals

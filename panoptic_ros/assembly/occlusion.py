@@ -18,7 +18,7 @@ Array = np.ndarray
 
 BONE_RADIUS = 0.05  # m, radius of a bone
 TRUNK_RADIUS = 0.09  # m, radius of the flanks: shoulder to hip of one side
-OWN_FACTOR = 0.7  # factor on the radius of bones against joints of their own body
+OWN_FACTOR = 0.7  # factor on the radius of a bone that may hide joints of its own body
 CORE, RIM = 0.8, 1.3  # shares of a radius: joints are hidden within CORE, perhaps hidden within RIM
 AHEAD = 0.06  # m, least distance of a hiding bone in front of the joint
 

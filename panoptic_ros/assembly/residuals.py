@@ -9,9 +9,10 @@ from panoptic_ros.kernels import njit
 from panoptic_ros.solving.scene import seen_at
 
 MOST = 1000  # approximate maximum number of residuals per instant
-THINNING = 1e7  # scale of the digits of an observation that decide whether it is used
+# scale of the coordinates whose digits decide which observations are used, if there are more than MOST
+THINNING = 1e7
 LEVERAGE = 0.7  # largest leverage of a used observation; one that decides alone leaves no residual
-TWO_VIEW_LEVERAGE = 0.9  # the same for joints of two views
+TWO_VIEW_LEVERAGE = 0.9  # largest leverage of a used observation of a joint of two views
 TWO_VIEW_FACTOR = 1.2345  # two views leave one residual: |N(0, 1)| has another median than a 2D length
 
 

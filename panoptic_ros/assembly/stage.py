@@ -42,7 +42,7 @@ from panoptic_ros.stage import StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
-DELAY_NS = 1000  # ns between views, so that they have different timestamps
+DELAY_NS = 1000  # ns, difference between the timestamps of two views that makes them different instants
 
 
 def example_sets(rig: Rig, skeleton: SkeletonModel) -> Iterator[ProposalSet]:

@@ -16,9 +16,12 @@ from typing import NamedTuple
 from panoptic_ros.domain.subjects import BodyState
 from panoptic_ros.kinematics.people.seen_people import NEAR_NS
 
-JUMP_NS = 2_000_000_000  # a timestamp this far off is wrong, unless those of other sources follow
-CATCHES_UP = 1.5  # minimum speed of timestamps, relative to the others', at which samples count as late
-# number of such timestamps that are believed, from most of the cameras, or of the devices without cameras
+# ns; a timestamp this far from the newest one is wrong, unless timestamps of other sources follow it
+JUMP_NS = 2_000_000_000
+# minimum speed of the timestamps of delayed samples, relative to the timestamps of the other sources
+CATCHES_UP = 1.5
+# number of distant timestamps that are accepted, if they are from most of the cameras, or, without cameras,
+# from most of the devices
 BELIEVED = 5
 WAIT_NS = 500_000_000  # waiting time for cameras, before instants begin with the first sample of an IMU
 STOPPED_NS = 500_000_000  # time after which a silent source is no longer waited for
@@ -26,8 +29,8 @@ USUAL_PERIOD_NS = 40_000_000  # default period of a camera with fewer than two t
 LONGEST_PERIOD_NS = 100_000_000
 # minimum waiting time: views of faster cameras still pass through association and tracking
 LEAST_PATIENCE_NS = 33_000_000
-# waiting time per period of a time step. Data of a node that keeps up with four people wait for less than
-# twice this.
+# ns, waiting time of samples per period of a time step. Samples of a node that keeps up with four people wait
+# for less than twice this time.
 PACE_NS = 1_000_000_000 // 60
 LONGEST_S = 0.1  # maximum interval between solved instants
 

@@ -36,7 +36,8 @@ from panoptic_ros.state import Fields, Stateful, StateLayout
 Array = np.ndarray
 SECOND = 1_000_000_000
 FRAME_LIMIT = 4096  # maximum number of buffered frames, for example while no person is tracked
-# number of cameras up to which all frames are used; more cameras take turns, with the same total
+# maximum number of cameras of which all frames are used. With more cameras, each gives a part of its frames,
+# and the total stays the same.
 ALL_FRAMES = 10
 PATIENCE_S = 10.0  # s after which clocks that are still unknown are reported
 STEP_NS = 33_000_000

@@ -46,10 +46,11 @@ from panoptic_ros.refinement.records import Measured, Moment, Motion, People
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
-WELL_SEEN = 3  # minimum number of views of a joint that stays unchanged; offsets are learnt from these
+WELL_SEEN = 3  # views; a joint of at least this number of views stays unchanged, and its offset is learnt
 REACH_NS = 100_000_000  # ns, largest distance in time of a used body, and of two interpolated bodies
 KEPT_NS = 500_000_000  # ns, time for which bodies are kept
-SPREAD, BELIEF = 0.02, 3.0  # m per axis, prior deviation from the offset, and its weight in observations
+# m per axis, prior standard deviation of a joint from the offset; weight of this prior, in observations
+SPREAD, BELIEF = 0.02, 3.0
 MEMORY = 50.0  # observations, memory of offsets and variances
 CAUCHY = 3.0  # standard deviations, difference of body and skeleton that doubles both covariances
 FILLED_SCORE = 0.25  # score of a filled joint that no view sees

@@ -23,13 +23,18 @@ TOP_SPEED = 3.0  # m/s against the body, upper limit: higher speeds are noise
 CLIP = 3.0  # standard deviations at which innovations are clipped
 FIRST = 4  # measurements of a person before process noise is learnt from positions
 SETTLED = 10  # measurements before the scale is learnt: earlier innovations depend on the velocity prior
-RATE = 0.2  # change of the log process noise per measurement and unit of correlation
-JOINT_RATE, PERSON_RATE = 0.05, 0.1  # the same for displacements: of one joint, of the person
-# Correlation of successive displacement innovations at which process noise is right, and their interval, s.
+# change of the log process noise per measurement and unit of correlation, for innovations of positions
+RATE = 0.2
+# change of the log process noise as RATE, for innovations of displacements: of one joint, and of all joints
+# of the person
+JOINT_RATE, PERSON_RATE = 0.05, 0.1
+# correlation of successive displacement innovations at which the process noise is right; s, interval between
+# these innovations
 SMOOTH, SMOOTH_AFTER = 0.35, 0.04
 RANGE = (0.1, 10.0)  # limits of the factor on the process noise
-MEMORY = 100.0  # measurements of a person, memory of the scale
-LASTING_PRIOR, LASTING_MEMORY = 60.0, 1000.0  # prior weight and memory, in measurements of people
+MEMORY = 100.0  # measurements of a whole person, memory of the scale of covariances
+# prior weight and memory of the correlation of persistent errors, in measurements of whole persons
+LASTING_PRIOR, LASTING_MEMORY = 60.0, 1000.0
 LASTING_FREE = 0.06  # negative correlation, two and three frames apart, that is no sign of persistent errors
 LASTING_GAIN = 8.0  # growth of covariances per unit of correlation beyond LASTING_FREE
 

@@ -16,7 +16,7 @@ from panoptic_ros.nodes.middleware.runtime import start_ros
 from panoptic_ros.running.processes.children import prepare_environment
 
 PATIENCE_S = 6.0  # s, timeout for the first status: covers discovery and the 1 s between two statuses
-GATHERING_S = 1.5  # s from the first status until all nodes have published theirs
+GATHERING_S = 1.5  # s from the first status until all nodes have published a status
 
 
 def watched(

@@ -17,8 +17,9 @@ from panoptic_ros.solving.scene import MIN_DEPTH
 Array = np.ndarray
 
 MAX_STEP = 0.5  # m, greatest length of one step
-SETTLED = 1e-5  # m, a shorter step ends the iteration, or its part without the gate
-FEW = 3  # views, up to which the gate is wider: otherwise it would soon leave no view
+# m; a step shorter than this ends the iteration, or the part of the iteration without the gate
+SETTLED = 1e-5
+FEW = 3  # views, maximum number for which the gate is wider: the normal gate would soon leave no view
 FEW_FACTOR = 1.25  # factor on the gate with few views
 # Columns of a table of observations. The first twelve hold cam_from_world: the rotation, row by row, and the
 # translation, which includes the joint's motion up to the timestamp of the view. Then follow the point on the

@@ -27,8 +27,8 @@ AGAIN_NS = 5 * SECOND  # ns between notices on one camera; /diagnostics drops a 
 OFFSETS = 5  # frames whose median clock offset is reported; single ones scatter with the latency
 HELD = 64  # maximum number of frames kept on a pending line
 NEAR_NS = 2 * SECOND  # ns, maximum step between consecutive frames of one line, for cameras above 2 Hz
-NEAR_STEPS = 4  # the same limit in frame steps, for slower cameras
-MOST_NEAR_NS = 40 * SECOND  # ns, upper bound of that limit for all cameras: four steps at 0.1 Hz
+NEAR_STEPS = 4  # frame steps, maximum step between consecutive frames of one line, for slower cameras
+MOST_NEAR_NS = 40 * SECOND  # ns, upper bound of NEAR_STEPS frame steps: four steps at 0.1 Hz
 YEAR_NS = 365 * 86_400 * SECOND
 # frame periods, tolerance of a clock offset if arrival times are missing: "now" is then the median of the
 # cameras' newest timestamps, which is right only to 1 or 2 periods

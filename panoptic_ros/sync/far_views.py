@@ -11,8 +11,9 @@ from panoptic_ros.domain import DetectionSet
 from panoptic_ros.stage import Notice
 
 SECOND = 1_000_000_000
-LEAST_REACH_NS = SECOND  # ns; views of one instant differ by less at any video rate
-REACH_PERIODS = 1  # the same limit in periods of the sets, for slow sets
+# ns, tolerance of a view's timestamp; views of one instant differ by less at any video rate
+LEAST_REACH_NS = SECOND
+REACH_PERIODS = 1  # periods of the sets, tolerance of a view's timestamp if this is more than LEAST_REACH_NS
 
 
 def without_far_views(sets: Sequence[DetectionSet]) -> tuple[list[DetectionSet], list[Notice]]:

@@ -12,10 +12,11 @@ from panoptic_ros.stage import Notice
 SECOND = 1_000_000_000
 SMALL_NS = SECOND // 10  # ns; smaller steps back are frames out of order
 SURE = 3  # number of frames after a step back that confirm it
-# ns that these frames must span before a single camera is named: other cameras may follow
+# ns, minimum span of these SURE frames before a single camera is reported: other cameras may follow it
 SURE_NS = 7 * SECOND // 10
 HELD = 64  # maximum number of frames that wait after a step back
-ALONE = 30  # frames of one camera, without frames of others, after which the other cameras count as ended
+# frames of one camera without a frame of another one, after which the other cameras are considered ended
+ALONE = 30
 
 
 @dataclass

@@ -13,12 +13,14 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 SECOND = 1_000_000_000
-LEAST_REACH_NS = SECOND  # ns; the latencies of cameras differ by less, even with a loaded detector
-# ns, maximum allowance for slow cameras; 2^32 ns = 4.3 s must be outside, to detect a wrap
+# ns, minimum tolerance of a clock offset; latencies of cameras differ by less, even with a loaded detector
+LEAST_REACH_NS = SECOND
+# ns, maximum addition to the tolerance for slow cameras. With arrival times the tolerance must stay below
+# 2^32 ns = 4.3 s, so that a timestamp that wraps is detected.
 MOST_PERIOD_NS = 2 * SECOND
 GAPS = 5  # number of frame gaps whose median is the period of a camera
 FRESH_NS = 2 * SECOND  # ns, maximum age of a valid vote, for cameras above 2 Hz
-FRESH_PERIODS = 4  # the same limit in periods, for slower cameras
+FRESH_PERIODS = 4  # frame periods, maximum age of a valid vote, for slower cameras
 
 
 @dataclass

@@ -17,9 +17,9 @@ Array = np.ndarray
 FARTHEST = 0.25  # person sizes, maximum motion of a joint between two frames
 LONGEST = 1.6  # periods, maximum time between two frames for interpolation
 SPEED = 1.0  # m/s, speed assumed for a joint without a known motion
-DEPTH = 5.0  # m, depth assumed to convert that speed to pixels
+DEPTH = 5.0  # m, depth assumed for the conversion of SPEED to pixels
 NOISE_PX = 2.0  # px, noise of a joint with score 1
-NEAR = 0.05  # person sizes, distance scale for joints of the same person
+NEAR = 0.05  # person sizes, scale of the distances at which two joints may be those of one person
 LEAST_AGREEMENT = 0.2
 
 

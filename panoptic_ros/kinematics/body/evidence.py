@@ -37,9 +37,9 @@ Array = np.ndarray
 
 MEDIAN_SQUARE = 2.0 * math.log(2.0)  # median of the squared length of a 2D residual with variance 1 per axis
 FEWEST_RESIDUALS = 20  # minimum number of residuals for an update
-# s between updates; averaging time, s; number of updates that the assumed level counts as
+# s between updates of the level; s, averaging time; weight of the assumed level, in updates
 LOOK_S, MEMORY_S, BELIEF = 0.1, 1.0, 1
-LEAST_LEVEL, MOST_LEVEL = 0.25, 4.0  # bounds, as fractions of the assumed standard deviation
+LEAST_LEVEL, MOST_LEVEL = 0.25, 4.0  # limits of the level, as fractions of the assumed standard deviation
 NEAREST_RESIDUAL = 0.1  # m, minimum depth in front of a camera
 PAPER_WIDTH = 656  # px, width of the images for which the paper's weights hold
 PAPER = {"position": 1e-3, "orientation": 1.0, "projection": 0.7, "deviation": 0.06, "floor": 10.0}

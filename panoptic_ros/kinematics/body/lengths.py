@@ -26,7 +26,8 @@ Array = np.ndarray
 LASTS_S = 0.5
 LENGTH_SD = 0.05  # fraction of a length, standard deviation given the stature
 LOOKS = 10.0  # maximum number of independent observations
-LEAST_SHARE = 0.02  # fraction of the stature: smaller components of an offset have no length of their own
+# fraction of the stature. Smaller components of an offset are constant: no length scales them.
+LEAST_SHARE = 0.02
 NEAREST = 0.1  # m, minimum depth in front of a camera
 
 

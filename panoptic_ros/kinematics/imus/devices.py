@@ -33,17 +33,21 @@ from panoptic_ros.stage import Notice
 
 Array = np.ndarray
 
-COMPARED_LOOKS = 25  # maximum number of observations that are compared
-# minimum number of observations, for the test that needs motion and for the one that does not
+COMPARED_LOOKS = 25  # maximum number of observations of the mountings that are compared
+# minimum number of observations: for the test for exchanged devices that needs motion, and for the test that
+# does not
 FEWEST, FEWEST_LABELS = 8, 4
-ODD = 0.26  # rad, root mean square about a constant mounting: more than soft tissue and camera errors explain
-BETTER = 0.6  # maximum fraction of that deviation that may remain after the exchange
-WRONG, RIGHT = 0.7, 0.5  # rad: minimum error with the stated mounting, maximum error with the other device's
+# rad, minimum root mean square deviation from a constant mounting that indicates an exchanged device; soft
+# tissue and camera errors cause less
+ODD = 0.26
+BETTER = 0.6  # maximum fraction of the deviation from a constant mounting that may remain after the exchange
+# rad: minimum error with the stated mounting, and maximum error with the mounting of the other device
+WRONG, RIGHT = 0.7, 0.5
 GRAVITY = np.array([0.0, 0.0, 9.81])
 LOOK_S = 0.2  # time between two observations of the mountings
 IN_TURN = 4  # number of people who are observed in turn, as an observation takes half the time of an instant
 LOOK_ITERATIONS = 10
-# m: minimum length of a limb, maximum distance of a joint that counts as on its axis
+# m: minimum length of a limb, and maximum distance of a joint that is considered on the limb's axis
 LEAST_BONE, ON_AXIS = 0.15, 0.07
 
 

@@ -18,7 +18,7 @@ Array = np.ndarray
 # time between estimates of heading and clock, and time after which there are no more
 LOOK_S, LONGEST_S = 5.0, 15.0
 BENT_S = 3.0  # minimum time of bending joints after the T-pose
-STEP_S = 0.1  # maximum interval between two bodies that counts as time in which the person is seen
+STEP_S = 0.1  # s, maximum interval between two bodies of a person who is seen all the time in between
 UNSEEN_S = 2.0  # time without a camera that sees the person, after which cameras do not determine the heading
 # time for which samples are kept. A person whom cameras see once in UNSEEN_S has then been seen for
 # LONGEST_S.

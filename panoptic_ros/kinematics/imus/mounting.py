@@ -30,22 +30,24 @@ from panoptic_ros.kinematics.pose.targets import PoseEvidence, no_anchor
 
 Array = np.ndarray
 MEMORY = 100  # maximum number of observations in the average
-# number of measurements that the common standard deviation of mountings counts as, for one device
-DEVICE_TRUST = 3.0
-COMMON_TRUST = 6.0  # number of measurements that the stated standard deviation counts as, against all devices
-MOST_SD = math.radians(60.0)
-# minimum error of a mistake: rad, and common standard deviations
+DEVICE_TRUST = 3.0  # weight of the common standard deviation of mountings, in measurements of one device
+COMMON_TRUST = 6.0  # weight of the stated standard deviation of mountings, in devices
+MOST_SD = math.radians(60.0)  # rad, maximum standard deviation of a mounting, and that of a mistaken mounting
+# minimum error of a mistaken mounting: rad, and common standard deviations of mountings
 MISTAKEN, MISTAKEN_SDS = math.radians(14.0), 3.0
+# rad, standard deviation of the wide prior of a mounting; number of iterations of the standard deviations
 WIDE, ROUNDS = math.radians(25.0), 4
 FEWEST_LOOKS = 5  # minimum number of observations before anything is reported
 RECENT = 12  # number of newest observations that are compared with the older ones
+# minimum change of a slipped mounting in its standard deviations; minimum number of consecutive observations
+# of the change
 SLIPPED_SDS, SLIPPED_LOOKS = 3.3, 6
-FEWEST_BEFORE = 8  # minimum number of older observations for this comparison
+FEWEST_BEFORE = 8  # minimum number of older observations for the comparison of recent with older ones
 UNKNOWN = 1e-9  # 1/rad^2, information about what no data determine
-MISTAKEN_SPREADS = 2.2  # minimum error of a mistake in its own standard deviations
-TOLD = math.radians(20.0)
-HEADING_TRUST = 2.0  # number of measurements that the stated heading standard deviation counts as
-LATE_HEADING = math.radians(5.0)  # minimum heading error that is reported
+MISTAKEN_SPREADS = 2.2  # minimum error of a mistaken mounting, in the standard deviations of its estimate
+TOLD = math.radians(20.0)  # rad, minimum mounting error that is reported as a mistake
+HEADING_TRUST = 2.0  # weight of the stated heading standard deviation, in measurements
+LATE_HEADING = math.radians(5.0)  # rad, minimum heading error that is reported
 
 
 class MeanObservation(NamedTuple):

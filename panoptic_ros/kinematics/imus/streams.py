@@ -30,13 +30,16 @@ BETWEEN = math.sqrt(DEGREES)  # threshold of this factor: the geometric mean of 
 NO_ROWS = np.zeros(0, np.int64)
 KEPT = 64  # samples of a device
 NEAREST_NS = 2_000_000  # minimum interval between samples: denser samples add no information
-SILENT_NS = 500_000_000
-ALL_SILENT_NS = 2_000_000_000  # limit where most devices are silent at once, as when the machine stalls
-FEW = 2  # maximum number of silent devices that is no stall
-FLOOD = 0.6  # fraction of dropped samples that counts as a flood: a device of 1 kHz loses less
-FLOOD_S, FEWEST = 2.0, 100  # decay time of the counts, s; minimum number of dropped samples
-UPRIGHT_S = 3.0  # averaging time: over it the mean specific force of a moving person is that of gravity
-UPRIGHT = 5.0  # m/s^2, maximum difference of that mean from gravity
+SILENT_NS = 500_000_000  # ns without samples after which a device is reported as silent
+# ns, as SILENT_NS if most devices are silent at once, as when the machine stalls
+ALL_SILENT_NS = 2_000_000_000
+FEW = 2  # number of silent devices that is never considered most devices
+# minimum fraction of dropped samples of a device with too high a rate; a device of 1 kHz loses less
+FLOOD = 0.6
+# s, decay time of the numbers of kept and dropped samples; minimum number of dropped samples
+FLOOD_S, FEWEST = 2.0, 100
+UPRIGHT_S = 3.0  # s, averaging time of the specific force: the mean for a moving person is that of gravity
+UPRIGHT = 5.0  # m/s^2, maximum difference of the mean specific force from gravity
 GRAVITY = np.array([0.0, 0.0, 9.81])
 FEWEST_TURNS = 30  # minimum number of rotations between samples for the check of the rates' unit
 FEWEST_UNORIENTED = 30  # consecutive samples without an orientation: half a second at the usual rate

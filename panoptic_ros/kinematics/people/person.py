@@ -31,7 +31,7 @@ LOST_S = 0.5  # time without any data after which a body is dropped
 AWAITED_S = 2.0  # waiting time for a person whom no camera has seen yet
 SEVERAL_S = 0.5  # waiting time of a recording with several cameras for a second view
 COMPLETE_NS = 100_000_000  # age of an instant at which all its views have arrived
-AGAIN_S = 1.0  # time without cameras after which cameras set the position
+AGAIN_S = 1.0  # s without cameras, after which the next camera sets the position instead of correcting it
 
 
 class SolveSources(NamedTuple):

@@ -26,12 +26,16 @@ NEAR_PLACE = 0.4  # m from the expected position, within which a person may stil
 WALK, LOOKS = 3.0, 3  # m/s; observations of a new person before the subject is re-identified
 OTHERS_NS = 300_000_000  # initial time of the search, in which all other people are recorded
 SIGHTS_NS = 1_000_000_000  # maximum interval between two observations of a new person
-# fraction of the usual number of views, below which others are excluded; update gain
+# fraction of the usual number of views of the subject, below which the views that may show other people are
+# excluded; gain of the running mean of the usual number
 FEW, USUAL_SHARE = 0.5, 0.02
-ODD = 0.2  # m from the expected position, beyond which others are excluded too
+# m from the expected position of the subject, beyond which the views that may show other people are excluded,
+# too
+ODD = 0.2
 ABSENT_S = 0.2  # time out of sight after which the search for the subject begins
-MISSED = 3  # number of instants with images but without it, before the search begins
-# update gain; fraction of instants with other people, who may be mistaken for the subject
+MISSED = 3  # number of instants with images but without the subject, before the search for the subject begins
+# gain of the running fraction of instants in which other people are in view; fraction above which one of them
+# may be mistaken for the subject
 COMPANY_SHARE, COMPANY = 0.1, 0.5
 
 

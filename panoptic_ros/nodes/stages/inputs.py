@@ -318,7 +318,7 @@ def _is_regular(topic: str, carrier: str) -> bool:
 
 
 UNUSABLE = 3  # refused messages in a row
-UNUSABLE_S = 1.0  # s that these must span before a notice names the input
+UNUSABLE_S = 1.0  # s, minimum span of UNUSABLE refused messages before a notice names the input
 
 
 class MessageValidator:

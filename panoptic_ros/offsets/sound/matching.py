@@ -8,14 +8,15 @@ import numpy as np
 
 Array = np.ndarray
 RATE = 100.0  # Hz, rate of coarse onsets
-# length of the energy windows (s), time of a rise (s), floor quantile; see `onsets`
+# s, length of the energy windows; s, time of a rise; quantile that is the floor (see `onsets`)
 LENGTH_S, RISE_S, LEVEL = 0.025, 0.02, 0.5
 LEAST_S = 5.0  # s that two recordings must share
-ECHO_S = 0.25  # s around a peak in which other peaks belong to it
-STRONG = 8.0  # robust standard deviations of the agreement at other lags that a peak must reach
-EXPECTED = 5.5  # the same for a peak whose lag is known to within a second
-UNIQUE = 1.6  # minimum ratio to the agreement at any other lag
-EVENTS = 3.5  # minimum number of matching events: single bangs in two rooms also agree at one lag
+ECHO_S = 0.25  # s, distance from a peak of the agreement within which other peaks are its echoes
+# minimum agreement at a unique lag, in robust standard deviations of the agreement over all lags
+STRONG = 8.0
+EXPECTED = 5.5  # minimum agreement at a lag that is known to within a second, in the same unit as STRONG
+UNIQUE = 1.6  # minimum ratio of the agreement at a unique lag to that at any other lag
+EVENTS = 3.5  # minimum effective number of matching events: single bangs in two rooms also agree at one lag
 BLOCK_S = 0.25  # s, duration of an event
 NORMAL_MEDIAN = 0.6745  # median of |x| for a standard normal x
 

@@ -17,7 +17,7 @@ SPEED_OF_SOUND = 343.0  # m/s
 ROOM = 1.7  # onset delay over delay of the direct path, in rooms with 0.3 to 0.8 s of reverberation
 ONSET_S = 1.5e-3  # s, standard deviation of the onset delay that a room adds at each microphone
 LEAST_RADIUS = 1.5  # m, minimum radius of the disc of sources around the centre of the microphones
-DEPTH = 0.5  # m, extent of the sources below and above that centre
+DEPTH = 0.5  # m, extent of the sources below and above the centre of the microphones
 RINGS, SPOKES, LEVELS = 6, 24, 3
 UNKNOWN = 0.3  # standard deviation of the path to a microphone over the largest distance of two microphones
 # m, critical distances of rooms, where the direct sound is as loud as the reverberation

@@ -28,7 +28,7 @@ MOST_REVIVALS = 5  # restarts of one process per minute
 
 HOST = (sys.executable, "-m", "panoptic_ros.nodes.main", "host")
 MODULE = "panoptic_ros.running.processes.fork_server"
-PATIENCE_S = 1.0  # s, timeout of a fork; after it the successor is started without the fork server
+PATIENCE_S = 1.0  # s, timeout of a fork; after this time the successor is started without the fork server
 ASK_S = 0.01
 
 

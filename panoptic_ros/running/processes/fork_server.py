@@ -25,7 +25,7 @@ from panoptic_ros.running.compiling.kernel_tasks import TASKS
 # compile task that loads a stage's kernels, where its name differs from the stage's name
 TASK_OF = {"voting": "votes"}
 LOOK_S = 0.05
-NICE = 10  # niceness while loading, as other processes start at the same time
+NICE = 10  # niceness while kernels are loaded, as other processes start at the same time
 
 
 def main() -> int:

@@ -37,7 +37,8 @@ from panoptic_ros.running.takes import named_unclosed_takes
 FACTS, COUNTERS = "/recording/facts", "/recording/counters"
 STRING = "std_msgs/msg/String"
 PATIENCE_S = 10.0  # s, timeout for the first topic
-# s at the start of a recording; their data rates give the recording time that fits on the disk
+# s at the start of a recording. The data rates in this time determine the recording time that fits on the
+# disk.
 MEASURED_S = 2.0
 SETTLE_S = 1.0  # s until the nodes of a graph have discovered the recorder, as measured for `claim_domain`
 

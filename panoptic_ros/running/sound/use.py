@@ -31,7 +31,7 @@ SAME_RATE = 1e-4  # maximum relative difference between equal frame rates; 29.97
 # ns by which sound precedes the frames, so that they do not wait for its clock models
 LEAD_NS = 5_000_000_000
 WHOLE = 0.02  # relative tolerance of an integer ratio
-# ns; swapped timestamps are closer to the other timecode than to their own by more than this
+# ns, minimum amount by which swapped timestamps are closer to the other timecode than to their own
 NEARER_NS = 1_000_000_000
 
 Readings = Mapping[tuple[str, str], TimecodeReading]

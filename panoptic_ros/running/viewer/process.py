@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from panoptic_ros.errors import EnvironmentProblem
 from panoptic_ros.running.processes.children import PROFILE, child_environment
 
-PATIENCE_S = 20.0  # s, timeout for its end
+PATIENCE_S = 20.0  # s, timeout for the end of the process
 
 
 @contextmanager

@@ -16,7 +16,8 @@ from panoptic_ros.simulation.bodies.group import BodyGroup, simulate_group
 from panoptic_ros.simulation.bodies.motion import Clip
 from panoptic_ros.study.live.graph_feed import Feed
 
-CLIPS = ("02_05", "02_10", "18_01")  # clips of the subjects in turn; in these, persons stay near one place
+# clips of the subjects in turn; in all clips the person stays near one place
+CLIPS = ("02_05", "02_10", "18_01")
 APART = 1.1  # m, distance of the subjects from the middle of the room
 
 

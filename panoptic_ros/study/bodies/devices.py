@@ -31,7 +31,9 @@ from panoptic_ros.study.study import Case, Result, Row, Study
 
 Array = np.ndarray
 SCENES = ("body-punch", "body-wash", "body-shake", "body-walk")
-TOLD_S = 5.0  # s from the fault, limit of the delay of its report; the remaining error is measured then
+# s, limit of the time from a fault to its report, and time after the fault at which the remaining error is
+# measured
+TOLD_S = 5.0
 SLIPS_S = 5.0  # time (s) at which a strap slips
 WRONG_DEG, SLIP_DEG, HEADING_DEG = 30.0, 25.0, 10.0
 LEFT_DEG = {  # limit of the remaining mounting error: floor of the segment's error, plus 2 degrees

@@ -36,7 +36,7 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study, grouped, 
 REACH_NS = 60_000_000  # limit of the time from a skeleton to the bodies before and after it
 BEYOND = np.radians(5.0)  # tolerance of joint limits, which are as soft as `limit_sd`
 Array = np.ndarray
-FEW = 2  # views; joints that at most this number of views sees have a row of their own
+FEW = 2  # views; joints that at most this number of views sees are reported in a separate row
 CORNERS = ("lShoulder", "rShoulder", "lHip", "rHip")
 
 

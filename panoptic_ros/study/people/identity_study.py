@@ -43,7 +43,8 @@ from panoptic_ros.study.people.identity import (
 from panoptic_ros.study.study import Case, Result, Row, Study
 
 TRIALS_PER_TAKE = 10  # ratio of trials to takes of the other scenes, which are longer
-DESIGNATED_S = 60.0  # s, length of a take with a designated person; their number is half that of the others
+# s, length of a take with a designated person. Half as many of these takes are made as of the other takes.
+DESIGNATED_S = 60.0
 # relative cost by part
 PARTS = {"trials": 4.0, "few views": 2.0, "visits": 1.0, "designated": 1.0, "dressed": 2.0}
 SUBJECT = 100  # id of the designated person

@@ -19,19 +19,28 @@ from panoptic_ros.timecode.word.viterbi import LEAST_NOISE, WordLevels, best_pat
 Array = np.ndarray
 GOOD_NATS = 15.0  # maximum nats by which a good word may contradict its label
 LEAST_QUALITY = 0.8  # share of the level magnitude that the bits must explain
-LEAST_TENTH = 0.25  # minimum level of each tenth of a word, relative to the word's level; a cut word has less
-LEAST_ANYWHERE = 0.1  # the same for a tenth at any position; silence has less
-POSSIBLE_NATS, POSSIBLE_QUALITY = 150.0, 0.7  # the same limits for a word between good ones
+# minimum mean level of each of ten adjacent tenths of a word, relative to the level of the word; a cut word
+# has less
+LEAST_TENTH = 0.25
+# minimum mean level of a sliding tenth of a word, relative to the level of the word; silence has less
+LEAST_ANYWHERE = 0.1
+# limits as GOOD_NATS and LEAST_QUALITY, for a word between good words
+POSSIBLE_NATS, POSSIBLE_QUALITY = 150.0, 0.7
 CLEAN_SHARE = 0.93  # share of the levels that the bits explain if there is no click
-CLEAR_NATS = 1.0  # nats; a clean word that contradicts its label by less cannot have another one
+# nats; a clean word that contradicts its label by less than this is not compared with other labels
+CLEAR_NATS = 1.0
 USER_NATS = 8.0  # maximum nats by which a word may contradict the user bits that it shares with other words
-# frames, offsets of the neighbouring labels; after 4 words, stopped timecode counts as lost
+# frames, offsets of the neighbouring labels; timecode that has stopped for more than 4 words is considered
+# lost
 BESIDE = (-1, 1, -2, 2, -3, 3, -4, 4)
-BEHIND_NATS = 24.0  # nats by which a word with clicks may fit the neighbouring labels better than its own
+# maximum nats by which a word with clicks may fit a neighbouring label better than its own label
+BEHIND_NATS = 24.0
 NO_BITS = np.full(WORD_CELLS, FREE, np.int8)
-CERTAIN = 12.0  # nats required of every bit
-OTHER_NATS = 15.0  # nats by which a clear word must contradict the certain bits to change them
-MANY_NATS = 90.0  # the same for any word: several bits must differ, as a click flips one or two
+CERTAIN = 12.0  # minimum nats of every bit of certain user bits
+OTHER_NATS = 15.0  # minimum nats by which a clear word must contradict the certain bits to change them
+# minimum nats by which an unclear word must contradict the certain bits to change them: several bits must
+# differ, as a click flips one or two
+MANY_NATS = 90.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ from panoptic_ros.timecode.word.layout import SYNC_ONLY, USER_BITS, known_bits
 from panoptic_ros.timecode.word.viterbi import WordLevels
 
 Array = np.ndarray
-WORST_NATS = 40.0  # maximum nats that one word can count against labels
+WORST_NATS = 40.0  # nats, maximum contribution of one word to the evidence against a label
 AHEAD_NATS = 16.0  # minimum nats between the best labels and the next best
 DOUBT_NATS, DOUBTFUL = 60.0, 4  # labels compared for echoes: maximum nats behind the best, maximum number
 ECHO_WORDS = 5  # minimum number of words to estimate the channel if labels are in doubt

@@ -11,7 +11,8 @@ Array = np.ndarray
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 _sum = njit(cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
 FILTER_SECONDS = 0.014  # s, length of the high-pass filter
-KNOT_HZ = 6000.0  # Hz, minimum rate at which the low pass is computed; it is linear in between
+# Hz, minimum rate at which the low pass is computed; its values are interpolated linearly in between
+KNOT_HZ = 6000.0
 FINE_RATE = 32_000  # Hz, minimum rate after upsampling: edges lie between samples
 BESIDE = 16  # samples on each side used to interpolate one upsampled value
 WINDOW = "kaiser", 4.5  # window of the low pass and of the interpolation: type and shape parameter

@@ -27,7 +27,7 @@ SLOW = 4  # terms after those of the fit; their power measures the errors that n
 REACHES = (0.25, 0.12, 0.12, 0.12)  # cells on each side of an edge, one value per step of the fit
 CLICKS = (1, 2)  # steps that first exclude the edges of clicks; the last step only converges
 OUTLIER = 4.0  # robust standard deviations beyond which an edge belongs to a click
-LOST = 0.05  # cells; the fit fails if its last step moves an edge farther
+LOST = 0.05  # cells; the fit fails if the last step moves an edge by more than this
 # share of an edge's height between two adjacent samples above which clipping hides the edge position
 SUDDEN = 0.85
 LEAST_VARIANCE = 0.01**2  # samples squared, error of the linear interpolation between samples

@@ -19,10 +19,11 @@ BANDWIDTH = 0.25  # radians per cell, loop bandwidth: above any flutter, below t
 EDGES = 0.7  # mean number of edges per tick
 PULL, TURN = 2.0**0.5 * BANDWIDTH * 0.5 / EDGES, 0.25 * BANDWIDTH**2 / EDGES
 OPPOSED = 1.3  # minimum ratio of the difference to the sum of the levels on the two sides of an edge
-FARTHEST = 0.15  # cells, maximum distance of an edge from its tick; larger ones are clipped
+FARTHEST = 0.15  # cells, limit to which the distance of an edge from its tick is clipped
 BEFORE = 2 * len(SYNC)  # ticks of the sync word sent before a word
 TICKS = 2 * WORD_CELLS
-BETWEEN = np.arange(-WORD_CELLS, WORD_CELLS + 1) * 0.5  # ticks of a word, in cells from its middle
+# cells, positions of the ticks of a word relative to the middle of the word
+BETWEEN = np.arange(-WORD_CELLS, WORD_CELLS + 1) * 0.5
 
 
 @_jit
