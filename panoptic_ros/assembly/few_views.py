@@ -138,9 +138,9 @@ def hold_people(
 
 @njit(cache=True, error_model="numpy")
 def place_joints(rows, shown, joints, body, sight):
-    """Place missing joints that one or two views show, in place.
+    """Write positions of missing joints that one or two views show to `joints`.
 
-    People whom more than `FEW_SEEING` views should see are left out, because they may be false.
+    People whom more than `FEW_SEEING` views should see are left out, because such people may be false.
 
     Args:
         rows: (K,) rows of candidates with few views.
@@ -277,7 +277,7 @@ def _of_solved(joints, row, body):
 
 @njit(cache=True, error_model="numpy")
 def _take_solved(known, joints, row):
-    """Enter the solved joints of a person into prior knowledge, in place."""
+    """Enter the solved joints of a person into `known` as prior knowledge."""
     for j in range(len(known.places)):
         if np.isfinite(joints.positions[row, j, 0]):
             known.places[j] = joints.positions[row, j]

@@ -69,7 +69,7 @@ class Joints(NamedTuple):
         )
 
     def derive(self, skeleton: SkeletonModel) -> None:
-        """Fill missing joints that are means of others, with the covariance of the mean, in place."""
+        """Fill missing joints that are means of other joints, with the covariance of the mean."""
         for joint, others in skeleton.derived:
             parts = list(others)
             place = self.positions[:, parts].mean(axis=1)

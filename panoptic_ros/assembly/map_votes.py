@@ -99,7 +99,7 @@ def vote_sigmas(skeleton: SkeletonModel, others: float, torso: float) -> Array:
 def move_to_votes(
     joints: Joints, expected: Array, item: ProposalSet, skeleton: SkeletonModel, noise: VoteNoise
 ) -> None:
-    """Move joints towards the votes of the maps, in place.
+    """Move the positions in `joints` towards the votes of the score maps.
 
     A node within the gate is one more measurement of the position. The covariance stays unchanged, because
     the vote is from the same images. A joint that moves to a node beyond the gate takes all values of the

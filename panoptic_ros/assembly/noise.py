@@ -201,7 +201,7 @@ def sizes_of(plane, magnification, scores):
 
 @njit(cache=True, error_model="numpy")
 def count_residuals(marks, residuals, learnt, focals, diagonals, start):
-    """Update learnt values as in `NoiseTable.learn`, in place, and return whether there were residuals.
+    """Update the values in `learnt` as in `NoiseTable.learn`, and return whether there were residuals.
 
     Args:
         focals, diagonals: (C,) px.
@@ -241,7 +241,7 @@ def count_residuals(marks, residuals, learnt, focals, diagonals, start):
 
 @njit(cache=True, error_model="numpy")
 def _add(sums, x, y):
-    """Add a log size and a log residual to the sums of the regression, in place."""
+    """Add a log size x and a log residual y to the regression sums `sums`."""
     y = min(CLIP, max(-CLIP, y))
     sums[0] += 1.0
     sums[1] += x
@@ -252,7 +252,7 @@ def _add(sums, x, y):
 
 @njit(cache=True, error_model="numpy")
 def _solve_growth(learnt, memory):
-    """Compute the mean log size, and the slope of log residuals over log sizes, in place."""
+    """Write the mean log size, and the slope of log residuals over log sizes, to `learnt.growth`."""
     learnt.sums[:] *= min(1.0, memory / max(learnt.sums[0], 1.0))
     count, x, y, xx, xy = learnt.sums
     middle = x / max(count, 1.0)
@@ -269,7 +269,7 @@ def _level(ratio):
 
 @njit(cache=True, error_model="numpy")
 def _forget(table, memory):
-    """Scale rows of a histogram (R, L) down to `memory` entries, in place."""
+    """Scale the rows of the histogram `table` (R, L) down to `memory` entries each."""
     for i in range(len(table)):
         total = 0.0
         for k in range(table.shape[1]):

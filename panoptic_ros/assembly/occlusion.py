@@ -122,7 +122,7 @@ def _apart(box, left, right, top, bottom, near):
 
 @njit(cache=True, error_model="numpy")
 def _hide(joints, box, body, own, bones, radii, hidden):
-    """Mark joints in a box that lie behind the bones of a body, in place.
+    """Enter into `hidden` which joints in a box lie behind the bones of a body.
 
     The loop over joints has no branch, so that the compiler treats several joints at once.
 

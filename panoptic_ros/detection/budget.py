@@ -15,7 +15,8 @@ SECOND = 10**9
 DECIDED_EVERY_NS = SECOND // 2
 LEARNT = 0.05  # weight of a new cost in the running mean
 FEW = 6.0  # looks per s and camera, below which people are scaled down before the rate drops further
-LEAST_HEIGHT = 160  # net px; below, accuracy falls faster than the cost
+# px of the network input, least height of people; below, accuracy falls faster than the cost
+LEAST_HEIGHT = 160
 FEWEST = 2.0  # looks per s and camera, lower limit of the rate
 STEP = 0.1  # a choice stays until another differs by more than this share
 
@@ -60,7 +61,7 @@ class Budget:
     Args:
         share: Share of the cores that may be used.
         cores: Number of cores.
-        tallest: Height of people in regions, net px, unless looks become rare.
+        tallest: Height of people in regions, px of the network input, unless looks become rare.
         begin: Pace until costs are measured.
     """
 

@@ -1,6 +1,6 @@
 """Model card: everything that the code needs to feed a network and to decode its outputs.
 
-Two networks of one family differ in their cards only. Pixels of the network input ("net px") have one of two
+Two networks of one family differ in their cards only. Pixels of the network input have one of two
 origins. The origin is the corner of the image (the first pixel's centre is 0.5, 0.5), or the centre of its
 first pixel, as in OpenCV. `CoordsCard.origin` states which one the network uses.
 """
@@ -32,7 +32,7 @@ class InputCard:
     """Description of the input tensor.
 
     Args:
-        size: (height, width) net px, or () if the network takes any size.
+        size: (height, width) px, or () if the network takes any size.
         multiple: Sizes are multiples of this, if the network takes any size.
         mean, std: Per channel in the network's colour order, of values 0..255.
         fit: Method that fits an image into the input.
@@ -73,7 +73,7 @@ class CoordsCard:
 
     Args:
         origin: "corner" or "center", see the module.
-        shift_px: (x, y) net px to add to the network's coordinates.
+        shift_px: (x, y) px of the network input to add to the network's coordinates.
         udp: Sizes are measured between pixel centres, w - 1 (Huang et al. 2020), in crops and maps.
     """
 
@@ -96,12 +96,12 @@ class ModelCard:
         file: The ONNX file, relative to the card; "" = in the cache of fetched models.
         sha256: Hash of that file; "" = not checked.
         output: Tensor name by role in the family.
-        stride: net px per cell of the score maps.
-        split: Bins per net px (simcc).
+        stride: px of the network input per cell of the score maps.
+        split: Bins per px of the network input (simcc).
         joints: Names of the network's joints; () for boxes.
         joint_bias: m for each joint, measured standard deviation per axis of the constant bias relative to
             the joint centres of people; () = unknown.
-        person_px: Range of heights, net px, in which people are detected best.
+        person_px: Range of heights, px of the network input, in which people are detected best.
         person_threshold: People with lower scores are dropped, unless the stage overrides it.
         joint_threshold: The same for joints.
         nms_iou: Intersection over union above which two boxes are one person, if the network leaves that

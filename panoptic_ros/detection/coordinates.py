@@ -17,7 +17,7 @@ def net_from_model(card: ModelCard) -> Array:
 
 
 def grid_from_net(card: ModelCard, net_size: tuple[int, int], grid_size: tuple[int, int]) -> Array:
-    """Return the (2, 3) affine map from net px (centre of the first pixel = 0) to cells of the score maps.
+    """Return the (2, 3) affine map from input px (centre of the first pixel = 0) to cells of score maps.
 
     Args:
         net_size, grid_size: (height, width).

@@ -59,7 +59,7 @@ class CropNetwork:
         """Detect the people in an image (H, W, 3) uint8 BGR.
 
         Args:
-            side: Longer side of the input of the network that detects the people, net px.
+            side: Longer side of the input of the network that detects the people, px.
         """
         boxes, box_scores, scale = self._boxes(image, side)
         looks = self._look(image, boxes)

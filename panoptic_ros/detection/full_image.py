@@ -39,7 +39,7 @@ class ImageDetections:
     Args:
         people: People in image px, each with at least one joint above the threshold. Boxes are optional.
         patches: Score maps, None if there are none.
-        scale: net px per image px of the network that detects the people.
+        scale: px of the input of the network that detects the people, per px of the image.
     """
 
     people: DetectedPeople
@@ -59,7 +59,7 @@ class FullImageNetwork:
         self.person_px = model.card.person_px
 
     def find(self, image: Array, side: int, maps: bool = True) -> ImageDetections:
-        """Detect the people in an image (H, W, 3) uint8 BGR, with `side` net px on its longer side.
+        """Detect the people in an image (H, W, 3) uint8 BGR, scaled to `side` px on the longer side.
 
         Networks of a fixed input size ignore `side`. Without `maps` the finding has no score maps.
         """
@@ -77,7 +77,7 @@ class FullImageNetwork:
         return ImageDetections(people.transformed(image_from_net), patches, float(net_from_image[1, 1]))
 
     def size_of(self, side: int, image: Array) -> tuple[int, int]:
-        """Return the (height, width) net px of an image with `side` net px on its longer side."""
+        """Return the input size (height, width) px of an image that gets `side` px on its longer side."""
         return input_size(side, (image.shape[1], image.shape[0]), self.card.input.multiple)
 
     def find_in(

@@ -14,14 +14,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-START_SIDES = (256, 384, 512, 768)  # net px, tried on the first frame if no side is configured
+# px of the network input, tried on the first frame if no side is configured
+START_SIDES = (256, 384, 512, 768)
 SURE = 0.2  # people with higher scores count
 PROBE_FACTORS = (0.7, 0.45, 1.5, 2.2)  # factors on the present side, tried in turn
 PROBE_AFTER, PROBE_AFTER_MOST = 3, 64  # frames with missed people before a probe; doubles after vain probes
 UNCLAIMED_JOINTS = 6  # this number of joints without a person indicates a missed person
 SETTLED = 3  # frames at one side before it may follow the people
 GAIN = 0.15  # summed person scores by which another side must be better
-# Information that one view gives about a person, as a function of the height over the seen joints in net px.
+# Information that one view gives about a person, as a function of the height over the seen joints in px.
 # It is the inverse squared joint error times the share of people who are detected or visible in the maps.
 # Measured with MoveNet MultiPose on rendered people; the loss above 250 px is that of real people.
 QUALITY_PX = (0.0, 40.0, 70.0, 100.0, 130.0, 160.0, 200.0, 220.0, 240.0, 260.0, 300.0, 350.0, 400.0)
@@ -34,7 +35,7 @@ class InputSizeResult:
     """Result of one run of the network, as far as it concerns the input size.
 
     Args:
-        side: Longer side of the input, net px.
+        side: Longer side of the input, px.
         scores: (P,) person scores.
         heights: (P,) image px, over the seen joints.
         unclaimed: Number of joints with a peak in the maps that belongs to no person.
@@ -61,8 +62,8 @@ class InputSizeChooser:
     """Chooser of the longer side of the network input for one camera.
 
     Args:
-        start: Side at the start, net px; 0 = try several on the first frame.
-        least, most: Limits of the side, net px.
+        start: Side at the start, px; 0 = try several on the first frame.
+        least, most: Limits of the side, px.
         multiple: Sides are multiples of this.
         window: Number of frames whose people count.
         adaptive: False = `start` stays.
@@ -153,7 +154,7 @@ def expected_quality(heights: np.ndarray, sides: np.ndarray) -> np.ndarray:
 
     Args:
         heights: (P,) heights of people, as shares of the image's longer side.
-        sides: (S,) longer sides of the input, net px.
+        sides: (S,) longer sides of the input, px.
     """
     quality: np.ndarray = np.interp(sides[:, None] * heights[None, :], QUALITY_PX, QUALITY).sum(axis=1)
     return quality

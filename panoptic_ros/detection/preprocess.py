@@ -55,7 +55,7 @@ def crop(image: Array, box: Array, card: InputCard, coords: CoordsCard) -> tuple
     """Cut out the surroundings of a box (left, top, right, bottom); return them and net_from_image (2, 3).
 
     The box is enlarged by the card's padding and to the aspect ratio of the input. As in MMPose
-    (TopdownAffine), its left edge lies at net px 0 and its right edge at w, or at w - 1 with UDP.
+    (TopdownAffine), its left edge lies at px 0 of the input and its right edge at w, or at w - 1 with UDP.
     """
     height, width = card.size
     centre = 0.5 * (box[:2] + box[2:])

@@ -27,7 +27,7 @@ class Region:
 
     Args:
         box: Left, top, right, bottom px; right and bottom are exclusive.
-        net_size: (height, width) net px (pixels of the network input).
+        net_size: (height, width) px of the network input.
     """
 
     box: tuple[int, int, int, int]
@@ -35,7 +35,7 @@ class Region:
 
     @property
     def cost(self) -> int:
-        """Return the number of net px."""
+        """Return the number of pixels of the network input."""
         return self.net_size[0] * self.net_size[1]
 
 
@@ -93,10 +93,10 @@ class PeopleGroup:
         """Return the region of the image that shows this group.
 
         Args:
-            tallest: Height of the tallest person in the network input, net px, unless `enlarged` limits the
+            tallest: Height (px) of the tallest person in the network input, unless `enlarged` limits the
                 scale.
             multiple: Sides of the network input are multiples of it.
-            enlarged: Greatest scale from image px to net px.
+            enlarged: Greatest scale, px of the network input per px of the image.
         """
         return _region(self.box, min(enlarged, tallest / max(self.tallest, 1.0)), image_size, multiple)
 
@@ -126,7 +126,8 @@ def _region(box: Array, scale: float, image_size: tuple[int, int], multiple: int
     """Return a region round a box at about the given scale, enlarged until the input's sides fit `multiple`.
 
     The enlargement shows more of the image round the box. A slightly lower scale can avoid rounding a side
-    up. The function takes the scale with the fewest net px at equal resolution.
+    up. The function takes the scale with the fewest input pixels at equal
+    resolution.
     """
     extent = box[2:] - box[:2]
     low = [max(math.floor(side * LEAST_SCALE * scale / multiple), 1) for side in extent]

@@ -39,10 +39,10 @@ BEGINNING_NS = 1_000_000_000
 EXPLAINED = 0.2  # median joint distance between detection and prediction of one person, share of the height
 IN_A_CROWD = 0.1  # the same for people so close that one track would explain another's detection
 SURE_STRANGER = 0.25  # person score from which an unexplained detection raises an alarm
-SCAN_HEIGHT = 90.0  # net px, height of a median person in a scan (small whole image)
-LEAST_SCAN = 128  # net px, least longer side of a scan
+SCAN_HEIGHT = 90.0  # px of the network input, height of a median person in a scan (small whole image)
+LEAST_SCAN = 128  # px of the network input, least longer side of a scan
 CLOSER = 1.36  # height of people in a closer look at a crowd, relative to that in regions
-ENLARGED = 2.0  # greatest scale of a closer look, net px per image px
+ENLARGED = 2.0  # px of the network input per px of the image, greatest scale of a closer look
 UNKNOWN_SCAN = 0.45  # side of a scan relative to the camera's usual side, where no heights are known
 
 Whole = Callable[[ViewFrame], ImageDetections]  # detects the people in the whole image
@@ -233,7 +233,7 @@ class RigDetector:
     Args:
         rolls: Degrees counter-clockwise by camera, which turn its images upright.
         whole: Detects the people in the whole image.
-        side: Returns the longer side of the network input for the whole image, net px.
+        side: Returns the longer side of the network input for the whole image, px.
         allowance: See `DetectionScheduler`.
 
     Raises:

@@ -124,7 +124,7 @@ class BagWriter:
             os.fsync(storage.bio.fileno())
 
     def discard(self) -> None:
-        """Abort and remove the files; in place, the data written so far remain."""
+        """Abort and remove the files. A bag written at its final path (`in_place`) keeps the data so far."""
         if self._open:
             self._open = False
             with suppress(OSError, WriterError):

@@ -24,7 +24,10 @@ WIDTH = 3 * SPAN  # band width for three coordinates
 
 @njit(cache=True, error_model="numpy")
 def factor(band):
-    """Compute the Cholesky factor in place, A = L L^T; return False if A is not positive definite."""
+    """Replace the band of A by that of its Cholesky factor L, A = L L^T.
+
+    Returns: False if A is not positive definite.
+    """
     n, width = band.shape
     for i in range(n):
         for k in range(min(i, width - 1), -1, -1):
@@ -44,7 +47,7 @@ def factor(band):
 
 @njit(cache=True, error_model="numpy")
 def forward(lower, right):
-    """Solve L x = right in place, for right (n, m)."""
+    """Solve L x = right for right (n, m), and write x to `right`."""
     n, width = lower.shape
     for i in range(n):
         for k in range(1, min(width, i + 1)):
@@ -59,7 +62,7 @@ def forward(lower, right):
 
 @njit(cache=True, error_model="numpy")
 def backward(lower, right):
-    """Solve L^T x = right in place, for right (n,)."""
+    """Solve L^T x = right for right (n,), and write x to `right`."""
     n, width = lower.shape
     for i in range(n - 1, -1, -1):
         value = right[i]

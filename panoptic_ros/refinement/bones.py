@@ -25,7 +25,7 @@ def on_bones(
     lasting: Array | None,
     target: Moment,
 ) -> None:
-    """Learn bone lengths, then pull the joints to bones of these lengths, in place.
+    """Learn bone lengths into `people`, then move the joints in `judged` towards these lengths.
 
     Persistent errors of joints change the bones as well. The covariances of the filter do not contain these
     errors, and they are small where the surface shows the motion of joints. So the correction is computed
@@ -59,14 +59,14 @@ def on_bones(
 
 @njit(cache=True, error_model="numpy")
 def learn_people(places, spreads, states, bones, lengths, frames, squares):
-    """Update the bone lengths (P, B) m of all people, in place; see `learn_lengths`."""
+    """Update `lengths` (P, B) m, the bone lengths of all people, and their numbers; see `learn_lengths`."""
     for p in range(len(places)):
         learn_lengths(places[p], spreads[p], states[p], bones, MEMORY, lengths[p], frames[p], squares[p])
 
 
 @njit(cache=True, error_model="numpy")
 def pull_bones(positions, covariances, states, bones, lengths, sigma):
-    """Update the joints with bone lengths (P, B) m as measurements, in place; NaN = unknown length.
+    """Update joint positions and covariances with bone lengths (P, B) m as measurements; NaN = unknown.
 
     One pass follows the tree from the root. Each bone is a scalar measurement of both its ends, and the less
     certain end moves more. A Cauchy weight reduces the influence of outliers.

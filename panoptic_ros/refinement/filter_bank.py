@@ -111,7 +111,7 @@ def with_torso(motions: PartMotions, torso: int, ids: Sequence[int], places: Arr
 
 
 def learn_shortfall(sums: Array, people: People, kinds: Sequence[Sequence[int]], dt: float) -> None:
-    """Update the regression sums (K, 2) m^2 s with the recent motion of all people, in place.
+    """Add the recent motion of all people to the regression sums `sums` (K, 2) m^2 s.
 
     Args:
         people: Recent motions from surface and views.
@@ -127,12 +127,12 @@ def learn_shortfall(sums: Array, people: People, kinds: Sequence[Sequence[int]],
 
 
 def add_motions(people: People, surface: Array, views: Array, dt: float) -> None:
-    """Add displacements against the torso to the sums of recent motion, in place.
+    """Add displacements against the torso to the sums of recent motion in `people`.
 
     Older displacements decay with the time constant `SPAN`. Joints with NaN start again at 0.
 
     Args:
-        people: Its `followed` and `seen` are updated.
+        people: Learnt values; `followed` and `seen` are updated.
         surface: (P, J, 3) m, displacements from the surface.
         views: (P, J, 3) m, displacements from views.
         dt: s, duration of the displacements.
@@ -217,7 +217,7 @@ class FilterBank:
             self._at_random(moment.motion, moment.noise)
 
     def _at_random(self, motion: Motion, noise: Array) -> None:
-        """Give unknown accelerations their stationary variance under process noise m^2/s^3, in place."""
+        """Set variances of unknown accelerations in `motion` to stationary ones under the noise m^2/s^3."""
         last = range(MOVING, len(self._sized))
         motion.covariances[..., last, last] = lasting_variance(noise, self.memory)[..., None]
 
@@ -327,11 +327,11 @@ class FilterBank:
             self._start(rows[k], new[rows[k]], points[k], None if shift is None else shift.rows([k]))
 
     def _keep_lasting(self, now: Moment) -> None:
-        """Update the covariances of persistent errors as running means over `STEADY`, in place.
+        """Update the covariances of persistent errors in a moment, as running means over `STEADY`.
 
-        They change slowly, so that bones that depend on them do not shake. A joint that is not measured
-        counts with its whole last covariance, not with a share: the cause of its errors is also the cause of
-        its loss.
+        These covariances change slowly, so that bones that depend on them do not shake. A measured joint adds
+        a share of its measurement noise. A joint that is not measured adds its whole last noise: the cause of
+        its errors is also the cause of its loss.
         """
         measured = now.measured
         shares = np.where(measured.joints, self._share, float(self._share > 0.0))[..., None, None]
@@ -382,7 +382,7 @@ class FilterBank:
         return self._judged(target, motion, again)
 
     def _fade(self, index: int, motion: Motion, between: bool) -> None:
-        """Apply corrections of the previous moment gradually to the motion at this moment, in place.
+        """Apply corrections of the previous moment gradually to the positions in `motion`.
 
         Later measurements correct the joints at both moments together. The output would jump, although the
         joint did not. The motion since the previous moment is known from the surface and is applied at once.

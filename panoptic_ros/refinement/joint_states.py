@@ -25,7 +25,7 @@ class Judged(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def take_measurements(measured, rows, points, covariances, scores, views):
-    """Store points (R, J, 3) m as the latest measurements of the people in these rows, in place.
+    """Store points (R, J, 3) m in `measured`, as the latest measurements of the people in these rows.
 
     Args:
         measured: `Measured` of the moment, updated.

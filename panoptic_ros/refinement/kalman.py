@@ -58,7 +58,7 @@ def carried(sized, forward, matrix, result):
 
 @njit(cache=True, error_model="numpy")
 def update(sized, motion, rows, measured, cauchy, innovations):
-    """Update the people in these rows (R,) with points (R, J, 3) m, in place.
+    """Update `motion` of the people in these rows (R,) with measured points (R, J, 3) m.
 
     Joints with a NaN point or an unknown state stay unchanged. Large innovations increase the noise
     (`geometry.robust`). The noise is whitened, then the three coordinates are applied one after another.
@@ -111,7 +111,7 @@ def update(sized, motion, rows, measured, cauchy, innovations):
 
 @njit(cache=True, error_model="numpy")
 def _delay(delay, state, cov, ahead, innovation, total):
-    """Convert the innovation (3,) of X and its covariance (3, 3) to those of X + G V, in place.
+    """Change `innovation` (3,) and `total` (3, 3), its covariance, from those of X to those of X + G V.
 
     Args:
         ahead: (3, S), scratch.
@@ -132,7 +132,7 @@ def _delay(delay, state, cov, ahead, innovation, total):
 
 @njit(cache=True, error_model="numpy")
 def update_velocities(sized, motion, rows, velocities, information, cauchy):
-    """Update with velocities (R, J, 3) m/s and their information (R, J, 3, 3) s^2/m^2, in place.
+    """Update `motion` with velocities (R, J, 3) m/s and their information (R, J, 3, 3) s^2/m^2.
 
     The information may be singular. Joints with zero information or an unknown state stay unchanged.
     """
@@ -153,7 +153,7 @@ def update_velocities(sized, motion, rows, velocities, information, cauchy):
 
 @njit(cache=True, error_model="numpy")
 def update_row(sized, state, covariance, row, innovation, cauchy, gain):
-    """Update the state of one joint with a scalar measurement of unit noise, with a Cauchy weight, in place.
+    """Update `state` and `covariance` of one joint with a scalar measurement of unit noise (Cauchy weight).
 
     Args:
         row: (S,) row of the measurement matrix, or shorter if all further elements are 0.
@@ -187,14 +187,14 @@ def smoother_gains(sized, motion, transition, ahead, gains):
 
 @njit(cache=True, error_model="numpy")
 def smooth(sized, motion, gains, predicted, measured, later, again):
-    """Smooth one step backwards, in place: `later` changes from the next instant to this instant.
+    """Smooth one step backwards: `later` changes from the next instant to this instant.
 
     Args:
         motion: Filtered motion of this instant.
         gains: (P, J, S, S), transposed.
         predicted: Motion of the next instant, predicted from this instant.
         measured: (P, J) whether a joint is measured at the next instant.
-        later: Smoothed motion of the next instant; becomes that of this instant.
+        later: Smoothed motion of the next instant; becomes the smoothed motion of this instant.
         again: (P, J) whether a joint is measured after the next instant, without an interruption; becomes the
             same for this instant.
     """

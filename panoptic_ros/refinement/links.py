@@ -104,7 +104,7 @@ def with_views(links: Links, rows: Array, moved: Array, spreads: Array) -> Links
 
 @njit(cache=True, error_model="numpy")
 def predict_linked(sized, motion, transition, noise, links, cauchy, ahead, gains, innovations):
-    """Predict joints with measured displacements, and compute their smoother gains, in place.
+    """Predict joints with measured displacements into `ahead`, and write their smoother gains to `gains`.
 
     This replaces `kalman.predict` and `kalman.smoother_gains` for these joints. Their previous state is first
     updated with the velocity that the displacement measures. Large innovations increase the covariance of the

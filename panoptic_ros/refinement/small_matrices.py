@@ -55,7 +55,7 @@ def whitened_row(lower, k, row):
 
 @njit(cache=True, error_model="numpy")
 def solve(sized, matrix, columns, lower):
-    """Replace `columns` (S, S) by matrix^-1 columns, in place.
+    """Replace `columns` (S, S) by matrix^-1 columns.
 
     Args:
         sized: Sequence of length S.

@@ -116,7 +116,7 @@ class BodyFill:
     def fill(
         self, stamp_ns: int, ids: Array, judged: Judged, views: Array, noises: Array, max_sigma: float
     ) -> None:
-        """Learn offsets from joints that many views see, and correct all other joints, in place.
+        """Learn offsets from joints that many views see, and correct all other joints in `judged`.
 
         Args:
             stamp_ns: Instant of the joints.
@@ -192,12 +192,12 @@ def learn(learnt: Learnt, apart: Array, own: Array, well: Array) -> Learnt:
 def _mend(
     judged: Judged, row: int, placed: Array, noise: Array, measured: Array, asked: Array, max_sigma: float
 ) -> None:
-    """Fuse the joints of a person with those of the body, or fill missing ones, in place.
+    """Fuse the joints of one person in `judged` with joints of the body, and fill missing joints from it.
 
     Args:
         row: Row of the person.
         placed: (J, 3) m, joints according to the body.
-        noise: (J, 3, 3) m^2, their covariances.
+        noise: (J, 3, 3) m^2, covariances of `placed`.
         measured: (J, 3, 3) m^2, added to the covariances of the skeleton.
         asked: (J,) whether to correct the joint.
         max_sigma: m, largest standard deviation with which a body fills a missing joint.

@@ -51,7 +51,7 @@ def scales(people: People, lasting: Array) -> Array:
 
 
 def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> None:
-    """Learn from the whitened innovations of positions, in place.
+    """Update the learnt values in `people` and `lasting` from the whitened innovations of positions.
 
     If displacements of a joint were measured on the surface, `learn_turns` learns its process noise instead.
 
@@ -66,11 +66,11 @@ def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> No
 
 
 def learn_turns(people: People, innovations: Array, dt: float) -> None:
-    """Learn the process noise from the whitened innovations of displacements, in place.
+    """Update the process noise in `people` from the whitened innovations of displacements.
 
-    Innovations of displacements show the process noise more clearly than those of positions. Detector errors
-    persist, so innovations of positions point the same way for any process noise. Displacements have no such
-    errors. They are also accurate enough for single joints: an arm swings while the legs stand.
+    Innovations of displacements show the process noise more clearly than innovations of positions. Detector
+    errors persist, so innovations of positions point the same way for any process noise. Displacements have
+    no such errors. They are also accurate enough for single joints: an arm swings while the legs stand.
 
     People move more smoothly than with random accelerations. So the innovations of a swinging joint point the
     same way for long, and their correlation is higher for shorter intervals between images. `SMOOTH` is the
@@ -88,7 +88,7 @@ def learn_turns(people: People, innovations: Array, dt: float) -> None:
 
 
 def _change(people: People, changes: Array) -> None:
-    """Add changes (P, J) to the logarithms of the factors, in place."""
+    """Add changes (P, J) to the logarithms of the factors on the process noise in `people`."""
     people.factors[:] = np.minimum(np.maximum(people.factors * np.exp(changes), RANGE[0]), RANGE[1])
 
 
@@ -126,7 +126,7 @@ def turn_correlations(before, now, smooth, changes):
 
 @njit(cache=True, error_model="numpy")
 def learn_levels(people, seen, innovations, lasting, changes):
-    """Update all learnt values except the factors, in place.
+    """Update all learnt values in `people` except the factors, and those in `lasting`.
 
     Args:
         changes: (P,), output: changes of the logarithms of the factors of all joints of a person.

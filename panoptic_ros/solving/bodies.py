@@ -108,10 +108,10 @@ class Rays(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def begin(known, rays, body, expected):
-    """Initialise the positions of joints that have none, and enlarge the noise of disputed joints, in place.
+    """Write start positions of joints without one to `known`, and larger noise of disputed joints to `rays`.
 
-    If two views dispute a joint, it is unclear which of them is wrong. So the noise of both rays grows until
-    it covers their gap, and the joint starts midway between them. Two rays more than WIDEST_GAP apart start
+    If two views dispute a joint, it is unclear which view is wrong. So the noise of both rays grows until it
+    covers their gap, and the joint starts midway between them. Two rays more than WIDEST_GAP apart start
     no joint.
 
     A joint that one view observes starts on its ray, beside a neighbouring joint. The distance to the
@@ -164,7 +164,7 @@ def begin(known, rays, body, expected):
 
 @njit(cache=True, error_model="numpy")
 def _begin_beside(j, v, end, b, known, rays, expected):
-    """Place joint j on the ray of view v, near the other end of bone b, in place.
+    """Write a start position of joint j to `known`: on the ray of view v, near the other end of bone b.
 
     The joint stays unknown if the other end is behind the camera. It also stays unknown if the ray passes
     that end at more than STRETCH bone lengths. If the length is unknown, the limit is CLOSE.
@@ -244,7 +244,7 @@ def estimate(known, rays, body):
 
 @njit(cache=True, error_model="numpy")
 def _add_what_is_known(known, body, x, normal, right):
-    """Add all terms except the rays to the normal equations, in place.
+    """Add all terms except the rays to the normal equations `normal` and `right`.
 
     Args:
         x: (J, 3) m, world, positions at which the terms are linearised; NaN = unknown.
@@ -292,9 +292,10 @@ def _add_what_is_known(known, body, x, normal, right):
 
 @njit(cache=True, error_model="numpy")
 def _add_trunk(known, body, x, normal, right):
-    """Add the term that the trunk as a whole hardly moves up or down, in place.
+    """Add the term that the trunk as a whole hardly moves up or down to the normal equations.
 
-    It is one constraint on the mean over the trunk's joints, not one per joint. See `_add_what_is_known`.
+    The term is one constraint on the mean over the trunk's joints, not one per joint. Arguments: see
+    `_add_what_is_known`.
     """
     count, risen = 0, 0.0
     for j in body.trunk:
@@ -315,7 +316,7 @@ def _add_trunk(known, body, x, normal, right):
 
 @njit(cache=True, error_model="numpy")
 def _add_rays(rays, x, normal, right, residuals):
-    """Add the rays with Cauchy weights to the normal equations and write their residuals, in place.
+    """Add the rays with Cauchy weights to the normal equations, and write their residuals to `residuals`.
 
     Args:
         x, normal, right: See `_add_what_is_known`.

@@ -282,7 +282,10 @@ def _solve_and_settle(
     rules: SolverRules,
     solved: SolvedJoints,
 ) -> None:
-    """Solve the joints `todo` (P, J), then again those that lose a 2D joint to another person, in place."""
+    """Solve the joints `todo` (P, J), and write the results to `solved`.
+
+    Joints that lose a 2D joint to another person are then solved again.
+    """
     solve_again(todo, found.guide, claims, seen, rules, solved, False)
     losers = settle(solved, claims, rules.foreign_penalty)
     if losers.any():
@@ -291,7 +294,7 @@ def _solve_and_settle(
 
 @njit(cache=True, error_model="numpy")
 def solve_again(todo, guides, claims, seen, rules, solved, claiming):
-    """Replace the results of the joints `todo` (P, J), in place.
+    """Solve the joints `todo` (P, J), and replace their results in `solved`.
 
     Args:
         claiming: whether each joint claims its 2D joints before the next one is solved.

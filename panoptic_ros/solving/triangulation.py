@@ -174,7 +174,7 @@ def triangulate_linear(member, mirrored, seen, mirror):
 
 @njit(cache=True, error_model="numpy")
 def viewing_ray(cams, v, point, ray, centre):
-    """Write the unit direction (3,) of a ray and the centre (3,) m of its camera, world, in place.
+    """Write the unit direction of a ray to `ray` (3,), and its camera centre to `centre` (3,) m, world.
 
     Args:
         point: (2,) point of view v on the plane at 1 m.
@@ -228,11 +228,11 @@ def intersect(first, second, own, seen, x):
 
 @njit(cache=True, error_model="numpy")
 def refine_point(x, shift, picks, seen, rules, limit, result):
-    """Refine a point by Gauss-Newton with Cauchy weights and a gate; x and result are updated in place.
+    """Refine a point by Gauss-Newton with Cauchy weights and a gate, and write it to `x`.
 
     Args:
-        x: (3,) m, world.
-        shift: (3,) m/s, its velocity.
+        x: (3,) m, world, start; becomes the refined point.
+        shift: (3,) m/s, velocity of the point.
         picks: (V, 2) row of the 2D pose and index of its joint, -1 = none.
         seen: `Observations`.
         rules: `SolverRules`.
@@ -324,7 +324,7 @@ def _tabulate(shift, picks, seen, residuals, table):
 
 @njit(cache=True, error_model="numpy")
 def _take_roots(residuals, views):
-    """Replace the squared residuals of these views by residuals, in place."""
+    """Replace the squared residuals of these views in `residuals` by their roots."""
     for k in range(len(views)):
         view = int(views[k])
         if residuals[view] >= 0.0:

@@ -60,8 +60,8 @@ class PendingLine(Generic[Frame]):
 
     Args:
         frames: (list) newest of these frames.
-        count: (number) all of these frames, including those no longer kept.
-        since: (ns) arrival of the first of them; None if there are none.
+        count: (number) all frames of the line, including those no longer kept.
+        since: (ns) arrival of the first frame of the line; None if the line is empty.
         offsets: (ns) clock offsets of the newest frames relative to the accepted offset.
         out: True if the camera is left out.
         text: notice text for the camera.
@@ -93,7 +93,7 @@ class PendingLine(Generic[Frame]):
         return self.count >= SURE and self.since is not None and at - self.since >= SURE_NS
 
     def clear(self, following: Frame | None = None) -> tuple[list[Frame], list[Frame]]:
-        """Empty the line; return the frames that continue up to its end or to `following`, and the others.
+        """Empty the line; return the frames that lead without a gap to `following`, and the other frames.
 
         Args:
             following: next frame of the camera, which has the accepted offset; None to keep up to the last
@@ -166,7 +166,7 @@ class Agreement(Generic[Frame]):
     def end(self, camera: str) -> tuple[list[Frame], list[Notice]]:
         """End a camera; return its frames if the time line has not begun, and notices.
 
-        Once the time line has begun, its frames with a deviating offset are dropped.
+        Once the time line has begun, frames of the camera with a deviating offset are dropped.
         """
         line = self._lines[camera]
         begun = self._by_arrival.offset is not None or self._by_stamps.offset is not None

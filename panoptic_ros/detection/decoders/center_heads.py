@@ -28,12 +28,12 @@ def decode_center_heads(
     threshold: float,
     variance: float | None = None,
 ) -> DetectedPeople:
-    """Decode the people of one image, in net px whose origin is the corner of the image.
+    """Decode the people of one image, in px of the network input; their origin is the image's corner.
 
     Args:
         heads: `center` (1, h, w) and `heat` (K, h, w) in 0..1; `regress` and `offset` (2 K, h, w),
             `box_scale` and `box_offset` (2, h, w) in cells, y before x.
-        stride: net px per cell.
+        stride: px of the network input per cell.
         threshold: People with lower scores are dropped.
         variance: Squared width of the search for a joint, cells^2. None: from the size of the map, which then
             must show the whole image.

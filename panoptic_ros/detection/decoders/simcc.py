@@ -12,14 +12,14 @@ Array = np.ndarray
 
 
 def decode_simcc(across: Array, down: Array, split: float) -> tuple[Array, Array]:
-    """Decode joints (K, 2) in net px and scores (K,) from values (K, w split) and (K, h split)."""
+    """Decode joints (K, 2) in input px, and scores (K,), from values (K, w split) and (K, h split)."""
     bins = np.stack([across.argmax(axis=1), down.argmax(axis=1)], axis=1)
     scores = np.minimum(across.max(axis=1), down.max(axis=1))
     return bins / split, np.clip(scores, 0.0, 1.0).astype(float)
 
 
 def simcc_maps(across: Array, down: Array, columns: Array, rows: Array, split: float) -> Array:
-    """Return score maps (K, R, C) at net px `columns` (C,) and `rows` (R,): the product of the two axes.
+    """Return score maps (K, R, C) at input px `columns` (C,) and `rows` (R,): the product of the two axes.
 
     Each map is scaled so that its peak is the score of the joint.
     """

@@ -16,12 +16,14 @@ SOFTENING = 1.8  # cells added to the distances
 
 
 def decode_single_heads(heads: Mapping[str, Array], stride: int) -> tuple[Array, Array]:
-    """Decode joints (K, 2) in net px, whose origin is the corner of the image, and their scores (K,).
+    """Decode the joints (K, 2) of a person in px of the network input, and their scores (K,).
+
+    The origin is the corner of the image.
 
     Args:
         heads: `center` (1, h, w) and `heat` (K, h, w) in 0..1; `regress` and `offset` (2 K, h, w) in cells, y
             before x.
-        stride: net px per cell.
+        stride: px of the network input per cell.
     """
     heat = heads["heat"]
     joint_count, rows, columns = heat.shape

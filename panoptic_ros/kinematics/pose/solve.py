@@ -70,10 +70,10 @@ def _solve_factorised(factor: Array, gradient: Array, step: Array) -> None:
 def solve_pose(
     chain: Chain, pose: Pose, evidence: PoseEvidence, anchor: Anchor, iterations: int, hessian: Array
 ) -> tuple[float, int]:
-    """Minimise the cost of a pose, in place.
+    """Change `pose` to minimise its cost: evidence and anchor.
 
     Args:
-        iterations: Maximum number.
+        iterations: Maximum number of iterations.
         hessian: (D, D) output, half of the second derivatives at the last linearisation.
 
     Returns:

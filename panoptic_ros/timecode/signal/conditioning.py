@@ -153,7 +153,7 @@ def between(samples: Array, weights: Array) -> Array:
 
 @_jit
 def limit(signal: Array, piece: int, share: float, clip: float, blank: float) -> None:
-    """Clip samples far above the local level, in place; set samples still farther above it to 0.
+    """Clip samples of `signal` far above its local level; set samples still farther above it to 0.
 
     Args:
         piece: (samples) length of the piece over which one level is computed.
