@@ -113,7 +113,7 @@ def hold_people(
     body: Body,
     worst: float,
 ) -> tuple[Array, Joints, Array]:
-    """Return the people that were kept and those that can be held in addition, with the joints placed here.
+    """Return the kept people and the people that can be held in addition, with the joints placed here.
 
     Args:
         people: Tuple of three: rows of tracked candidates with few views; rows of the candidates that were

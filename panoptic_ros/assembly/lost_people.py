@@ -99,7 +99,7 @@ def _distance(a, b):
 def _with_derived(
     item: ProposalSet, rows: Array, skeleton: SkeletonModel
 ) -> tuple[Array, Array, Array, Array]:
-    """Return the nodes `rows`, with derived joints replaced by all means that could be these joints.
+    """Return the nodes `rows`, but for a derived joint all means of two nodes that could be this joint.
 
     Returns:
         positions: (N, 3) m.

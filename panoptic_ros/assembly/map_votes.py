@@ -160,7 +160,7 @@ def chosen_nodes(
 
 @njit(cache=True, error_model="numpy")
 def joint_costs(choice, joint, bones, mirror):
-    """Return the nodes (K,) of a joint, and the costs (P, K + P) of these nodes and of staying.
+    """Return the nodes (K,) of a joint, and the costs (P, K + P) of each node and of no node (`stay`).
 
     Args:
         bones: (B, 2) joints at the ends.

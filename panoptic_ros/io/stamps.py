@@ -1,4 +1,4 @@
-"""Read CSV tables of frame timestamps: this project's timestamps.csv, and those of caliscope recordings.
+"""Read CSV tables of frame timestamps: timestamps.csv of this project, and tables of caliscope.
 
 caliscope writes `cam_id,frame_time` (older versions `port,frame_time`) in seconds, and sometimes
 `frame_index`. Its camera names are numbers.

@@ -210,7 +210,7 @@ def _bent_heading(
 
 
 class RecordedPoseSource:
-    """Source of recorded 2D poses. It gives people their 2D poses before the instants that need them.
+    """Source of recorded 2D poses. It assigns 2D poses to people before the instants that need the poses.
 
     Args:
         stamps: (T,) ns, timestamps of the instants.
@@ -227,7 +227,7 @@ class RecordedPoseSource:
             self._sorter = PairwiseSorter(recording.rig, [person.subject.start for person in people])
 
     def take(self, number: int) -> None:
-        """Give people the 2D poses that an instant needs: those of the images around it, of each camera.
+        """Assign to people the 2D poses that an instant needs: of each camera's images around the instant.
 
         Args:
             number: Index of the instant.
@@ -250,7 +250,7 @@ class RecordedPoseSource:
     def _first(self, person: PersonState, instant: InstantViews) -> People:
         """Return the 2D poses at the subject's start position.
 
-        If no position is stated, they are those of the only person.
+        If no position is stated, return the 2D poses of the only person.
         """
         subject = person.subject
         if subject.start is None:

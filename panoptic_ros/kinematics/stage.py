@@ -285,7 +285,7 @@ class KinematicsStage(Stateful):
                 self._people[number].seen.take_joints(joints)
 
     def _take_waiting(self, item: TrackedPoseSet | None) -> list[Notice]:
-        """Process the views that wait, with the people who are tracked in them. Return notices."""
+        """Process the waiting views with the people who are tracked in these views; return notices."""
         waiting, self._waiting = self._waiting, None
         if waiting is None:
             return []

@@ -132,7 +132,7 @@ class InstantSchedule:
         return told >= BELIEVED and 2 * len(ahead) > len(cameras or sources)
 
     def _may_be_late(self, apart: _StampGap) -> bool:
-        """Return whether timestamps from the past are those of delayed samples.
+        """Return whether timestamps from the past may belong to delayed samples.
 
         After the start of a busy machine, for example, samples wait and then come faster than time passes. A
         few samples do not show this, so they count as delayed.

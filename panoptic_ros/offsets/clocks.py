@@ -213,7 +213,7 @@ class CameraClocks:
 
     @property
     def applied(self) -> Array:
-        """Return which cameras (C,) are corrected: those corrected before or with a significant offset."""
+        """Return a mask (C,) of corrected cameras: corrected before, or with a significant offset now."""
         used: Array = self.held | self.known & (np.abs(self.offsets) > SURE * self.deviations)
         return used
 

@@ -325,7 +325,7 @@ class ClockFilter:
         return camera, jump
 
     def _forget(self, camera: int) -> None:
-        """Marginalise a camera out; information on the other cameras that does not depend on it is kept."""
+        """Marginalise a camera out; information on other cameras that is independent of it is kept."""
         for k in (camera, self._cameras + camera):
             if self._information[k, k] > 0.0:
                 share = self._information[k] / self._information[k, k]

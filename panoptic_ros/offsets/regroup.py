@@ -13,7 +13,7 @@ Array = np.ndarray
 
 
 def regroup(sets: Sequence[DetectionSet], corrections: Mapping[str, Array]) -> list[DetectionSet]:
-    """Return sets at the same instants, with the frames nearest to them by corrected timestamps.
+    """Return new sets at the instants of `sets`, with the frames nearest to each instant after correction.
 
     Every frame is used at most once, and only within half of the median period of the sets. If two frames of
     a camera belong to one instant, the nearer one is used. Frames with negative corrected timestamps are
@@ -21,7 +21,8 @@ def regroup(sets: Sequence[DetectionSet], corrections: Mapping[str, Array]) -> l
 
     Args:
         sets: sets in time order.
-        corrections: (K,) ns by camera, to add to the timestamps of its frames, in the order of the sets.
+        corrections: (K,) ns by camera, to add to the timestamps of the camera's K frames, in the order of
+            the sets.
     """
     instants = np.array([item.stamp_ns for item in sets], np.int64)
     chosen: list[dict[str, ViewDetections]] = [{} for _ in sets]

@@ -163,12 +163,12 @@ class OffsetsStage(Stateful):
         return self._close()
 
     def flush(self) -> StepResult[ClockModel]:
-        """Reset the stage. An unfinished block gives no models, as no later frames could use them."""
+        """Reset the stage. An unfinished block gives no clock models: no later frame could use them."""
         self.reset()
         return StepResult()
 
     def _keep(self, view: ViewDetections) -> None:
-        """Buffer a frame until its block ends, if it is its camera's turn."""
+        """Buffer a frame until the block ends, if this frame of the camera is used (see `ALL_FRAMES`)."""
         turn = self._turns.get(view.camera, self._arrays.index.get(view.camera, 0))
         if turn % -(-len(self._rig) // ALL_FRAMES) == 0:
             stamp = max(0, view.stamp_ns + self._delays.get(view.camera, 0))

@@ -78,7 +78,7 @@ class Posed(NamedTuple):
 
 
 class Learnt(NamedTuple):
-    """Learnt offsets of the joints of one person from those of the body.
+    """Learnt offsets of the skeleton joints of one person from the joints of the body.
 
     Args:
         looks: (J,) number of observations.
@@ -92,7 +92,7 @@ class Learnt(NamedTuple):
 
 
 class BodyFill:
-    """Recent bodies, and the learnt offsets of skeletons from them."""
+    """Recent bodies, and the learnt offsets of skeleton joints from these bodies."""
 
     def __init__(self) -> None:
         self._kept: list[Posed] = []
@@ -102,8 +102,8 @@ class BodyFill:
         """Add the bodies of one more instant; a timestamp that is not newer discards all earlier bodies.
 
         Args:
-            biases: (J, 3, 3) m^2, covariances of the detector's biases, which those of bodies contain.
-                Skeletons have the same biases, so they are subtracted before the comparison.
+            biases: (J, 3, 3) m^2, covariances of the detector's biases. The covariances of bodies contain
+                `biases`. Skeletons have the same biases, so `biases` is subtracted before the comparison.
         """
         if self._kept and item.stamp_ns <= self._kept[-1].stamp_ns:
             self._kept = []
@@ -349,7 +349,7 @@ class RefinementStage(Stateful):
         )
 
     def _passed_through(self, item: TrackedPoseSet) -> RefinedPoseSet:
-        """Return the same skeletons as a `RefinedPoseSet`, with the bias floor in their covariances."""
+        """Return the unchanged skeletons as a `RefinedPoseSet`, with the bias floor in the covariances."""
         values = {field.name: getattr(item, field.name) for field in fields(item)}
         return RefinedPoseSet(**{**values, "covariances": item.covariances + self._floor})
 

@@ -62,7 +62,7 @@ def write_biases(
 def _check_people(
     found: MeasuredBiases, leave_out: tuple[int, ...], truth_path: Path, result_path: Path
 ) -> None:
-    """Check that people were found, that all left-out people are among them, and that others remain.
+    """Check that people were found, that these include all left-out people, and that other people remain.
 
     Raises:
         DataError: if no person was found.

@@ -8,7 +8,7 @@ from panoptic_ros.kernels import njit
 from panoptic_ros.solving.scene import MIN_DEPTH, seen_at
 from panoptic_ros.solving.triangulation import viewing_ray
 
-NOTHING = 50.0  # exponent from which an agreement counts as 0: exp(-50) = 2e-22
+NOTHING = 50.0  # exponent from which an agreement is set to 0: exp(-50) = 2e-22
 
 
 @njit(cache=True, error_model="numpy")
@@ -65,7 +65,10 @@ def agreement_with_people(positions, shifts, seen, mirror, scale):
 
 @njit(cache=True, error_model="numpy")
 def _agreement(exponent):
-    """Return exp(-exponent), or 0 where it is negligible. Most people are far from most others."""
+    """Return exp(-exponent), or 0 for a large exponent.
+
+    The cutoff saves time, because most pairs of people are far apart.
+    """
     return np.exp(-exponent) if exponent < NOTHING else 0.0
 
 

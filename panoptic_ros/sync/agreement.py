@@ -84,7 +84,7 @@ class PendingLine(Generic[Frame]):
         return self.keep(SURE if self.out else HELD)
 
     def keep(self, most: int) -> list[Frame]:
-        """Keep the newest frames; return the others."""
+        """Keep the newest `most` frames; return the older frames, which are removed."""
         lost, self.frames = self.frames[:-most], self.frames[-most:]
         return lost
 
@@ -116,7 +116,7 @@ class PendingLine(Generic[Frame]):
 
 
 class Agreement(Generic[Frame]):
-    """Filter that passes the frames whose clock offset is that of the majority.
+    """Filter that passes the frames whose clock offset equals the offset of the majority.
 
     Args:
         cameras: names, in rig order.
@@ -238,7 +238,7 @@ class Agreement(Generic[Frame]):
         return [], notices
 
     def _leave_out(self, view: Frame, at: int, rulers: Sequence[str], notices: list[Notice]) -> None:
-        """Leave a camera out; name it now, and repeat the same notice while it is out.
+        """Leave a camera out. Give a notice that names it, and repeat the notice while the camera is out.
 
         Args:
             rulers: cameras confirmed by the host's time, if there is no majority.

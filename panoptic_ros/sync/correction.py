@@ -231,7 +231,7 @@ class StampCorrection:
         return tuple(notices)
 
     def _release(self, camera: CameraClock, notices: list[Notice]) -> list[ViewDetections]:
-        """Return the held frames in master time, if a model covers them."""
+        """Return the held frames of a camera in master time if a clock model covers the frames, else none."""
         if camera.newest is None:
             self._drop_unknown(camera, notices)
         if not camera.held or camera.model is None or self._is_far(camera, notices):
@@ -286,7 +286,7 @@ class StampCorrection:
     def _moved(
         self, views: Iterable[ViewDetections], model: ClockModel | None, notices: list[Notice]
     ) -> list[ViewDetections]:
-        """Return frames in master time; drop those with impossible times, as their model is wrong."""
+        """Return frames in master time; drop frames with an impossible time: their clock model is wrong."""
         moved = []
         for view in views:
             delay = round(1e6 * of_name(self._delays, view.camera))

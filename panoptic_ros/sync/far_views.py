@@ -17,9 +17,10 @@ REACH_PERIODS = 1  # periods of the sets, tolerance of a view's timestamp if thi
 
 
 def without_far_views(sets: Sequence[DetectionSet]) -> tuple[list[DetectionSet], list[Notice]]:
-    """Remove views far from the majority of their set; such a set gets the timestamp of the majority.
+    """Remove views whose timestamps are far from the majority of their set.
 
-    Among groups of equal size, the one nearest to the timestamp of the set is kept.
+    The set then gets the timestamp of the majority. Among groups of equal size, the group nearest to the
+    timestamp of the set is kept.
 
     Args:
         sets: sets in timestamp order.

@@ -137,7 +137,7 @@ Instants = InstantGrid | CameraInstants
 
 
 def choose_master(periods: Mapping[str, float], wanted: str) -> tuple[str, float, frozenset[str]]:
-    """Return the camera that sets follow, its period (ns), and all cameras of the same rate.
+    """Return the camera that sets follow, its period (ns), and all cameras with its frame rate.
 
     Args:
         periods: (ns) by camera, in rig order; 0 = unknown.

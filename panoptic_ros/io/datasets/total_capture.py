@@ -68,7 +68,7 @@ WORN = {  # segment by sensor
 
 
 def read_truth(positions: Path, orientations: Path, model: SegmentModel) -> tuple[list[BodyState], Array]:
-    """Read the true bodies at 60 Hz, starting at 0 ns, and the rotation (3, 3) to our bone axes from theirs.
+    """Read the true bodies at 60 Hz, from 0 ns, and the rotation (3, 3) to our bone axes from the file's.
 
     Raises:
         DataError: naming the file and the fault.
@@ -220,7 +220,7 @@ FARTHEST = 30.0  # deg, limit of the mean angle between joint directions in thei
 
 
 def bone_axes(model: SegmentModel, places: Array, frames: Array) -> Array:
-    """Return the rotation (3, 3) to our bone axes from theirs; it is the same for all bones.
+    """Return the rotation (3, 3) to our bone axes from the other skeleton's; all bones share one rotation.
 
     In a T-pose all bones of a skeleton have equal axes. The function tests the 24 axis-aligned rotations. It
     returns the one with the smallest mean angle between the child joint directions in their bones and in

@@ -352,7 +352,7 @@ def _rest(length: int, known: int, times: int) -> int:
 
 
 def _stacked(found: list[Any], kind: Any, what: str, *shape: int) -> Array:
-    """Stack the flat arrays of all people and return them in their shape.
+    """Stack the flat arrays of all people, and return one array (people, *shape).
 
     Raises:
         DataError: as `shaped`.

@@ -23,7 +23,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Operation:
-    """One node of the graph; attributes are decoded to int, bool, str or lists of them."""
+    """One node of the graph; attributes are decoded to int, bool, str or a list of one of these types."""
 
     name: str
     kind: str
@@ -33,7 +33,7 @@ class Operation:
 
 @dataclass(frozen=True)
 class GraphModel:
-    """Operations by name, and the constants among them as arrays."""
+    """Operations by name, and the arrays of the constant operations by name."""
 
     operations: Mapping[str, Operation]
     weights: Mapping[str, Array]

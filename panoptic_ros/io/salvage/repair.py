@@ -166,7 +166,7 @@ class Losses:
 
     @property
     def lines(self) -> list[str]:
-        """Return all lines, those with counts at the end."""
+        """Return all lines; lines with numbers of losses come last."""
         return self._lines + [f"{name}: {count} {what}" for (name, what), count in self._counts.items()]
 
     def add(self, line: str) -> None:

@@ -191,7 +191,7 @@ def _view_slopes(chain: Chain, pose: Pose, views: ViewTargets, grown: Array) -> 
 
 
 def _point_slopes(chain: Chain, pose: Pose, points: PointTargets, grown: Array) -> tuple[Array, Array, Array]:
-    """Return the same as `_view_slopes` for 3D joints: (3 N, D), (3 N, L) and (3 N,)."""
+    """Return the three arrays of `_view_slopes` for 3D joints: (3 N, D), (3 N, L) and (3 N,)."""
     slopes = np.empty((len(points.segments), 3, 3 + 3 * len(chain.parents)))
     sites = place_sites(chain, pose, points.segments, points.offsets, slopes)
     apart = (sites - points.goals)[..., None]

@@ -55,7 +55,7 @@ def first_pose(
 
 
 def _candidates(subject: Subject, root: Array, segments: Array, goals: Array) -> list[Pose]:
-    """Return initial poses: that of the IMUs, or upright ones with the arms down in several headings."""
+    """Return initial poses: one from IMU orientations, or upright poses, arms down, in several headings."""
     model = subject.body.model
     known = {int(s): goal for s, goal in zip(segments, goals)}
     if 0 in known:

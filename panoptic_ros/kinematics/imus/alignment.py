@@ -53,7 +53,7 @@ GRAVITY = np.array([0.0, 0.0, 9.81])
 def compare_turned(
     felt: tuple[Array, Array], seen: tuple[Array, Array, Array], offsets: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Compare measured vectors with those from cameras, at each clock offset, as a function of the heading.
+    """Compare measured vectors with vectors from cameras, per clock offset, as a function of the heading.
 
     The sum of weighted squared residuals is t^T matrix t - 2 vector^T t + constant, where t is the cosine and
     sine of the heading.
@@ -361,10 +361,10 @@ def _vertex(grid: Array, values: Array, k: int) -> tuple[float, float]:
 
 
 def _valley(grid: Array, values: Array) -> tuple[float, float]:
-    """Return the same as `_vertex`, from a parabola through all values about as likely as the least.
+    """Return minimum and standard deviation, from a parabola through all values near the least value.
 
-    With little motion the minimum is wide and rough, and the neighbours of the least value do not show its
-    width. The standard deviation is infinite if these values reach an end of the grid.
+    With little motion the minimum is wide and rough, and the two neighbours that `_vertex` uses do not show
+    the width. The standard deviation is infinite if the used values reach an end of the grid.
     """
     k, near = int(values.argmin()), np.flatnonzero(values <= values.min() + LIKELY)
     first, last = min(int(near[0]), k - 1), max(int(near[-1]), k + 1)

@@ -113,7 +113,7 @@ class PoseAssignment:
         tracked: set[int],
         tracks_begin: bool,
     ) -> None:
-        """Give people without a track the 2D poses at their expected positions, or those of their return.
+        """Give people without a track the 2D poses at their expected positions, or 2D poses after a return.
 
         Args:
             taken: 2D poses that tracks hold.

@@ -86,7 +86,7 @@ class SubjectSearch:
         return best.people if looks >= LOOKS else {}
 
     def _without_others(self, appearances: list[PersonSighting]) -> list[PersonSighting]:
-        """Return the people who are none of the known others, and follow these others."""
+        """Return the people in `appearances` who are new, and update the positions of other known people."""
         pairs = sorted(
             (float(np.linalg.norm(a.place - other)), n, k)
             for n, a in enumerate(appearances)
@@ -135,7 +135,7 @@ def appearances(
 def without_others(
     people: People, expected: ExpectedJoints, weighing: EvidenceBuilder, instant: InstantViews
 ) -> People:
-    """Return a subject's 2D poses without those of people whom several views locate elsewhere.
+    """Return a subject's 2D poses without 2D poses of people whom several views locate elsewhere.
 
     Args:
         expected: Expected joints of the subject.
@@ -197,14 +197,15 @@ def _largest(cameras: Array, centres: Array, ways: Array) -> Array:
 class SubjectPresence:
     """Sighting state of one subject: in sight, or searched for.
 
-    Only instants with several views count, because a single view does not distinguish people.
+    Only instants with several views change the state, because a single view does not distinguish people.
     """
 
     def __init__(self) -> None:
-        self.last_ns = 0  # timestamp, ns, of the last instant in which it was seen; 0 = never
-        self._missed = 0  # number of instants with images but without it since then
-        self._usual = 0.0  # usual number of views that see it
-        self._company = 0.0  # recent fraction of instants with it in which several views see others too
+        self.last_ns = 0  # ns, timestamp of the last instant in which the subject was seen; 0 = never
+        self._missed = 0  # number of instants since `last_ns` with images but without the subject
+        self._usual = 0.0  # usual number of views that see the subject
+        # recent fraction of the subject's instants in which several views see other people, too
+        self._company = 0.0
         self._absence: SubjectSearch | None = None
 
     @property
@@ -219,14 +220,14 @@ class SubjectPresence:
         weighing: EvidenceBuilder,
         instant: InstantViews,
     ) -> People:
-        """Return those of the given 2D poses that may belong to the subject.
+        """Return the 2D poses in `people` that may belong to the subject.
 
         Args:
             people: 2D poses that are nearest to the expected body.
             expected: Expected joints of the subject; None before there is a pose.
         """
         if self._absence is not None:
-            people = {}  # a near person may be another one: see `back`
+            people = {}  # the nearest person may be another person: see `back`
         elif people and len(instant.views) > 1 and expected is not None:
             seen = middle_of(weighing, people, None)
             odd = seen is None or np.linalg.norm(seen - expected.middle_seen(people)) > ODD
@@ -248,10 +249,10 @@ class SubjectPresence:
         gate: float,
         expected: ExpectedJoints | None,
     ) -> People:
-        """Return the subject's 2D poses if it was away and has returned, else an empty dict.
+        """Return the 2D poses of a subject who was away and has returned, else an empty dict.
 
         Args:
-            claimed: 2D poses that belong to others.
+            claimed: 2D poses that belong to other people.
             gate: m, see `SubjectSearch.look`.
             expected: Expected joints of the subject. They locate the whole body of a person who is partly
                 visible.
@@ -268,10 +269,10 @@ class SubjectPresence:
     def saw(self, instant: InstantViews, is_seen: bool, expected: Array | None) -> None:
         """Record whether the subject was seen at an instant.
 
-        The search for it begins after some time out of sight.
+        The search for the subject begins after some time out of sight.
 
         Args:
-            expected: (3,) m, expected middle of its joints, from before the instant.
+            expected: (3,) m, expected middle of the subject's joints, predicted before the instant.
         """
         if is_seen:
             self.last_ns, self._missed, self._absence = instant.stamp_ns, 0, None

@@ -361,7 +361,7 @@ class PoseWindow:
         return found
 
     def _between(self, guess: Pose, between: IncrementEvidence) -> tuple[Array, Array, Array, Array]:
-        """Return matrix (D, D) and vector (D,) of second differences, then those of first differences.
+        """Return matrix (D, D) and vector (D,) of second differences, then both of first differences.
 
         Second differences are of the last two poses and the guess, first differences of the last pose and the
         guess.

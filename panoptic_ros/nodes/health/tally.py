@@ -1,4 +1,4 @@
-"""Counters of a node about its stages, and log lines about them.
+"""Counters and log lines of a node about its stages.
 
 A notice of a stage gives one log line per event. Counts and the newest text go to /diagnostics.
 """

@@ -53,8 +53,8 @@ class MessageConsumer(Protocol):
 class ViewerNode(Node):
     """Node that subscribes to the topics that a taker wants, while it wants them, without decoding.
 
-    Only skeletons wake the node. They are the last message of an instant, so all other waiting messages are
-    taken then.
+    Only skeletons wake the node. Skeletons are the last message of an instant, so the node then takes all
+    other waiting messages, too.
     """
 
     fault = None

@@ -1,7 +1,7 @@
-"""Raw messages: the header is parsed on arrival, the rest later.
+"""Raw messages: the header is parsed on arrival, and the body when the message is used.
 
-A message that is dropped in between costs only its copy. Bytes that are not a valid message do not end the
-node.
+A message that is dropped before its use costs only its copy. Bytes that are not a valid message do not end
+the node.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ class Input:
         return record
 
     def missing_before(self, record: Any) -> int:
-        """Return how many records the publisher skipped before this one, without losses in transport."""
+        """Return the number of records that the publisher did not send before `record`."""
         number = getattr(record, "index", getattr(record, "frame_number", None))
         return 0 if number is None else self.arrivals.numbered(number)
 

@@ -68,7 +68,7 @@ class StateKeeper:
 
 
 class StateExchange:
-    """Exchange of states with the keeper: hands over those of a node's stages and receives kept ones.
+    """Exchange of states with the keeper: sends the states of a node's stages, and receives kept states.
 
     Args:
         ask: Called at most twice a second. It calls `publish` when the states may be read.

@@ -370,7 +370,7 @@ class OwnCameraReader:
         return TOPICS[topic].scope == "camera" and owner in self._own.sources
 
     def inputs(self, present: Sequence[Key]) -> list[OwnInput]:
-        """Make and return the inputs of those topics and owners that are read here."""
+        """Make and return the inputs for the keys (topic, owner) in `present` that are read here."""
         self._inputs = {key: own_input(self._node, *key) for key in present if self.reads(*key)}
         return list(self._inputs.values())
 

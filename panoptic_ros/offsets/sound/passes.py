@@ -91,7 +91,7 @@ class CoarseLags:
         self._found.append(replace(match, lag=match.lag - at, at=match.at + at, other=match.other - at))
 
     def _predicted(self, first: int, second: int) -> _LagGate | None:
-        """Return the lag of two devices if a chain of other pairs links them, else None."""
+        """Return the lag of two devices that a chain of other pairs links; None if no chain links the two."""
         group = self._group(np.arange(len(self._rises)))
         if first not in group or second not in group:
             return None
@@ -151,7 +151,7 @@ class _LagGate:
 
 
 def _segments(rises: Array) -> list[int]:
-    """Return the first frames of segments, one per part of a long recording, those with most onsets first."""
+    """Return the first frame of one segment per part of a long recording, segments with most onsets first."""
     length = round(SEGMENT_S * RATE)
     if len(rises) <= 1.5 * length:
         return [0] if len(rises) <= length else [0, len(rises) - length]

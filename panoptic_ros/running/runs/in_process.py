@@ -1,6 +1,6 @@
-"""Runs a plan in one process without ROS. The stages and the results equal those of the node graph.
+"""Runs a plan in one process without ROS. The stages and the results are as in the node graph.
 
-For live cameras, it takes the newest frames of all cameras instant by instant, and all sound.
+Live cameras: the run takes the newest frames of all cameras instant by instant, and all sound.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def newest_frames(
         stop: Stop condition, polled often, also while no frame arrives.
         on_drop: Callback with the number of dropped frames.
         sounds: Each returns the audio blocks of a device, and runs in its own thread. No block is dropped.
-            The end of one does not end the others.
+            The end of one device does not end the other devices.
 
     Raises:
         PanopticError: the error that ended a camera or a sound.

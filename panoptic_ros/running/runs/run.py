@@ -262,7 +262,7 @@ def _report_live(
     how: _Options,
     started: float,
 ) -> tuple[RunReport | None, list[str]]:
-    """Make the report and the pictures of a closed take. Errors and requests to end affect only these.
+    """Make the report and the pictures of a closed take. Errors and requests to end do not affect the take.
 
     Returns:
         the report, and a line about each item that could not be made.

@@ -159,13 +159,13 @@ def _rig_of(path: Path) -> Rig | None:
 def corrections_from_sound(
     recorders: Sequence[SoundRecorder], rig: Rig, options: RunOptions
 ) -> tuple[dict[str, StampLine], tuple[str, ...]]:
-    """Return the timestamp corrections of a run, by camera, and lines about them.
+    """Return the timestamp corrections of a run, by camera, and lines about the corrections.
 
     Only cameras whose clocks differ are corrected.
 
     Raises:
         UsageError: if the sound carries timecode, which is more accurate, or offsets are given as well.
-        DataError: if no two cameras have sound, or it determines no clock.
+        DataError: if no two cameras have sound, or the sound determines no clock.
     """
     named = [recorder.device for recorder in recorders if any(recorder.clocks)]
     if named:

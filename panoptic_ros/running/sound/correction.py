@@ -97,7 +97,7 @@ def corrected(
 
 
 def _moved(task: SolveTask, path: Path) -> tuple[SolveTask, list[str]]:
-    """Return the task with saved offsets added to its timestamps, and lines about them."""
+    """Return the task with saved offsets added to its timestamps, and lines about the offsets."""
     names = task.context.rig.names
     saved = saved_offsets(path, names)
     frames = Counter(view.camera for item in task.sets for view in item.views)

@@ -283,7 +283,7 @@ def _aligned(sources: Sources) -> list[dict[str, Any]]:
 
 
 def _grouping(sources: Sources, cameras: Sequence[str]) -> dict[str, Any] | None:
-    """Return statistics of how sync groups these timestamps by default; None for fewer than two cameras."""
+    """Return statistics of the sets that sync forms by default; None for fewer than two cameras."""
     if len(cameras) < 2:
         return None
     names = {name: re.sub(r"\W", "_", name) for name in cameras}

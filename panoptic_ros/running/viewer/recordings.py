@@ -138,7 +138,7 @@ def _poses(frame: PlainSkeletonFrame, order: Array, model: SkeletonModel) -> Ref
 
 
 def _model_of(joint_names: Sequence[str]) -> tuple[SkeletonModel, list[int]]:
-    """Return the skeleton model for these joint names, and the index of each of its joints in them."""
+    """Return the skeleton model for `joint_names`, and the index of each of its joints in `joint_names`."""
     found = skeleton_of(joint_names)
     words = in_vocabulary(joint_names)
     if found is not None:

@@ -1,4 +1,4 @@
-"""Processor time of detection by part: the network, the rest of an image, propagation without the network."""
+"""Processor time of detection by part: network, other work per image, propagation without the network."""
 
 from __future__ import annotations
 

@@ -106,9 +106,9 @@ def _run(loss: float, seconds: float, with_profile: bool) -> dict[str, Any]:
 
 
 def figures(came: list[list[Any]], begun: float, ended: float) -> dict[str, Any]:
-    """Return the number of lost messages, the latency of the others, and the longest silence of a camera.
+    """Return the number of lost messages, the latency of received ones, and a camera's longest silence.
 
-    Only messages sent from `begun` to `ended` count.
+    Only messages sent from `begun` to `ended` are used.
     """
     sent = lost = 0
     latencies: list[float] = []

@@ -19,7 +19,7 @@ def view_load() -> Feed:
 
 
 def moving_previews(rig: Rig, count: int = 20) -> list[dict[str, Preview]]:
-    """Return moving preview images by camera, 11 kB each like those of a real room; timestamps are 0."""
+    """Return moving preview images by camera, 11 kB each as in a real room; timestamps are 0."""
     rng = np.random.default_rng(0)
     pictures = {name: _picture(rng) for name in rig.names}
     return [
@@ -32,6 +32,6 @@ def moving_previews(rig: Rig, count: int = 20) -> list[dict[str, Preview]]:
 
 
 def _picture(rng: np.random.Generator) -> np.ndarray:
-    """Return an HD image whose preview has 11 kB, like that of a real room."""
+    """Return an HD image whose preview has 11 kB, as in a real room."""
     coarse = rng.integers(96, 160, (27, 48, 3), dtype=np.uint8)
     return np.kron(coarse, np.ones((40, 40, 1), np.uint8))

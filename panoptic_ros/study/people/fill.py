@@ -43,7 +43,7 @@ CORNERS = ("lShoulder", "rShoulder", "lHip", "rHip")
 def both_at(
     skeletons: Sequence[TrackedPoseSet], bodies: Sequence[BodyStateSet]
 ) -> tuple[list[TrackedPoseSet], list[TrackedPoseSet]]:
-    """Return skeletons of persons who have a body, and the same with the joints of the bodies."""
+    """Return the skeletons of persons who have a body, and copies whose joints are those of the bodies."""
     own: dict[int, tuple[list[int], list[Array]]] = {}
     for solved in bodies:
         for number, joints in zip(solved.ids.tolist(), solved.keypoints):
@@ -115,7 +115,7 @@ def _between(stamps: Sequence[int], found: Sequence[Array], stamp_ns: int) -> Ar
 
 
 def _chosen(item: TrackedPoseSet, rows: list[int], positions: Array) -> TrackedPoseSet:
-    """Return some persons of a pose set with these joints (P, J, 3), where the joints are present."""
+    """Return the persons `rows` of a pose set at `positions` (P, J, 3); missing joints stay missing."""
     there = (item.states[rows] != JointState.MISSING) & np.isfinite(positions).all(-1)
     return TrackedPoseSet(
         item.index,

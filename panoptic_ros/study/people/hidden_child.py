@@ -43,7 +43,7 @@ BENT, BACK = 0.9, 0.12  # forward lean of the trunk, rad; backward shift of the 
 TALLEST = 2.2  # m, minimum visible height at the distance of the middle
 Array = np.ndarray
 Settings = Mapping[str, Mapping[str, Any]]
-SETTLED = 1.0  # s at the beginning that do not count
+SETTLED = 1.0  # s at the beginning that are not scored
 ALLOWED = 0.2  # s for which the child may be lost
 OWN = 0.12  # m, limit of the median joint distance between a 2D pose and its person
 RECORDS = ("associations", "poses", "skeletons_raw", "skeletons")
@@ -73,7 +73,7 @@ KINDS = {"usual": USUAL, "hard": HARD}
 
 @dataclass(frozen=True)
 class Huddle:
-    """Degree of crouching (T,), 0 to 1: in pulses, and in one interval together with the others."""
+    """Degree of crouching (T,), 0 to 1: in pulses, and in an interval in which all persons crouch."""
 
     pulses: Pulses
     begin: float  # s

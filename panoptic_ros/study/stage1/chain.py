@@ -76,7 +76,7 @@ class WatchedVoting(VotingStage):
         return super().unexplained(*given)
 
     def again(self, given: tuple[Any, ...]) -> NodeProposals:
-        """Repeat the search on a stored input, without the rest of the stage."""
+        """Repeat the search for unexplained nodes on a stored input, without the other parts of the stage."""
         return super().unexplained(*given)
 
 

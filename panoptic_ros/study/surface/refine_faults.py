@@ -84,7 +84,7 @@ def _one(played: Played, seed: int, kind: str, rows: Rows) -> None:
 
 
 def _with_faults(played: Played, seed: int) -> tuple[FaultyJoints, Played]:
-    """Return the faulty joints, and the run with these joints instead of the measured ones."""
+    """Return joints with simulated faults, and the run with these joints instead of the measured joints."""
     pairs, order = {pair.stamp_ns: pair for pair in played.pairs(played.raw)}, played.truth_order
     truth: list[Mapping[int, Array]] = []
     for item in played.raw:

@@ -83,7 +83,7 @@ class Played:
     def patches(
         self, shown: Sequence[TrackedPoseSet] | None = None, **parameters: Any
     ) -> list[PatchTrajectories]:
-        """Reconstruct patches on these skeletons; default: the unrefined ones.
+        """Reconstruct patches on the skeletons `shown`; default: the unrefined skeletons.
 
         Args:
             parameters: overrides of the parameters of the stage.

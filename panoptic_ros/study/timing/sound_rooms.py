@@ -1,4 +1,4 @@
-"""Simulated rooms with microphones for `panoptic study sound`, and controls without common sound."""
+"""Simulated rooms with microphones for `panoptic study sound`, and control rooms without common sound."""
 
 from __future__ import annotations
 

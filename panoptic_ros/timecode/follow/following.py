@@ -64,9 +64,9 @@ class SignalTracker:
 
     @property
     def early(self) -> bool:
-        """Return whether the next word precedes those by which the signal was found.
+        """Return whether the next word precedes the words by which the signal was found.
 
-        It may even precede the signal itself.
+        Such a word may even precede the signal itself.
         """
         return self.number < self.labels.first
 

@@ -47,7 +47,7 @@ class LabelSequence:
 
 
 def proposals(soft: Array, step: int) -> Iterator[LabelSequence]:
-    """Yield the most likely countings given the soft bits (W, 80) of W words, and those near them."""
+    """Yield the most likely countings given the soft bits (W, 80) of W words, and neighbouring countings."""
     fields = _FieldScores(soft)
     numbers = np.arange(len(soft))
     reference = len(soft) // 2
@@ -72,9 +72,9 @@ class _FieldScores:
         self._found: dict[tuple[str, bytes], list[tuple[float, tuple[int, ...]]]] = {}
 
     def nearest(self, names: Sequence[str], carry: Array) -> list[tuple[float, tuple[int, ...]]]:
-        """Return the best values of some fields and values near them, with their scores.
+        """Return the most likely values of some label fields, best first, with their scores.
 
-        The values are those in words without carry.
+        The values apply to words without carry.
 
         Args:
             names: fields, lowest first; each increments the next by one after 60.
@@ -140,7 +140,7 @@ def closest_rate(rates: Sequence[tuple[FrameRate, float]], measured: float) -> F
 
 
 def with_rate(label: Timecode, rate: FrameRate) -> Timecode:
-    """Return the same label at another rate; the label unchanged if that rate has no such label."""
+    """Return a label at another frame rate; the label unchanged if that rate has no such label."""
     try:
         return Timecode(label.hours, label.minutes, label.seconds, label.frames, rate)
     except ClockError:

@@ -1,4 +1,4 @@
-"""Score a label for one word, against all other labels and against those of the neighbouring frames.
+"""Score a label for one word, against all other labels and against the labels of neighbouring frames.
 
 The labels of stopped timecode differ in few bits from consecutive labels. A wrong user bit beside these bits
 can hide the flipped polarity that reveals the difference. Therefore, if a word has the same user bits as

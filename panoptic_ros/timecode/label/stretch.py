@@ -107,7 +107,7 @@ def _each_alone(words: Sequence[WordLevels], counting: LabelSequence, user: User
 
 
 class _CandidateLabels:
-    """Candidate labels of a stretch: the verdicts of its words, and the countings that have these labels."""
+    """Candidate labels of a stretch: verdicts of the words, and the countings that give these labels."""
 
     def __init__(self, verdicts: list[LabelScore], countings: list[LabelSequence]):
         self.nats = sum(min(item.nats, WORST_NATS) for item in verdicts)

@@ -252,9 +252,9 @@ def _even_parity(halves: Array) -> bool:
 
 
 def _louder_after(halves: Array) -> bool:
-    """Return the same as `_even_parity` where plateaus may droop to zero.
+    """Return whether cells begin at even half cells, for signals whose plateaus may droop to zero.
 
-    The level is then louder after an edge than before it.
+    In these signals the level is louder after an edge than before the edge.
     """
     before, after = halves[:-1], halves[1:]
     edges = 0.5 * (after**2 - before**2) - before * after

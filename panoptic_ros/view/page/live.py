@@ -66,10 +66,10 @@ class MessagePairing:
         return self._alone(camera, stamp, now_s)
 
     def skeletons(self, message: PageMessage, now_s: float) -> PageInstant:
-        """Return the instant of these skeletons, with the views that have an image.
+        """Return the instant of a skeletons message, with the views that have an image.
 
         Raises:
-            DataError: If the message cannot be read as such.
+            DataError: If the message cannot be read as skeletons.
         """
         self._skeletons_at = now_s
         head, views = skeletons_head(message.data), {}
@@ -236,7 +236,10 @@ class LiveScene:
     # ------------------------------------------------------------- called by the server
 
     def facts(self) -> dict[str, Any] | None:
-        """Return the first document of a page, or None without a rig; the same object until it changes."""
+        """Return the first document of a page, or None without a rig.
+
+        The result is the same object until the document changes.
+        """
         with self._lock:
             return self._facts
 

@@ -1,4 +1,4 @@
-"""Fast reading of the fields that pair messages, from the first CDR bytes without decoding the rest."""
+"""Fast reading of the fields that pair messages, from the first CDR bytes of a message only."""
 
 from __future__ import annotations
 
