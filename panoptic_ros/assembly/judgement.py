@@ -275,7 +275,7 @@ def _gap(a, b):
 def needed_views(wanted: int, cameras: Sequence[Camera]) -> int:
     """Return the number of fields of view that must contain a person.
 
-    Cameras that look elsewhere do not count.
+    Cameras that look elsewhere are ignored.
 
     Args:
         wanted: `AssemblyConfig.capture_views`.

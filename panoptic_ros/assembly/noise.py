@@ -122,7 +122,7 @@ class NoiseTable:
         return tails
 
     def learn(self, marks: Marks, residuals: tuple[Array, Array, Array], rig: RigArrays) -> None:
-        """Update the table with residuals of 2D joints; propagated 2D poses do not count.
+        """Update the table with residuals of 2D joints; propagated 2D poses are ignored.
 
         Args:
             residuals: Rows (N,) and joints (N,) of the marks, and residuals (N,) px corrected for leverage.

@@ -19,7 +19,7 @@ WIDTH, COARSE = 320, 40  # px, widths of the grey images: for propagation, and f
 ITERATIONS = 12  # optical-flow iterations per pyramid level
 RETURN = 1.0  # px of the grey image, greatest forward-backward error of a joint
 FEWEST = 3  # least number of joints of a propagated person
-KEPT = 0.4  # least share of joints that must be followed; below it, the image counts as unrelated
+KEPT = 0.4  # least share of joints that must be followed; below it, the image is treated as unrelated
 CUT_LEVELS = 30.0  # mean difference of grey values that separates two scenes
 
 

@@ -79,7 +79,7 @@ def up_of_images(
 def _agree(rows: Array, tops: Array, up: Array) -> bool:
     """Return whether images with rows and tops (C, 3) in the world are upright within 45 degrees.
 
-    Cameras that look almost along `up` always count as upright.
+    Cameras that look almost along `up` are always treated as upright.
     """
     across, along = rows @ up, tops @ up
     return bool(((along > np.abs(across)) | (np.hypot(across, along) < STEEP)).all())

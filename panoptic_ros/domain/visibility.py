@@ -10,7 +10,7 @@ from panoptic_ros.domain.checks import ShapeChecks
 from panoptic_ros.errors import DataError
 
 Array = np.ndarray
-FARTHEST = 65.535  # m; larger depths count as unlimited
+FARTHEST = 65.535  # m; larger depths are treated as unlimited
 LONGER_SIDE = 160  # cells, greatest longer side of limits that are computed here
 
 

@@ -143,7 +143,7 @@ def reprojection_errors(
     """Return reprojection errors (px) of all measured joints of people who are matched to a 2D pose.
 
     Within a view, people and 2D poses are matched one to one with the smallest sum of mean distances over
-    common joints. Joints that no detector sees (`SkeletonModel.derived`) do not count.
+    common joints. Joints that no detector sees (`SkeletonModel.derived`) are ignored.
     """
     by_index = {found.index: found for found in detections}
     counts = np.ones(len(skeleton), bool)

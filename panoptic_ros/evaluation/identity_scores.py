@@ -3,8 +3,8 @@
 All counts are on found pairs. A switch occurs when a truth person is found under another id than last time.
 It is a switch over a gap if the truth has no frame for `GAP` in between, since no tracker can follow people
 through cuts. A fragment occurs when a truth person is found again after frames in which it was missed. Frames
-in which the person is ignored do not count. MOTA = 1 - (missed + false + switches) / truth. IDF1 = 2 * found
-pairs under the best one-to-one map of identities / (truth + result).
+in which the truth ignores the person are left out. MOTA = 1 - (missed + false + switches) / truth. IDF1 = 2 *
+found pairs under the best one-to-one map of identities / (truth + result).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 from panoptic_ros.evaluation.joint_scores import ratio
 from panoptic_ros.evaluation.pairing import FramePair
 
-GAP = 1.0  # s; shortest interval without truth frames that counts as a gap
+GAP = 1.0  # s; shortest interval without truth frames that is treated as a gap
 
 
 @dataclass(frozen=True, slots=True)

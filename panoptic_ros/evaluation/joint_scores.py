@@ -34,8 +34,8 @@ class JointScores:
     Args:
         mpjpe_mm, median_mm: Mean and median distance over all joints of all matches.
         pck: (threshold in m, share of the truth joints of matched people that are closer). A missing joint
-            counts as wrong.
-        pck_of_everybody: The same over all truth people. All joints of unmatched people count as wrong, too.
+            is treated as wrong.
+        pck_of_everybody: `pck` over all truth people. All joints of unmatched people are treated as wrong.
         recall, precision: Joints within `HIT`, as shares of all truth joints and of all result joints.
     """
 

@@ -13,8 +13,8 @@ from panoptic_ros.evaluation.pairing import FramePair
 def newcomers_waits(pairs: Sequence[FramePair]) -> dict[int, float]:
     """Return the delay (s) by truth id from a person's first truth frame to its first match.
 
-    People in the first frame do not count as new. The delay is infinite for people who are never found. Pairs
-    must be sorted by time.
+    People in the first frame are not treated as new. The delay is infinite for people who are never found.
+    Pairs must be sorted by time.
     """
     came: dict[int, int] = {}
     waits: dict[int, float] = {}

@@ -5,9 +5,9 @@ period. A result frame is used once. The truth is interpolated to the result's t
 person.
 
 People: they are assigned by the Hungarian method on the mean distance over common joints (at least
-`MIN_COMMON`). Pairs above `GATE` are dropped. Ignored truth people do not count. A result does not count
-either if it matches an ignored person. The same holds for a result that matches no person and is within the
-gate of an ignored one.
+`MIN_COMMON`). Pairs above `GATE` are dropped. Truth people marked as ignored are left out of all scores. A
+result is left out if it matches an ignored person, or if it matches no person and is within the gate of an
+ignored person.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from panoptic_ros.evaluation.sequences import SkeletonFrame, SkeletonSequence
 Array = np.ndarray
 
 GATE = 0.5  # m; largest mean distance of a match
-FOUND = 0.15  # m; a match below this mean distance counts as a found person
+FOUND = 0.15  # m; a match below this mean distance is treated as a found person
 MIN_COMMON = 3  # smallest number of common joints of a match
 MIN_TRACK = 4  # smallest number of frames for a cubic spline
 _LONE_FRAME_NS = 5e8  # ns; largest timestamp difference if there is only one truth frame
@@ -56,7 +56,7 @@ class FramePair:
 
     @property
     def found(self) -> Array:
-        """Return a mask (M,) of matches that count as a found person."""
+        """Return a mask (M,) of matches that are treated as a found person."""
         return self.means < FOUND
 
     @property

@@ -139,7 +139,7 @@ class PcpRule:
 
     name: str
     head: Callable[[NamedJoints], Array]
-    exclusive: bool  # each estimate serves one actor, and actors without an estimate do not count
+    exclusive: bool  # each estimate serves one actor, and actors without an estimate are ignored
 
 
 PCP_RULES: dict[str, PcpRule] = {

@@ -17,7 +17,7 @@ from panoptic_ros.geometry.torso import torso_frames
 
 Array = np.ndarray
 TORSO = ("lShoulder", "rShoulder", "lHip", "rHip")
-FAST = 1.0  # m/s; true speed above which a joint counts as fast
+FAST = 1.0  # m/s; true speed above which a joint is treated as fast
 PCK_M = 0.1
 
 

@@ -40,7 +40,7 @@ MOST_INSTANTS = 12
 LEAST_PEOPLE = 3  # smallest number of matched people for a camera pair to count
 DROP = 0.4  # largest share of the residual that may remain when a mistake is undone
 MOST_MISTAKES = 4
-WORST = 300.0  # px; all larger residuals count as this
+WORST = 300.0  # px; all larger residuals are treated as this
 NOISES = 3.0  # largest residual of views that agree, in standard deviations of the noise
 SUSPICION = 0.55  # share of the tolerance; a larger residual is suspicious
 # smallest number of groups taken as rooms; of two groups that disagree, one is probably wrong

@@ -18,7 +18,7 @@ POSSIBLE_EXTENT = (0.5, 3.0)  # m; plausible range of this distance
 FAR_APART = 200.0  # m; largest plausible span of a rig
 # largest shift of an image corner by tangential terms, as a share of its radius; poor lenses reach 0.01
 MOST_TANGENTIAL = 0.03
-# share of the rig's span; closer cameras count as one pose, since even stereo heads are wider
+# share of the rig's span; closer cameras are treated as one pose, since even stereo heads are wider
 ONE_PLACE = 1e-3
 ONE_DIRECTION = np.radians(0.5)  # rad; the same limit for their rotations
 

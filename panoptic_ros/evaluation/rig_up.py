@@ -18,7 +18,7 @@ ALIKE = np.cos(np.radians(30.0))  # cosine of the largest angle between the dire
 AGREEING = 0.5  # share of people whose directions must be alike
 MOST = 1000  # largest number of directions that are compared
 LEVEL = np.cos(np.radians(45.0))  # cosine of the largest angle between up and the world's z
-# cosine of the largest angle at which up counts as an axis, since people lean by this much on average
+# cosine of the largest angle at which up is treated as an axis, since people lean by this much on average
 ON_AXIS = np.cos(np.radians(8.0))
 # cosine of the largest angle between thigh and shin, and between legs and trunk, of a standing person
 STRAIGHT = np.cos(np.radians(30.0))

@@ -2,7 +2,7 @@
 
 It is measured by the constancy of limb lengths, and by implausible accelerations.
 
-Limbs do not change their lengths. Motion below 6 Hz counts as real; Winter 2009, 3.4.3, finds 99 % of the
+Limbs do not change their lengths. Motion below 6 Hz is treated as real; Winter 2009, 3.4.3, finds 99 % of the
 power of gait below it. The remaining part of the typical acceleration is noise. Squares are subtracted,
 because both parts are uncorrelated. All compared methods use the same slow motion, that of the method with
 the smoothest result.

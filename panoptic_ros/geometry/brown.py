@@ -120,7 +120,7 @@ def undistort(terms: Array, goal: Array, radius_limit: float) -> Array:
 def radius_limit(terms: Array) -> float:
     """Return the undistorted radius up to which the distorted radius increases; inf if it always does.
 
-    Tangential and prism terms do not count. A zero of the rational model's denominator ends the range too.
+    Tangential and prism terms are ignored. A zero of the rational model's denominator ends the range too.
     """
     clean = np.where(np.abs(terms) < 1e-15, 0.0, terms)  # np.roots divides by them
     above = np.array([clean[4], clean[1], clean[0], 1.0])  # coefficients in r^2, the highest power first

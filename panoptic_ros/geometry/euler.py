@@ -6,7 +6,7 @@ import numpy as np
 
 Array = np.ndarray
 ORDERS = ("xyz", "xzy", "yxz", "yzx", "zxy", "zyx")
-TURNED = 1e-9  # largest 1 - |sine| at which the middle angle counts as a right angle
+TURNED = 1e-9  # largest 1 - |sine| at which the middle angle is treated as a right angle
 
 
 def euler_angles(rotations: Array, order: str) -> Array:

@@ -25,7 +25,7 @@ LASTING, CORRELATED = 0.1, 2.0
 STATURE_SHARE, PEOPLE_SHARE = 0.06, 0.04
 # share of bones with a wrong length; standard deviation of their differences, as a share of the length
 MISTAKEN, MISTAKEN_SHARE = 0.02, 0.3
-WORST = 3.0  # standard deviations of strangers; larger differences do not count in the estimate of stature
+WORST = 3.0  # standard deviations of strangers; larger differences are ignored in the estimate of stature
 SHORTEST = 0.01  # m, least length of a bone in divisions
 ROOM = 20.0  # m^2, floor area in which strangers appear
 # m/s and m: after an absence t, the standard deviation of a position is sqrt(STANDING^2 + (WALKING t)^2)
@@ -75,7 +75,7 @@ def seen_bones(positions: Array, covariances: Array, bones: Array) -> Bones:
 def paired(bones: Array, mirror: Array) -> Array:
     """Return the group (B,) of each bone (B, 2). A left bone and its right counterpart form one group.
 
-    Both have the same length in a body, so they count as one measurement.
+    Both have the same length in a body, so they are treated as one measurement.
 
     Args:
         mirror: (J,) joint on the other side of each joint.

@@ -25,7 +25,7 @@ from panoptic_ros.io.motion_files import JointTrajectories
 
 Array = np.ndarray
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
-LARGEST_VALUE = 1e9  # unit of the file; larger coordinates count as missing
+LARGEST_VALUE = 1e9  # unit of the file; larger coordinates are treated as missing
 # Second byte of every C3D file; processor code of big-endian files; largest frame number in the header.
 SECOND_BYTE, MIPS, LARGEST = 0x50, 86, 0xFFFF
 # Rotations to z up, by the laboratory axis that points up on the screen (POINT:Y_SCREEN).

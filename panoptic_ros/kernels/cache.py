@@ -1,9 +1,9 @@
 """Cache of compiled kernels on disk.
 
 Each module has a folder, whose name contains a hash of everything that its code depends on. Files have
-checksums. A truncated or damaged file counts as missing, and its kernel is compiled again. numba itself does
-not check its files. A file truncated by a full disk or a power cut would raise an error in every later run,
-and altered machine code would be executed.
+checksums. A truncated or damaged file is treated as missing, and its kernel is compiled again. numba itself
+does not check its files. A file truncated by a full disk or a power cut would raise an error in every later
+run, and altered machine code would be executed.
 """
 
 from __future__ import annotations

@@ -135,7 +135,7 @@ class InstantSchedule:
         """Return whether timestamps from the past may belong to delayed samples.
 
         After the start of a busy machine, for example, samples wait and then come faster than time passes. A
-        few samples do not show this, so they count as delayed.
+        few samples do not show this, so they are treated as delayed.
         """
         if apart.newest > self.newest_ns:
             return False

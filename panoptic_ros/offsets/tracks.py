@@ -17,7 +17,7 @@ class TrackInterpolation:
     """Joint positions of persons at any instant, by linear interpolation between the instants of the sets.
 
     Args:
-        reference_ns: (ns) time that counts as 0 s.
+        reference_ns: (ns) time that is 0 s here.
     """
 
     def __init__(self, sets: Iterable[TrackedPoseSet], reference_ns: int):

@@ -15,7 +15,7 @@ FEW_BLOCKS = 20  # minimum number of blocks to estimate the variance excess
 EXCESS = 1.5  # ratio of variances beyond which the mean residuals show a bias
 NORMAL_MEDIAN = 0.6745  # median of |x| for a standard normal x
 MIXED_NOISE = 1.38  # variance ratio of independent noise in `_excess`: blocks have few rays of unequal noise
-AGREE = 3e-3  # s; offsets that differ by less count as equal
+AGREE = 3e-3  # s; clock offsets that differ by less are treated as equal
 CHANCE = 2.0  # standard deviations of the difference, by which equal offsets may differ by chance
 
 
@@ -103,7 +103,7 @@ def _excess(means: Array, expected: Array) -> float:
 def _bias_variance(fit: ClockFit, bias: float) -> Array:
     """Return the variance (C,) s^2 of the offsets that a detector bias of `bias` m causes.
 
-    Persons who move in another direction have another bias. One direction of one person counts as one bias,
+    Persons who move in another direction have another bias. One direction of one person is one bias,
     regardless of the number of joints and frames.
     """
     cameras = len(fit.offsets)

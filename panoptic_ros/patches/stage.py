@@ -150,7 +150,7 @@ class PatchesStage(Stateful):
         """Update all people and patches from the previous instant to this one.
 
         Args:
-            free: (F, 2) ids and joints in free space, which count as not measured.
+            free: (F, 2) ids and joints in free space, which are treated as not measured.
         """
         dt, config = 1e-9 * (item.stamp_ns - before.stamp_ns), self._config
         maps = [sensed for _, sensed in self._depth.near(before.stamp_ns)]

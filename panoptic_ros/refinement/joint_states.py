@@ -58,8 +58,8 @@ def judge(motion, measured, again, scales, lasting, limits, judged):
         measured: `Measured` of the moment.
         again: (P, J) whether a joint is measured again later, without an interruption.
         scales: (P,) factors on the covariances.
-        lasting: (P, J) share of the noise that smoothing does not remove; it counts as uncertainty here, but
-            the resulting covariances do not contain it.
+        lasting: (P, J) share of the noise that smoothing does not remove; here it adds to the
+            uncertainty, but the resulting covariances do not contain it.
         limits: (m, s) largest standard deviation of joints that are not measured, and largest age of
             predictions.
         judged: `Judged`, output.

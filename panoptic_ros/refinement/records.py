@@ -36,7 +36,7 @@ class Measured(NamedTuple):
     person_scores: Array  # (P,) of the latest set with the person
     filled: Array  # (P, J) bool, whether the latest also depends on a prediction and on other joints
     trust: Array  # (P, J) s, time that measurements agreed with the motion minus time that they disagreed
-    lasting: Array  # (P, J, 3, 3) m^2, recent covariance of persistent errors; filled joints do not count
+    lasting: Array  # (P, J, 3, 3) m^2, recent covariance of persistent errors; filled joints are ignored
 
 
 class Moment(NamedTuple):

@@ -7,7 +7,7 @@ is used. Then Gauss-Newton minimises the reprojection error, which is the object
 Cauchy weights and a gate in the last steps make it robust.
 
 A prediction influences the choice of the start, never the estimate. But a joint that only two views support,
-far from a position on which three views agreed recently, counts as missing: one of the two views must be
+far from a position on which three views agreed recently, is treated as missing: one of the two views must be
 wrong. `geometry.triangulate_robust` is the numpy reference of the last step.
 """
 

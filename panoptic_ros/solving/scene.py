@@ -56,8 +56,8 @@ class Observations(NamedTuple):
         cams: Cameras of the views.
         lenses: (V,) records, see `camera_records`.
         sizes: (D,) sizes of the 2D poses: diagonals of their bounding boxes on the plane. Infinite where
-            artefacts of image borders are excluded: 2D joints then count as observations even if the joint
-            lies outside the image.
+            artefacts of image borders are excluded: 2D joints are then treated as observations even if
+            the joint lies outside the image.
     """
 
     plane: Array
@@ -130,7 +130,7 @@ def gather(
     observations.
 
     Args:
-        min_score: joints with a lower score count as missing.
+        min_score: joints with a lower score are treated as missing.
 
     Raises:
         DataError: on another skeleton, a camera that the rig lacks, or other image sizes.

@@ -48,7 +48,7 @@ def interpolate(view: Neighbours, instant: int) -> ViewDetections:
     If both frames around the instant have a joint of a linked person, the joint is interpolated linearly. Its
     variance is (1-a)^2 + a^2 times that of one frame, which is smaller. Its score is the mean of both scores,
     weighted like the position. Other joints stay at their position in the chosen frame. Their possible motion
-    in the meantime (1 m/s) counts as noise and lowers their scores.
+    in the meantime (1 m/s) is treated as noise and lowers their scores.
     """
     chosen = view.chosen.view
     if chosen.stamp_ns == instant:

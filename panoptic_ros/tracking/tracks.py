@@ -16,7 +16,7 @@ from panoptic_ros.solving.limbs import Limbs
 
 Array = np.ndarray
 
-KNOWN_AFTER = 10  # number of measurements of a bone from which its length counts as known
+KNOWN_AFTER = 10  # number of measurements of a bone from which its length is treated as known
 # Number of measurements over which a bone length is averaged. It is no time: a bone does not change, and the
 # certainty of the mean depends on the number of measurements. The limit lets errors of the first ones fade.
 LENGTH_MEMORY = 60.0
@@ -101,7 +101,7 @@ class Tracks(NamedTuple):
         """Predict the tracks by dt s, in place.
 
         Args:
-            blind: whether capture paused meanwhile, so that the time does not count as missed.
+            blind: whether capture paused meanwhile, so that the time is not treated as missed.
         """
         predict(self.motion, dt)
         self.unseen[:] += dt

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from panoptic_ros.graph.health import ReceivedStatus
 
 PERIOD_S = 1.0  # s between status messages of a node
-STALE_S = 2.5  # s without a status message after which a node counts as silent
+STALE_S = 2.5  # s without a status message after which a node is treated as silent
 STAGES = ("stage", "node", "state", "/s", "age s", "step ms p50", "p99", "latency ms p50", "p99", "dropped")
 INPUTS = ("input", "of", "/s", "age s", "latency ms p50", "p99", "lost", "left out", "bad")
 

@@ -105,7 +105,7 @@ def write_imu(item: ImuSample, family: MessageFamily, frame_id: str) -> Any:
 def read_imu(message: Any, device: str) -> ImuSample:
     """Convert a sensor_msgs/Imu from a device's topic to a sample.
 
-    An orientation of zeros or NaN counts as missing: IMU drivers without orientation publish it so.
+    An orientation of zeros or NaN is treated as missing: IMU drivers without orientation publish it so.
 
     Raises:
         DataError: if a measured value is not finite.

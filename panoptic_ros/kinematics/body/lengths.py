@@ -2,7 +2,7 @@
 
 At single instants, the pose and the lengths are solved for together, and the pose is eliminated. The
 remaining information about the lengths is averaged over instants. Averages are used because the joints of a
-detector have about the same errors at all instants. All data therefore count as only a few independent
+detector have about the same errors at all instants. All data are therefore treated as only a few independent
 observations. Left and right lengths are equal.
 
 `LengthTransition` introduces new lengths gradually, because an instantaneous change would make limbs jump.

@@ -180,7 +180,7 @@ def align(
 
     Args:
         states: Bodies solved in the window from cameras alone, at a fixed rate. Those without covariances
-            count as exact.
+            are treated as exact.
         felt: Measurements by device.
     """
     worn = [device for device in subject.devices if device.name in felt]

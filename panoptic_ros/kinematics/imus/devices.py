@@ -376,9 +376,9 @@ class WornDevices:
 
 
 def unseen_axes(body: SegmentedBody) -> Array:
-    """Return the axes (S, 3) of segments about which cameras do not observe rotations; 0 for all others.
+    """Return the axes (S, 3) about which cameras do not observe rotations of a segment; 0 = no such axis.
 
-    These are segments with a single bone and no joint of the detector beyond or beside it.
+    Segments with a single bone, and no joint of the detector beyond or beside the bone, have such an axis.
     """
     parents, offsets = body.model.parents, body.offsets
     found = np.zeros((len(parents), 3))

@@ -341,7 +341,7 @@ class PoseWindow:
         solved = forward(factor_of(corner), rows)
         rest = solved[:, :n].T @ solved
         found = inverse_of(own - rest[:, :n] + LEAST * self._open)
-        # effect of unit errors at all instants, less the part that already counts as independent
+        # effect of unit errors at all instants, less the part that is already treated as independent
         moved = found @ (pulled - rest[:, n:] - (NEW / link.weight) * link.root)
         found += lasting * link.weight * (moved @ moved.T)
         return found

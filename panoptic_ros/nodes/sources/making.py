@@ -254,7 +254,7 @@ def camera_topics(camera: str, compressed: bool, depth: bool) -> dict[str, tuple
 def camera_messages(frames: Iterable[Any], camera: Camera, jpeg_quality: int) -> Iterator[OutgoingMessages]:
     """Yield the image, the CameraInfo and the depth map (if any) of every frame.
 
-    Gaps in the frame numbers of a live source count as overtaken frames.
+    Gaps in the frame numbers of a live source are treated as overtaken frames.
 
     Args:
         jpeg_quality: quality of JPEG images; 0: raw images.

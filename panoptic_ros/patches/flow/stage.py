@@ -28,7 +28,8 @@ from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 
 ALONG_BORDER = 9  # points on each image border that define the field of view
-LARGE = 0.5  # least size of a person in another camera that counts as seeing, relative to the own camera
+# least size of a person in another camera that also sees the person, relative to the size in the own camera
+LARGE = 0.5
 APART = 0.5 * (np.sqrt(5.0) - 1.0)  # phase shift of the point selection from camera to camera (golden ratio)
 ALONG, ACROSS = (0.08, 0.36, 0.64, 0.92), (-0.5, 0.5)  # points on a limb: shares of length and radius
 TORSO_ALONG, TORSO_ACROSS = (0.0, 0.25, 0.5, 0.75, 1.0), (-0.75, -0.25, 0.25, 0.75)

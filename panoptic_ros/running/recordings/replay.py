@@ -32,7 +32,7 @@ def topics_from(begin: str) -> frozenset[str]:
     """Return the keys of the topics that a graph needs when it starts at a given topic.
 
     These are the topic itself, topics that later stages take from elsewhere, and latched topics. Stages and
-    ports that are off by default do not count.
+    ports that are off by default are ignored.
 
     Args:
         begin: key of a topic, e.g. detections, or the name of the stage that publishes it.

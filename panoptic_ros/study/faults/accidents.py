@@ -60,7 +60,7 @@ class Outcome:
         lost_s: time (s) from the newest saved timestamp to the accident; None where nothing could be lost.
         code: exit code of the process.
         said: last line that the process printed.
-        fault: reason why the accident counts as failed; "" = passed.
+        fault: reason why the accident is treated as failed; "" = passed.
     """
 
     name: str

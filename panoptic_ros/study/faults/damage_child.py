@@ -2,7 +2,7 @@
 
 `python -m panoptic_ros.study.faults.damage_child FORMAT SEED SECONDS FOLDER` writes one line of JSON per
 second, and a last line when the time is over. The address space is limited. A reader that allocates too much
-memory raises a MemoryError, which counts as a foreign exception.
+memory raises a MemoryError, which is treated as a foreign exception.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from panoptic_ros.running.processes.children import Processes, prepare_environme
 from panoptic_ros.running.runs.launch import write_launch_file
 from panoptic_ros.study.live.graph_feed import Feed
 
-SETTLE_NS = 2_000_000_000  # time after the first skeletons in which latency does not count
+SETTLE_NS = 2_000_000_000  # time after the first skeletons in which latency is ignored
 PATIENCE_S = 300.0  # timeout for the first skeletons; it includes the compilation of kernels
 LAST_WORDS_S = 1.2  # wait for the last skeletons, and for diagnostics, which are published once a second
 

@@ -30,7 +30,7 @@ from panoptic_ros.study.study import Case, Column, Result, Row, Study, grouped, 
 
 SCENE, LEAVING = "walk-out-3p8v", 0  # scene, and index of the person who walks out
 EVERY, TWO, ONE = "every view", "two views", "one view"
-# s, begin of each phase of the scene; "" = does not count
+# s, begin of each phase of the scene; "" = phase that is not scored
 SECONDS = ((EVERY, 1.0), (TWO, 3.0), (ONE, 4.5), ("", 6.0))
 FEWEST = 3  # lower limit of cameras, of which two are drawn
 
@@ -40,7 +40,7 @@ class Leaving:
     """2D poses of a take and its ground truth.
 
     Args:
-        phases: phase by timestamp of the set; "" = does not count.
+        phases: phase by timestamp of the set; "" = not scored.
         people: true ids of persons who leave; None = all.
     """
 

@@ -25,7 +25,7 @@ from panoptic_ros.study.world import instants_of
 VIEWS = "4,6,8,16"
 FEWEST = 20  # lower limit of frames
 SCENE = "rendered-4p6v"
-WARM = 8  # warm-up time steps that do not count
+WARM = 8  # warm-up time steps that are ignored
 
 
 class Patches(Study):

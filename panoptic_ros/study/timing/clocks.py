@@ -43,7 +43,7 @@ PAL = FrameRate(25, Fraction(25))
 NTSC = FrameRate(30, Fraction(30000, 1001))
 SKELETON = SkeletonModel("dot", ("a", "b"), 0, ((0, 1),), 0)
 TELLING = ("clocks.timecode_jump",)  # information notices to count, because the decoder warns of the event
-WRONG_S = 1e-3  # s, a timestamp with a larger error counts as wrong
+WRONG_S = 1e-3  # s, a timestamp with a larger error is treated as wrong
 
 
 @dataclass

@@ -29,7 +29,7 @@ WAVERS = 30.0
 # mean variance ratio over a few words that shows a changing speed; number of words
 OFTEN_WAVERS, FEW = 3.0, 8
 LEAST_SWING = 4e-4  # samples squared, mean over the edges of a word; a smaller swing is ignored
-# number of words and maximum mean variance ratio at which the speed counts as constant again
+# number of words and maximum mean variance ratio at which the speed is treated as constant again
 CALM_WORDS, CALM = 48, 1.5
 
 

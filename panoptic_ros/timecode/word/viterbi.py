@@ -180,7 +180,7 @@ class WordLevels:
 
 
 def word_levels(sums: Array, grid: CellGrid, reverse: bool) -> WordLevels:
-    """Return the levels of the word on a grid; positions outside the running sum count as 0."""
+    """Return the levels of the word on a grid; positions outside the running sum are treated as 0."""
     first = -0.5 * WORD_CELLS - (0 if reverse else len(SYNC))
     return _in_order(half_levels(sums, grid, first, WORD_CELLS + len(SYNC)), reverse)
 
