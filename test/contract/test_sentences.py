@@ -7,23 +7,21 @@ from sentences import faults, flagged
 
 ROOT = Path(__file__).parents[2]
 MOST = {
-    "assembly": 91,
-    "capture": 14,
+    "capture": 1,
     "detection": 1,
-    "docs": 62,
     "domain": 2,
     "export": 1,
-    "io": 15,
+    "io": 5,
     "kinematics": 5,
     "offsets": 1,
     "patches": 2,
-    "refinement": 75,
+    "refinement": 1,
     "running": 1,
     "state": 1,
-    "study": 16,
+    "study": 5,
     "sync": 1,
-    "timecode": 2,
     "view": 1,
+    "docs": 10,
 }
 ROOMS = sorted(path.name for path in (ROOT / "panoptic_ros").iterdir() if (path / "__init__.py").is_file())
 

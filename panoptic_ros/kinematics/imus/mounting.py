@@ -39,8 +39,7 @@ MISTAKEN, MISTAKEN_SDS = math.radians(14.0), 3.0
 WIDE, ROUNDS = math.radians(25.0), 4
 FEWEST_LOOKS = 5  # minimum number of observations before anything is reported
 RECENT = 12  # number of newest observations that are compared with the older ones
-# minimum change of a slipped mounting in its standard deviations; minimum number of consecutive observations
-# of the change
+# minimum change of a slipped mounting, in its standard deviations; minimum number of consecutive looks at it
 SLIPPED_SDS, SLIPPED_LOOKS = 3.3, 6
 FEWEST_BEFORE = 8  # minimum number of older observations for the comparison of recent with older ones
 UNKNOWN = 1e-9  # 1/rad^2, information about what no data determine
