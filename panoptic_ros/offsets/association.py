@@ -9,10 +9,10 @@ import numpy as np
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.domain.rig_arrays import RigArrays
-from panoptic_ros.offsets.frames import CameraFrame
 from panoptic_ros.offsets.tracks import TrackInterpolation
 from panoptic_ros.solving import scene
 from panoptic_ros.solving.agreement import agreement_with_people
+from panoptic_ros.solving.frames import CameraFrame
 
 Array = np.ndarray
 LEAST_AGREEMENT = 0.25  # minimum mean agreement over the joints of a 2D pose with a track

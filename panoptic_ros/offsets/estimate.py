@@ -15,6 +15,7 @@ import numpy as np
 from panoptic_ros.geometry.robust import growth
 from panoptic_ros.offsets.association import JointObservations
 from panoptic_ros.offsets.trajectories import SPAN, Curves, ObservationRays, fit_series
+from panoptic_ros.solving.joint_noise import JointNoiseModel
 
 Array = np.ndarray
 CAUCHY = 3.0  # standard deviations, scale of the Cauchy weights
@@ -26,10 +27,6 @@ ENOUGH = 2e-5  # s, largest offset step at convergence
 LEARNING = 12  # number of iterations in which noise and stiffness are learnt
 MEMORY = 3  # number of previous states for Anderson acceleration
 LARGEST_JUMP = 3.0  # maximum ratio of an accelerated step to the plain step; longer ones are rejected
-SCORE_BINS = 5
-LEAST_COUNT = 60  # minimum number of residuals for a separate noise factor of a group
-RAYLEIGH_MEDIAN = 1.17741  # median length of a 2D residual with standard deviation 1 per axis
-LEAST_NOISE = 2e-5  # on the normalised image plane: 0.03 px at a focal length of 1500 px
 KNOTS = 0.08  # s between spline knots
 LONGEST_GAP = 0.5  # s without any ray after which a new trajectory begins
 LEAST_RAYS = 12  # minimum number of rays of a trajectory
@@ -178,37 +175,6 @@ def _accelerated(history: list[tuple[Array, Array]], cameras: int) -> Array:
     mixed = centred(plain - (states + steps) @ mix, cameras)
     jump, longest = (float(np.abs(v[:cameras]).max()) for v in (mixed - state, step))
     return mixed if jump <= LARGEST_JUMP * longest else plain
-
-
-class JointNoiseModel:
-    """Standard deviations of 2D joints on the normalised image plane, by score, camera and joint.
-
-    All values come from medians of residuals, so outliers hardly affect them.
-    """
-
-    def __init__(self, cameras: Array, joints: Array, scores: Array, start: float):
-        self._groups = (np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1), cameras, joints)
-        self._start = start
-        self._factors = [np.ones(int(group.max(initial=0)) + 1) for group in self._groups]
-
-    def sigmas(self) -> Array:
-        """Return the standard deviations (N,) of the observations."""
-        value = np.full(len(self._groups[0]), self._start)
-        for group, factors in zip(self._groups, self._factors):
-            value *= factors[group]
-        sigmas: Array = np.maximum(value, LEAST_NOISE)
-        return sigmas
-
-    def learn(self, ratios: Array) -> None:
-        """Update the factors from residuals (N,) in units of `sigmas`, corrected for leverage."""
-        left = ratios.copy()
-        for group, factors in zip(self._groups, self._factors):
-            for k in range(len(factors)):
-                own = left[group == k]
-                if len(own) >= LEAST_COUNT:
-                    change = max(float(np.median(own)) / RAYLEIGH_MEDIAN, 1e-3)
-                    factors[k] *= change
-                    left[group == k] /= change
 
 
 @dataclass(frozen=True, slots=True, eq=False)

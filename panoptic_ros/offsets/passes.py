@@ -13,9 +13,9 @@ from panoptic_ros.errors import UsageError
 from panoptic_ros.offsets.association import associate
 from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.estimate import fit_clocks
-from panoptic_ros.offsets.frames import CameraFrame, camera_frames
 from panoptic_ros.offsets.regroup import regroup
 from panoptic_ros.offsets.tracks import TrackInterpolation
+from panoptic_ros.solving.frames import CameraFrame, camera_frames
 from panoptic_ros.stage import Progress, Recording, StageContext, each, part_of, untold
 
 Array = np.ndarray

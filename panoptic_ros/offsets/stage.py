@@ -24,12 +24,12 @@ from panoptic_ros.offsets.association import associate
 from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.offsets.estimate import ClockFilter, fit_clocks
-from panoptic_ros.offsets.frames import CameraFrame, camera_frames
 from panoptic_ros.offsets.passes import PRIOR_DRIFT, PRIOR_OFFSET, SCALES
 from panoptic_ros.offsets.tracks import TrackInterpolation
 from panoptic_ros.offsets.uncertainty import honest_information
 from panoptic_ros.params import named_numbers, of_name
 from panoptic_ros.solving.example import cloud_of_joints, easy_instants
+from panoptic_ros.solving.frames import CameraFrame, camera_frames
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 

@@ -23,12 +23,14 @@ class CameraFrame:
         stamp_ns: (ns) timestamp on the camera's own clock.
         plane: (D, J, 2) undistorted normalised points.
         scores: (D, J), 0 where missing.
+        heights: (D, J) px, row of the image in which each joint was detected.
     """
 
     camera: int
     stamp_ns: int
     plane: Array
     scores: Array
+    heights: Array
 
 
 def camera_frames(
@@ -50,6 +52,9 @@ def camera_frames(
         evidence = gather(item, arrays, skeleton, skeleton.hash, 0.0)
         for v, camera in enumerate(evidence.cameras):
             rows = slice(evidence.starts[v], evidence.starts[v + 1])
-            stamp = item.views[evidence.slots[v]].stamp_ns
-            frames.append(CameraFrame(int(camera), stamp, evidence.plane[rows], evidence.scores[rows]))
+            view = item.views[evidence.slots[v]]
+            heights = np.nan_to_num(view.points[evidence.rows[rows], :, 1])
+            frames.append(
+                CameraFrame(int(camera), view.stamp_ns, evidence.plane[rows], evidence.scores[rows], heights)
+            )
     return frames

@@ -1,0 +1,249 @@
+"""Curves of all joints of a person at once, with the lengths between joints of one rigid part as measurements.
+
+The unknowns are ordered by knot, joint and axis, so the system stays banded. Lengths are measured on a grid
+of instants, linearised at the present curves (Gauss-Newton).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
+
+from panoptic_ros.continuous.curves import REACH, WIDTH, CurveFit, covariances_at, normal_equations
+from panoptic_ros.continuous.problem import CAUCHY, CurveProblem
+from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.geometry.splines import SPAN, basis_at, spline
+from panoptic_ros.kernels import njit
+
+Array = np.ndarray
+INTERVAL_S = 0.02  # s between two measurements of a length
+SIGMA = 5e-3  # m, standard deviation of one of these measurements
+# m, spread of a distance beyond its noise: up to the first the pair is rigid, from the second on it is free
+RIGID, FREE = 6e-3, 5e-2
+CORRELATION_S = 0.2  # s, correlation time of the spread of a pair that is not rigid
+STEPS = 2  # Gauss-Newton steps
+SHORTEST = 1e-3  # m, length below which a pair has no direction
+
+
+class PairDistances(NamedTuple):
+    """Distances of P pairs of joints at T instants.
+
+    Args:
+        lengths: (P, T) m, corrected for the noise of both joints.
+        variances: (P, T) m^2 along the pair.
+    """
+
+    lengths: Array
+    variances: Array
+
+
+class Lengths(NamedTuple):
+    """Learnt lengths of P pairs of joints.
+
+    Args:
+        lengths: (P,) m.
+        weights: (P,) 1/m^2 of one measurement, 0 = the pair is free.
+    """
+
+    lengths: Array
+    weights: Array
+
+
+def rigid_pairs(skeleton: SkeletonModel) -> Array:
+    """Return the pairs (P, 2) of joints that may keep their distance: bones, and all pairs in head and torso.
+
+    The head consists of the neck, the head joint and the joints behind it. The torso consists of the root, the
+    neck, and the joints next to both.
+    """
+    parents = skeleton.parents
+    children = [[k for k, parent in enumerate(parents) if parent == j] for j in range(len(skeleton))]
+    neck = parents[skeleton.head] if parents[skeleton.head] >= 0 else skeleton.root
+    head, waiting = {neck, skeleton.head}, [skeleton.head]
+    while waiting:
+        behind = children[waiting.pop()]
+        head.update(behind)
+        waiting += behind
+    torso = {skeleton.root, neck, *children[skeleton.root], *children[neck]} - (head - {neck})
+    pairs = {(min(bone), max(bone)) for bone in skeleton.bones}
+    for part in (head, torso):
+        pairs |= {(a, b) for a in part for b in part if a < b}
+    return np.array(sorted(pairs), np.int64).reshape(-1, 2)
+
+
+def pair_distances(problem: CurveProblem, fit: CurveFit, pairs: Array) -> PairDistances:
+    """Return the distances of pairs (P, 2) of joints on curves that were fitted joint by joint."""
+    times = instants(problem)
+    _, gaps = _gaps(problem, fit.points, pairs, times)
+    lengths = np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)
+    along = gaps / lengths[..., None]
+    covariances = covariances_at(fit.inverses, problem.grid, times)
+    total = covariances[pairs[:, 0]] + covariances[pairs[:, 1]]
+    variances = np.einsum("pti,ptij,ptj->pt", along, total, along)
+    across = np.trace(total, axis1=-2, axis2=-1) - variances
+    return PairDistances(lengths - 0.5 * across / lengths, variances)
+
+
+def learn_lengths(distances: PairDistances) -> Lengths:
+    """Return the lengths of pairs as medians of the certain half of their distances.
+
+    A pair whose distances spread more than their noise is not rigid. Its weight then states that spread.
+    """
+    certain = distances.variances < 2.0 * np.median(distances.variances, axis=1, keepdims=True)
+    lengths = np.where(certain, distances.lengths, np.nan)
+    middle = np.nanmedian(lengths, axis=1)
+    spread = (1.4826 * np.nanmedian(np.abs(lengths - middle[:, None]), axis=1)) ** 2
+    spread -= np.nanmedian(np.where(certain, distances.variances, np.nan), axis=1)
+    soft = INTERVAL_S / (2.0 * CORRELATION_S) / np.maximum(spread, RIGID**2)
+    weights = np.where(spread > RIGID**2, soft, SIGMA**-2.0)
+    return Lengths(middle, np.where(spread > FREE**2, 0.0, weights))
+
+
+def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt: Lengths) -> CurveFit:
+    """Return the curves of a person whose joints keep the learnt lengths, with their covariances.
+
+    Args:
+        fit: curves fitted joint by joint, the start.
+    """
+    joints, grid = len(fit.points), problem.grid
+    times = instants(problem)
+    reach = REACH if problem.persistent > 0.0 else SPAN
+    points = fit.points
+    for _ in range(STEPS):
+        bands, rights = normal_equations(problem.rays(CAUCHY), grid, problem.stiffness)
+        columns, right = couple(bands, rights, reach)
+        _, gaps = _gaps(problem, points, pairs, times)
+        along = gaps / np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)[..., None]
+        add_lengths(columns, right, grid, times, pairs, along, learnt)
+        lower = cholesky_banded(columns.T, overwrite_ab=True, lower=True, check_finite=False)
+        solution = cho_solve_banded((lower, True), right, check_finite=False)
+        points = np.ascontiguousarray(solution.reshape(grid.count, joints, 3).transpose(1, 0, 2))
+        problem.compare(fit._replace(points=points))
+    return fit._replace(points=points, inverses=block_inverses(lower.T, joints, reach))
+
+
+def instants(problem: CurveProblem) -> Array:
+    """Return the instants (T,) s at which lengths are measured."""
+    return np.arange(float(problem.times.min()), float(problem.times.max()), INTERVAL_S)
+
+
+def _gaps(problem: CurveProblem, points: Array, pairs: Array, times: Array) -> tuple[Array, Array]:
+    """Return the positions (J, T, 3) of the joints, and the gaps (P, T, 3) of the pairs."""
+    grid = problem.grid
+    places = spline(grid.origin, grid.step, points.transpose(1, 0, 2))(times).transpose(1, 0, 2)
+    return places, places[pairs[:, 0]] - places[pairs[:, 1]]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def couple(bands, rights, reach):
+    """Return the systems of all joints as one, ordered by knot, joint and axis.
+
+    Args:
+        bands, rights: see `normal_equations`.
+        reach: half bandwidth of a joint's system, in control points.
+
+    Returns: the lower band by columns, columns[i, k] = A[i + k, i], and the right-hand side.
+    """
+    joints, size, width = bands.shape
+    block = 3 * joints
+    columns = np.zeros((size * joints, reach * block))
+    right = np.zeros(size * joints)
+    for j in range(joints):
+        for i in range(size):
+            row = (i // 3) * block + 3 * j + i % 3
+            right[row] = rights[j, i]
+            for k in range(min(3 * reach, width, i + 1)):
+                column = ((i - k) // 3) * block + 3 * j + (i - k) % 3
+                if row - column < reach * block:
+                    columns[column, row - column] = bands[j, i, k]
+    return columns, right
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def add_lengths(columns, right, grid, times, pairs, along, learnt):
+    """Add measurements of the lengths of P pairs at T instants.
+
+    Args:
+        along: (P, T, 3) directions of the pairs.
+        learnt: `Lengths`.
+    """
+    block = len(right) // grid.count
+    basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
+    index, value = np.empty(6 * SPAN, np.int64), np.empty(6 * SPAN)
+    for t in range(len(times)):
+        k = basis_at((times[t] - grid.origin) / grid.step, grid.count, basis, slope, bend)
+        for p in range(len(pairs)):
+            w = learnt.weights[p]
+            if w <= 0.0:
+                continue
+            n = 0
+            for m in range(SPAN):
+                for s in range(2):
+                    sign = 1.0 if s == 0 else -1.0
+                    for a in range(3):
+                        index[n] = (k + m) * block + 3 * pairs[p, s] + a
+                        value[n] = sign * basis[m] * along[p, t, a]
+                        n += 1
+            for i in range(n):
+                scale = w * value[i]
+                right[index[i]] += scale * learnt.lengths[p]
+                for j in range(n):
+                    if index[j] <= index[i]:
+                        columns[index[j], index[i] - index[j]] += scale * value[j]
+
+
+def block_inverses(columns: Array, joints: int, reach: int) -> Array:
+    """Return the covariances of each joint's control points in the band, (J, 3K, WIDTH) m^2.
+
+    Takahashi's recursion over blocks of one knot each.
+
+    Args:
+        columns: (n, reach * 3J) Cholesky factor, columns[i, k] = L[i + k, i].
+        reach: half bandwidth in blocks.
+    """
+    block = 3 * joints
+    knots = len(columns) // block
+    inverses = np.zeros((joints, 3 * knots, WIDTH))
+    later = np.zeros(((reach - 1) * block, (reach - 1) * block))  # of the blocks after the present one
+    unpacked = np.zeros((reach * block, block))
+    for k in range(knots - 1, -1, -1):
+        unpack(columns, k * block, unpacked)
+        own = np.linalg.inv(unpacked[:block])
+        gain = unpacked[block:] @ own
+        cross = later @ -gain
+        here = own.T @ own - gain.T @ cross
+        here = 0.5 * (here + here.T)  # asymmetric errors would grow from block to block
+        collect(here, cross, k, inverses)
+        later[block:, block:] = later[:-block, :-block].copy()
+        later[:block, :block] = here
+        later[block:, :block] = cross[:-block]
+        later[:block, block:] = cross[:-block].T
+    return inverses
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def unpack(columns, first, out):
+    """Write the columns of one block of the factor as a matrix (reach * 3J, 3J)."""
+    out[:] = 0.0
+    height, block = out.shape
+    for c in range(block):
+        for r in range(c, height):
+            out[r, c] = columns[first + c, r - c]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def collect(here, cross, k, inverses):
+    """Write the covariances of each joint's control point k with itself and with later ones."""
+    joints, size, _ = inverses.shape
+    block = 3 * joints
+    count = min(len(cross) // block + 1, size // 3 - k)
+    for j in range(joints):
+        for p in range(count):
+            for a in range(3):
+                for b in range(3):
+                    lag = 3 * p + a - b
+                    if lag >= 0:
+                        row = 3 * j + a
+                        value = here[row, 3 * j + b] if p == 0 else cross[(p - 1) * block + row, 3 * j + b]
+                        inverses[j, 3 * (k + p) + a, lag] = value

@@ -1,0 +1,340 @@
+"""Association view by view: 2D people of one camera and instant are assigned to people without any grouping.
+
+Each view is assigned alone. All people are predicted to the timestamp of the view, and the 2D people go to
+the people whose prediction they fit. 2D people that fit nobody start candidates in pairs of views of
+different cameras; further views confirm a candidate or discard it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.continuous.motion import (
+    START_ACCELERATION,
+    START_SPEED,
+    JointFilters,
+    ViewRays,
+    distances,
+    predict,
+    update,
+)
+from panoptic_ros.domain.rig_arrays import RigArrays
+from panoptic_ros.identity.assignment import best_pairs
+from panoptic_ros.solving.frames import CameraFrame
+
+Array = np.ndarray
+SIGMA = 4e-3  # standard deviation of a 2D joint on the normalised plane, for association only
+MOST_DISTANCE = 6.0  # standard deviations, greatest distance of one joint in the mean
+GATE = 3.5  # standard deviations, mean distance up to which a 2D person may belong to a person
+MEMORY_S = 0.5  # s without a view after which a person has left
+PAIR_S = 0.08  # s, time between two views of different cameras that may start a person
+PAIR_DISTANCE = 0.08  # m, mean distance of their rays
+MOST_RAY_DISTANCE = 0.3  # m, greatest distance of two rays in that mean
+PAIR_JOINTS = 6  # minimum number of joints that both see
+LEAST_SINE = 0.2  # least sine of the angle between the rays of a joint that both see
+START_SIGMA = 0.06  # m, standard deviation of a joint that two rays start
+CONFIRM_CAMERAS, CONFIRM_VIEWS, CONFIRM_SHARE = 3, 5, 0.6
+PAIR_VIEWS, PAIR_SHARE = 10, 0.8  # views and share to confirm a person whom two cameras see
+SETTLED_VIEWS = 10  # views after confirmation after which the filter serves the search in reversed time
+SAME_BODY = 0.15  # m, mean distance of joints below which two tracks are one person
+
+
+class Entry(NamedTuple):
+    """2D person that was assigned.
+
+    Args:
+        frame: index of the frame.
+        person: row of the 2D person in the frame.
+        depth: (m) of the person in the camera.
+    """
+
+    frame: int
+    person: int
+    depth: float
+
+
+@dataclass(eq=False)
+class ViewTrack:
+    """Person followed from view to view.
+
+    Args:
+        filters: motion at `time`.
+        time: (s) of the filters.
+        number: order of the start.
+        last: (s) timestamp of the newest view that shows the person.
+        entries: views that show the person, and the 2D person in each.
+        cameras: cameras of these views.
+        missed: number of views in which a person was expected and not found, until confirmation.
+        confirmed: the number of views at confirmation, 0 = candidate.
+        seed: time and filters for the search in reversed time.
+    """
+
+    filters: JointFilters
+    time: float
+    number: int
+    last: float
+    entries: list[Entry] = field(default_factory=list)
+    cameras: set[int] = field(default_factory=set)
+    missed: int = 0
+    confirmed: int = 0
+    seed: tuple[float, JointFilters] | None = None
+
+    def move(self, time: float) -> None:
+        """Predict the filters to a time."""
+        if time != self.time:
+            predict(self.filters, time - self.time)
+            self.time = time
+
+    def take(self, number: int, person: int, view: ViewRays, frame: CameraFrame) -> None:
+        """Update with a 2D person of view `number` at the present time."""
+        plane, known = frame.plane[person], frame.scores[person] > 0.0
+        update(self.filters, view, plane, known, SIGMA)
+        self.last = self.time
+        depth = float(np.nanmedian(self.positions @ view.rotation[2]) + view.translation[2])
+        self.entries.append(Entry(number, person, depth))
+        self.cameras.add(frame.camera)
+
+    @property
+    def positions(self) -> Array:
+        """Return the positions (J, 3) m at `time`, NaN = unknown."""
+        return self.filters.states[:, 0]
+
+
+class ViewTracker:
+    """Follows people through views in order of time, or in reversed order from given seeds."""
+
+    def __init__(self, arrays: RigArrays, joints: int, pair_s: float = PAIR_S):
+        self._arrays, self._joints, self._pair_s = arrays, joints, pair_s
+        self._views = [
+            ViewRays(rotation, translation)
+            for rotation, translation in zip(arrays.rotations, arrays.translations)
+        ]
+        self._free: list[tuple[float, int, Array, Array, int]] = []  # unassigned 2D people: time, camera, ...
+        self._numbers = 0
+        self.active: list[ViewTrack] = []
+        self.ended: list[ViewTrack] = []
+
+    def step(self, number: int, frame: CameraFrame, time: float) -> None:
+        """Assign the 2D people of one view, and start, confirm and end people.
+
+        Args:
+            number: index of the frame, for `ViewTrack.entries`.
+            time: (s) corrected timestamp.
+        """
+        for track in self.active:
+            track.move(time)
+        self._end(time)
+        left = set(range(len(frame.plane)))
+        sure = [track for track in self.active if track.confirmed]
+        left -= self._assign(sure, number, frame, left)
+        candidates = [track for track in self.active if not track.confirmed]
+        left -= self._assign(candidates, number, frame, left)
+        for track in candidates:
+            self._judge(track)
+        for person in sorted(left):
+            self._start(number, frame, person, time)
+
+    def finish(self) -> list[ViewTrack]:
+        """Return all confirmed people in the order of their starts."""
+        self.ended += [track for track in self.active if track.confirmed]
+        for track in self.ended:
+            if track.seed is None:
+                track.seed = (track.time, track.filters.copy())
+        self.active = []
+        return sorted(self.ended, key=lambda track: track.number)
+
+    def _assign(self, tracks: list[ViewTrack], number: int, frame: CameraFrame, free: set[int]) -> set[int]:
+        """Assign free 2D people to tracks; return those that were taken."""
+        people = sorted(free)
+        if not tracks:
+            return set()
+        view = self._views[frame.camera]
+        planes, known = frame.plane[people], frame.scores[people] > 0.0
+        taken = set()
+        pairs: list[tuple[int, int]] = []
+        if people:
+            cost = np.stack([distances(t.filters, view, planes, known, SIGMA, MOST_DISTANCE) for t in tracks])
+            pairs = best_pairs(cost, GATE)
+        for row, column in pairs:
+            tracks[row].take(number, people[column], view, frame)
+            taken.add(people[column])
+            self._settle(tracks[row])
+        for row in set(range(len(tracks))) - {row for row, _ in pairs}:
+            if not tracks[row].confirmed and self._expected(tracks[row], frame.camera):
+                tracks[row].missed += 1
+        return taken
+
+    def _settle(self, track: ViewTrack) -> None:
+        if track.confirmed and track.seed is None and len(track.entries) >= track.confirmed + SETTLED_VIEWS:
+            track.seed = (track.time, track.filters.copy())
+
+    def _expected(self, track: ViewTrack, camera: int) -> bool:
+        """Return whether the centre of a person lies in the image of a camera."""
+        lens = self._arrays.lenses[camera]
+        view = self._views[camera]
+        local = view.rotation @ np.nanmedian(track.positions, axis=0) + view.translation
+        if local[2] <= 0.1:
+            return False
+        x, y = local[:2] / local[2]
+        return bool(lens["left"] < x < lens["right"] and lens["top"] < y < lens["bottom"])
+
+    def _judge(self, track: ViewTrack) -> None:
+        """Confirm a candidate or discard it."""
+        views, total = len(track.entries), len(track.entries) + track.missed
+        share = views / total
+        enough = len(track.cameras) >= CONFIRM_CAMERAS and views >= CONFIRM_VIEWS and share >= CONFIRM_SHARE
+        enough |= len(track.cameras) >= 2 and views >= PAIR_VIEWS and share >= PAIR_SHARE
+        if enough and not self._doubled(track):
+            track.confirmed = views
+        elif enough or (total >= 2 * CONFIRM_VIEWS and share < 0.5):
+            self.active.remove(track)
+
+    def _doubled(self, track: ViewTrack) -> bool:
+        """Return whether another confirmed person is in the same place."""
+        for other in self.active:
+            if other.confirmed:
+                gaps = np.linalg.norm(other.positions - track.positions, axis=1)
+                if np.nanmean(gaps) < SAME_BODY:
+                    return True
+        return False
+
+    def _end(self, time: float) -> None:
+        for track in list(self.active):
+            if abs(time - track.last) > MEMORY_S:
+                self.active.remove(track)
+                if track.confirmed:
+                    self.ended.append(track)
+
+    def _start(self, number: int, frame: CameraFrame, person: int, time: float) -> None:
+        """Start a candidate from an unassigned 2D person and an earlier one of another camera."""
+        plane, known = frame.plane[person], frame.scores[person] > 0.0
+        self._free = [one for one in self._free if time - one[0] <= self._pair_s]
+        best, partner = PAIR_DISTANCE, None
+        for one in self._free:
+            if one[1] != frame.camera:
+                distance = self._ray_distance(frame.camera, plane, known, one)
+                if distance < best:
+                    best, partner = distance, one
+        mine = (time, frame.camera, plane, known, number * 1000 + person)
+        if partner is None:
+            self._free.append(mine)
+            return
+        self._free = [one for one in self._free if one is not partner]
+        track = ViewTrack(self._meeting(mine, partner), time, self._numbers, time)
+        self._numbers += 1
+        centre = np.nanmedian(track.positions, axis=0)
+        for frame_number, who, camera in ((*divmod(partner[4], 1000), partner[1]), (number, person, frame.camera)):
+            view = self._views[camera]
+            track.entries.append(Entry(frame_number, who, float(view.rotation[2] @ centre + view.translation[2])))
+        track.cameras = {partner[1], frame.camera}
+        self.active.append(track)
+
+    def _rays(self, camera: int, plane: Array) -> tuple[Array, Array]:
+        """Return the centre (3,) of a camera and the directions (J, 3) of rays in the world."""
+        local = np.concatenate([plane, np.ones((len(plane), 1))], axis=1)
+        local /= np.linalg.norm(local, axis=1, keepdims=True)
+        return self._arrays.centres[camera], local @ self._arrays.rotations[camera]
+
+    def _ray_distance(
+        self, camera: int, plane: Array, known: Array, other: tuple[float, int, Array, Array, int]
+    ) -> float:
+        """Return the mean distance (m) of the rays of two 2D people; infinite if it tells nothing."""
+        common = known & other[3]
+        centre, rays = self._rays(camera, plane[common])
+        centre2, rays2 = self._rays(other[1], other[2][common])
+        cross = np.cross(rays, rays2)
+        sine = np.linalg.norm(cross, axis=1)
+        good = sine > LEAST_SINE
+        if good.sum() < PAIR_JOINTS:
+            return np.inf
+        gaps = np.abs(cross[good] @ (centre2 - centre)) / sine[good]
+        return float(np.minimum(gaps, MOST_RAY_DISTANCE).mean())
+
+    def _meeting(
+        self,
+        one: tuple[float, int, Array, Array, int],
+        other: tuple[float, int, Array, Array, int],
+    ) -> JointFilters:
+        """Return filters of joints that start where two rays meet, at rest; joints of one ray are unknown."""
+        filters = JointFilters.unknown(self._joints)
+        common = np.flatnonzero(one[3] & other[3])
+        (c1, d1), (c2, d2) = self._rays(one[1], one[2][common]), self._rays(other[1], other[2][common])
+        for j, u, v in zip(common, d1, d2):
+            # nearest points of the rays c1 + s u and c2 + t v
+            b = float(u @ v)
+            if 1.0 - b * b < LEAST_SINE**2:
+                continue
+            w = c2 - c1
+            s, t = (u @ w - b * (v @ w)) / (1.0 - b * b), (b * (u @ w) - v @ w) / (1.0 - b * b)
+            filters.states[j] = 0.0
+            filters.states[j, 0] = 0.5 * (c1 + s * u + c2 + t * v)
+            gap = np.linalg.norm(c1 + s * u - c2 - t * v)
+            variances = [START_SIGMA**2 + gap**2, START_SPEED**2, START_ACCELERATION**2]
+            filters.covariances[j] = np.diag(np.repeat(variances, 3))
+        return filters
+
+
+def follow(frames: Sequence[CameraFrame], times: Array, arrays: RigArrays, joints: int) -> list[ViewTrack]:
+    """Return the people of all views (F,), which are in the order of the times (F,) s.
+
+    A search in reversed time adds the views before a person was confirmed.
+    """
+    tracker = ViewTracker(arrays, joints, pairing_time(frames, times))
+    for number, (frame, time) in enumerate(zip(frames, times)):
+        tracker.step(number, frame, float(time))
+    tracks = tracker.finish()
+    _extend(tracks, frames, times, arrays)
+    return tracks
+
+
+def pairing_time(frames: Sequence[CameraFrame], times: Array) -> float:
+    """Return the time (s) between two views that may start a person: half a period of the slowest camera."""
+    cameras = np.array([frame.camera for frame in frames], np.int64)
+    periods = [
+        np.median(np.diff(times[cameras == c])) for c in np.unique(cameras) if (cameras == c).sum() > 2
+    ]
+    return max([PAIR_S, *(0.5 * float(period) for period in periods if period < 1.0)])
+
+
+def _extend(tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array, arrays: RigArrays) -> None:
+    """Add views before the seeds of the people, in reversed time, in place."""
+    owners: dict[Entry | tuple[int, int], ViewTrack] = {}
+    for track in tracks:
+        owners.update({(entry.frame, entry.person): track for entry in track.entries})
+    waiting = sorted(tracks, key=lambda track: track.seed[0] if track.seed else 0.0)
+    active: list[tuple[ViewTrack, ViewTrack]] = []  # a person, and its copy in reversed time
+    views = [ViewRays(r, t) for r, t in zip(arrays.rotations, arrays.translations)]
+    for number in range(len(frames) - 1, -1, -1):
+        time, frame = float(times[number]), frames[number]
+        while waiting and waiting[-1].seed is not None and waiting[-1].seed[0] >= time:
+            seed = waiting[-1].seed
+            active.append((waiting.pop(), ViewTrack(seed[1], seed[0], 0, seed[0])))
+        active = [pair for pair in active if pair[1].last - time <= MEMORY_S]
+        view, known = views[frame.camera], frame.scores > 0.0
+        owned = {id(owners.get((number, d))): d for d in range(len(frame.plane))}
+        free = [d for d in range(len(frame.plane)) if (number, d) not in owners]
+        others = []
+        for track, copy in active:
+            copy.move(time)
+            if id(track) in owned:
+                copy.take(number, owned[id(track)], view, frame)
+            else:
+                others.append((track, copy))
+        if not (others and free):
+            continue
+        rows = [
+            distances(copy.filters, view, frame.plane[free], known[free], SIGMA, MOST_DISTANCE)
+            for _, copy in others
+        ]
+        for row, column in best_pairs(np.stack(rows), GATE):
+            track, copy = others[row]
+            copy.take(number, free[column], view, frame)
+            track.entries.append(copy.entries[-1])
+            track.cameras.add(frame.camera)
+            owners[number, free[column]] = track
+    for track in tracks:
+        track.entries.sort()

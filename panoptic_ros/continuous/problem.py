@@ -1,0 +1,204 @@
+"""Curves of one person over a span of time: noise, stiffness and weights are learnt from the rays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from panoptic_ros.continuous.curves import ORDER, AtRays, CurveFit, Grid, Rays, at_rays, fit_curves, persistence
+from panoptic_ros.continuous.follow import Entry
+from panoptic_ros.domain.rig_arrays import RigArrays
+from panoptic_ros.geometry.robust import growth
+from panoptic_ros.geometry.splines import control_points
+from panoptic_ros.solving.frames import CameraFrame
+from panoptic_ros.solving.joint_noise import JointNoiseModel
+
+Array = np.ndarray
+STEP_S = 0.04  # s between knots
+ROUNDS = 12  # number of iterations in which weights, noise and stiffness are learnt
+CAUCHY, FIRST_CAUCHY = 3.0, 30.0  # scale of the robust weights, in standard deviations: final, and at first
+START_JERK = 1000.0  # m/s^2.5: too loose rather than too stiff, because weights hide what is too stiff
+LEAST_JERK, MOST_JERK = 2.0, 2e4  # m/s^2.5
+SMOOTHING_S = 0.5  # s, standard deviation of the weights in the average of the stiffness over time
+LEAST_SURE = 0.02  # least number of a knot's three differences that the rays determine
+FIRST_NOISE = 2.5e-3  # on the normalised plane
+MEMORY_S = 0.2  # s, time constant of the persistent part of the noise
+LEAST_DEPTH = 0.3  # m
+MARGIN_S = 0.05  # s of curve beyond the outermost rays
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PersonRays:
+    """N rays of one person, ordered by joint and time.
+
+    Args:
+        starts: (J + 1,) index of the first ray of each joint.
+        joints, cameras: (N,) indices.
+        stamps: (N,) s from the reference, on the cameras' own clocks.
+        rows, rights: (N, 2, 3) and (N, 2), see `curves.Rays`.
+        scores: (N,) of the 2D joints.
+        heights: (N,) px, image rows.
+        depths: (N,) m, approximate depth of the person.
+    """
+
+    starts: Array
+    joints: Array
+    cameras: Array
+    stamps: Array
+    rows: Array
+    rights: Array
+    scores: Array
+    heights: Array
+    depths: Array
+
+    @classmethod
+    def of(
+        cls, entries: Sequence[Entry], frames: Sequence[CameraFrame], stamps: Array, arrays: RigArrays
+    ) -> PersonRays:
+        """Return the rays of the 2D people of a track.
+
+        Args:
+            stamps: (F,) s, of the frames.
+        """
+        views = [frames[entry.frame] for entry in entries]
+        people = [entry.person for entry in entries]
+        scores = np.stack([view.scores[d] for view, d in zip(views, people)])
+        plane = np.stack([view.plane[d] for view, d in zip(views, people)])
+        heights = np.stack([view.heights[d] for view, d in zip(views, people)])
+        cameras = np.array([view.camera for view in views], np.int64)
+        times = stamps[[entry.frame for entry in entries]]
+        depths = np.array([entry.depth for entry in entries])
+        view, joint = np.nonzero(scores > 0.0)
+        order = np.lexsort((times[view], joint))
+        view, joint = view[order], joint[order]
+        camera, point = cameras[view], plane[view, joint]
+        rotations, translations = arrays.rotations[camera], arrays.translations[camera]
+        return cls(
+            np.searchsorted(joint, np.arange(scores.shape[1] + 1)),
+            joint,
+            camera,
+            times[view],
+            point[..., None] * rotations[:, None, 2] - rotations[:, :2],
+            translations[:, :2] - point * translations[:, 2:],
+            scores[view, joint],
+            heights[view, joint],
+            depths[view],
+        )
+
+    def between(self, first: float, last: float) -> PersonRays:
+        """Return the rays with timestamps (s) from `first` to `last`."""
+        inside = (self.stamps >= first) & (self.stamps <= last)
+        joints = self.joints[inside]
+        others = [getattr(self, name)[inside] for name in self.__slots__[2:]]
+        return PersonRays(np.searchsorted(joints, np.arange(len(self.starts))), joints, *others)
+
+    def previous(self) -> Array:
+        """Return the index (N,) of the previous ray of the same joint and camera, -1 = none."""
+        order = np.lexsort((self.stamps, self.cameras, self.joints))
+        same = np.diff(self.cameras[order], prepend=-1) == 0
+        same &= np.diff(self.joints[order], prepend=-1) == 0
+        found = np.full(len(order), -1)
+        found[order[same]] = order[np.flatnonzero(same) - 1]
+        return found
+
+
+class CurveProblem:
+    """Curves of one person and everything that is learnt with them.
+
+    Args:
+        rays: rays of the person.
+        times: (N,) s, corrected timestamps of the rays.
+    """
+
+    def __init__(self, rays: PersonRays, times: Array, arrays: RigArrays):
+        self.seen, self.times = rays, times
+        self._depth_rows = arrays.rotations[rays.cameras, 2]
+        self._depth_offsets = arrays.translations[rays.cameras, 2]
+        self._noise = JointNoiseModel(rays.cameras, rays.joints, rays.scores, FIRST_NOISE)
+        self._previous = rays.previous()
+        first, last = float(times.min()) - MARGIN_S, float(times.max()) + MARGIN_S
+        self.grid = Grid(first, STEP_S, control_points(first, last, STEP_S))
+        shape = (len(rays.starts) - 1, self.grid.count - ORDER)
+        self.stiffness = np.full(shape, 1.0 / (START_JERK**2 * STEP_S**5))
+        self.depths = np.maximum(rays.depths, LEAST_DEPTH)
+        self.persistent = 0.0
+        self.misses = np.zeros((len(times), 2))  # m
+        self._squares = np.zeros(len(times))  # squared residuals in units of the noise
+
+    @property
+    def sigmas(self) -> Array:
+        """Return the standard deviations (N,) m of the rays at the joints."""
+        sigmas: Array = self._noise.sigmas() * self.depths
+        return sigmas
+
+    def rays(self, cauchy: float) -> Rays:
+        """Return the rays with their present weights."""
+        seen = self.seen
+        return Rays(
+            seen.starts,
+            self.times,
+            seen.rows,
+            seen.rights,
+            self.sigmas,
+            growth(self._squares, cauchy),
+            self._previous,
+            self.persistent,
+            MEMORY_S,
+        )
+
+    def fit(self, cauchy: float = CAUCHY) -> CurveFit:
+        """Return the curves for the present weights."""
+        return fit_curves(self.rays(cauchy), self.grid, self.stiffness)
+
+    def compare(self, fit: CurveFit) -> AtRays:
+        """Update residuals, depths and weights from curves."""
+        at = at_rays(fit, self.rays(CAUCHY), self.grid)
+        self.misses = np.einsum("nij,nj->ni", self.seen.rows, at.positions) - self.seen.rights
+        depths = np.einsum("ni,ni->n", self._depth_rows, at.positions) + self._depth_offsets
+        self.depths = np.maximum(depths, LEAST_DEPTH)
+        self._squares = (self.misses**2).sum(1) / self.sigmas**2
+        return at
+
+    def learn(self, fit: CurveFit, at: AtRays) -> None:
+        """Update the noise, its persistent share and the stiffness of the prior."""
+        self._noise.learn(np.sqrt(self._squares / np.maximum(1.0 - 0.5 * at.leverages, 0.1)))
+        self._squares = (self.misses**2).sum(1) / self.sigmas**2
+        self.persistent = persistence(fit, self.rays(CAUCHY), self.grid, self.misses / self.sigmas[:, None])
+        self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads)
+
+    def solve(self, rounds: int = ROUNDS) -> CurveFit:
+        """Return the curves after all iterations; the robust weights sharpen from one to the next."""
+        for k in range(rounds):
+            fit = self.fit(cauchy_of(k))
+            self.learn(fit, self.compare(fit))
+        fit = self.fit()
+        self.compare(fit)
+        return fit
+
+
+def cauchy_of(k: int) -> float:
+    """Return the scale of the robust weights in iteration k, in standard deviations."""
+    return max(CAUCHY, FIRST_CAUCHY / 2.0**k)
+
+
+def learn_stiffness(stiffness: Array, differences: Array, spreads: Array) -> Array:
+    """Update the stiffness (J, K - ORDER) by MacKay's rule, averaged over time.
+
+    The jerk of a joint changes over time: a recording of walking and running has no common value. So the rule
+    is applied to averages with Gaussian weights about each knot.
+
+    Args:
+        differences, spreads: see `CurveFit`.
+    """
+    sure = np.maximum(3.0 - spreads * stiffness, LEAST_SURE)
+    sums = [
+        gaussian_filter1d(values, SMOOTHING_S / STEP_S, axis=1, mode="reflect", truncate=3.0)
+        for values in (sure, differences)
+    ]
+    learnt = np.sqrt(stiffness * sums[0] / np.maximum(sums[1], 1e-14))
+    low, high = (1.0 / (jerk**2 * STEP_S**5) for jerk in (MOST_JERK, LEAST_JERK))
+    clipped: Array = np.clip(learnt, low, high)
+    return clipped
