@@ -75,7 +75,7 @@ def rigid_pairs(skeleton: SkeletonModel) -> Array:
 def pair_distances(problem: CurveProblem, fit: CurveFit, pairs: Array) -> PairDistances:
     """Return the distances of pairs (P, 2) of joints on curves that were fitted joint by joint."""
     times = instants(problem)
-    _, gaps = _gaps(problem, fit.points, pairs, times)
+    gaps = _gaps(problem, fit.points, pairs, times)
     lengths = np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)
     along = gaps / lengths[..., None]
     covariances = covariances_at(fit.inverses, problem.grid, times)
@@ -106,21 +106,37 @@ def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt:
     Args:
         fit: curves fitted joint by joint, the start.
     """
-    joints, grid = len(fit.points), problem.grid
+    for _ in range(STEPS):
+        points, columns = step_with_lengths(problem, fit.points, pairs, learnt)
+        fit = fit._replace(points=points)
+        problem.compare(fit)
+    joints = len(fit.points)
+    reach = columns.shape[1] // (3 * joints)
+    return fit._replace(inverses=block_inverses(columns, joints, reach))
+
+
+def step_with_lengths(
+    problem: CurveProblem, points: Array, pairs: Array, learnt: Lengths
+) -> tuple[Array, Array]:
+    """Take one Gauss-Newton step of all curves.
+
+    Args:
+        points: (J, K, 3) m, control points at which the lengths are linearised.
+
+    Returns: the new control points, and the Cholesky factor as in `couple`.
+    """
+    joints, grid = len(points), problem.grid
     times = instants(problem)
     reach = REACH if problem.persistent > 0.0 else SPAN
-    points = fit.points
-    for _ in range(STEPS):
-        bands, rights = normal_equations(problem.rays(CAUCHY), grid, problem.stiffness)
-        columns, right = couple(bands, rights, reach)
-        _, gaps = _gaps(problem, points, pairs, times)
-        along = gaps / np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)[..., None]
-        add_lengths(columns, right, grid, times, pairs, along, learnt)
-        lower = cholesky_banded(columns.T, overwrite_ab=True, lower=True, check_finite=False)
-        solution = cho_solve_banded((lower, True), right, check_finite=False)
-        points = np.ascontiguousarray(solution.reshape(grid.count, joints, 3).transpose(1, 0, 2))
-        problem.compare(fit._replace(points=points))
-    return fit._replace(points=points, inverses=block_inverses(lower.T, joints, reach))
+    bands, rights = normal_equations(problem.rays(CAUCHY), grid, problem.stiffness)
+    columns, right = couple(bands, rights, reach)
+    gaps = _gaps(problem, points, pairs, times)
+    along = gaps / np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)[..., None]
+    add_lengths(columns, right, grid, times, pairs, along, learnt)
+    lower = cholesky_banded(columns.T, overwrite_ab=True, lower=True, check_finite=False)
+    solution = cho_solve_banded((lower, True), right, check_finite=False)
+    found = np.ascontiguousarray(solution.reshape(grid.count, joints, 3).transpose(1, 0, 2))
+    return found, lower.T
 
 
 def instants(problem: CurveProblem) -> Array:
@@ -128,11 +144,12 @@ def instants(problem: CurveProblem) -> Array:
     return np.arange(float(problem.times.min()), float(problem.times.max()), INTERVAL_S)
 
 
-def _gaps(problem: CurveProblem, points: Array, pairs: Array, times: Array) -> tuple[Array, Array]:
-    """Return the positions (J, T, 3) of the joints, and the gaps (P, T, 3) of the pairs."""
+def _gaps(problem: CurveProblem, points: Array, pairs: Array, times: Array) -> Array:
+    """Return the gaps (P, T, 3) m of the pairs."""
     grid = problem.grid
     places = spline(grid.origin, grid.step, points.transpose(1, 0, 2))(times).transpose(1, 0, 2)
-    return places, places[pairs[:, 0]] - places[pairs[:, 1]]
+    gaps: Array = places[pairs[:, 0]] - places[pairs[:, 1]]
+    return gaps
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -113,13 +113,13 @@ class CurveProblem:
         times: (N,) s, corrected timestamps of the rays.
     """
 
-    def __init__(self, rays: PersonRays, times: Array, arrays: RigArrays):
+    def __init__(self, rays: PersonRays, times: Array, arrays: RigArrays, margin: float = MARGIN_S):
         self.seen, self.times = rays, times
         self._depth_rows = arrays.rotations[rays.cameras, 2]
         self._depth_offsets = arrays.translations[rays.cameras, 2]
         self._noise = JointNoiseModel(rays.cameras, rays.joints, rays.scores, FIRST_NOISE)
         self._previous = rays.previous()
-        first, last = float(times.min()) - MARGIN_S, float(times.max()) + MARGIN_S
+        first, last = float(times.min()) - margin, float(times.max()) + margin
         self.grid = Grid(first, STEP_S, control_points(first, last, STEP_S))
         shape = (len(rays.starts) - 1, self.grid.count - ORDER)
         self.stiffness = np.full(shape, 1.0 / (START_JERK**2 * STEP_S**5))

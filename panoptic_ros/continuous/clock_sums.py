@@ -1,0 +1,111 @@
+"""Information of the rays of a person about the clocks and line delays of the cameras (kernel)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from panoptic_ros.continuous.curves import MOST, WIDTH, whiten
+from panoptic_ros.geometry.splines import SPAN, basis_at
+from panoptic_ros.kernels import njit
+from panoptic_ros.solving.bands import forward
+
+TERMS = 3  # unknowns of a camera: offset, drift, line delay
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def clock_sums(fit, rays, grid, misses, cameras, factors, count):
+    """Return the normal equations of the U = TERMS * C unknowns of C cameras, beside those of the curves.
+
+    Unknown p of camera c has the index p * C + c. The result is the information (U, U), the right-hand side
+    (U,), and the coupling (J, 3K, U) to the control points.
+
+    The right-hand side contains the derivative of the curves' own evidence, -1/2 log |H|. Without it, noise
+    in the velocities would bias the clocks.
+
+    Args:
+        fit: `CurveFit` at the present clocks.
+        misses: (N, 2) m, residuals of the rays.
+        cameras: (N,) indices.
+        factors: (N, TERMS) derivatives of the time of a ray with respect to the unknowns of its camera.
+        count: number of cameras C.
+    """
+    size = TERMS * count
+    information, right = np.zeros((size, size)), np.zeros(size)
+    basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
+    members, shares = np.empty(MOST + 1, np.int64), np.empty(MOST + 1)
+    work = np.empty((MOST, MOST + 1))
+    row, miss = np.empty((2, WIDTH)), np.empty(2)
+    slopes = np.empty((TERMS, 2, WIDTH))  # derivatives of `row` with respect to the unknowns
+    change, bend_of = np.empty((2, TERMS)), np.empty(TERMS)
+    coupling = np.zeros((len(rays.starts) - 1, 3 * grid.count, size))
+    for j in range(len(rays.starts) - 1):
+        cross = coupling[j]
+        for i in range(rays.starts[j], rays.starts[j + 1]):
+            number, variance = whiten(rays, i, members, shares, work)
+            oldest = rays.times[members[number - 1]]
+            low = basis_at((oldest - grid.origin) / grid.step, grid.count, basis, slope, bend)
+            row[:], miss[:], slopes[:] = 0.0, 0.0, 0.0
+            top = low + SPAN
+            for m in range(number):
+                n = members[m]
+                k = basis_at((rays.times[n] - grid.origin) / grid.step, grid.count, basis, slope, bend)
+                top = max(top, k + SPAN)
+                scale = shares[m] / rays.sigmas[n]
+                for e in range(2):
+                    miss[e] += scale * misses[n, e]
+                    for p in range(SPAN):
+                        for a in range(3):
+                            at, value = 3 * (k - low + p) + a, scale * rays.rows[n, e, a]
+                            row[e, at] += basis[p] * value
+                            for q in range(TERMS):
+                                slopes[q, e, at] += slope[p] / grid.step * value * factors[n, q]
+            w = 1.0 / variance
+            width = 3 * (top - low)
+            sensitivity(fit.points[j], fit.inverses[j], low, width, row, slopes, change, bend_of)
+            c = cameras[i]
+            for p in range(TERMS):
+                right[p * count + c] -= w * bend_of[p]
+                for e in range(2):
+                    value = w * change[e, p]
+                    right[p * count + c] -= value * miss[e]
+                    for q in range(TERMS):
+                        information[p * count + c, q * count + c] += value * change[e, q]
+                    for a in range(width):
+                        cross[3 * low + a, p * count + c] += value * row[e, a]
+    return information, right, coupling
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def sensitivity(points, inverse, low, width, row, slopes, change, bend):
+    """Write the change of a residual per unknown (2, TERMS), and its covariance with the residual (TERMS,).
+
+    Args:
+        points, inverse: of the curve.
+        low, width: first control point of `row`, and the number of its coordinates.
+        row, slopes: (2, WIDTH) and (TERMS, 2, WIDTH).
+    """
+    change[:], bend[:] = 0.0, 0.0
+    for e in range(2):
+        for a in range(width):
+            value = points[low + a // 3, a % 3]
+            for p in range(TERMS):
+                change[e, p] += slopes[p, e, a] * value
+            covered = 0.0
+            for b in range(width):
+                i, k = 3 * low + max(a, b), abs(a - b)
+                covered += inverse[i, k] * row[e, b]
+            for p in range(TERMS):
+                bend[p] += slopes[p, e, a] * covered
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def eliminate(information, coupling, factors):
+    """Eliminate curves that were fitted joint by joint from the information, in place (Schur complement).
+
+    Args:
+        coupling: (J, 3K, U), overwritten.
+        factors: see `CurveFit`.
+    """
+    for j in range(len(factors)):
+        forward(factors[j], coupling[j])
+        information -= coupling[j].T @ coupling[j]
