@@ -25,6 +25,7 @@ VERBS: dict[str, str] = {
     "solve": "compute skeletons from 2D people, without images and ROS",
     "simulate": "simulate a capture folder or 2D people with exact truth",
     "import": "convert a take of a public data set to a capture folder with its truth",
+    "continuous": "compute motion as a function of time from cameras that are not synchronised",
     "kinematics": "solve bodies with joint angles from cameras and IMUs",
     "evaluate": "compare skeletons with the truth",
     "ltc": "decode or encode LTC timecode",

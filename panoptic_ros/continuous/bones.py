@@ -1,4 +1,4 @@
-"""Curves of all joints of a person at once, with the lengths between joints of one rigid part as measurements.
+"""Curves of all joints of a person at once, with lengths between joints of a rigid part as measurements.
 
 The unknowns are ordered by knot, joint and axis, so the system stays banded. Lengths are measured on a grid
 of instants, linearised at the present curves (Gauss-Newton).
@@ -52,10 +52,10 @@ class Lengths(NamedTuple):
 
 
 def rigid_pairs(skeleton: SkeletonModel) -> Array:
-    """Return the pairs (P, 2) of joints that may keep their distance: bones, and all pairs in head and torso.
+    """Return the pairs (P, 2) of joints that may keep their distance: bones, and pairs in head and torso.
 
-    The head consists of the neck, the head joint and the joints behind it. The torso consists of the root, the
-    neck, and the joints next to both.
+    The head consists of the neck, the head joint and the joints behind it. The torso consists of the root,
+    the neck, and the joints next to both.
     """
     parents = skeleton.parents
     children = [[k for k, parent in enumerate(parents) if parent == j] for j in range(len(skeleton))]

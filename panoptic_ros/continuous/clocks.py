@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.continuous.clock_sums import TERMS, clock_sums, eliminate
-from panoptic_ros.continuous.problem import CurveProblem, cauchy_of
+from panoptic_ros.continuous.problem import CurveProblem, PersonRays, cauchy_of
 
 Array = np.ndarray
 ROUNDS = 16  # number of iterations
@@ -60,9 +60,10 @@ class CameraTimes:
         count = len(offsets)
         return cls(np.stack([offsets, drifts, lines]), np.zeros((TERMS * count, TERMS * count)))
 
-    def times(self, problem: CurveProblem) -> Array:
+    def times(self, rays: PersonRays) -> Array:
         """Return the corrected times (N,) s of the rays of a person."""
-        return problem.seen.stamps + (self.values[:, problem.seen.cameras].T * factors_of(problem)).sum(1)
+        times: Array = rays.stamps + (self.values[:, rays.cameras].T * factors_of(rays)).sum(1)
+        return times
 
     @property
     def deviations(self) -> Array:
@@ -70,10 +71,9 @@ class CameraTimes:
         return np.sqrt(np.diag(self.covariance)).reshape(self.values.shape)
 
 
-def factors_of(problem: CurveProblem) -> Array:
+def factors_of(rays: PersonRays) -> Array:
     """Return the derivatives (N, TERMS) of the times of the rays."""
-    seen = problem.seen
-    return np.stack([np.ones(len(seen.stamps)), seen.stamps, seen.heights], axis=1)
+    return np.stack([np.ones(len(rays.stamps)), rays.stamps, rays.heights], axis=1)
 
 
 def estimate_times(
@@ -128,7 +128,7 @@ def _linearise(
     cameras = values.shape[1]
     information, right = np.zeros((TERMS * cameras, TERMS * cameras)), np.zeros(TERMS * cameras)
     for problem in problems:
-        factors = factors_of(problem)
+        factors = factors_of(problem.seen)
         problem.times = problem.seen.stamps + (values[:, problem.seen.cameras].T * factors).sum(1)
         rays = problem.rays(cauchy)
         fit = problem.fit(cauchy)

@@ -227,9 +227,14 @@ class ViewTracker:
         track = ViewTrack(self._meeting(mine, partner), time, self._numbers, time)
         self._numbers += 1
         centre = np.nanmedian(track.positions, axis=0)
-        for frame_number, who, camera in ((*divmod(partner[4], 1000), partner[1]), (number, person, frame.camera)):
+        for frame_number, who, camera in (
+            (*divmod(partner[4], 1000), partner[1]),
+            (number, person, frame.camera),
+        ):
             view = self._views[camera]
-            track.entries.append(Entry(frame_number, who, float(view.rotation[2] @ centre + view.translation[2])))
+            track.entries.append(
+                Entry(frame_number, who, float(view.rotation[2] @ centre + view.translation[2]))
+            )
         track.cameras = {partner[1], frame.camera}
         self.active.append(track)
 
@@ -291,13 +296,16 @@ def follow(frames: Sequence[CameraFrame], times: Array, arrays: RigArrays, joint
     return tracks
 
 
+def camera_periods(frames: Sequence[CameraFrame], times: Array) -> list[float]:
+    """Return the median time (s) between the frames of each camera that has two frames."""
+    cameras = np.array([frame.camera for frame in frames], np.int64)
+    of_cameras = [times[cameras == c] for c in np.unique(cameras)]
+    return [float(np.median(np.diff(own))) for own in of_cameras if len(own) > 1]
+
+
 def pairing_time(frames: Sequence[CameraFrame], times: Array) -> float:
     """Return the time (s) between two views that may start a person: half a period of the slowest camera."""
-    cameras = np.array([frame.camera for frame in frames], np.int64)
-    periods = [
-        np.median(np.diff(times[cameras == c])) for c in np.unique(cameras) if (cameras == c).sum() > 2
-    ]
-    return max([PAIR_S, *(0.5 * float(period) for period in periods if period < 1.0)])
+    return max([PAIR_S, *(0.5 * period for period in camera_periods(frames, times) if period < 1.0)])
 
 
 def _extend(tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array, arrays: RigArrays) -> None:

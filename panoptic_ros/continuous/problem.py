@@ -8,7 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from panoptic_ros.continuous.curves import ORDER, AtRays, CurveFit, Grid, Rays, at_rays, fit_curves, persistence
+from panoptic_ros.continuous.curves import (
+    ORDER,
+    AtRays,
+    CurveFit,
+    Grid,
+    Rays,
+    at_rays,
+    fit_curves,
+    persistence,
+)
 from panoptic_ros.continuous.follow import Entry
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.robust import growth
@@ -88,9 +97,8 @@ class PersonRays:
             depths[view],
         )
 
-    def between(self, first: float, last: float) -> PersonRays:
-        """Return the rays with timestamps (s) from `first` to `last`."""
-        inside = (self.stamps >= first) & (self.stamps <= last)
+    def subset(self, inside: Array) -> PersonRays:
+        """Return the rays of a mask (N,)."""
         joints = self.joints[inside]
         others = [getattr(self, name)[inside] for name in self.__slots__[2:]]
         return PersonRays(np.searchsorted(joints, np.arange(len(self.starts))), joints, *others)
@@ -111,22 +119,28 @@ class CurveProblem:
     Args:
         rays: rays of the person.
         times: (N,) s, corrected timestamps of the rays.
+        grid: knots of the curves.
     """
 
-    def __init__(self, rays: PersonRays, times: Array, arrays: RigArrays, margin: float = MARGIN_S):
+    def __init__(self, rays: PersonRays, times: Array, arrays: RigArrays, grid: Grid):
         self.seen, self.times = rays, times
         self._depth_rows = arrays.rotations[rays.cameras, 2]
         self._depth_offsets = arrays.translations[rays.cameras, 2]
         self._noise = JointNoiseModel(rays.cameras, rays.joints, rays.scores, FIRST_NOISE)
         self._previous = rays.previous()
-        first, last = float(times.min()) - margin, float(times.max()) + margin
-        self.grid = Grid(first, STEP_S, control_points(first, last, STEP_S))
+        self.grid = grid
         shape = (len(rays.starts) - 1, self.grid.count - ORDER)
         self.stiffness = np.full(shape, 1.0 / (START_JERK**2 * STEP_S**5))
         self.depths = np.maximum(rays.depths, LEAST_DEPTH)
         self.persistent = 0.0
         self.misses = np.zeros((len(times), 2))  # m
         self._squares = np.zeros(len(times))  # squared residuals in units of the noise
+
+    @property
+    def growths(self) -> Array:
+        """Return the factors (N,) by which residuals enlarge the variances of their rays."""
+        factors: Array = growth(self._squares, CAUCHY)
+        return factors
 
     @property
     def sigmas(self) -> Array:
@@ -177,6 +191,16 @@ class CurveProblem:
         fit = self.fit()
         self.compare(fit)
         return fit
+
+
+def grid_over(times: Array, margin: float = MARGIN_S) -> Grid:
+    """Return the knots for rays at times (N,) s.
+
+    Args:
+        margin: (s) of curve beyond the outermost rays.
+    """
+    first, last = float(times.min()) - margin, float(times.max()) + margin
+    return Grid(first, STEP_S, control_points(first, last, STEP_S))
 
 
 def cauchy_of(k: int) -> float:

@@ -9,14 +9,8 @@ import numpy as np
 
 from panoptic_ros.domain import ClockModel, DetectionSet
 from panoptic_ros.offsets.estimate import ClockFit
-from panoptic_ros.offsets.uncertainty import (
-    KNOWN,
-    acquainted,
-    common_shift,
-    covariance_of,
-    detector_bias,
-    inflation,
-)
+from panoptic_ros.offsets.uncertainty import covariance_of, detector_bias, inflation
+from panoptic_ros.solving.clock_gauge import KNOWN, acquainted, common_shift
 
 Array = np.ndarray
 SURE = 3.0  # standard deviations beyond which a known offset is significant

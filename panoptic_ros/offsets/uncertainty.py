@@ -7,7 +7,6 @@ import numpy as np
 from panoptic_ros.offsets.estimate import ClockFit
 
 Array = np.ndarray
-KNOWN = 0.012  # s, maximum standard deviation of a known offset
 STAMP_JITTER = 5e-4  # s, jitter of a single timestamp; all joints of a frame share it
 LONG_BLOCK, SHORT_BLOCK = 1.0, 0.25  # s, block lengths over which residuals are averaged
 LEAST_BLOCK = 5  # minimum number of rays in a block
@@ -15,8 +14,6 @@ FEW_BLOCKS = 20  # minimum number of blocks to estimate the variance excess
 EXCESS = 1.5  # ratio of variances beyond which the mean residuals show a bias
 NORMAL_MEDIAN = 0.6745  # median of |x| for a standard normal x
 MIXED_NOISE = 1.38  # variance ratio of independent noise in `_excess`: blocks have few rays of unequal noise
-AGREE = 3e-3  # s; clock offsets that differ by less are treated as equal
-CHANCE = 2.0  # standard deviations of the difference, by which equal offsets may differ by chance
 
 
 def covariance_of(fit: ClockFit, prior: Array) -> Array:
@@ -118,33 +115,3 @@ def _bias_variance(fit: ClockFit, bias: float) -> Array:
     strength = np.bincount(fit.seen.camera, fit.precision * speed**2, cameras)
     variances: Array = bias**2 * pulls / np.maximum(strength, 1e-12) ** 2
     return variances
-
-
-def acquainted(covariance: Array) -> Array:
-    """Return the cameras (C,) whose offsets are known relative to each other; all, if fewer than two.
-
-    A camera without motion may have any offset. Its exclusion keeps it from degrading the other offsets.
-    """
-    members = np.ones(len(covariance), bool)
-    while members.sum() > 1:
-        inside = covariance[np.ix_(members, members)]
-        shared = inside.mean(axis=1)
-        variances = np.diag(inside) - 2.0 * shared + shared.mean()
-        if variances.max() <= KNOWN**2:
-            return members
-        members[np.flatnonzero(members)[variances.argmax()]] = False
-    return np.ones(len(covariance), bool)
-
-
-def common_shift(offsets: Array, deviations: Array) -> float:
-    """Return the unobservable shift (s) common to all offsets (C,), to be subtracted.
-
-    If most cameras agree, their common offset is subtracted, so that they keep their timestamps. Otherwise
-    the mean is subtracted.
-    """
-    best = np.zeros(len(offsets), bool)
-    for offset, deviation in zip(offsets, deviations):
-        near = np.abs(offsets - offset) <= np.maximum(AGREE, CHANCE * np.hypot(deviations, deviation))
-        if near.sum() > best.sum():
-            best = near
-    return float(offsets[best].mean()) if 2 * best.sum() > len(offsets) else float(offsets.mean())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from panoptic_ros.offsets.uncertainty import acquainted, common_shift
+from panoptic_ros.solving.clock_gauge import acquainted, common_shift
 
 
 def test_most_cameras_that_agree_keep_their_stamps():

@@ -10,7 +10,7 @@ import numpy as np
 from panoptic_ros.offsets.clocks import CameraClocks
 from panoptic_ros.offsets.sound.lines import LineEstimate
 from panoptic_ros.offsets.sound.listening import DeviceTime
-from panoptic_ros.offsets.uncertainty import AGREE, CHANCE
+from panoptic_ros.solving.clock_gauge import AGREE, CHANCE
 
 Array = np.ndarray
 SECOND = 1_000_000_000

@@ -1,0 +1,133 @@
+"""Curves of one person over a whole recording, fitted window by window on common knots."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.continuous.bones import (
+    Lengths,
+    PairDistances,
+    fit_with_lengths,
+    learn_lengths,
+    pair_distances,
+)
+from panoptic_ros.continuous.curves import CurveFit, Grid, covariances_at
+from panoptic_ros.continuous.problem import CurveProblem, PersonRays, grid_over
+from panoptic_ros.domain.rig_arrays import RigArrays
+from panoptic_ros.geometry.splines import DEGREE, spline
+
+Array = np.ndarray
+WINDOW_S = 20.0  # s of curve that a window contributes
+OVERLAP_S = 1.0  # s by which a window exceeds its part at both ends; rays farther away have no effect
+LENGTH_WINDOWS = 6  # number of windows from which the lengths are learnt
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PersonCurve:
+    """Motion of one person as a function of time.
+
+    Args:
+        id: the same number is the same person.
+        grid: knots, in s from the reference of the recording.
+        points: (K, J, 3) m, control points.
+        covariances: (K - DEGREE + 1, J, 3, 3) m^2, at the knots.
+        seen: (V,) s, sorted times of the views that show the person.
+        rays: rays behind the curves.
+        times: (N,) s, corrected times of the rays.
+        trusts: (N,) robust weights of the rays, 0..1.
+        bones: lengths between joints.
+    """
+
+    id: int
+    grid: Grid
+    points: Array
+    covariances: Array
+    seen: Array
+    rays: PersonRays
+    times: Array
+    trusts: Array
+    bones: Lengths
+
+    def at(self, times: Array, derivative: int = 0) -> Array:
+        """Return positions (T, J, 3) m at times (T,) s, or derivatives: m/s, m/s^2.
+
+        They are NaN outside of the curve.
+        """
+        curve = spline(self.grid.origin, self.grid.step, self.points)
+        values: Array = curve(times, derivative)
+        return values
+
+    def covariances_at(self, times: Array) -> Array:
+        """Return the covariances (T, J, 3, 3) m^2 of the positions, interpolated between knots."""
+        place = np.clip((times - self.grid.origin) / self.grid.step, 0.0, len(self.covariances) - 1.0)
+        k = np.minimum(place.astype(np.int64), len(self.covariances) - 2)
+        share = (place - k)[:, None, None, None]
+        values: Array = (1.0 - share) * self.covariances[k] + share * self.covariances[k + 1]
+        return values
+
+
+class _Window:
+    """Part of a person's curve: knots first..last, and the problem that includes the overlap."""
+
+    def __init__(self, rays: PersonRays, times: Array, arrays: RigArrays, whole: Grid, first: int, last: int):
+        overlap = round(OVERLAP_S / whole.step)
+        self.first, self.last = first, last
+        self.begin = max(0, first - overlap)
+        end = min(whole.count - DEGREE, last + overlap)
+        origin = whole.origin + self.begin * whole.step
+        grid = Grid(origin, whole.step, end - self.begin + DEGREE)
+        inside = (times >= origin) & (times <= origin + (end - self.begin) * whole.step)
+        self.inside = inside
+        self.problem = CurveProblem(rays.subset(inside), times[inside], arrays, grid)
+        self.fit: CurveFit | None = None
+
+    def solve(self) -> CurveFit:
+        """Return the curves fitted joint by joint; they are computed once."""
+        if self.fit is None:
+            self.fit = self.problem.solve()
+        return self.fit
+
+
+def fit_person(
+    number: int, rays: PersonRays, times: Array, seen: Array, arrays: RigArrays, pairs: Array
+) -> PersonCurve:
+    """Fit the curves of one person.
+
+    Args:
+        number: id of the person.
+        times: (N,) s, corrected times of the rays.
+        seen: (V,) s, sorted times of the views.
+        pairs: (P, 2) see `rigid_pairs`.
+    """
+    whole = grid_over(times)
+    knots = whole.count - DEGREE
+    parts = max(1, round(knots * whole.step / WINDOW_S))
+    borders = np.linspace(0, knots, parts + 1).round().astype(np.int64)
+    limits = list(zip(borders[:-1].tolist(), borders[1:].tolist()))
+
+    def window(k: int) -> _Window:
+        return _Window(rays, times, arrays, whole, *limits[k])
+
+    chosen = np.unique(np.linspace(0, parts - 1, LENGTH_WINDOWS).round().astype(np.int64)).tolist()
+    kept = {k: window(k) for k in chosen}
+    found = [
+        pair_distances(one.problem, one.solve(), pairs) for one in kept.values() if len(one.problem.times)
+    ]
+    bones = learn_lengths(PairDistances(*(np.concatenate(part, axis=1) for part in zip(*found))))
+    joints = len(rays.starts) - 1
+    points = np.empty((whole.count, joints, 3))
+    covariances = np.empty((knots + 1, joints, 3, 3))
+    trusts = np.zeros(len(times))
+    for k in range(parts):
+        one = kept.pop(k, None) or window(k)
+        fit = fit_with_lengths(one.problem, one.solve(), pairs, bones)
+        first = one.first + (DEGREE // 2 if k else 0)
+        last = one.last + (DEGREE // 2 if k < parts - 1 else DEGREE)
+        points[first:last] = fit.points[:, first - one.begin : last - one.begin].transpose(1, 0, 2)
+        at = np.arange(one.first, one.last + 1)
+        instants = whole.origin + at * whole.step
+        covariances[at] = covariances_at(fit.inverses, one.problem.grid, instants).transpose(1, 0, 2, 3)
+        trusts[one.inside] = 1.0 / one.problem.growths
+    return PersonCurve(number, whole, points, covariances, seen, rays, times, trusts, bones)
