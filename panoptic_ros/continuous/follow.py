@@ -7,6 +7,7 @@ different cameras; further views confirm a candidate or discard it.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -30,7 +31,9 @@ Array = np.ndarray
 SIGMA = 4e-3  # standard deviation of a 2D joint on the normalised plane, for association only
 MOST_DISTANCE = 6.0  # standard deviations, greatest distance of one joint in the mean
 GATE = 3.5  # standard deviations, mean distance up to which a 2D person may belong to a person
+WIDEST = 0.15  # m, greatest standard deviation of an innovation, for association only
 MEMORY_S = 0.5  # s without a view after which a person has left
+LEAST_SHARE, SHARE_VIEWS = 0.2, 6  # a person has left, too, if fewer of the views of MEMORY_S show it
 PAIR_S = 0.08  # s, time between two views of different cameras that may start a person
 PAIR_DISTANCE = 0.08  # m, mean distance of their rays
 MOST_RAY_DISTANCE = 0.3  # m, greatest distance of two rays in that mean
@@ -69,6 +72,8 @@ class ViewTrack:
         entries: views that show the person, and the 2D person in each.
         cameras: cameras of these views.
         missed: number of views in which a person was expected and not found, until confirmation.
+        recent: times of the views of the last MEMORY_S in which the person was expected, and whether each
+            shows the person.
         confirmed: the number of views at confirmation, 0 = candidate.
         seed: time and filters for the search in reversed time.
     """
@@ -80,6 +85,7 @@ class ViewTrack:
     entries: list[Entry] = field(default_factory=list)
     cameras: set[int] = field(default_factory=set)
     missed: int = 0
+    recent: deque[tuple[float, bool]] = field(default_factory=deque)
     confirmed: int = 0
     seed: tuple[float, JointFilters] | None = None
 
@@ -97,6 +103,12 @@ class ViewTrack:
         depth = float(np.nanmedian(self.positions @ view.rotation[2]) + view.translation[2])
         self.entries.append(Entry(number, person, depth))
         self.cameras.add(frame.camera)
+
+    @property
+    def rare(self) -> bool:
+        """Return whether so few of the recent views show the person that it has left."""
+        shown = sum(found for _, found in self.recent)
+        return len(self.recent) >= SHARE_VIEWS and shown < LEAST_SHARE * len(self.recent)
 
     @property
     def positions(self) -> Array:
@@ -157,15 +169,21 @@ class ViewTracker:
         taken = set()
         pairs: list[tuple[int, int]] = []
         if people:
-            cost = np.stack([distances(t.filters, view, planes, known, SIGMA, MOST_DISTANCE) for t in tracks])
+            cost = np.stack(
+                [distances(t.filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE) for t in tracks]
+            )
             pairs = best_pairs(cost, GATE)
         for row, column in pairs:
             tracks[row].take(number, people[column], view, frame)
             taken.add(people[column])
             self._settle(tracks[row])
-        for row in set(range(len(tracks))) - {row for row, _ in pairs}:
-            if not tracks[row].confirmed and self._expected(tracks[row], frame.camera):
-                tracks[row].missed += 1
+        found = {row for row, _ in pairs}
+        for row, track in enumerate(tracks):
+            if row in found or self._expected(track, frame.camera):
+                track.missed += row not in found
+                track.recent.append((track.time, row in found))
+                while abs(track.recent[0][0] - track.time) > MEMORY_S:
+                    track.recent.popleft()
         return taken
 
     def _settle(self, track: ViewTrack) -> None:
@@ -204,7 +222,7 @@ class ViewTracker:
 
     def _end(self, time: float) -> None:
         for track in list(self.active):
-            if abs(time - track.last) > MEMORY_S:
+            if abs(time - track.last) > MEMORY_S or track.rare:
                 self.active.remove(track)
                 if track.confirmed:
                     self.ended.append(track)
@@ -335,7 +353,7 @@ def _extend(tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array
         if not (others and free):
             continue
         rows = [
-            distances(copy.filters, view, frame.plane[free], known[free], SIGMA, MOST_DISTANCE)
+            distances(copy.filters, view, frame.plane[free], known[free], SIGMA, WIDEST, MOST_DISTANCE)
             for _, copy in others
         ]
         for row, column in best_pairs(np.stack(rows), GATE):

@@ -94,7 +94,7 @@ def predict(filters, dt):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def distances(filters, view, planes, known, sigma, most):
+def distances(filters, view, planes, known, sigma, widest, most):
     """Return the mean distances (D,) of 2D people from a person, in standard deviations of the innovation.
 
     Args:
@@ -103,6 +103,8 @@ def distances(filters, view, planes, known, sigma, most):
         planes: (D, J, 2) undistorted normalised points.
         known: (D, J) True for detected joints.
         sigma: standard deviation of a 2D joint on the normalised plane, per axis.
+        widest: (m) greatest standard deviation of an innovation. Without it, a person who has not been seen
+            for a while would fit everybody.
         most: greatest distance of one joint.
     """
     people, joints = known.shape
@@ -119,7 +121,8 @@ def distances(filters, view, planes, known, sigma, most):
                 total += most
                 continue
             innovation(filters, j, rows, (sigma * depth) ** 2, spread)
-            total += min(np.sqrt(0.5 * square_of(rights, spread)), most)
+            excess = max(1.0, 0.5 * (spread[0, 0] + spread[1, 1]) / widest**2)
+            total += min(np.sqrt(0.5 * excess * square_of(rights, spread)), most)
         if number >= LEAST_JOINTS:
             out[d] = total / number
     return out

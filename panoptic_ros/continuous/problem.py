@@ -23,7 +23,7 @@ from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.robust import growth
 from panoptic_ros.geometry.splines import control_points
 from panoptic_ros.solving.frames import CameraFrame
-from panoptic_ros.solving.joint_noise import JointNoiseModel
+from panoptic_ros.solving.joint_noise import SCORE_BINS, JointNoiseModel
 
 Array = np.ndarray
 STEP_S = 0.04  # s between knots
@@ -37,6 +37,21 @@ FIRST_NOISE = 2.5e-3  # on the normalised plane
 MEMORY_S = 0.2  # s, time constant of the persistent part of the noise
 LEAST_DEPTH = 0.3  # m
 MARGIN_S = 0.05  # s of curve beyond the outermost rays
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LearntNoise:
+    """Noise and stiffness of one person that were learnt from earlier rays.
+
+    Args:
+        factors: see `JointNoiseModel`.
+        persistent: share of the noise variance that persists.
+        stiffness: (J,) 1/m^2, at the end of the earlier rays.
+    """
+
+    factors: list[Array]
+    persistent: float
+    stiffness: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,21 +135,39 @@ class CurveProblem:
         rays: rays of the person.
         times: (N,) s, corrected timestamps of the rays.
         grid: knots of the curves.
+        before: what earlier rays of the person have taught.
     """
 
-    def __init__(self, rays: PersonRays, times: Array, arrays: RigArrays, grid: Grid):
+    def __init__(
+        self,
+        rays: PersonRays,
+        times: Array,
+        arrays: RigArrays,
+        grid: Grid,
+        before: LearntNoise | None = None,
+    ):
         self.seen, self.times = rays, times
         self._depth_rows = arrays.rotations[rays.cameras, 2]
         self._depth_offsets = arrays.translations[rays.cameras, 2]
-        self._noise = JointNoiseModel(rays.cameras, rays.joints, rays.scores, FIRST_NOISE)
+        joints = len(rays.starts) - 1
+        factors = before.factors if before else first_factors(len(arrays.rotations), joints)
+        self._noise = JointNoiseModel(rays.cameras, rays.joints, rays.scores, FIRST_NOISE, factors)
         self._previous = rays.previous()
         self.grid = grid
-        shape = (len(rays.starts) - 1, self.grid.count - ORDER)
+        shape = (joints, self.grid.count - ORDER)
         self.stiffness = np.full(shape, 1.0 / (START_JERK**2 * STEP_S**5))
         self.depths = np.maximum(rays.depths, LEAST_DEPTH)
         self.persistent = 0.0
+        if before is not None:
+            self.persistent = before.persistent
+            self.stiffness[:] = before.stiffness[:, None]
         self.misses = np.zeros((len(times), 2))  # m
         self._squares = np.zeros(len(times))  # squared residuals in units of the noise
+
+    @property
+    def learnt(self) -> LearntNoise:
+        """Return what was learnt, for later rays of the person."""
+        return LearntNoise(self._noise.factors, self.persistent, self.stiffness[:, -1].copy())
 
     @property
     def growths(self) -> Array:
@@ -191,6 +224,11 @@ class CurveProblem:
         fit = self.fit()
         self.compare(fit)
         return fit
+
+
+def first_factors(cameras: int, joints: int) -> list[Array]:
+    """Return the factors of `JointNoiseModel` before anything is learnt."""
+    return [np.ones(SCORE_BINS), np.ones(cameras), np.ones(joints)]
 
 
 def grid_over(times: Array, margin: float = MARGIN_S) -> Grid:
