@@ -1,4 +1,4 @@
-"""Motion as a function of time while the views arrive: each instant from the views up to a fixed lag later."""
+"""Motion as a function of time while the views arrive: each instant from the views up to a lag later."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from panoptic_ros.continuous.bones import (
 )
 from panoptic_ros.continuous.curves import CurveFit, Grid, covariances_at
 from panoptic_ros.continuous.follow import Entry, ViewTrack, ViewTracker
-from panoptic_ros.continuous.motion import predict
 from panoptic_ros.continuous.problem import STEP_S, CurveProblem, LearntNoise, PersonRays
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import control_points, spline
@@ -29,7 +28,6 @@ FIRST_ROUNDS, ROUNDS = 8, 2  # iterations of learning: at first, later
 KEPT_DISTANCES = 500  # number of newest measurements of lengths that are kept
 LEAST_DISTANCES = 25  # minimum number of measurements from which lengths are used
 RELAXATIONS = 10  # iterations of conjugate gradients: 0.03 mm from the exact solution
-FILTER_S = 0.02  # s from the newest view, within which the filter is better than a curve
 
 
 @dataclass(eq=False)
@@ -120,10 +118,7 @@ class OnlineMotion:
         for person in self.people:
             if person.track.last - person.learnt_at >= LEARN_EVERY_S:
                 self._learn(person)
-            if time <= person.track.last - FILTER_S:
-                found.append(self._on_curve(person, time))
-            else:
-                found.append(_filtered(person, time))
+            found.append(self._on_curve(person, time))
         return found
 
     def _rays(self, entries: list[Entry]) -> tuple[PersonRays, Array]:
@@ -134,13 +129,13 @@ class OnlineMotion:
         rays = PersonRays.of(local, frames, stamps, self.arrays)
         return rays, rays.stamps
 
-    def _problem(self, person: OnlinePerson, since: float) -> CurveProblem:
-        """Return the problem of the views of the last `since` s."""
+    def _problem(self, person: OnlinePerson, since: float, until: float = -np.inf) -> CurveProblem:
+        """Return the problem of the views of the last `since` s, with a curve up to a time `until` (s)."""
         newest = person.track.last
         entries = [e for e in person.track.entries if self.frames[e.frame][1] >= newest - since]
         rays, times = self._rays(entries)
-        origin = float(times.min())
-        grid = Grid(origin, STEP_S, control_points(origin, float(times.max()) + STEP_S, STEP_S))
+        origin, last = float(times.min()), max(float(times.max()), until)
+        grid = Grid(origin, STEP_S, control_points(origin, last + STEP_S, STEP_S))
         return CurveProblem(rays, times, self.arrays, grid, person.noise)
 
     def _learn(self, person: OnlinePerson) -> None:
@@ -157,7 +152,7 @@ class OnlineMotion:
             person.bones = learn_lengths(person.distances)
 
     def _on_curve(self, person: OnlinePerson, time: float) -> PersonInstant:
-        problem = self._problem(person, WINDOW_S)
+        problem = self._problem(person, WINDOW_S, time)
         for _ in range(2):  # robust weights, then the curves
             fit = problem.fit()
             problem.compare(fit)
@@ -175,16 +170,3 @@ def _instant(person: OnlinePerson, fit: CurveFit, points: Array, grid: Grid, tim
     curve = spline(grid.origin, grid.step, points.transpose(1, 0, 2))
     covariances = covariances_at(fit.inverses, grid, np.array([time]))[:, 0]
     return PersonInstant(person.id, curve(time), curve(time, 1), covariances, person.track.last)
-
-
-def _filtered(person: OnlinePerson, time: float) -> PersonInstant:
-    """Return a person at a time after the newest views, predicted by the filters."""
-    filters = person.track.filters.copy()
-    predict(filters, time - person.track.time)
-    return PersonInstant(
-        person.id,
-        filters.states[:, 0],
-        filters.states[:, 1],
-        filters.covariances[:, :3, :3],
-        person.track.last,
-    )
