@@ -80,18 +80,25 @@ class PersonRays:
 
     @classmethod
     def of(
-        cls, entries: Sequence[Entry], frames: Sequence[CameraFrame], stamps: Array, arrays: RigArrays
+        cls,
+        entries: Sequence[Entry],
+        frames: Sequence[CameraFrame],
+        stamps: Array,
+        arrays: RigArrays,
+        mirror: Array,
     ) -> PersonRays:
         """Return the rays of the 2D people of a track.
 
         Args:
             stamps: (F,) s, of the frames.
+            mirror: (J,) joint on the other side of each joint.
         """
         views = [frames[entry.frame] for entry in entries]
-        people = [entry.person for entry in entries]
-        scores = np.stack([view.scores[d] for view, d in zip(views, people)])
-        plane = np.stack([view.plane[d] for view, d in zip(views, people)])
-        heights = np.stack([view.heights[d] for view, d in zip(views, people)])
+        usual = np.arange(len(mirror))
+        picks = [(entry.person, mirror if entry.mirrored else usual) for entry in entries]
+        scores = np.stack([view.scores[pick] for view, pick in zip(views, picks)])
+        plane = np.stack([view.plane[pick] for view, pick in zip(views, picks)])
+        heights = np.stack([view.heights[pick] for view, pick in zip(views, picks)])
         cameras = np.array([view.camera for view in views], np.int64)
         times = stamps[[entry.frame for entry in entries]]
         depths = np.array([entry.depth for entry in entries])
