@@ -55,12 +55,14 @@ class Entry(NamedTuple):
         person: row of the 2D person in the frame.
         depth: (m) of the person in the camera.
         mirrored: True if the 2D person fits with left and right exchanged.
+        squares: (J,) squared innovations of the person's joints, see `motion.update`; () = unknown.
     """
 
     frame: int
     person: int
     depth: float
     mirrored: bool = False
+    squares: Array | tuple[()] = ()
 
 
 @dataclass(eq=False)
@@ -109,10 +111,10 @@ class ViewTrack:
         plane, known = frame.plane[person], frame.scores[person] > 0.0
         if mirror is not None:
             plane, known = plane[mirror], known[mirror]
-        update(self.filters, view, plane, known, SIGMA)
+        squares = update(self.filters, view, plane, known, SIGMA)
         self.last = self.time
         depth = float(np.nanmedian(self.positions @ view.rotation[2]) + view.translation[2])
-        self.entries.append(Entry(number, person, depth, mirror is not None))
+        self.entries.append(Entry(number, person, depth, mirror is not None, squares))
         self.cameras.add(frame.camera)
 
     def turn(self, mirror: Array) -> None:
@@ -121,7 +123,12 @@ class ViewTrack:
             for filters in (self.filters, self.seed[1]) if self.seed else (self.filters,):
                 for values in filters:
                     values[:] = values[mirror]
-            self.entries = [entry._replace(mirrored=not entry.mirrored) for entry in self.entries]
+            self.entries = [
+                entry._replace(
+                    mirrored=not entry.mirrored, squares=entry.squares[mirror] if len(entry.squares) else ()
+                )
+                for entry in self.entries
+            ]
 
     @property
     def rare(self) -> bool:
@@ -402,4 +409,4 @@ def _extend(
             track.cameras.add(frame.camera)
             owners[number, free[column]] = track
     for track in tracks:
-        track.entries.sort()
+        track.entries.sort(key=lambda entry: entry[:2])
