@@ -37,18 +37,18 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
     row, miss = np.empty((2, WIDTH)), np.empty(2)
     slopes = np.empty((TERMS, 2, WIDTH))  # derivatives of `row` with respect to the unknowns
     change, bend_of = np.empty((2, TERMS)), np.empty(TERMS)
-    coupling = np.zeros((len(rays.starts) - 1, 3 * grid.count, size))
+    coupling = np.zeros((len(rays.starts) - 1, 3 * grid.number, size))
     for j in range(len(rays.starts) - 1):
         cross = coupling[j]
         for i in range(rays.starts[j], rays.starts[j + 1]):
             number, variance = whiten(rays, i, members, shares, work)
             oldest = rays.times[members[number - 1]]
-            low = basis_at((oldest - grid.origin) / grid.step, grid.count, basis, slope, bend)
+            low = basis_at((oldest - grid.origin) / grid.step, grid.number, basis, slope, bend)
             row[:], miss[:], slopes[:] = 0.0, 0.0, 0.0
             top = low + SPAN
             for m in range(number):
                 n = members[m]
-                k = basis_at((rays.times[n] - grid.origin) / grid.step, grid.count, basis, slope, bend)
+                k = basis_at((rays.times[n] - grid.origin) / grid.step, grid.number, basis, slope, bend)
                 top = max(top, k + SPAN)
                 scale = shares[m] / rays.sigmas[n]
                 for e in range(2):

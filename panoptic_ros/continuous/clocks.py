@@ -7,13 +7,14 @@ while noise and stiffness are learnt.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from panoptic_ros.continuous.clock_sums import TERMS, clock_sums, eliminate
-from panoptic_ros.continuous.problem import CurveProblem, PersonRays, cauchy_of
+from panoptic_ros.continuous.problem import CurveProblem, TrackRays, cauchy_of
+from panoptic_ros.stage import Progress, untold
 
 Array = np.ndarray
 ROUNDS = 16  # number of iterations
@@ -60,7 +61,7 @@ class CameraTimes:
         count = len(offsets)
         return cls(np.stack([offsets, drifts, lines]), np.zeros((TERMS * count, TERMS * count)))
 
-    def times(self, rays: PersonRays) -> Array:
+    def times(self, rays: TrackRays) -> Array:
         """Return the corrected times (N,) s of the rays of a person."""
         times: Array = rays.stamps + (self.values[:, rays.cameras].T * factors_of(rays)).sum(1)
         return times
@@ -71,7 +72,7 @@ class CameraTimes:
         return np.sqrt(np.diag(self.covariance)).reshape(self.values.shape)
 
 
-def factors_of(rays: PersonRays) -> Array:
+def factors_of(rays: TrackRays) -> Array:
     """Return the derivatives (N, TERMS) of the times of the rays."""
     return np.stack([np.ones(len(rays.stamps)), rays.stamps, rays.heights], axis=1)
 
@@ -80,7 +81,7 @@ def estimate_times(
     problems: Sequence[CurveProblem],
     start: CameraTimes,
     free: FreeClocks,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Progress = untold,
 ) -> CameraTimes:
     """Return the times that fit the rays of all people best; the problems are updated on the way.
 
@@ -93,7 +94,7 @@ def estimate_times(
     if free.trusted >= 0:
         still[free.trusted] = True
     for k in range(ROUNDS):
-        progress(k / ROUNDS)
+        progress(k / ROUNDS, "estimating clocks")
         information, right = _linearise(problems, values, cauchy_of(k // 2))
         if k >= DRIFT_ROUND and free.lines and not still.any():
             still = _fastest(values)
