@@ -12,8 +12,7 @@ class ContinuousConfig:
     Args:
         clocks: estimate the clocks of the cameras.
         rolling_shutter: estimate their line delays.
-        trusted_camera: camera whose clock and line delay are right. "": most clocks are right if they agree,
-            else their mean is.
+        trusted_camera: (name) camera whose clock and line delay are right. "" = most clocks, or their mean.
     """
 
     clocks: bool = False
