@@ -21,9 +21,9 @@ def residuals_to_learn(kept, solved, shifts, seen, focals):
     """Return rows (N,), joints (N,) and residuals (N,) px of observations of the people `kept` (P,).
 
     The residuals are those of joints that three or more views show. Only if there are none, those of two
-    views are used. If there are too many residuals, about every n-th is used. The digits of its observation
-    decide, so the order of the views does not matter. Observations beyond the gate are included, because
-    their residuals are noise.
+    views are used. If there are too many residuals, about every n-th is used. It is selected by the digits of
+    its observation, so the order of the views does not matter. Observations beyond the gate are included,
+    because their residuals are noise.
 
     Args:
         solved: `SolvedJoints`.

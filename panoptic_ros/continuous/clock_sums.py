@@ -14,7 +14,7 @@ TERMS = 3  # unknowns of a camera: offset, drift, line delay
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def clock_sums(fit, rays, grid, misses, cameras, factors, count):
-    """Return the normal equations of the U = TERMS * C unknowns of C cameras, beside those of the curves.
+    """Return the normal equations of the U = TERMS * C unknowns of C cameras and their coupling to curves.
 
     Unknown p of camera c has the index p * C + c. Four arrays result. They are the information (U, U), its
     part from noise of velocities, the right-hand side (U,), and the coupling (J, 3K, U) to control points.

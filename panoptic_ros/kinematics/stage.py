@@ -243,7 +243,8 @@ class KinematicsStage(Stateful):
         self._check(item.skeleton_hash)
         notices = self._take_waiting(None)
         if item.index <= self._last_set:
-            self._last_set = item.index  # a recording that restarts: timestamps show what is old
+            # The recording restarted. Old samples are then recognised by their timestamps, not by the index.
+            self._last_set = item.index
         views = tuple(
             ViewObservations(self._allotment.camera(v.camera), v.stamp_ns, v.frame_number, v.points, v.scores)
             for v in item.views
