@@ -30,7 +30,7 @@ def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]
 
     Args:
         start: True = start, False = stop.
-        patience_s: time to search for recorders, s. The search lasts up to `ANSWER_S` longer while no
+        patience_s: time to search for recorders, s. The search takes up to `ANSWER_S` longer while no
             recorder has been found or an answer is missing.
 
     Returns:
