@@ -14,7 +14,8 @@ from panoptic_ros.io.rigs import write_rig
 from panoptic_ros.running.kinematics import view_series
 
 FRAMES, START_NS = 30, 10**9
-RIG = with_line_delays(captures.RIG, (0.0, 40.0, 25.0))
+NOISE_PX = 0.2
+RIG = with_line_delays(captures.RIG, (20.0, 40.0, 30.0))
 
 
 def people(time_s):
@@ -25,13 +26,14 @@ def people(time_s):
 @pytest.fixture(scope="module")
 def detections(tmp_path_factory):
     """File of what cameras with rolling shutters see; all first rows of a frame are exposed together."""
-    sets = []
+    sets, rng = [], np.random.default_rng(0)
     for index in range(FRAMES):
         stamp = START_NS + round(index * 1e9 / 30.0)
         views = []
         for camera in RIG.cameras:
             whole = captures.view(camera, index, stamp, noise=0.0)
             points = rolling_points(camera, people, 1e-9 * stamp)
+            points = points + NOISE_PX * rng.standard_normal(points.shape)
             scores = np.where(camera.contains(points), 0.9, 0.0)
             points = np.where(scores[..., None] > 0.0, points, np.nan)
             views.append(replace(whole, points=points, scores=scores))
@@ -50,12 +52,12 @@ def worst_errors(rig, detections, folder):
     for frame in read_skeletons(folder / "s.json").frames[8:]:
         truth = people(1e-9 * frame.stamp_ns)
         gaps = np.linalg.norm(frame.positions[:, None] - truth[None], axis=-1).max(-1)
-        worst.append(1e3 * gaps.min(axis=1).max())
+        worst.append(1e3 * gaps.min(axis=0).max())
     return np.array(worst)
 
 
 def test_solve_takes_every_joint_at_the_exposure_of_its_row(detections, tmp_path):
-    assert worst_errors(RIG, detections, tmp_path).max() < 2.0
+    assert worst_errors(RIG, detections, tmp_path).max() < 5.0
     assert np.median(worst_errors(captures.RIG, detections, tmp_path)) > 20.0
 
 
