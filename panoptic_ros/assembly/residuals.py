@@ -22,13 +22,13 @@ def residuals_to_learn(kept, solved, shifts, seen, focals):
 
     The residuals are those of joints that three or more views show. Only if there are none, those of two
     views are used. If there are too many residuals, about every n-th is used. The digits of its observation
-    decide, so the order of the views does not matter. Observations beyond the gate are included, because
+    decide, so the order of the views does not matter. SceneObservations beyond the gate are included, because
     their residuals are noise.
 
     Args:
         solved: `SolvedJoints`.
         shifts: (P, J, 3) m/s, velocities with which views were moved to the instant of the set.
-        seen: `Observations`.
+        seen: `SceneObservations`.
         focals: (V,) px.
     """
     positions, normals, residuals, picks = solved

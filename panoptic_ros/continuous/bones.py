@@ -12,10 +12,11 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from panoptic_ros.continuous.curves import REACH, WIDTH, CurveFit, covariances_at, normal_equations
-from panoptic_ros.continuous.problem import CAUCHY, CurveProblem
+from panoptic_ros.continuous.problem import CurveProblem
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.geometry.splines import SPAN, basis_at, spline
 from panoptic_ros.kernels import njit
+from panoptic_ros.solving.bands import backward, forward
 
 Array = np.ndarray
 INTERVAL_S = 0.02  # s between two measurements of a length
@@ -72,9 +73,16 @@ def rigid_pairs(skeleton: SkeletonModel) -> Array:
     return np.array(sorted(pairs), np.int64).reshape(-1, 2)
 
 
-def pair_distances(problem: CurveProblem, fit: CurveFit, pairs: Array) -> PairDistances:
-    """Return the distances of pairs (P, 2) of joints on curves that were fitted joint by joint."""
+def pair_distances(
+    problem: CurveProblem, fit: CurveFit, pairs: Array, since: float = -np.inf
+) -> PairDistances:
+    """Return the distances of pairs (P, 2) of joints on curves that were fitted joint by joint.
+
+    Args:
+        since: (s) earliest instant.
+    """
     times = instants(problem)
+    times = times[times >= since]
     gaps = _gaps(problem, fit.points, pairs, times)
     lengths = np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)
     along = gaps / lengths[..., None]
@@ -128,7 +136,7 @@ def step_with_lengths(
     joints, grid = len(points), problem.grid
     times = instants(problem)
     reach = REACH if problem.persistent > 0.0 else SPAN
-    bands, rights = normal_equations(problem.rays(CAUCHY), grid, problem.stiffness)
+    bands, rights = normal_equations(problem.rays, grid, problem.stiffness)
     columns, right = couple(bands, rights, reach)
     gaps = _gaps(problem, points, pairs, times)
     along = gaps / np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)[..., None]
@@ -264,3 +272,120 @@ def collect(here, cross, k, inverses):
                         row = 3 * j + a
                         value = here[row, 3 * j + b] if p == 0 else cross[(p - 1) * block + row, 3 * j + b]
                         inverses[j, 3 * (k + p) + a, lag] = value
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def relax(factors, points, grid, times, pairs, learnt, rounds):
+    """Return the change (J, K, 3) m of curves fitted joint by joint that adapts them to the lengths.
+
+    One Gauss-Newton step, solved by conjugate gradients. The factors of the joints are the preconditioner.
+    It costs a small part of the exact solution and gives no covariances.
+
+    Args:
+        factors, points: see `CurveFit`.
+        times: (T,) s, instants at which the lengths are measured.
+        learnt: `Lengths`.
+        rounds: number of iterations.
+    """
+    joints, count, _ = points.shape
+    number = len(times)
+    first, weights = np.empty(number, np.int64), np.empty((number, SPAN))
+    along, misses = np.empty((number, len(pairs), 3)), np.empty((number, len(pairs)))
+    slope, bend = np.empty(SPAN), np.empty(SPAN)
+    for t in range(number):
+        place = (times[t] - grid.origin) / grid.step
+        first[t] = basis_at(place, grid.count, weights[t], slope, bend)
+        for p in range(len(pairs)):
+            length = 0.0
+            for a in range(3):
+                gap = 0.0
+                for m in range(SPAN):
+                    k = first[t] + m
+                    gap += weights[t, m] * (points[pairs[p, 0], k, a] - points[pairs[p, 1], k, a])
+                along[t, p, a] = gap
+                length += gap * gap
+            length = max(np.sqrt(length), SHORTEST)
+            misses[t, p] = length - learnt.lengths[p]
+            for a in range(3):
+                along[t, p, a] /= length
+    change = np.zeros((joints, count, 3))
+    residual = np.zeros((joints, count, 3))
+    add_pairs(residual, -misses, first, weights, along, pairs, learnt.weights)
+    solved = precondition(factors, residual)
+    direction = solved.copy()
+    metric = (residual * solved).sum()
+    stretch = np.empty((number, len(pairs)))
+    for _ in range(rounds):
+        if metric <= 0.0:
+            break
+        pair_changes(direction, stretch, first, weights, along, pairs)
+        image = multiply(factors, direction)
+        add_pairs(image, stretch, first, weights, along, pairs, learnt.weights)
+        step = metric / (direction * image).sum()
+        change += step * direction
+        residual -= step * image
+        solved = precondition(factors, residual)
+        following = (residual * solved).sum()
+        direction = solved + (following / metric) * direction
+        metric = following
+    return change
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def add_pairs(out, values, first, weights, along, pairs, strengths):
+    """Add strengths * values (T, P) along the pairs to the control points out (J, K, 3)."""
+    for t in range(len(first)):
+        for p in range(len(pairs)):
+            value = strengths[p] * values[t, p]
+            if value != 0.0:
+                for m in range(SPAN):
+                    k = first[t] + m
+                    for a in range(3):
+                        part = value * weights[t, m] * along[t, p, a]
+                        out[pairs[p, 0], k, a] += part
+                        out[pairs[p, 1], k, a] -= part
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def pair_changes(points, out, first, weights, along, pairs):
+    """Write the changes (T, P) of the lengths for changes (J, K, 3) of the control points."""
+    for t in range(len(first)):
+        for p in range(len(pairs)):
+            out[t, p] = 0.0
+            for m in range(SPAN):
+                k = first[t] + m
+                for a in range(3):
+                    gap = points[pairs[p, 0], k, a] - points[pairs[p, 1], k, a]
+                    out[t, p] += weights[t, m] * along[t, p, a] * gap
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def precondition(factors, residual):
+    """Return the solutions (J, K, 3) of the systems of single joints."""
+    joints, count, _ = residual.shape
+    out = residual.copy()
+    for j in range(joints):
+        column = out[j].reshape(3 * count, 1)
+        forward(factors[j], column)
+        backward(factors[j], column[:, 0])
+    return out
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def multiply(factors, points):
+    """Return the products (J, K, 3) of the normal matrices of single joints with the control points."""
+    joints, count, _ = points.shape
+    out = np.empty((joints, count, 3))
+    size, width = factors.shape[1:]
+    half = np.empty(size)
+    for j in range(joints):
+        flat, product = points[j].reshape(size), out[j].reshape(size)
+        for i in range(size):
+            half[i] = 0.0
+            for k in range(min(width, size - i)):
+                half[i] += factors[j, i + k, k] * flat[i + k]
+        for i in range(size):
+            product[i] = 0.0
+            for k in range(min(width, i + 1)):
+                product[i] += factors[j, i, k] * half[i - k]
+    return out

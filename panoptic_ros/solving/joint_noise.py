@@ -15,17 +15,24 @@ class JointNoiseModel:
     """Standard deviations of 2D joints on the normalised image plane, by score, camera and joint.
 
     All values come from medians of residuals, so outliers hardly affect them.
+
+    Args:
+        cameras, joints, scores: (N,) of the observations.
+        start: standard deviation before anything is learnt.
+        factors: factors by score bin, camera and joint that were learnt before.
     """
 
-    def __init__(self, cameras: Array, joints: Array, scores: Array, start: float):
+    def __init__(
+        self, cameras: Array, joints: Array, scores: Array, start: float, factors: list[Array] | None = None
+    ):
         self._groups = (np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1), cameras, joints)
         self._start = start
-        self._factors = [np.ones(int(group.max(initial=0)) + 1) for group in self._groups]
+        self.factors = factors or [np.ones(int(group.max(initial=0)) + 1) for group in self._groups]
 
     def sigmas(self) -> Array:
         """Return the standard deviations (N,) of the observations."""
         value = np.full(len(self._groups[0]), self._start)
-        for group, factors in zip(self._groups, self._factors):
+        for group, factors in zip(self._groups, self.factors):
             value *= factors[group]
         sigmas: Array = np.maximum(value, LEAST_NOISE)
         return sigmas
@@ -33,7 +40,7 @@ class JointNoiseModel:
     def learn(self, ratios: Array) -> None:
         """Update the factors from residuals (N,) in units of `sigmas`, corrected for leverage."""
         left = ratios.copy()
-        for group, factors in zip(self._groups, self._factors):
+        for group, factors in zip(self._groups, self.factors):
             for k in range(len(factors)):
                 own = left[group == k]
                 if len(own) >= LEAST_COUNT:
