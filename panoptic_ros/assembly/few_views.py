@@ -48,7 +48,7 @@ SAME_PLACE = 0.5  # m, median joint distance below which two skeletons are one p
 
 
 class CandidateObservations(NamedTuple):
-    """SceneObservations of P candidates, with their predictions; see `PersonCandidates` and `JointPredictions`.
+    """Observations of P candidates, with their predictions; see `PersonCandidates` and `JointPredictions`.
 
     Args:
         member: (P, V) row of the person's 2D pose in each view, -1 = none.
@@ -118,7 +118,7 @@ def hold_people(
     Args:
         people: Tuple of three: rows of tracked candidates with few views; rows of the candidates that were
             kept; joints of the latter.
-        shown: SceneObservations of the candidates.
+        shown: Observations of the candidates.
         worst: Standard deviation beyond which a joint is dropped, m.
 
     Returns:
@@ -144,7 +144,7 @@ def place_joints(rows, shown, joints, body, sight):
 
     Args:
         rows: (K,) rows of candidates with few views.
-        shown: SceneObservations of the candidates.
+        shown: Observations of the candidates.
         joints: Joints of all candidates, updated.
         sight: Fields of view of the scene.
     """

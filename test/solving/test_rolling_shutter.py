@@ -7,7 +7,7 @@ from rolling import rolling_points, with_line_delays
 
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.domain.rig_arrays import RigArrays
-from panoptic_ros.solving.joint_records import PersonCandidates, JointPredictions
+from panoptic_ros.solving.joint_records import JointPredictions, PersonCandidates
 from panoptic_ros.solving.joints import solve_joints
 from panoptic_ros.solving.scene import gather, scene_of
 from panoptic_ros.solving.triangulation import SolverRules
@@ -36,7 +36,9 @@ def worst_error(scenes, rig, taken=None):
     scene, truth = scene_in_motion(scenes, rig, taken), scenes.person()
     views, joints = len(rig), len(truth)
     shifts = np.tile(VELOCITY, (1, joints, 1))
-    guides = JointPredictions(truth[None] + 0.03, np.full((1, joints), 0.05), shifts, np.zeros((1, joints), bool))
+    guides = JointPredictions(
+        truth[None] + 0.03, np.full((1, joints), 0.05), shifts, np.zeros((1, joints), bool)
+    )
     source = np.tile(np.arange(joints), (1, views, 1))
     found = PersonCandidates(np.arange(views)[None], source, guides, np.array([0]), guides.positions)
     rules = SolverRules(50.0, 50.0, 50.0, 4.0, 45)
