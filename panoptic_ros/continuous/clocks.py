@@ -81,7 +81,8 @@ class CameraTimes:
         members = acquainted(offsets)
         gauge = np.eye(count) - members / members.sum()
         known: Array = np.diag(gauge @ offsets @ gauge.T) <= KNOWN**2
-        return known & (self.deviations[2] <= KNOWN_LINE_S)
+        known &= self.deviations[2] <= KNOWN_LINE_S
+        return known
 
 
 def factors_of(rays: TrackRays) -> Array:

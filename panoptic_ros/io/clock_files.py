@@ -50,12 +50,12 @@ LARGEST_LINE_DELAY_US = 1000.0  # 1000 rows in 1 s
 
 @dataclass(frozen=True, slots=True)
 class SavedClock:
-    """Clock and line delay of a camera.
+    """Clock and line delay of a camera, with standard deviations.
 
     Args:
-        offset_s, offset_sd_s: offset to add to timestamps at the reference, and its standard deviation.
-        drift, drift_sd: change of the offset per time, dimensionless.
-        reference_ns: timestamp at which the offset holds, None = first timestamp of the recording.
+        offset_s, offset_sd_s: added to timestamps at the reference.
+        drift, drift_sd: change of the offset per time.
+        reference_ns: None = first timestamp of the recording.
         line_delay_us, line_delay_sd_us: see `Camera`; None = not stated.
     """
 

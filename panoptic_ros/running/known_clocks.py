@@ -41,7 +41,7 @@ def whole_clocks(motion: ContinuousMotion, known: RecordingClocks) -> Continuous
     """
     values, covariance = motion.clocks.values.copy(), motion.clocks.covariance.copy()
     at, count = motion.reference_ns, len(motion.cameras)
-    estimated = np.diag(covariance).reshape(values.shape).any(axis=1)
+    estimated = motion.clocks.deviations.max(axis=1) > 0.0
     for c, name in enumerate(motion.cameras):
         if name not in known.saved:
             continue
