@@ -1,7 +1,7 @@
-"""Views with different timestamps: dependence of joints on motion, and corrected velocities.
+"""2D joints of different exposures: dependence of joints on motion, and corrected velocities.
 
-A view with delay t sees a joint at X + t V. Let A be the rows of the linearised observations, w their weights
-and u an assumed velocity. To first order, least squares gives
+A 2D joint with delay t shows a joint at X + t V. Let A be the rows of the linearised observations, w their
+weights and u an assumed velocity. To first order, least squares gives
 
     x = X + G (V - u) with G = (sum w A^T A)^-1 sum w t A^T A.
 
