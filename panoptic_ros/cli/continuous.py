@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from panoptic_ros.cli.offsets import add_saved_option
 from panoptic_ros.running.arguments import output_file, within
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--clocks", action="store_true", help="estimate clock offsets and drifts of the cameras"
     )
+    add_saved_option(parser)
     parser.add_argument(
         "--rolling-shutter", action="store_true", help="estimate the line delays of the cameras"
     )
@@ -61,6 +63,7 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.io.curve_files import write_curves
     from panoptic_ros.io.plain_formats import write_skeletons
     from panoptic_ros.running.continuous import read_continuous_task, read_instants, solve_continuous
+    from panoptic_ros.running.known_clocks import whole_clocks, with_saved_clocks
     from panoptic_ros.view.progress import PassBar
 
     stamps = read_instants(args.at) if args.at else None
@@ -68,8 +71,12 @@ def run(args: argparse.Namespace) -> int:
     task = read_continuous_task(args.rig, args.detections, config, args.skeleton)
     for line in task.notices:
         print(f"warning: {line}", file=sys.stderr)
+    known = None
+    if args.offsets:
+        task, known = with_saved_clocks(task, args.offsets)
     with PassBar("continuous") as bar:
         motion = solve_continuous(task, bar.show)
+    motion = motion if known is None else whole_clocks(motion, known)
     instants = motion.at_rate(args.rate) if stamps is None else stamps
     write_skeletons(args.out, task.joint_names, motion.sets(instants))
     if args.clocks_out:
@@ -77,6 +84,8 @@ def run(args: argparse.Namespace) -> int:
     if args.curves:
         write_curves(args.curves, task.joint_names, motion)
     if not args.quiet:
+        if known is not None:
+            print("\n".join(known.told(motion.cameras)))
         print(f"{args.out}: {len(instants)} instants, {len(motion.people)} people")
         if config.clocks or config.rolling_shutter:
             print("\n".join(clock_lines(motion)))
@@ -86,11 +95,12 @@ def run(args: argparse.Namespace) -> int:
 def clock_lines(motion: ContinuousMotion) -> list[str]:
     """Return one line per camera: clock offset, drift and line delay with standard deviations."""
     lines = []
-    deviations = motion.clocks.deviations
+    deviations, observable = motion.clocks.deviations, motion.clocks.observable
     for c, name in enumerate(motion.cameras):
         (offset, drift, line), (offset_sd, drift_sd, line_sd) = motion.clocks.values[:, c], deviations[:, c]
         lines.append(
             f"{name}: {1e3 * offset:+.2f} ms +- {1e3 * offset_sd:.2f}, {1e6 * drift:+.0f} ppm +- "
             f"{1e6 * drift_sd:.0f}, {1e6 * line:.1f} us per row +- {1e6 * line_sd:.1f}"
+            + ("" if observable[c] else "   not observable: too little motion in its view")
         )
     return lines

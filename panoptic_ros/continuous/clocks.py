@@ -14,6 +14,7 @@ import numpy as np
 
 from panoptic_ros.continuous.clock_sums import TERMS, clock_sums, eliminate
 from panoptic_ros.continuous.problem import CurveProblem, TrackRays, cauchy_of
+from panoptic_ros.solving.clock_gauge import KNOWN, acquainted
 from panoptic_ros.stage import Progress, untold
 
 Array = np.ndarray
@@ -21,6 +22,7 @@ ROUNDS = 16  # number of iterations
 DRIFT_ROUND = 6  # iteration from which drifts are free: before, offsets are still wrong
 GLOBAL_ROUND = 10  # iteration in which cameras with a global shutter are found
 LONGEST_LINE_S = 4e-5  # s per row: 1080 rows in 43 ms
+KNOWN_LINE_S = 1e-5  # s per row, maximum standard deviation of a known line delay
 PRIOR_OFFSET_S = 0.1  # s, standard deviation
 PRIOR_DRIFT = 1e-4
 PRIOR_LINE_S = 3e-5  # s per row
@@ -70,6 +72,17 @@ class CameraTimes:
     def deviations(self) -> Array:
         """Return the standard deviations (TERMS, C)."""
         return np.sqrt(np.diag(self.covariance)).reshape(self.values.shape)
+
+    @property
+    def observable(self) -> Array:
+        """Return the cameras (C,) whose clocks and line delays the views determined."""
+        count = self.values.shape[1]
+        offsets = self.covariance[:count, :count]
+        members = acquainted(offsets)
+        gauge = np.eye(count) - members / members.sum()
+        known: Array = np.diag(gauge @ offsets @ gauge.T) <= KNOWN**2
+        known &= self.deviations[2] <= KNOWN_LINE_S
+        return known
 
 
 def factors_of(rays: TrackRays) -> Array:
