@@ -11,6 +11,7 @@ import numpy as np
 from panoptic_ros.continuous.clocks import CameraTimes
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.domain import JointState, RefinedPoseSet
+from panoptic_ros.stage import Notice
 
 Array = np.ndarray
 ABSENT_S = 0.5  # s without a view after which a person is not reported
@@ -30,6 +31,7 @@ class ContinuousMotion:
         cameras: names of the cameras.
         clocks: clocks and line delays of the cameras; their reference is `reference_ns`.
         skeleton_hash: skeleton of the joints.
+        notices: faults of the recording.
     """
 
     people: tuple[PersonCurve, ...]
@@ -40,6 +42,7 @@ class ContinuousMotion:
     cameras: tuple[str, ...]
     clocks: CameraTimes
     skeleton_hash: str
+    notices: tuple[Notice, ...] = ()
 
     def at_rate(self, rate: float) -> Array:
         """Return the instants (T,) ns k / rate after the first view, up to the last view."""
