@@ -15,8 +15,22 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
-    parser.add_argument("--rig", type=Path, required=True, help="calibration, in any format that `rig` reads")
-    parser.add_argument("--detections", type=Path, required=True, help="2D people, detections.json(.gz)")
+    parser.add_argument(
+        "capture",
+        nargs="?",
+        type=Path,
+        metavar="CAPTURE_DIR",
+        help="capture folder with 2D people or images, or results of `panoptic run`",
+    )
+    parser.add_argument(
+        "--bag",
+        action="append",
+        default=[],
+        type=Path,
+        help="rosbag2 with detections or images; repeatable",
+    )
+    parser.add_argument("--detections", type=Path, help="2D people, detections.json(.gz), with --rig")
+    parser.add_argument("--rig", type=Path, help="calibration, instead of that of the capture or bag")
     parser.add_argument(
         "--clocks", action="store_true", help="estimate clock offsets and drifts of the cameras"
     )
@@ -60,16 +74,31 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.io.clock_files import write_camera_times
     from panoptic_ros.io.curve_files import write_curves
     from panoptic_ros.io.plain_formats import write_skeletons
-    from panoptic_ros.running.continuous import read_continuous_task, read_instants, solve_continuous
+    from panoptic_ros.running.continuous import (
+        check_instants,
+        read_continuous_task,
+        read_instants,
+        solve_continuous,
+    )
     from panoptic_ros.view.progress import PassBar
 
     stamps = read_instants(args.at) if args.at else None
     config = ContinuousConfig(args.clocks, args.rolling_shutter, args.trusted_camera)
-    task = read_continuous_task(args.rig, args.detections, config, args.skeleton)
-    for line in task.notices:
-        print(f"warning: {line}", file=sys.stderr)
+    with PassBar("views") as bar:
+        task = read_continuous_task(
+            args.rig,
+            args.detections,
+            config,
+            args.skeleton,
+            capture=args.capture,
+            bags=args.bag,
+            progress=bar.show,
+        )
     with PassBar("continuous") as bar:
         motion = solve_continuous(task, bar.show)
+    told = [] if stamps is None else check_instants(stamps, motion)
+    for line in (*task.notices, *(notice.text for notice in motion.notices), *told):
+        print(f"warning: {line}", file=sys.stderr)
     instants = motion.at_rate(args.rate) if stamps is None else stamps
     write_skeletons(args.out, task.joint_names, motion.sets(instants))
     if args.clocks_out:

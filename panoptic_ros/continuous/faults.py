@@ -42,7 +42,7 @@ class ClockFault(NamedTuple):
 
     Args:
         camera: index.
-        first, last: (s) times of the part.
+        first, last: (s) times of the part since the first view; infinite at the ends of the recording.
         ahead: (s) by which the timestamps are too late.
     """
 
@@ -100,12 +100,12 @@ def views_without(
     """Return the views outside of the faults, in the order of timestamps.
 
     Args:
-        times: (F,) s, of the frames.
+        times: (F,) s, of the frames, in increasing order.
     """
     kept = [
         frame
         for frame, time in zip(frames, times)
-        if not any(f.camera == frame.camera and f.first <= time <= f.last for f in faults)
+        if not any(f.camera == frame.camera and f.first <= time - times[0] < f.last for f in faults)
     ]
     return sorted(kept, key=lambda frame: (frame.stamp_ns, frame.camera))
 
@@ -119,9 +119,11 @@ def fault_notices(faults: Sequence[ClockFault], cameras: Sequence[str]) -> list[
     notices = []
     for fault in faults:
         name, side = cameras[fault.camera], "ahead of" if fault.ahead > 0.0 else "behind"
+        since = f" from {fault.first:.0f} s on" if np.isfinite(fault.first) else ""
+        until = f" until {fault.last:.0f} s" if np.isfinite(fault.last) else ""
         text = (
-            f"stamps of camera {name} are {abs(fault.ahead):.2f} s {side} those of the other cameras for "
-            f"{fault.last - fault.first:.1f} s: these views are left out; correct its stamps"
+            f"stamps of camera {name} are {abs(fault.ahead):.2f} s {side} those of the other "
+            f"cameras{since}{until}: these views are left out; correct the stamps"
         )
         values = {"camera": name, "device": name, "offset_s": fault.ahead}
         notices.append(Notice("continuous.clock_off", "warning", text, values))
@@ -229,5 +231,10 @@ def _fault(
     shifted = _misses(poses, people, arrays, camera, float(SHIFTS_S[best]))
     plain = _misses(poses, people, arrays, camera)
     wrong = [w for w in suspect if _middle(shifted[windows == w]) < BETTER * _middle(plain[windows == w])]
-    inside = poses.times[np.isin(windows, wrong)]
-    return None if not len(inside) else ClockFault(camera, inside[0], inside[-1], -float(SHIFTS_S[best]))
+    if not wrong:
+        return None
+    # a window beside those may be wrong in part, and the outermost windows have few views
+    first, last = min(wrong) - 1, max(wrong) + 1
+    begin = -np.inf if first <= windows[0] else WINDOW_S * first
+    end = np.inf if last >= windows[-1] else WINDOW_S * (last + 1)
+    return ClockFault(camera, begin, end, -float(SHIFTS_S[best]))

@@ -21,7 +21,7 @@ from panoptic_ros.continuous.follow import ViewTrack, camera_periods, follow
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.person import PersonCurve, fit_person
 from panoptic_ros.continuous.problem import CurveProblem, PersonRays, grid_over
-from panoptic_ros.continuous.stamps import usable_views
+from panoptic_ros.continuous.stamps import partial_notices, usable_views
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.solving.clock_gauge import acquainted, common_shift
@@ -72,10 +72,11 @@ class ContinuousPass:
             if not faults:
                 break
             notices += fault_notices(faults, names)
+            frames = kept
             motion, faults, kept = self._motion(
-                kept, lambda share, doing: progress(1.0, f"{doing} without faulty views")
+                frames, lambda share, doing: progress(1.0, f"{doing} without faulty views")
             )
-        return replace(motion, notices=(*notices, *motion.notices))
+        return replace(motion, notices=(*notices, *partial_notices(frames, names), *motion.notices))
 
     def _motion(
         self, frames: Sequence[CameraFrame], progress: Progress

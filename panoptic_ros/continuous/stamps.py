@@ -51,9 +51,32 @@ def usable_views(
     notices = [
         *_left_out("continuous.stamps_back", back, "repeat or run backwards", cameras),
         *_left_out("continuous.stray_stamps", stray, "are far from those of all other views", cameras),
-        *_partial(together, cameras),
     ]
     return together, notices
+
+
+def partial_notices(frames: Sequence[CameraFrame], cameras: Sequence[str]) -> list[Notice]:
+    """Return a notice about cameras that begin late or end early.
+
+    Args:
+        frames: at least one, in the order of timestamps.
+        cameras: names of the cameras.
+    """
+    begin, end = frames[0].stamp_ns, frames[-1].stamp_ns
+    spans: dict[int, tuple[int, int]] = {}
+    for frame in frames:
+        first, _ = spans.get(frame.camera, (frame.stamp_ns, 0))
+        spans[frame.camera] = first, frame.stamp_ns
+    late = {
+        c: (first - begin, last - begin)
+        for c, (first, last) in sorted(spans.items())
+        if max(first - begin, end - last) > SHARE_NS
+    }
+    if not late:
+        return []
+    listed = listed_names([f"{cameras[c]} ({a / SECOND:.1f} to {b / SECOND:.1f} s)" for c, (a, b) in late.items()])
+    text = f"cameras have views in a part of the {(end - begin) / SECOND:.1f} s only: {listed}"
+    return [Notice("continuous.partial_camera", "info", text, {"cameras": [cameras[c] for c in late]})]
 
 
 def rising_stamps(stamps: Sequence[int]) -> list[int]:
@@ -132,27 +155,6 @@ def _left_out(code: str, counts: Mapping[int, int], why: str, cameras: Sequence[
     listed = listed_names([f"{name} ({count})" for name, count in lost.items()])
     text = f"stamps of {sum(lost.values())} views {why}; these views are left out: {listed}"
     return [Notice(code, "warning", text, {"views": lost})]
-
-
-def _partial(frames: Sequence[CameraFrame], cameras: Sequence[str]) -> list[Notice]:
-    """Return a notice about cameras that begin late or end early."""
-    if not frames:
-        return []
-    begin, end = frames[0].stamp_ns, frames[-1].stamp_ns
-    spans: dict[int, tuple[int, int]] = {}
-    for frame in frames:
-        first, _ = spans.get(frame.camera, (frame.stamp_ns, 0))
-        spans[frame.camera] = first, frame.stamp_ns
-    late = {
-        c: (first - begin, last - begin)
-        for c, (first, last) in sorted(spans.items())
-        if max(first - begin, end - last) > SHARE_NS
-    }
-    if not late:
-        return []
-    listed = listed_names([f"{cameras[c]} ({a / SECOND:.1f} to {b / SECOND:.1f} s)" for c, (a, b) in late.items()])
-    text = f"cameras have views in a part of the {(end - begin) / SECOND:.1f} s only: {listed}"
-    return [Notice("continuous.partial_camera", "info", text, {"cameras": [cameras[c] for c in late]})]
 
 
 def listed_names(texts: Sequence[str]) -> str:
