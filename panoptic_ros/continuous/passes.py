@@ -68,15 +68,18 @@ class ContinuousPass:
         frames, notices = usable_views(seen, names)
         _check_cameras(frames, names)
         motion, faults, kept = self._motion(frames, progress)
+        faulty: set[int] = set()
         for _ in range(FAULT_ROUNDS):
             if not faults:
                 break
             notices += fault_notices(faults, names)
+            faulty |= {fault.camera for fault in faults}
             frames = kept
             motion, faults, kept = self._motion(
                 frames, lambda share, doing: progress(1.0, f"{doing} without faulty views")
             )
-        return replace(motion, notices=(*notices, *partial_notices(frames, names), *motion.notices))
+        notices += partial_notices(frames, names, faulty)
+        return replace(motion, notices=(*notices, *motion.notices))
 
     def _motion(
         self, frames: Sequence[CameraFrame], progress: Progress

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -49,18 +49,21 @@ def usable_views(
     for camera, count in alone.items():
         stray[camera] += count
     notices = [
-        *_left_out("continuous.stamps_back", back, "repeat or run backwards", cameras),
-        *_left_out("continuous.stray_stamps", stray, "are far from those of all other views", cameras),
+        *_left_out("continuous.stamps_back", back, "repeat or run backwards", len(frames), cameras),
+        *_left_out("continuous.stray_stamps", stray, "are far from all others", len(frames), cameras),
     ]
     return together, notices
 
 
-def partial_notices(frames: Sequence[CameraFrame], cameras: Sequence[str]) -> list[Notice]:
+def partial_notices(
+    frames: Sequence[CameraFrame], cameras: Sequence[str], known: Collection[int] = ()
+) -> list[Notice]:
     """Return a notice about cameras that begin late or end early.
 
     Args:
         frames: at least one, in the order of timestamps.
         cameras: names of the cameras.
+        known: cameras that need no notice.
     """
     begin, end = frames[0].stamp_ns, frames[-1].stamp_ns
     spans: dict[int, tuple[int, int]] = {}
@@ -70,7 +73,7 @@ def partial_notices(frames: Sequence[CameraFrame], cameras: Sequence[str]) -> li
     late = {
         c: (first - begin, last - begin)
         for c, (first, last) in sorted(spans.items())
-        if max(first - begin, end - last) > SHARE_NS
+        if max(first - begin, end - last) > SHARE_NS and c not in known
     }
     if not late:
         return []
@@ -147,13 +150,15 @@ def _parts(stamps: Array) -> list[tuple[int, int]]:
     return list(zip(borders[:-1], borders[1:]))
 
 
-def _left_out(code: str, counts: Mapping[int, int], why: str, cameras: Sequence[str]) -> list[Notice]:
-    """Return a notice about views that are left out; no notice if there is none."""
+def _left_out(
+    code: str, counts: Mapping[int, int], why: str, total: int, cameras: Sequence[str]
+) -> list[Notice]:
+    """Return a notice about views of `total` that are left out; no notice if there is none."""
     lost = {cameras[c]: count for c, count in counts.items() if count}
     if not lost:
         return []
     listed = listed_names([f"{name} ({count})" for name, count in lost.items()])
-    text = f"stamps of {sum(lost.values())} views {why}; these views are left out: {listed}"
+    text = f"{sum(lost.values())} of {total} views are left out, because their stamps {why}: {listed}"
     return [Notice(code, "warning", text, {"views": lost})]
 
 

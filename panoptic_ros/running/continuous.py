@@ -21,18 +21,13 @@ from panoptic_ros.io.bags import is_bag
 from panoptic_ros.io.loading import parsing, read_bytes
 from panoptic_ros.io.recorded_people import AUTO, read_people
 from panoptic_ros.running.grouping import grouped, views_in_order
-from panoptic_ros.running.plans.bag_plan import plan_bags
-from panoptic_ros.running.plans.options import RunOptions
-from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.plans.planning import plan_capture
 from panoptic_ros.running.plans.rig_files import read_rig_at
-from panoptic_ros.running.runs.recorded_views import recorded_views
-from panoptic_ros.running.runs.results import BAG
 from panoptic_ros.stage import Notice, Progress, StageContext, untold
 from panoptic_ros.sync.far_views import without_far_views
 
 Array = np.ndarray
 COLUMN = "stamp_ns"
+RESULT_BAG = "bag"  # name of the bag in the results of `panoptic run`
 DETECTION_FILES = ("detections.json.gz", "detections.json")  # files of 2D people in a capture folder
 
 
@@ -82,7 +77,7 @@ def read_continuous_task(
             f"{' and '.join(given) or 'none'}"
         )
     if capture is not None:
-        bags = [path for path in (capture, capture / BAG) if is_bag(path)][:1]
+        bags = [path for path in (capture, capture / RESULT_BAG) if is_bag(path)][:1]
         files = [capture / name for name in DETECTION_FILES if (capture / name).is_file()]
         if files and not bags:
             rig, detections = rig or capture, files[0]
@@ -90,11 +85,14 @@ def read_continuous_task(
         if rig is None:
             raise UsageError("--detections needs --rig, the calibration of the cameras")
         return _file_task(rig, detections, config, skeleton)
-    options = RunOptions(skeleton="" if skeleton == AUTO else skeleton)
-    if bags:
-        return _plan_task(plan_bags(bags, options, rig=rig), config, progress)
-    assert capture is not None
-    return _plan_task(plan_capture(capture, options, rig=rig), config, progress)
+    # imported here because plans load for half a second
+    from panoptic_ros.running.runs.recorded_views import plan_recording, recorded_views
+
+    plan = plan_recording(capture, bags, rig, "" if skeleton == AUTO else skeleton)
+    sets, told = recorded_views(plan, progress)
+    context = StageContext(plan.rig, plan.skeleton)
+    recording = InMemoryRecording({"detection_sets": sets})
+    return ContinuousTask(context, recording, config, plan.joint_names, (*plan.notices, *told))
 
 
 def _file_task(rig: Path, detections: Path, config: ContinuousConfig, skeleton: str) -> ContinuousTask:
@@ -105,17 +103,6 @@ def _file_task(rig: Path, detections: Path, config: ContinuousConfig, skeleton: 
     context = StageContext(cameras, people.skeleton)
     return ContinuousTask(
         context, InMemoryRecording({"detection_sets": sets}), config, people.joint_names, told
-    )
-
-
-def _plan_task(plan: Plan, config: ContinuousConfig, progress: Progress) -> ContinuousTask:
-    sets, told = recorded_views(plan, progress)
-    return ContinuousTask(
-        StageContext(plan.rig, plan.skeleton),
-        InMemoryRecording({"detection_sets": sets}),
-        config,
-        plan.joint_names,
-        (*plan.notices, *told),
     )
 
 

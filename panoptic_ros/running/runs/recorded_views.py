@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from panoptic_ros.domain import ClockModel, DetectionSet, ViewDetections
 from panoptic_ros.io.interruption import interrupted
 from panoptic_ros.params import config_of
+from panoptic_ros.running.plans.bag_plan import plan_bags
+from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.plan import Plan
+from panoptic_ros.running.plans.planning import plan_capture
 from panoptic_ros.running.runs.in_process import run_in_process
 from panoptic_ros.stage import Notice, Progress
 from panoptic_ros.sync.config import SyncConfig
@@ -43,6 +47,23 @@ class _Views:
     def _keep(self, views: Iterable[ViewDetections], notices: Iterable[Notice]) -> None:
         self.views += views
         self.notices += notices
+
+
+def plan_recording(capture: Path | None, bags: Sequence[Path], rig: Path | None, skeleton: str) -> Plan:
+    """Return the plan of a capture folder or of bags.
+
+    Args:
+        capture: folder; used if there are no bags.
+        rig: calibration; None = that of the capture or bag.
+        skeleton: working skeleton; "" = the usual one.
+
+    Raises:
+        UserError: on any fault that the user can fix.
+    """
+    options = RunOptions(skeleton=skeleton)
+    if bags or capture is None:
+        return plan_bags(bags, options, rig=rig)
+    return plan_capture(capture, options, rig=rig)
 
 
 def recorded_views(plan: Plan, progress: Progress) -> tuple[list[DetectionSet], list[str]]:
