@@ -28,7 +28,7 @@ def residuals_to_learn(kept, solved, shifts, seen, focals):
     Args:
         solved: `SolvedJoints`.
         shifts: (P, J, 3) m/s, velocities with which views were moved to the instant of the set.
-        seen: `Observations`.
+        seen: `SceneObservations`.
         focals: (V,) px.
     """
     positions, normals, residuals, picks = solved

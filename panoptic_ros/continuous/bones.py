@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from panoptic_ros.continuous.curves import REACH, WIDTH, CurveFit, covariances_at, normal_equations
-from panoptic_ros.continuous.problem import CAUCHY, CurveProblem
+from panoptic_ros.continuous.problem import CurveProblem
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.geometry.splines import SPAN, basis_at, spline
 from panoptic_ros.kernels import njit
@@ -136,7 +136,7 @@ def step_with_lengths(
     joints, grid = len(points), problem.grid
     times = instants(problem)
     reach = REACH if problem.persistent > 0.0 else SPAN
-    bands, rights = normal_equations(problem.rays(CAUCHY), grid, problem.stiffness)
+    bands, rights = normal_equations(problem.rays, grid, problem.stiffness)
     columns, right = couple(bands, rights, reach)
     gaps = _gaps(problem, points, pairs, times)
     along = gaps / np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)[..., None]

@@ -130,14 +130,14 @@ def _linearise(
     for problem in problems:
         factors = factors_of(problem.seen)
         problem.times = problem.seen.stamps + (values[:, problem.seen.cameras].T * factors).sum(1)
-        rays = problem.rays(cauchy)
-        fit = problem.fit(cauchy)
-        at = problem.compare(fit)
+        rays = problem.rays
+        fit = problem.fit()
+        at = problem.compare(fit, cauchy)
         own, side, coupling = clock_sums(
             fit, rays, problem.grid, problem.misses, problem.seen.cameras, factors, cameras
         )
         eliminate(own, coupling, fit.factors)
-        problem.learn(fit, at)
+        problem.learn(fit, at, cauchy)
         information += own
         right += side
     return information, right

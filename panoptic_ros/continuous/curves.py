@@ -21,8 +21,8 @@ ORDER = 3  # order of the derivative that the prior takes for white noise: jerk
 # knots after its first control point that a whitened ray reaches: SPAN, and LASTING_S in knots
 REACH = 8
 WIDTH = 3 * REACH  # band width for three coordinates
-# s, time constant of the acceleration. Whole recordings are equal within 1 % from 0.1 s to infinity; the newest
-# instant of an online curve has 5 % less error than with white jerk
+# s, time constant of the acceleration. Whole recordings are equal within 1 % from 0.1 s to infinity; the
+# newest instant of an online curve has 5 % less error than with white jerk
 DECAY_S = 0.2
 LASTING_S = 0.1  # s, time over which rays of a camera are whitened
 LEAST_PAIRS = 100.0  # effective number of pairs of rays from which persistence is estimated

@@ -31,6 +31,7 @@ Array = np.ndarray
 SIGMA = 4e-3  # standard deviation of a 2D joint on the normalised plane, for association only
 MOST_DISTANCE = 6.0  # standard deviations, greatest distance of one joint in the mean
 GATE = 3.5  # standard deviations, mean distance up to which a 2D person may belong to a person
+MIRROR_MARGIN = 0.5  # standard deviations by which an exchange of left and right has to fit better
 WIDEST = 0.15  # m, greatest standard deviation of an innovation, for association only
 MEMORY_S = 0.5  # s without a view after which a person has left
 LEAST_SHARE, SHARE_VIEWS = 0.2, 6  # a person has left, too, if fewer of the views of MEMORY_S show it
@@ -53,11 +54,15 @@ class Entry(NamedTuple):
         frame: index of the frame.
         person: row of the 2D person in the frame.
         depth: (m) of the person in the camera.
+        mirrored: True if the 2D person fits with left and right exchanged.
+        squares: (J,) squared innovations of the person's joints, see `motion.update`; () = unknown.
     """
 
     frame: int
     person: int
     depth: float
+    mirrored: bool = False
+    squares: Array | tuple[()] = ()
 
 
 @dataclass(eq=False)
@@ -95,14 +100,35 @@ class ViewTrack:
             predict(self.filters, time - self.time)
             self.time = time
 
-    def take(self, number: int, person: int, view: ViewRays, frame: CameraFrame) -> None:
-        """Update with a 2D person of view `number` at the present time."""
+    def take(
+        self, number: int, person: int, view: ViewRays, frame: CameraFrame, mirror: Array | None = None
+    ) -> None:
+        """Update with a 2D person of view `number` at the present time.
+
+        Args:
+            mirror: (J,) joint on the other side of each joint, if left and right are exchanged.
+        """
         plane, known = frame.plane[person], frame.scores[person] > 0.0
-        update(self.filters, view, plane, known, SIGMA)
+        if mirror is not None:
+            plane, known = plane[mirror], known[mirror]
+        squares = update(self.filters, view, plane, known, SIGMA)
         self.last = self.time
         depth = float(np.nanmedian(self.positions @ view.rotation[2]) + view.translation[2])
-        self.entries.append(Entry(number, person, depth))
+        self.entries.append(Entry(number, person, depth, mirror is not None, squares))
         self.cameras.add(frame.camera)
+
+    def turn(self, mirror: Array) -> None:
+        """Exchange left and right if most views show the person that way."""
+        if 2 * sum(entry.mirrored for entry in self.entries) > len(self.entries):
+            for filters in (self.filters, self.seed[1]) if self.seed else (self.filters,):
+                for values in filters:
+                    values[:] = values[mirror]
+            self.entries = [
+                entry._replace(
+                    mirrored=not entry.mirrored, squares=entry.squares[mirror] if len(entry.squares) else ()
+                )
+                for entry in self.entries
+            ]
 
     @property
     def rare(self) -> bool:
@@ -119,8 +145,8 @@ class ViewTrack:
 class ViewTracker:
     """Follows people through views in order of time, or in reversed order from given seeds."""
 
-    def __init__(self, arrays: RigArrays, joints: int, pair_s: float = PAIR_S):
-        self._arrays, self._joints, self._pair_s = arrays, joints, pair_s
+    def __init__(self, arrays: RigArrays, mirror: Array, pair_s: float = PAIR_S):
+        self._arrays, self._mirror, self._pair_s = arrays, mirror, pair_s
         self._views = [
             ViewRays(rotation, translation)
             for rotation, translation in zip(arrays.rotations, arrays.translations)
@@ -165,16 +191,16 @@ class ViewTracker:
         if not tracks:
             return set()
         view = self._views[frame.camera]
-        planes, known = frame.plane[people], frame.scores[people] > 0.0
         taken = set()
         pairs: list[tuple[int, int]] = []
         if people:
-            cost = np.stack(
-                [distances(t.filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE) for t in tracks]
-            )
-            pairs = best_pairs(cost, GATE)
+            costs = [view_costs(track.filters, view, frame, people, self._mirror) for track in tracks]
+            pairs = best_pairs(np.stack([np.minimum(*cost) for cost in costs]), GATE)
         for row, column in pairs:
-            tracks[row].take(number, people[column], view, frame)
+            straight, mirrored = costs[row]
+            exchanged = self._mirror if mirrored[column] < straight[column] else None
+            tracks[row].take(number, people[column], view, frame, exchanged)
+            tracks[row].turn(self._mirror)
             taken.add(people[column])
             self._settle(tracks[row])
         found = {row for row, _ in pairs}
@@ -283,7 +309,7 @@ class ViewTracker:
         other: tuple[float, int, Array, Array, int],
     ) -> JointFilters:
         """Return filters of joints that start where two rays meet, at rest; joints of one ray are unknown."""
-        filters = JointFilters.unknown(self._joints)
+        filters = JointFilters.unknown(len(self._mirror))
         common = np.flatnonzero(one[3] & other[3])
         (c1, d1), (c2, d2) = self._rays(one[1], one[2][common]), self._rays(other[1], other[2][common])
         for j, u, v in zip(common, d1, d2):
@@ -301,16 +327,19 @@ class ViewTracker:
         return filters
 
 
-def follow(frames: Sequence[CameraFrame], times: Array, arrays: RigArrays, joints: int) -> list[ViewTrack]:
+def follow(frames: Sequence[CameraFrame], times: Array, arrays: RigArrays, mirror: Array) -> list[ViewTrack]:
     """Return the people of all views (F,), which are in the order of the times (F,) s.
 
     A search in reversed time adds the views before a person was confirmed.
+
+    Args:
+        mirror: (J,) joint on the other side of each joint.
     """
-    tracker = ViewTracker(arrays, joints, pairing_time(frames, times))
+    tracker = ViewTracker(arrays, mirror, pairing_time(frames, times))
     for number, (frame, time) in enumerate(zip(frames, times)):
         tracker.step(number, frame, float(time))
     tracks = tracker.finish()
-    _extend(tracks, frames, times, arrays)
+    _extend(tracks, frames, times, arrays, mirror)
     return tracks
 
 
@@ -326,9 +355,27 @@ def pairing_time(frames: Sequence[CameraFrame], times: Array) -> float:
     return max([PAIR_S, *(0.5 * period for period in camera_periods(frames, times) if period < 1.0)])
 
 
-def _extend(tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array, arrays: RigArrays) -> None:
+def view_costs(
+    filters: JointFilters, view: ViewRays, frame: CameraFrame, people: list[int], mirror: Array
+) -> tuple[Array, Array]:
+    """Return the distances (D,) of 2D people from a person: as they are, and with left and right exchanged.
+
+    An exchange has to fit better by MIRROR_MARGIN.
+
+    Args:
+        people: D rows of the frame.
+    """
+    planes, known = frame.plane[people], frame.scores[people] > 0.0
+    straight = distances(filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE)
+    mirrored = distances(filters, view, planes[:, mirror], known[:, mirror], SIGMA, WIDEST, MOST_DISTANCE)
+    return straight, mirrored + MIRROR_MARGIN
+
+
+def _extend(
+    tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array, arrays: RigArrays, mirror: Array
+) -> None:
     """Add views before the seeds of the people, in reversed time, in place."""
-    owners: dict[Entry | tuple[int, int], ViewTrack] = {}
+    owners: dict[tuple[int, int], ViewTrack] = {}
     for track in tracks:
         owners.update({(entry.frame, entry.person): track for entry in track.entries})
     waiting = sorted(tracks, key=lambda track: track.seed[0] if track.seed else 0.0)
@@ -340,27 +387,26 @@ def _extend(tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array
             seed = waiting[-1].seed
             active.append((waiting.pop(), ViewTrack(seed[1], seed[0], 0, seed[0])))
         active = [pair for pair in active if pair[1].last - time <= MEMORY_S]
-        view, known = views[frame.camera], frame.scores > 0.0
+        view = views[frame.camera]
         owned = {id(owners.get((number, d))): d for d in range(len(frame.plane))}
         free = [d for d in range(len(frame.plane)) if (number, d) not in owners]
         others = []
         for track, copy in active:
             copy.move(time)
             if id(track) in owned:
-                copy.take(number, owned[id(track)], view, frame)
+                own = next(entry for entry in reversed(track.entries) if entry.frame == number)
+                copy.take(number, own.person, view, frame, mirror if own.mirrored else None)
             else:
                 others.append((track, copy))
         if not (others and free):
             continue
-        rows = [
-            distances(copy.filters, view, frame.plane[free], known[free], SIGMA, WIDEST, MOST_DISTANCE)
-            for _, copy in others
-        ]
-        for row, column in best_pairs(np.stack(rows), GATE):
+        costs = [view_costs(copy.filters, view, frame, free, mirror) for _, copy in others]
+        for row, column in best_pairs(np.stack([np.minimum(*cost) for cost in costs]), GATE):
             track, copy = others[row]
-            copy.take(number, free[column], view, frame)
+            exchanged = mirror if costs[row][1][column] < costs[row][0][column] else None
+            copy.take(number, free[column], view, frame, exchanged)
             track.entries.append(copy.entries[-1])
             track.cameras.add(frame.camera)
             owners[number, free[column]] = track
     for track in tracks:
-        track.entries.sort()
+        track.entries.sort(key=lambda entry: entry[:2])

@@ -171,7 +171,9 @@ def square_of(vector, spread):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def update(filters, view, plane, known, sigma):
-    """Update all joints with one 2D person, in place.
+    """Update all joints with one 2D person, in place; return the squared innovations (J,).
+
+    An innovation is in units of its covariance, with two degrees of freedom; 0 = unknown.
 
     A joint that was unknown starts on its ray, at the mean depth of the other joints.
 
@@ -181,6 +183,7 @@ def update(filters, view, plane, known, sigma):
     states, covariances, jerks = filters
     rows, rights = np.empty((2, 3)), np.empty(2)
     spread, gain = np.empty((2, 2)), np.empty((SIZE, 2))
+    squares = np.zeros(len(states))
     depths, number = 0.0, 0
     for j in range(len(states)):
         if np.isfinite(states[j, 0, 0]):
@@ -201,6 +204,7 @@ def update(filters, view, plane, known, sigma):
         noise = (sigma * depth) ** 2
         innovation(filters, j, rows, noise, spread)
         square = 0.5 * square_of(rights, spread)
+        squares[j] = 2.0 * square
         jerks[j] *= np.exp(0.5 * ADAPTATION * (min(square, MOST_EXCESS) - 1.0))
         jerks[j] = min(max(jerks[j], LEAST_JERK), MOST_JERK)
         growth = noise_growth(2.0 * square, CAUCHY)
@@ -228,6 +232,7 @@ def update(filters, view, plane, known, sigma):
         for r in range(SIZE):
             for c in range(r):
                 p[r, c] = p[c, r] = 0.5 * (p[r, c] + p[c, r])
+    return squares
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

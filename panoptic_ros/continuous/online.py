@@ -75,13 +75,13 @@ class OnlineMotion:
 
     Args:
         arrays: cameras.
-        joints: number of joints.
+        mirror: (J,) joint on the other side of each joint.
         pairs: (P, 2) see `rigid_pairs`.
         pair_s: (s) see `follow.pairing_time`.
     """
 
     arrays: RigArrays
-    joints: int
+    mirror: Array
     pairs: Array
     pair_s: float
     people: list[OnlinePerson] = field(default_factory=list)
@@ -90,7 +90,7 @@ class OnlineMotion:
     ids: int = 0
 
     def __post_init__(self) -> None:
-        self.tracker = ViewTracker(self.arrays, self.joints, self.pair_s)
+        self.tracker = ViewTracker(self.arrays, self.mirror, self.pair_s)
 
     def take(self, frame: CameraFrame, time: float) -> None:
         """Take one view; times (s) must not decrease."""
@@ -125,8 +125,8 @@ class OnlineMotion:
         """Return the rays of views and their times (N,) s."""
         frames = [self.frames[entry.frame][0] for entry in entries]
         stamps = np.array([self.frames[entry.frame][1] for entry in entries])
-        local = [Entry(k, entry.person, entry.depth) for k, entry in enumerate(entries)]
-        rays = PersonRays.of(local, frames, stamps, self.arrays)
+        local = [entry._replace(frame=k) for k, entry in enumerate(entries)]
+        rays = PersonRays.of(local, frames, stamps, self.arrays, self.mirror)
         return rays, rays.stamps
 
     def _problem(self, person: OnlinePerson, since: float, until: float = -np.inf) -> CurveProblem:

@@ -55,6 +55,7 @@ class ContinuousPass:
         self._config, self._rig, self._skeleton = config, rig, context.skeleton
         self._arrays = RigArrays.of(rig)
         self._pairs = rigid_pairs(context.skeleton)
+        self._mirror = np.array(context.skeleton.mirror)
         self._trusted = rig.names.index(trusted) if trusted else -1
 
     def run(self, recording: Recording, progress: Progress) -> ContinuousMotion:
@@ -97,7 +98,7 @@ class ContinuousPass:
         order, times = self._ordered(frames, stamps, clocks)
         ordered = [frames[k] for k in order]
         progress(begin, "associating views")
-        tracks = follow(ordered, times, self._arrays, len(self._skeleton))
+        tracks = follow(ordered, times, self._arrays, self._mirror)
         people = []
         share = part_of(progress, begin, 1.0)
         for k, track in enumerate(tracks):
@@ -138,7 +139,7 @@ class ContinuousPass:
         times: Array,
         clocks: CameraTimes,
     ) -> PersonCurve:
-        rays = PersonRays.of(track.entries, frames, stamps, self._arrays)
+        rays = PersonRays.of(track.entries, frames, stamps, self._arrays, self._mirror)
         seen = np.sort(times[[entry.frame for entry in track.entries]])
         return fit_person(number, rays, clocks.times(rays), seen, self._arrays, self._pairs)
 
@@ -160,9 +161,11 @@ class ContinuousPass:
             for first, last in limits:
                 inside = (times >= first) & (times <= last)
                 part = [frames[i] for i in order[inside]]
-                for track in follow(part, times[inside], self._arrays, len(self._skeleton)):
+                for track in follow(part, times[inside], self._arrays, self._mirror):
                     if len(track.entries) >= LEAST_VIEWS:
-                        rays = PersonRays.of(track.entries, part, stamps[order[inside]], self._arrays)
+                        rays = PersonRays.of(
+                            track.entries, part, stamps[order[inside]], self._arrays, self._mirror
+                        )
                         corrected = clocks.times(rays)
                         grid = grid_over(corrected, MARGIN_S)
                         problems.append(CurveProblem(rays, corrected, self._arrays, grid))

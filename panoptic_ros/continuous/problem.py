@@ -66,6 +66,7 @@ class PersonRays:
         scores: (N,) of the 2D joints.
         heights: (N,) px, image rows.
         depths: (N,) m, approximate depth of the person.
+        squares: (N,) squared innovations of the association, see `motion.update`.
     """
 
     starts: Array
@@ -77,24 +78,34 @@ class PersonRays:
     scores: Array
     heights: Array
     depths: Array
+    squares: Array
 
     @classmethod
     def of(
-        cls, entries: Sequence[Entry], frames: Sequence[CameraFrame], stamps: Array, arrays: RigArrays
+        cls,
+        entries: Sequence[Entry],
+        frames: Sequence[CameraFrame],
+        stamps: Array,
+        arrays: RigArrays,
+        mirror: Array,
     ) -> PersonRays:
         """Return the rays of the 2D people of a track.
 
         Args:
             stamps: (F,) s, of the frames.
+            mirror: (J,) joint on the other side of each joint.
         """
         views = [frames[entry.frame] for entry in entries]
-        people = [entry.person for entry in entries]
-        scores = np.stack([view.scores[d] for view, d in zip(views, people)])
-        plane = np.stack([view.plane[d] for view, d in zip(views, people)])
-        heights = np.stack([view.heights[d] for view, d in zip(views, people)])
+        usual = np.arange(len(mirror))
+        picks = [(entry.person, mirror if entry.mirrored else usual) for entry in entries]
+        scores = np.stack([view.scores[pick] for view, pick in zip(views, picks)])
+        plane = np.stack([view.plane[pick] for view, pick in zip(views, picks)])
+        heights = np.stack([view.heights[pick] for view, pick in zip(views, picks)])
         cameras = np.array([view.camera for view in views], np.int64)
         times = stamps[[entry.frame for entry in entries]]
         depths = np.array([entry.depth for entry in entries])
+        none = np.zeros(len(mirror))
+        squares = np.stack([entry.squares if len(entry.squares) else none for entry in entries])
         view, joint = np.nonzero(scores > 0.0)
         order = np.lexsort((times[view], joint))
         view, joint = view[order], joint[order]
@@ -110,6 +121,7 @@ class PersonRays:
             scores[view, joint],
             heights[view, joint],
             depths[view],
+            squares[view, joint],
         )
 
     def subset(self, inside: Array) -> PersonRays:
@@ -162,7 +174,7 @@ class CurveProblem:
             self.persistent = before.persistent
             self.stiffness[:] = before.stiffness[:, None]
         self.misses = np.zeros((len(times), 2))  # m
-        self._squares = np.zeros(len(times))  # squared residuals in units of the noise
+        self._growths = growth(rays.squares, CAUCHY)  # see `growths`
 
     @property
     def learnt(self) -> LearntNoise:
@@ -171,9 +183,11 @@ class CurveProblem:
 
     @property
     def growths(self) -> Array:
-        """Return the factors (N,) by which residuals enlarge the variances of their rays."""
-        factors: Array = growth(self._squares, CAUCHY)
-        return factors
+        """Return the factors (N,) by which residuals enlarge the variances of their rays.
+
+        Innovations of the association take the place of residuals before there are curves.
+        """
+        return self._growths
 
     @property
     def sigmas(self) -> Array:
@@ -181,7 +195,8 @@ class CurveProblem:
         sigmas: Array = self._noise.sigmas() * self.depths
         return sigmas
 
-    def rays(self, cauchy: float) -> Rays:
+    @property
+    def rays(self) -> Rays:
         """Return the rays with their present weights."""
         seen = self.seen
         return Rays(
@@ -190,37 +205,48 @@ class CurveProblem:
             seen.rows,
             seen.rights,
             self.sigmas,
-            growth(self._squares, cauchy),
+            self._growths,
             self._previous,
             self.persistent,
             MEMORY_S,
         )
 
-    def fit(self, cauchy: float = CAUCHY) -> CurveFit:
+    def fit(self) -> CurveFit:
         """Return the curves for the present weights."""
-        return fit_curves(self.rays(cauchy), self.grid, self.stiffness)
+        return fit_curves(self.rays, self.grid, self.stiffness)
 
-    def compare(self, fit: CurveFit) -> AtRays:
-        """Update residuals, depths and weights from curves."""
-        at = at_rays(fit, self.rays(CAUCHY), self.grid)
+    def compare(self, fit: CurveFit, cauchy: float = CAUCHY) -> AtRays:
+        """Update residuals, depths and weights from curves.
+
+        Args:
+            cauchy: scale of the robust weights, in standard deviations.
+        """
+        at = at_rays(fit, self.rays, self.grid)
         self.misses = np.einsum("nij,nj->ni", self.seen.rows, at.positions) - self.seen.rights
         depths = np.einsum("ni,ni->n", self._depth_rows, at.positions) + self._depth_offsets
         self.depths = np.maximum(depths, LEAST_DEPTH)
-        self._squares = (self.misses**2).sum(1) / self.sigmas**2
+        self._growths = growth(self.squares, cauchy)
         return at
 
-    def learn(self, fit: CurveFit, at: AtRays) -> None:
-        """Update the noise, its persistent share and the stiffness of the prior."""
-        self._noise.learn(np.sqrt(self._squares / np.maximum(1.0 - 0.5 * at.leverages, 0.1)))
-        self._squares = (self.misses**2).sum(1) / self.sigmas**2
-        self.persistent = persistence(fit, self.rays(CAUCHY), self.grid, self.misses / self.sigmas[:, None])
+    @property
+    def squares(self) -> Array:
+        """Return the squared residuals (N,) in units of the noise."""
+        squares: Array = (self.misses**2).sum(1) / self.sigmas**2
+        return squares
+
+    def learn(self, fit: CurveFit, at: AtRays, cauchy: float = CAUCHY) -> None:
+        """Update the noise, its persistent share and the stiffness of the prior, then the weights."""
+        self._noise.learn(np.sqrt(self.squares / np.maximum(1.0 - 0.5 * at.leverages, 0.1)))
+        self._growths = growth(self.squares, CAUCHY)
+        self.persistent = persistence(fit, self.rays, self.grid, self.misses / self.sigmas[:, None])
+        self._growths = growth(self.squares, cauchy)
         self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads)
 
     def solve(self, rounds: int = ROUNDS) -> CurveFit:
         """Return the curves after all iterations; the robust weights sharpen from one to the next."""
         for k in range(rounds):
-            fit = self.fit(cauchy_of(k))
-            self.learn(fit, self.compare(fit))
+            fit = self.fit()
+            self.learn(fit, self.compare(fit), cauchy_of(k + 1))
         fit = self.fit()
         self.compare(fit)
         return fit

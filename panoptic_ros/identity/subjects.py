@@ -61,7 +61,7 @@ WAIT = 5.0  # s, longest delay after the stated time with which a person may rea
 BACK = 1.0  # s, longest time over which a person's motion is extrapolated back to the stated time
 
 
-class Seen(NamedTuple):
+class VisibleTracks(NamedTuple):
     """People with an identity who are seen at an instant.
 
     Args:
@@ -76,7 +76,7 @@ class Seen(NamedTuple):
 
 
 def found_subjects(
-    subjects: SubjectSet, missing: Array, seen: Seen, stamp_ns: int, begun_ns: int
+    subjects: SubjectSet, missing: Array, seen: VisibleTracks, stamp_ns: int, begun_ns: int
 ) -> dict[int, int]:
     """Return the people who become subjects: {row of the people: row of the subjects}.
 

@@ -85,8 +85,8 @@ def _pairs(
     """Return the associations of one frame: (track, 2D pose, sides exchanged)."""
     c = frame.camera
     people = len(frame.plane)
-    cams = scene.Cameras(arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1))
-    seen = scene.Observations(
+    cams = scene.CameraPoses(arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1))
+    seen = scene.SceneObservations(
         frame.plane,
         (frame.scores > 0.0).astype(np.float64),
         np.zeros(people, np.int64),

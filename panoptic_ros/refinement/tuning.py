@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.refinement.records import People
+from panoptic_ros.refinement.records import PeopleStatistics
 
 Array = np.ndarray
 
@@ -44,13 +44,13 @@ def nothing_lasting() -> Array:
     return np.array([LASTING_PRIOR, 0.0])
 
 
-def scales(people: People, lasting: Array) -> Array:
+def scales(people: PeopleStatistics, lasting: Array) -> Array:
     """Return the factors (P,) on the covariances of filter and smoother."""
     scaled: Array = people.levels * (1.0 + LASTING_GAIN * max(0.0, -float(lasting[1]) - LASTING_FREE))
     return scaled
 
 
-def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> None:
+def learn(people: PeopleStatistics, seen: Array, innovations: Array, lasting: Array) -> None:
     """Update the learnt values in `people` and `lasting` from the whitened innovations of positions.
 
     If displacements of a joint were measured on the surface, `learn_turns` learns its process noise instead.
@@ -65,7 +65,7 @@ def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> No
     _change(people, np.where(np.isfinite(people.turns[..., 0]), 0.0, changes[:, None]))
 
 
-def learn_turns(people: People, innovations: Array, dt: float) -> None:
+def learn_turns(people: PeopleStatistics, innovations: Array, dt: float) -> None:
     """Update the process noise in `people` from the whitened innovations of displacements.
 
     Innovations of displacements show the process noise more clearly than innovations of positions. Detector
@@ -87,7 +87,7 @@ def learn_turns(people: People, innovations: Array, dt: float) -> None:
     people.turns[:] = innovations
 
 
-def _change(people: People, changes: Array) -> None:
+def _change(people: PeopleStatistics, changes: Array) -> None:
     """Add changes (P, J) to the logarithms of the factors on the process noise in `people`."""
     people.factors[:] = np.minimum(np.maximum(people.factors * np.exp(changes), RANGE[0]), RANGE[1])
 

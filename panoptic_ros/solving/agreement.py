@@ -21,7 +21,7 @@ def agreement_with_people(positions, shifts, seen, mirror, scale):
     Args:
         positions: (P, J, 3) m, world, NaN = unknown.
         shifts: (P, J, 3) m/s, velocities of the joints.
-        seen: `Observations` with D 2D poses.
+        seen: `SceneObservations` with D 2D poses.
         mirror: (J,) joint on the other side.
         scale: m, standard deviation of the Gaussian.
 
@@ -81,7 +81,7 @@ def agreement_of_pairs(chosen, seen, centres, scale):
 
     Args:
         chosen: (L,) rows of the 2D poses.
-        seen: `Observations`.
+        seen: `SceneObservations`.
         centres: (V, 3) m, optical centres of the views, world.
         scale: m, standard deviation of the Gaussian.
 

@@ -30,7 +30,7 @@ MIN_DEPTH = 0.05  # m, least depth of a point in front of a camera
 OUTSIDE, HIDDEN, SEEN = 0, 1, 2  # visibility of a position in a view
 
 
-class Cameras(NamedTuple):
+class CameraPoses(NamedTuple):
     """Poses and delays of V cameras.
 
     Args:
@@ -45,7 +45,7 @@ class Cameras(NamedTuple):
     delays: Array
 
 
-class Observations(NamedTuple):
+class SceneObservations(NamedTuple):
     """All 2D joints of one instant: V views, D 2D poses ordered by view.
 
     Args:
@@ -64,12 +64,12 @@ class Observations(NamedTuple):
     precision: Array
     views: Array
     starts: Array
-    cams: Cameras
+    cams: CameraPoses
     lenses: Array
     sizes: Array
 
 
-class Sight(NamedTuple):
+class ViewVisibility(NamedTuple):
     """Fields of view and visibility limits of V views.
 
     Args:
@@ -93,23 +93,23 @@ class Scene:
         centres: (V, 3) m, world, optical centres.
         focals: (V,) px.
         sight: Fields of view and visibility limits.
-        sizes: (D,) sizes of the 2D poses, see `Observations`.
+        sizes: (D,) sizes of the 2D poses, see `SceneObservations`.
     """
 
     evidence: Evidence
     precision: Array
     mirror: Array
-    cams: Cameras
+    cams: CameraPoses
     centres: Array
     focals: Array
-    sight: Sight
+    sight: ViewVisibility
     sizes: Array
 
     @property
-    def observations(self) -> Observations:
+    def observations(self) -> SceneObservations:
         """Return the scene in the form that the joint solver's kernels take."""
         evidence = self.evidence
-        return Observations(
+        return SceneObservations(
             evidence.plane,
             self.precision,
             evidence.view,
@@ -245,15 +245,15 @@ def scene_of(
     """
     rows, cams = evidence.cameras, cameras_of(evidence, arrays)
     views = [detections.views[slot] for slot in evidence.slots]
-    sight = Sight(arrays.lenses[rows], limits_of(views))
+    sight = ViewVisibility(arrays.lenses[rows], limits_of(views))
     sizes = box_sizes(evidence.plane, evidence.scores) if borders else np.full(len(evidence.view), np.inf)
     return Scene(evidence, precision, mirror, cams, arrays.centres[rows], arrays.focals[rows], sight, sizes)
 
 
-def cameras_of(evidence: Evidence, arrays: RigArrays) -> Cameras:
+def cameras_of(evidence: Evidence, arrays: RigArrays) -> CameraPoses:
     """Return the poses and delays of the views."""
     rows = evidence.cameras
-    return Cameras(arrays.rotations[rows], arrays.translations[rows], evidence.delays)
+    return CameraPoses(arrays.rotations[rows], arrays.translations[rows], evidence.delays)
 
 
 @njit(cache=True, error_model="numpy")

@@ -46,7 +46,7 @@ class SolverRules(NamedTuple):
     max_pairs: int
 
 
-class Steps(NamedTuple):
+class IterationLimit(NamedTuple):
     """Limit of an iteration.
 
     Args:
@@ -58,7 +58,7 @@ class Steps(NamedTuple):
     gated: bool
 
 
-class Result(NamedTuple):
+class PointSolution(NamedTuple):
     """Arrays that `refine_point` writes.
 
     Args:
@@ -122,7 +122,7 @@ def triangulate_linear(member, mirrored, seen, mirror):
     Args:
         member: (V,) row of the 2D pose of each view, -1 = none.
         mirrored: (V,) whether left and right of that 2D pose are exchanged.
-        seen: `Observations`.
+        seen: `SceneObservations`.
         mirror: (J,) joint on the other side.
     """
     plane, precision, joints = seen.plane, seen.precision, len(mirror)
@@ -234,10 +234,10 @@ def refine_point(x, shift, picks, seen, rules, limit, result):
         x: (3,) m, world, start; becomes the refined point.
         shift: (3,) m/s, velocity of the point.
         picks: (V, 2) row of the 2D pose and index of its joint, -1 = none.
-        seen: `Observations`.
+        seen: `SceneObservations`.
         rules: `SolverRules`.
-        limit: `Steps`.
-        result: `Result`.
+        limit: `IterationLimit`.
+        result: `PointSolution`.
 
     Returns:
         the number of views in the last normal matrix.

@@ -90,7 +90,7 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "bodies: processor time per solve and per instant",
     ),
     "live": (
-        "live.live:Live",
+        "live.live:LiveStudy",
         "live graph from cameras to skeletons, with recordings played as cameras: losses, latency, "
         "processor time",
     ),
@@ -123,7 +123,7 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "clocks from motion against the truth: errors, stated deviations, poses",
     ),
     "offsets-shifted": (
-        "timing.shifted_cameras:OffsetsShifted",
+        "timing.shifted_cameras:ShiftedOffsets",
         "clocks from motion on a recording whose cameras are shifted",
     ),
     "patches": (
@@ -131,11 +131,11 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "motion of the surface: time of every stage by the number of views",
     ),
     "recording": (
-        "live.recording:Recording",
+        "live.recording:RecorderMemory",
         "memory of a live run that records, with hours simulated in minutes",
     ),
     "refine": (
-        "surface.refine:Refine",
+        "surface.refine:RefinementStudy",
         "effect of the motion of the surface, on a capture with truth",
     ),
     "refine-faults": (
@@ -151,7 +151,7 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "a long live run in which cameras fail and return and processes are killed",
     ),
     "solve": (
-        "fusion.solve:Solve",
+        "fusion.solve:SolveStudy",
         "2D people to skeletons: time of every stage on one thread, and joints with large errors",
     ),
     "sound": (
@@ -171,7 +171,7 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "duration of each command in seconds",
     ),
     "steady": (
-        "surface.steady:Steady",
+        "surface.steady:SteadinessStudy",
         "limb lengths and accelerations of a capture without truth, without and with patches",
     ),
     "terms": (

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import PoseSet, TrackSet
-from panoptic_ros.identity.appearance import Colours
+from panoptic_ros.identity.appearance import ClothingColours
 from panoptic_ros.identity.bone_lengths import learn_lengths
-from panoptic_ros.identity.likeness import Bones, learnt_bones
+from panoptic_ros.identity.likeness import BoneLengths, learnt_bones
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.limbs import Limbs
@@ -29,7 +29,7 @@ WORST = 10.0  # standard deviations at which distances of joints are truncated
 ALONE = 11.0
 
 
-class Bodies(NamedTuple):
+class TrackedBodies(NamedTuple):
     """Bone lengths and body motion of T people.
 
     Args:
@@ -66,8 +66,8 @@ class Tracks(NamedTuple):
 
     ids: Array
     motion: JointMotion
-    bodies: Bodies
-    clothes: Colours
+    bodies: TrackedBodies
+    clothes: ClothingColours
     heads: Array
     unseen: Array
     missed: Array
@@ -82,8 +82,8 @@ class Tracks(NamedTuple):
         return cls(
             np.full(people, -1),
             JointMotion.of_new(people, joints),
-            Bodies(numbers[0] * np.nan, numbers[1], numbers[2], unknown[0], np.zeros((people, 3))),
-            Colours.of_new(people),
+            TrackedBodies(numbers[0] * np.nan, numbers[1], numbers[2], unknown[0], np.zeros((people, 3))),
+            ClothingColours.of_new(people),
             unknown[1],
             np.zeros(people),
             np.zeros(people),
@@ -93,7 +93,7 @@ class Tracks(NamedTuple):
         )
 
     @property
-    def bones(self) -> Bones:
+    def bones(self) -> BoneLengths:
         """Return the learnt bone lengths with their variances."""
         return learnt_bones(*self.bodies[:3])
 

@@ -5,8 +5,8 @@ import numpy as np
 from seen_views import observations
 
 from panoptic_ros.assembly.judgement import (
-    Joints,
-    Standards,
+    AcceptanceCriteria,
+    JointEstimates,
     in_capture_space,
     judge_joints,
     kept_people,
@@ -18,11 +18,11 @@ from panoptic_ros.assembly.residuals import residuals_to_learn
 from panoptic_ros.domain import Camera
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.solving.joint_records import SolvedJoints
-from panoptic_ros.solving.scene import Cameras
+from panoptic_ros.solving.scene import CameraPoses
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
 CAMERAS = captures.RIG.cameras
-STANDARDS = Standards(1.1, 0.8, 1e3, 0.5)
+STANDARDS = AcceptanceCriteria(1.1, 0.8, 1e3, 0.5)
 
 
 def solved(seed):
@@ -100,7 +100,7 @@ def test_people_need_a_joint_and_agreement():
     good[2, :1] = False
     places[~good] = np.nan
     places[3], good[3] = 30.0, False  # at nodes, without 2D poses
-    joints = Joints.nothing(4, 6)._replace(positions=places)
+    joints = JointEstimates.nothing(4, 6)._replace(positions=places)
     member, observed = np.zeros((4, 2), np.int64), np.full((4, 6), 3)
     member[3], observed[3] = -1, 0
     assert kept_people(joints, good, observed, member, STANDARDS).tolist() == [0, 2, 3]
@@ -132,7 +132,7 @@ def test_residuals_to_learn_have_leverage_taken_out():
             precision,
             np.zeros(ROWS, int),
             np.zeros(VIEWS + 1, int),
-            Cameras(rotations, translations, delays),
+            CameraPoses(rotations, translations, delays),
         ),
         focals,
     )
