@@ -108,18 +108,31 @@ def run(args: argparse.Namespace) -> int:
     if not args.quiet:
         print(f"{args.out}: {len(instants)} instants, {len(motion.people)} people")
         if config.clocks or config.rolling_shutter:
-            print("\n".join(clock_lines(motion)))
+            print("\n".join(clock_lines(motion, args.clocks, args.rolling_shutter)))
     return 0
 
 
-def clock_lines(motion: ContinuousMotion) -> list[str]:
-    """Return one line per camera: clock offset, drift and line delay with standard deviations."""
-    lines = []
-    deviations = motion.clocks.deviations
+def clock_lines(motion: ContinuousMotion, clocks: bool, lines: bool) -> list[str]:
+    """Return one line per camera: clock offset, drift and line delay with standard deviations.
+
+    Args:
+        clocks, lines: which of them were estimated.
+    """
+    texts = []
     for c, name in enumerate(motion.cameras):
-        (offset, drift, line), (offset_sd, drift_sd, line_sd) = motion.clocks.values[:, c], deviations[:, c]
-        lines.append(
-            f"{name}: {1e3 * offset:+.2f} ms +- {1e3 * offset_sd:.2f}, {1e6 * drift:+.0f} ppm +- "
-            f"{1e6 * drift_sd:.0f}, {1e6 * line:.1f} us per row +- {1e6 * line_sd:.1f}"
-        )
-    return lines
+        (offset, drift, line), (known, steady, rolled) = motion.clocks.values[:, c], motion.clocks.observable[:, c]
+        offset_sd, drift_sd, line_sd = motion.clocks.deviations[:, c]
+        parts = []
+        if clocks and known:
+            parts.append(f"{1e3 * offset:+.2f} ms +- {1e3 * offset_sd:.2f}")
+            parts.append(f"{1e6 * drift:+.0f} ppm +- {1e6 * drift_sd:.0f}" if steady else "drift not observable")
+        elif clocks:
+            parts.append("clock not observable, stamps kept")
+        if lines and rolled:
+            parts.append(f"{1e6 * line:.1f} us per row +- {1e6 * line_sd:.1f}")
+        elif lines:
+            parts.append("line delay not observable")
+        texts.append(f"{name}: {', '.join(parts)}")
+    if not motion.clocks.observable.all():
+        texts.append("not observable: too little motion in the views, or too short a recording")
+    return texts

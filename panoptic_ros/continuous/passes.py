@@ -24,7 +24,6 @@ from panoptic_ros.continuous.problem import CurveProblem, PersonRays, grid_over
 from panoptic_ros.continuous.stamps import partial_notices, usable_views
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError, UsageError
-from panoptic_ros.solving.clock_gauge import acquainted, common_shift
 from panoptic_ros.solving.frames import CameraFrame, camera_frames
 from panoptic_ros.solving.spans import telling_spans
 from panoptic_ros.stage import Progress, Recording, StageContext, part_of
@@ -146,7 +145,8 @@ class ContinuousPass:
     def _estimate(
         self, frames: Sequence[CameraFrame], stamps: Array, clocks: CameraTimes, progress: Progress
     ) -> CameraTimes:
-        """Return the clocks and line delays."""
+        """Return the clocks and line delays; those that are not observable stay as given."""
+        given = clocks
         free = FreeClocks(self._config.clocks, self._config.rolling_shutter, self._trusted)
         reference = frames[0].stamp_ns
         spans = telling_spans(
@@ -172,18 +172,9 @@ class ContinuousPass:
             clocks = estimate_times(
                 problems, clocks, free, lambda done, to=share: to(done, "estimating clocks")
             )
-        return self._referenced(clocks)
-
-    def _referenced(self, clocks: CameraTimes) -> CameraTimes:
-        """Return the clocks relative to most cameras if they agree; else their mean stays 0."""
-        if self._trusted >= 0 or not self._config.clocks:
-            return clocks
-        count = len(self._rig)
-        known = acquainted(clocks.covariance[:count, :count])
-        values = clocks.values.copy()
-        values[0] -= common_shift(values[0, known], clocks.deviations[0, known])
-        values[1] -= values[1, known].mean()
-        return CameraTimes(values, clocks.covariance)
+        if self._config.clocks and self._trusted < 0:
+            clocks = clocks.referenced()
+        return clocks.applicable(given)
 
 
 def _check_cameras(frames: Sequence[CameraFrame], names: Sequence[str]) -> None:
