@@ -88,7 +88,8 @@ def write_camera_times(path: Path, motion: ContinuousMotion) -> None:
     since = 1e-9 * (motion.first_ns - motion.reference_ns)
     values, covariance = motion.clocks.values, motion.clocks.covariance
     count = len(motion.cameras)
-    deviations, observable = motion.clocks.deviations, motion.clocks.observable
+    deviations = motion.clocks.deviations
+    observable = [bool(known) for known in motion.clocks.observable[[0, 2]].min(axis=0)]
     cameras = {}
     for c, name in enumerate(motion.cameras):
         offset, drift, line = values[:, c].tolist()
@@ -98,7 +99,7 @@ def write_camera_times(path: Path, motion: ContinuousMotion) -> None:
             **_clock(offset + since * drift, float(max(variance, 0.0)) ** 0.5, drift, deviations[1, c]),
             "line_delay_us": 1e6 * line,
             "line_delay_sd_us": 1e6 * float(deviations[2, c]),
-            "observable": bool(observable[c]),
+            "observable": observable[c],
         }
     _write(path, motion.first_ns, cameras)
 
@@ -110,11 +111,11 @@ def write_clocks(path: Path, clocks: CameraClocks, reference_ns: int) -> None:
         reference_ns: first timestamp of the recording, or any other at which the offsets shall hold.
     """
     offsets, deviations = clocks.stated_at(np.full(len(clocks.cameras), reference_ns))
-    observable = clocks.known | clocks.applied
+    observable: list[bool] = (clocks.known | clocks.applied).tolist()
     cameras = {
         name: {
             **_clock(offsets[c], deviations[c], clocks.drifts[c], clocks.drift_deviations[c]),
-            "observable": bool(observable[c]),
+            "observable": observable[c],
         }
         for c, name in enumerate(clocks.cameras)
     }
