@@ -1,9 +1,10 @@
-"""Figures of the study `continuous`: errors by time and speed, ellipsoids, identities, people who are missing."""
+"""Figures of the study `continuous`: errors by time and speed, ellipsoids, identities, missing people."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -53,9 +54,7 @@ def figures_of(capture: FreeRunningCapture, times: Array, frames: Sequence[Skele
         "mean_m": _mean(errors),
         "last_m": _mean(last),
         "p95_m": float(np.nanpercentile(errors, 95)) if np.isfinite(errors).any() else np.nan,
-        "by_speed_m": [
-            _mean(errors[(speeds >= low) & (speeds < high)]) for low, high in zip(SPEEDS, SPEEDS[1:])
-        ],
+        "by_speed_m": [_mean(errors[(speeds >= low) & (speeds < high)]) for low, high in pairwise(SPEEDS)],
         "output": float(np.isfinite(errors[scored]).mean()),
         "in_ellipsoid": _share(squares),
         "in_ellipsoid_last": _share(squares[:, times >= LAST * capture.scene.seconds]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -18,8 +19,8 @@ from panoptic_ros.geometry.triangulation import triangulate_robust
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.graph.recording import InMemoryRecording
-from panoptic_ros.simulation.free_running import START_NS, FreeRunningCapture, TimedView, owners_of
 from panoptic_ros.simulation.detector import Sightings
+from panoptic_ros.simulation.free_running import START_NS, FreeRunningCapture, TimedView, owners_of
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
 from panoptic_ros.stage import StageContext, untold
 
@@ -62,6 +63,15 @@ class CaptureUnderTest:
     times: Array
     config: ContinuousConfig = field(default_factory=ContinuousConfig)
 
+    @cached_property
+    def reference_frames(self) -> list[SkeletonFrame]:
+        """Return the triangulated people of the same cameras, synchronous at `REFERENCE_HZ`."""
+        stamps, views = [], []
+        for seconds, seen in self.capture.in_step(REFERENCE_HZ):
+            stamps.append(START_NS + round(1e9 * seconds))
+            views.append([(camera, one, owners_of(one)) for camera, one in enumerate(seen)])
+        return _triangulated(self.capture, stamps, views)
+
     @property
     def period_s(self) -> float:
         """Return the period of the slowest camera, s."""
@@ -89,13 +99,13 @@ class CaptureUnderTest:
 
 def reference(case: CaptureUnderTest) -> MethodResult:
     """Triangulate the same cameras, synchronous at 70 Hz; each 2D person is assigned to its true person."""
-    return MethodResult(_reference_frames(case))
+    return MethodResult(case.reference_frames)
 
 
 def low_rate(case: CaptureUnderTest) -> MethodResult:
     """Keep of the reference what synchronous cameras of the lowest rate would see; join it by splines."""
     every = max(1, round(REFERENCE_HZ * case.period_s))
-    return _joined(_reference_frames(case)[::every], case, every / REFERENCE_HZ)
+    return _joined(case.reference_frames[::every], case, every / REFERENCE_HZ)
 
 
 def aligned(case: CaptureUnderTest) -> MethodResult:
@@ -157,7 +167,9 @@ def wrong_share(capture: FreeRunningCapture, motion: ContinuousMotion) -> float:
     for person in motion.people:
         rays, found = person.rays, {}
         stamps = motion.reference_ns + np.round(1e9 * rays.stamps).astype(np.int64)
-        for camera, stamp, joint, row in zip(rays.cameras.tolist(), stamps.tolist(), rays.joints.tolist(), rays.heights.tolist()):
+        for camera, stamp, joint, row in zip(
+            rays.cameras.tolist(), stamps.tolist(), rays.joints.tolist(), rays.heights.tolist()
+        ):
             owner = owners.get((camera, stamp, joint, row))
             if owner is not None:
                 found[camera, stamp] = owner
@@ -179,15 +191,6 @@ def clock_errors(
     offset_error = float(np.sqrt(np.mean((found[0] - offsets)[1:] ** 2))) if config.clocks else np.nan
     line_error = float(np.sqrt(np.mean((found[2] - lines) ** 2))) if config.rolling_shutter else np.nan
     return offset_error, line_error
-
-
-def _reference_frames(case: CaptureUnderTest) -> list[SkeletonFrame]:
-    capture = case.capture
-    stamps, views = [], []
-    for seconds, seen in capture.in_step(REFERENCE_HZ):
-        stamps.append(START_NS + round(1e9 * seconds))
-        views.append([(camera, one, owners_of(one)) for camera, one in enumerate(seen)])
-    return _triangulated(capture, stamps, views)
 
 
 def _triangulated(
@@ -239,7 +242,9 @@ def _joined(frames: Sequence[SkeletonFrame], case: CaptureUnderTest, period_s: f
     for t, seconds in enumerate(case.times):
         ids = [number for number, at in found.items() if np.isfinite(at[t]).any()]
         positions = np.array([found[number][t] for number in ids]).reshape(len(ids), len(JOINTS), 3)
-        result.append(SkeletonFrame(START_NS + round(1e9 * float(seconds)), np.array(ids, np.int64), positions))
+        result.append(
+            SkeletonFrame(START_NS + round(1e9 * float(seconds)), np.array(ids, np.int64), positions)
+        )
     return MethodResult(result)
 
 
