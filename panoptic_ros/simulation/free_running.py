@@ -35,14 +35,14 @@ class FreeRunning:
     """Timing of free-running cameras. The first camera has an exact clock.
 
     Args:
-        rates: Hz, assigned to the cameras in rotation.
-        staggered: phases are evenly apart instead of random.
-        jitter_s: standard deviation of timestamp minus exposure, s.
-        lost: share of frames that are lost.
-        offset_s: limit of the clock offsets, s.
-        drift_ppm: limit of the rate errors of the clocks, ppm.
-        line_delays_us: range of the line delays (us per row) of rolling shutters.
-        global_every: every such camera has a global shutter; 1 = all.
+        rates: Frame rates (Hz), assigned to the cameras in rotation.
+        staggered: Whether phases are evenly apart. Otherwise they are random.
+        jitter_s: Standard deviation of timestamp minus exposure, s.
+        lost: Share of frames that are lost.
+        offset_s: Limit of the clock offsets, s.
+        drift_ppm: Limit of the rate errors of the clocks, ppm.
+        line_delays_us: Range of the line delays (us per row) of rolling shutters.
+        global_every: Number n: cameras 0, n, 2 n, ... have a global shutter; 1 = all cameras.
     """
 
     rates: tuple[float, ...]
@@ -77,9 +77,9 @@ class CameraTiming:
 
     Args:
         rate: Hz.
-        phase_s: true time of the first exposure, s.
-        offset_s, drift: of the clock.
-        line_s: line delay, s per row. The timestamp is that of the first row.
+        phase_s: True time of the first exposure, s.
+        offset_s, drift: Of the clock.
+        line_s: Line delay, s per row. The timestamp is that of the first row.
     """
 
     rate: float
@@ -99,8 +99,8 @@ class TimedView:
 
     Args:
         view: 2D people.
-        camera: index into the rig.
-        seconds: true time of the exposure, of the first row with a rolling shutter.
+        camera: Index into the rig.
+        seconds: True time of the exposure, of the first row with a rolling shutter.
         owners: (D,) index of the true person of each 2D person, `NOBODY` = false, duplicate.
     """
 
@@ -135,11 +135,11 @@ class FreeRunningCapture:
     """One capture of a scene.
 
     Args:
-        scene: its scene.
-        seed: root seed of all random numbers.
-        rig: calibrated cameras, whose line delays are not stated.
-        people: true people. Their `is_present` tells when they are there.
-        timings: true timing of each camera.
+        scene: Its scene.
+        seed: Root seed of all random numbers.
+        rig: Calibrated cameras, whose line delays are not stated.
+        people: True people, see `SimulatedPerson.is_present`.
+        timings: True timing of each camera.
     """
 
     scene: FreeRunningScene

@@ -141,8 +141,8 @@ class Continuous(Study):
             "reference at the lowest rate of a camera.\n"
             "`aligned`: nearest frames treated as simultaneous, true association. `solve`: `panoptic solve` "
             "on the same groups.\n"
-            "Ids per person; longest time without a person who is there, of all seeds; person-seconds of false "
-            "people;\nprocessor time per person-second."
+            "Ids per person; longest time without a person who is there, of all seeds;\n"
+            "person-seconds of false people; processor time per person-second."
         )
 
     def lines(self, result: Result) -> Iterator[str]:
