@@ -78,7 +78,7 @@ class CameraTiming:
     Args:
         rate: Hz.
         phase_s: True time of the first exposure, s.
-        offset_s, drift: Of the clock.
+        offset_s, drift: Offset (s) and relative rate error of the clock.
         line_s: Line delay, s per row. The timestamp is that of the first row.
     """
 
