@@ -51,7 +51,7 @@ def write_speed_plot(
             )
         axes.set(title=name, yscale="log", ylim=(LEAST_MM, MOST_MM), xlim=(0.0, None))
         axes.grid(alpha=0.3, which="both")
-    grid[0, 0].legend(fontsize="small")
+    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside right upper")
     figure.suptitle(title, fontsize="medium")
     figure.supxlabel("speed of the joint [m/s]", fontsize="medium")
     figure.supylabel("mean error [mm]", fontsize="medium")

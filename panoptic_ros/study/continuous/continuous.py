@@ -141,6 +141,7 @@ class Continuous(Study):
             "reference at the lowest rate of a camera.\n"
             "`aligned`: nearest frames treated as simultaneous, true association. `solve`: `panoptic solve` "
             "on the same groups.\n"
+            "Unknown clocks and line delays (cases `clocks`, `shutter`) are estimated by `continuous` only.\n"
             "Ids per person; longest time without a person who is there, of all seeds;\n"
             "person-seconds of false people; processor time per person-second."
         )
