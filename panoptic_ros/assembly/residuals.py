@@ -85,7 +85,7 @@ def _residual(x, shift, spread, seen, v, d, s):
         shift: (3,) m/s, velocity.
         spread: (3, 3) m^2, inverse of the joint's normal matrix.
     """
-    u, w, depth = seen_at(seen.cams, v, x, shift)
+    u, w, depth = seen_at(seen.cams, v, x, shift, seen.delays[d, s])
     r, row, total = seen.cams.rotations[v], np.empty(3), 0.0  # trace of J N^-1 J^T
     for i in range(2):
         for k in range(3):

@@ -15,7 +15,7 @@ from panoptic_ros.graph.topics import TOPICS, owner_of
 from panoptic_ros.io.bag_recorder import BagRecorder
 from panoptic_ros.io.bags import BagWriter
 from panoptic_ros.io.body_files import BodyStream
-from panoptic_ros.io.clock_offsets import write_models
+from panoptic_ros.io.clock_files import write_models
 from panoptic_ros.io.definitions import described
 from panoptic_ros.io.messages import bag_messages, to_message
 from panoptic_ros.io.messages.family import bag_typestore
