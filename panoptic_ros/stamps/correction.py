@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -13,12 +13,11 @@ from panoptic_ros.domain import ClockModel, ViewDetections
 from panoptic_ros.params import named_numbers, named_words, of_name
 from panoptic_ros.params.named import ALL
 from panoptic_ros.stage import Notice, Severity
-from panoptic_ros.sync.config import SyncConfig
-from panoptic_ros.sync.outliers import LATEST_NS
+from panoptic_ros.stamps.outliers import LATEST_NS
 
 SECOND = 1_000_000_000
 FOREVER = 2**63 - 1  # ns, `until_ns` of a model that stays valid without observations
-HELD = 64  # live: maximum number of frames per camera that wait for a clock
+HELD = 64  # default maximum number of frames per camera that wait for a clock
 UNHEARD_S = 2.0  # s of waiting frames after which a clock without any model is reported
 SILENT_S = 3.0  # s without observations of a clock, after which the clock is reported as silent
 FAR_S = 600.0  # s, maximum distance of a camera's first frame from the observations of its clock
@@ -62,15 +61,23 @@ class StampCorrection:
 
     Args:
         clocks: by camera, the name of its clock in the rig; "" = none.
-        config: parameters of the stage.
+        devices: parameter `sync.clocks`: clocks for whose models the frames of cameras wait.
+        delays_ms: parameter `sync.delays_ms`.
+        most_held: maximum number of frames per camera that wait for a clock.
     """
 
-    def __init__(self, clocks: Mapping[str, str], config: SyncConfig):
-        self._device = named_words("SyncConfig.clocks", config.clocks)
-        self._delays = named_numbers("SyncConfig.delays_ms", config.delays_ms)
+    def __init__(
+        self,
+        clocks: Mapping[str, str],
+        devices: Sequence[str] = (),
+        delays_ms: Sequence[str] = (),
+        most_held: int = HELD,
+    ):
+        self._device = named_words("clocks", devices)
+        self._delays = named_numbers("delays_ms", delays_ms)
         self._clocks = dict(clocks)
         self._cameras = {name: CameraClock() for name in clocks}
-        self._most_held = HELD if config.deadline_s else max(HELD, config.queue_limit)
+        self._most_held = most_held
         # clocks with models; True once the clock has been reported as silent
         self._heard: dict[str, bool] = {}
         self._told: set[str] = set()  # clocks reported as having no model, or as far from the frames
