@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.continuous.bones import INTERVAL_S, relax
-from panoptic_ros.continuous.curves import KnotGrid, WeightedRays, normal_equations
+from panoptic_ros.continuous.curves import WeightedRays, normal_equations
 from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.geometry.splines import SPAN, basis_at
 from panoptic_ros.kernels import njit

@@ -64,9 +64,7 @@ class ContinuousMotion:
                 yield pose_set(index, stamp, self.skeleton_hash, joints, shown)
                 index += 1
 
-    def _person(
-        self, person: PersonCurve, evidence: RayEvidence, times: Array
-    ) -> tuple[Array, JointReport]:
+    def _person(self, person: PersonCurve, evidence: RayEvidence, times: Array) -> tuple[Array, JointReport]:
         """Return when a person is reported (T,), and its joints."""
         report = joint_report(times, person.at(times), person.covariances_at(times), evidence, self.period)
         here = was_seen(times, person.seen) & (times < person.until)

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.continuous.bones import LearntLengths, PairDistances, learn_lengths, pair_distances
+from panoptic_ros.continuous.bones import (
+    LearntLengths,
+    PairDistances,
+    learn_lengths,
+    pair_distances,
+    rigid_pairs,
+)
 from panoptic_ros.continuous.curves import ORDER, KnotGrid
 from panoptic_ros.continuous.follow import ViewTrack, ViewTracker, pairing_time_of
 from panoptic_ros.continuous.instant import CameraRows, InstantFit, fit_instant, window_rays
+from panoptic_ros.continuous.motion import JointFilters, predict
 from panoptic_ros.continuous.problem import (
     CAUCHY,
     FIRST_NOISE,
@@ -23,11 +30,13 @@ from panoptic_ros.continuous.problem import (
     TrackRays,
 )
 from panoptic_ros.continuous.reports import JointReport, RayEvidence, joint_report, was_seen
+from panoptic_ros.continuous.returns import ReturnSearch, SeenPerson
 from panoptic_ros.continuous.seen_views import SeenViews
-from panoptic_ros.domain import JointState
+from panoptic_ros.domain import JointState, SkeletonModel
 from panoptic_ros.domain.of_all import joined, selected
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import control_points
+from panoptic_ros.identity.returns import RETURN_S
 from panoptic_ros.solving.frames import CameraFrame
 from panoptic_ros.solving.joint_noise import JointNoiseModel
 
@@ -114,40 +123,31 @@ class OnlinePerson:
     bones: LearntLengths | None = None
 
 
-@dataclass(eq=False)
 class OnlineMotion:
     """Follows people through views in order of time, and gives their motion at recent instants.
 
     Args:
         arrays: cameras.
-        mirror: (J,) joint on the other side of each joint.
-        pairs: (P, 2) see `rigid_pairs`.
-        people: (P) people who are followed, in the order of their confirmation.
-        frames: the kept views and their times (s), by number.
-        number: (int) number of the next view.
-        ids: (int) number of the next person.
-        periods: periods of the cameras.
     """
 
-    arrays: RigArrays
-    mirror: Array
-    pairs: Array
-    people: list[OnlinePerson] = field(default_factory=list)
-    frames: dict[int, CameraFrame] = field(default_factory=dict)
-    times: dict[int, float] = field(default_factory=dict)
-    number: int = 0
-    ids: int = 0
-    periods: CameraPeriods = field(default_factory=CameraPeriods)
-
-    def __post_init__(self) -> None:
-        self.tracker = ViewTracker(self.arrays, self.mirror)
-        sizes = [camera.image_size for camera in self.arrays.cameras]
+    def __init__(self, arrays: RigArrays, skeleton: SkeletonModel):
+        self._arrays, self._mirror = arrays, np.array(skeleton.mirror)
+        self._pairs = rigid_pairs(skeleton)
+        self._search = ReturnSearch(skeleton, self._pairs)
         self._cameras = CameraRows(
-            self.arrays.rotations,
-            self.arrays.translations,
-            np.array([1e-6 * camera.line_delay_us for camera in self.arrays.cameras]),
-            np.array([0.5 * height for _, height in sizes]),
+            arrays.rotations,
+            arrays.translations,
+            np.array([1e-6 * camera.line_delay_us for camera in arrays.cameras]),
+            np.array([0.5 * camera.image_size[1] for camera in arrays.cameras]),
         )
+        self._tracker = ViewTracker(arrays, self._mirror)
+        self._periods = CameraPeriods()
+        self._frames: dict[int, CameraFrame] = {}  # kept views, by number
+        self._times: dict[int, float] = {}  # s, of the kept views
+        self._number = 0  # number of the next view
+        self._people: dict[int, OnlinePerson] = {}  # by number of the track
+        self._lost: dict[int, SeenPerson] = {}  # people who may return, by id
+        self.ids = 0  # id of the next person
 
     def middle_delay(self, camera: int) -> float:
         """Return the time (s) from the timestamp of a camera's view to the exposure of its middle row."""
@@ -155,39 +155,37 @@ class OnlineMotion:
 
     def take(self, frame: CameraFrame, time: float) -> None:
         """Take one view; times (s), those of the middle rows, must not decrease."""
-        self.periods.take(frame.camera, time)
-        self.tracker.pair_s = self.periods.pairing_time
-        self.frames[self.number], self.times[self.number] = frame, time
-        self.tracker.step(self.number, frame, time)
-        self.number += 1
-        oldest = next(iter(self.frames))
-        while self.times[oldest] < time - LEARNING_S:
-            del self.frames[oldest], self.times[oldest]
+        self._periods.take(frame.camera, time)
+        self._tracker.pair_s = self._periods.pairing_time
+        self._frames[self._number], self._times[self._number] = frame, time
+        self._tracker.step(self._number, frame, time)
+        self._number += 1
+        oldest = next(iter(self._frames))
+        while self._times[oldest] < time - LEARNING_S:
+            del self._frames[oldest], self._times[oldest]
             oldest += 1
-        self.tracker.ended.clear()
-        known = {person.track.number: person for person in self.people}
-        self.people = []
-        for track in self.tracker.active:
+        self._lose(time)
+        for track in list(self._tracker.active):
             track.entries = [entry for entry in track.entries if entry.frame >= oldest]
             if track.confirmed:
-                person = known.get(track.number) or self._new_person(track)
-                self._update(person, oldest)
-                self.people.append(person)
+                if track.number not in self._people:
+                    self._people[track.number] = self._new_person(track, time)
+                self._update(self._people[track.number], oldest)
 
     def settle(self) -> None:
         """Learn from the newest views of one person, if that is due."""
-        due = [p for p in self.people if p.track.last - p.learnt_at >= LEARN_EVERY_S]
+        due = [p for p in self._people.values() if p.track.last - p.learnt_at >= LEARN_EVERY_S]
         if due:
             self._learn(min(due, key=lambda person: person.learnt_at))
 
     def at(self, time: float) -> list[PersonInstant]:
-        """Return the people at a time (s) from the views that were taken, without any effect on later results.
+        """Return the people at a time (s), by id, from the views that were taken. Nothing is changed.
 
         People whose noise is not known yet are left out.
         """
-        period = self.periods.typical
+        period = self._periods.typical
         found = []
-        for person in self.people:
+        for person in self._people.values():
             if person.noise is not None and was_seen(np.array([time]), person.seen.times)[0]:
                 fit = self._fit(person, person.noise, time)
                 rays = fit.rays.weighted
@@ -199,16 +197,50 @@ class OnlineMotion:
                 ).at(0)
                 if (report.states != JointState.MISSING).any():
                     found.append(PersonInstant(person.id, report, fit.velocities))
-        return found
+        return sorted(found, key=lambda one: one.id)
 
-    def _new_person(self, track: ViewTrack) -> OnlinePerson:
-        self.ids += 1
-        return OnlinePerson(self.ids - 1, track, self._seen(track, 0))
+    def _lose(self, time: float) -> None:
+        """Move people whose tracks have ended to those who may return, at a time (s)."""
+        for track in self._tracker.ended:
+            person = self._people.pop(track.number, None)
+            if person is not None:
+                self._lost[person.id] = self._lost_person(person)
+        self._tracker.ended.clear()
+        self._lost = {number: lost for number, lost in self._lost.items() if time - lost.time <= RETURN_S}
+
+    def _lost_person(self, person: OnlinePerson) -> SeenPerson:
+        """Return a person as last seen."""
+        filters = person.track.filters.copy()
+        predict(filters, person.track.last - person.track.time)
+        lengths = self._search.bone_lengths(person.bones)
+        return SeenPerson(person.track.last, _place(filters), lengths)
+
+    def _new_person(self, track: ViewTrack, time: float) -> OnlinePerson:
+        """Return the person of a new track: one who was lost, or a new one.
+
+        The track of a person who was not seen since the new track began ends.
+        """
+        begin = self._times[track.entries[0].frame]
+        unseen = {p.id: p for p in self._people.values() if p.track.last < begin}
+        lost = self._lost | {number: self._lost_person(person) for number, person in unseen.items()}
+        new = SeenPerson(time, _place(track.filters), self._search.bone_lengths(None))
+        row = self._search.returned(list(lost.values()), new)
+        seen = self._seen(track, 0)
+        if row is None:
+            self.ids += 1
+            return OnlinePerson(self.ids - 1, track, seen)
+        number = list(lost)[row]
+        self._lost.pop(number, None)
+        if number in unseen:
+            earlier = unseen[number].track
+            self._tracker.active.remove(earlier)
+            del self._people[earlier.number]
+        return OnlinePerson(number, track, seen)
 
     def _seen(self, track: ViewTrack, first: int) -> SeenViews:
         """Return the views of a track from frame number `first` on."""
         entries = [entry for entry in track.entries if entry.frame >= first]
-        return SeenViews.of(entries, self.frames, self.times, self.mirror)
+        return SeenViews.of(entries, self._frames, self._times, self._mirror)
 
     def _update(self, person: OnlinePerson, oldest: int) -> None:
         """Add the newest view of a person, and remove views before frame number `oldest`."""
@@ -224,12 +256,12 @@ class OnlineMotion:
 
     def _learn(self, person: OnlinePerson) -> None:
         """Learn noise, stiffness and lengths from the newest views of a person."""
-        rays = TrackRays.of_views(selected(person.seen, slice(-LEARNING_VIEWS, None)), self.arrays)
+        rays = TrackRays.of_views(selected(person.seen, slice(-LEARNING_VIEWS, None)), self._arrays)
         cameras = self._cameras
         times = rays.stamps + cameras.lines[rays.cameras] * (rays.heights - cameras.middles[rays.cameras])
         origin, last = float(times.min()), float(times.max())
         grid = KnotGrid(origin, STEP_S, control_points(origin, last + STEP_S, STEP_S))
-        problem = CurveProblem(rays, times, self.arrays, grid, person.noise)
+        problem = CurveProblem(rays, times, self._arrays, grid, person.noise)
         if person.noise is None:
             fit = problem.solve(FIRST_ROUNDS)
         else:
@@ -238,7 +270,7 @@ class OnlineMotion:
                 fit = problem.fit()
                 problem.learn(fit, problem.compare(fit))
         person.noise = problem.learnt
-        new = pair_distances(problem, fit, self.pairs, max(person.learnt_at, origin))
+        new = pair_distances(problem, fit, self._pairs, max(person.learnt_at, origin))
         if person.distances is not None:
             new = PairDistances(*(np.concatenate(both, axis=1) for both in zip(person.distances, new)))
         person.distances = PairDistances(*(part[:, -KEPT_DISTANCES:] for part in new))
@@ -263,8 +295,14 @@ class OnlineMotion:
         origin, newest = float(stamps.min()), max(float(stamps.max()), time)
         grid = KnotGrid(origin, STEP_S, control_points(origin, newest + STEP_S, STEP_S))
         stiffness = np.repeat(noise.stiffness[:, None], grid.number - ORDER, axis=1)
-        lengths = (NO_PAIRS, NO_LENGTHS) if person.bones is None else (self.pairs, person.bones)
+        lengths = (NO_PAIRS, NO_LENGTHS) if person.bones is None else (self._pairs, person.bones)
         fit: InstantFit = fit_instant(
             rays, grid, stiffness, self._cameras, LEAST_DEPTH, CAUCHY, time, *lengths
         )
         return fit
+
+
+def _place(filters: JointFilters) -> Array:
+    """Return the place (2,) m of a person on the ground."""
+    place: Array = np.nanmedian(filters.states[:, 0, :2], axis=0)
+    return place

@@ -136,13 +136,19 @@ def near_rays(instants, starts, times, cameras, weights, period):
 
 
 def pose_set(
-    index: int, stamp_ns: int, skeleton_hash: str, joints: int, people: Sequence[tuple[int, JointReport]]
+    index: int,
+    stamp_ns: int,
+    skeleton_hash: str,
+    joints: int,
+    people: Sequence[tuple[int, JointReport]],
+    newest_ns: int = -1,
 ) -> RefinedPoseSet:
     """Return the people of one instant.
 
     Args:
         joints: number of joints.
         people: ids and joints, see `JointReport.at`.
+        newest_ns: see `PoseSet`.
     """
     shapes = ((joints, 3), (joints, 3, 3), (joints,), (joints,), (joints,))
     columns = zip(*(report for _, report in people)) if people else ((),) * len(shapes)
@@ -159,5 +165,6 @@ def pose_set(
         views,
         states,
         scores.mean(axis=1) if people else np.empty(0),
+        newest_ns,
         ids=np.array([number for number, _ in people], np.int64),
     )

@@ -175,6 +175,15 @@ NODES: dict[str, NodeSpec] = {
             queue="all",
             switch="active",
         ),
+        NodeSpec(
+            "continuous",
+            "panoptic_ros.continuous.stage:ContinuousStage",
+            "panoptic_ros.continuous.config:ContinuousStageConfig",
+            (Port("clock_models", optional=True), Port("detections")),
+            ("skeletons_at",),
+            queue="late",
+            switch="active",
+        ),
         stage_row(
             "kinematics",
             (
@@ -214,10 +223,15 @@ AFTER_DETECTION = (
     "assembly",
     "tracking",
     "offsets",
+    "continuous",
     "kinematics",
     "patches",
     "refinement",
 )
 SOUND = ("timecode", "clocks")  # timecode in audio, and clocks from it
-SLOW = ("offsets", "kinematics")  # sometimes busy for long; in live flow, no other stage may wait for them
+SLOW = (
+    "offsets",
+    "continuous",
+    "kinematics",
+)  # sometimes busy for long; in live flow, no other stage may wait for them
 CHAIN = (*BESIDE_IMAGES, *AFTER_DETECTION)

@@ -21,6 +21,7 @@ from panoptic_ros.graph.wiring import Table, Wiring
 from panoptic_ros.params import Config
 from panoptic_ros.stage import (
     ArrivalAwareStage,
+    IdleWorkStage,
     LastingStateStage,
     LatenessAwareStage,
     Notice,
@@ -289,6 +290,10 @@ class Pipeline:
             self._on_step(name, duration_ns)
         self._on_cpu(name, cpu_ns)
         self._hand_on(turn, result)
+        if isinstance(stage, IdleWorkStage):
+            cpu = self._cpu_clock()
+            stage.settle()
+            self._on_cpu(name, self._cpu_clock() - cpu)
 
     def _timed(self, stage: Stage[Any, Any], record: Any) -> tuple[StepResult[Any], int, int]:
         start, cpu = self._clock(), self._cpu_clock()
