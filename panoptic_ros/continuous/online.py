@@ -41,7 +41,7 @@ from panoptic_ros.solving.frames import CameraFrame
 from panoptic_ros.solving.joint_noise import JointNoiseModel
 
 Array = np.ndarray
-WINDOW_S = 0.5  # s of views from which an instant is computed, half of them later where they exist
+BEFORE_S, AFTER_S = 0.3, 0.25  # s before and after an instant of views from which it is computed
 # s of views that are kept, and number of newest views from which noise, stiffness and lengths are learnt
 LEARNING_S, LEARNING_VIEWS = 1.6, 200
 LEARN_EVERY_S = 0.15  # s between two times of learning
@@ -281,8 +281,8 @@ class OnlineMotion:
     def _fit(self, person: OnlinePerson, noise: LearntNoise, time: float) -> InstantFit:
         """Return the joints of a person at a time (s)."""
         times = person.seen.times
-        end = min(float(times[-1]), time + 0.5 * WINDOW_S)
-        first, last = np.searchsorted(times, [end - WINDOW_S, end + 1e-9])
+        begin = min(time, float(times[-1])) - BEFORE_S
+        first, last = np.searchsorted(times, [begin, time + AFTER_S])
         seen = selected(person.seen, slice(int(first), int(last)))
         views, joints = seen.scores.shape
         cameras = np.repeat(seen.cameras, joints)

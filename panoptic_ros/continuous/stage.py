@@ -12,7 +12,7 @@ from panoptic_ros.continuous.config import ContinuousStageConfig
 from panoptic_ros.continuous.example import follow_example
 from panoptic_ros.continuous.follow import Entry, ViewTrack
 from panoptic_ros.continuous.motion import JointFilters
-from panoptic_ros.continuous.online import LEARNING_S, WINDOW_S, CameraPeriods, OnlineMotion, OnlinePerson
+from panoptic_ros.continuous.online import BEFORE_S, LEARNING_S, CameraPeriods, OnlineMotion, OnlinePerson
 from panoptic_ros.continuous.problem import LearntNoise
 from panoptic_ros.continuous.reports import ABSENT_S, pose_set
 from panoptic_ros.continuous.returns import SeenPerson
@@ -190,7 +190,7 @@ class ContinuousStage(Stateful):
         known = self._order.known_ns
         if self._reference_ns is None or known is None:
             return InstantRange(0, -1)
-        oldest = self._newest_ns - round((LEARNING_S - WINDOW_S) * SECOND)
+        oldest = self._newest_ns - round((LEARNING_S - BEFORE_S) * SECOND)
         return InstantRange(max(oldest, self._reference_ns), max(known - 1, self._newest_ns))
 
     def has_all_of(self, stamp_ns: int) -> bool:
