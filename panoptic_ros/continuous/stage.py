@@ -25,8 +25,8 @@ from panoptic_ros.solving.frames import CameraFrame, camera_frames
 from panoptic_ros.stage import InstantRange, Notice, StageContext, StepResult
 from panoptic_ros.stamps.correction import CameraClock, StampCorrection
 from panoptic_ros.stamps.jumps import GuardedCamera, SetBackGuard
-from panoptic_ros.stamps.rates import exact_rate
 from panoptic_ros.stamps.outliers import StampGate, StampOutliers
+from panoptic_ros.stamps.rates import exact_rate
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 SECOND = 1_000_000_000

@@ -63,6 +63,8 @@ class NodeSpec:
             "all": Every message counts.
             "late": A second of messages is kept. The stage is informed of its delay and skips work.
         switch: Parameter that switches the stage on, or "stage.name" for one of another stage. "": always on.
+        service: ROS type of the service for requested instants (`stage.RequestStage`), with the name of the first
+            output. "": none.
     """
 
     name: str
@@ -73,6 +75,7 @@ class NodeSpec:
     apart: bool = False
     queue: Queue = "newest"
     switch: str = ""
+    service: str = ""
 
     def output_for(self, record: object) -> str:
         """Return the key of the topic for an output record of this stage.
@@ -183,6 +186,7 @@ NODES: dict[str, NodeSpec] = {
             ("skeletons_at",),
             queue="late",
             switch="active",
+            service="panoptic_msgs/srv/SkeletonsAt",
         ),
         stage_row(
             "kinematics",

@@ -149,7 +149,9 @@ def shuffled_cases():
     }
 
 
-@pytest.mark.parametrize("name", ["timecode", "detection", *FUSION, "sync", "sync-interpolated", "continuous"])
+@pytest.mark.parametrize(
+    "name", ["timecode", "detection", *FUSION, "sync", "sync-interpolated", "continuous"]
+)
 def test_the_order_of_arrival_does_not_matter(name):
     case = shuffled_cases()[name]
     expected = sorted(map(repr, map(content, hosted(case, 0))))
