@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.continuous.bones import INTERVAL_S, relax
+from panoptic_ros.continuous.bones import INTERVAL_S
 from panoptic_ros.continuous.curves import WeightedRays, normal_equations
+from panoptic_ros.continuous.relaxation import relax
 from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.geometry.splines import SPAN, basis_at
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.bands import backward, factor, forward
+from panoptic_ros.solving.bands import backward, factor, forward, forward_vector
 
 Array = np.ndarray
 LENGTHS_S = 0.3  # s about the instant in which lengths are measured
@@ -128,10 +129,9 @@ def solve_points(rays, grid, stiffness):
     points = np.full((len(factors), grid.number, 3), np.nan)
     for j in range(len(factors)):
         if factor(factors[j]):
-            column = rights[j].reshape(3 * grid.number, 1)
-            forward(factors[j], column)
-            backward(factors[j], column[:, 0])
-            points[j] = column.reshape(grid.number, 3)
+            forward_vector(factors[j], rights[j])
+            backward(factors[j], rights[j])
+            points[j] = rights[j].reshape(grid.number, 3)
     return points, factors
 
 

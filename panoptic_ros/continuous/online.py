@@ -43,7 +43,7 @@ from panoptic_ros.solving.joint_noise import JointNoiseModel
 Array = np.ndarray
 BEFORE_S, AFTER_S = 0.3, 0.25  # s before and after an instant of views from which it is computed
 # s of views that are kept, and number of newest views from which noise, stiffness and lengths are learnt
-LEARNING_S, LEARNING_VIEWS = 1.6, 200
+LEARNING_S, LEARNING_VIEWS = 1.6, 120
 LEARN_EVERY_S = 0.15  # s between two times of learning
 # iterations of learning: of a new person, while a person has fewer views than LEARNING_S, and later
 FIRST_ROUNDS, EARLY_ROUNDS, ROUNDS = 8, 3, 1

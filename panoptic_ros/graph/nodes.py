@@ -63,8 +63,8 @@ class NodeSpec:
             "all": Every message counts.
             "late": A second of messages is kept. The stage is informed of its delay and skips work.
         switch: Parameter that switches the stage on, or "stage.name" for one of another stage. "": always on.
-        service: ROS type of the service for requested instants (`stage.RequestStage`), with the name of the first
-            output. "": none.
+        service: ROS type of the service for requested instants (`stage.RequestStage`), with the name of the
+            first output. "": none.
     """
 
     name: str

@@ -30,11 +30,13 @@ class _Request:
         stamp_ns: instant.
         patience_s: longest wait, s.
         header: identifies the caller.
+        timer: ends the wait; None: there is no wait.
     """
 
     stamp_ns: int
     patience_s: float
     header: Any
+    timer: OneShot | None = None
 
 
 class InstantService:
@@ -88,16 +90,16 @@ class InstantService:
             return
         patience_s = request.patience.sec + 1e-9 * request.patience.nanosec
         taken = _Request(stamp_ns, min(patience_s, LONGEST_S), header)
-        self._urge(lambda: self._begin(taken))
         if taken.patience_s > 0.0:
-            OneShot(self._node, taken.patience_s, lambda: self._urge(lambda: self._over(taken)))
+            taken.timer = OneShot(self._node, taken.patience_s, lambda: self._urge(lambda: self._over(taken)))
+        self._urge(lambda: self._begin(taken))
 
     def _begin(self, request: _Request) -> None:
         stage = self._stage()
         complete = stage.has_all_of(request.stamp_ns)
         instants = stage.instants()
         too_old = instants.newest_ns >= instants.oldest_ns > request.stamp_ns
-        if complete or too_old or request.patience_s <= 0.0 or len(self._waiting) >= MOST_WAITING:
+        if complete or too_old or request.timer is None or len(self._waiting) >= MOST_WAITING:
             self._end(request)
         else:
             self._waiting.append(request)
@@ -119,6 +121,9 @@ class InstantService:
             self._answer(request.header, self._response(family, instants, ok=True, skeletons=message))
         else:
             self._refuse(request.header, _why(request, instants), instants)
+        executor = self._node.executor
+        if request.timer is not None and executor is not None:
+            executor.create_task(request.timer.cancel)  # timers belong to the thread of the executor
 
     # ------------------------------------------------------------------ answers
 
