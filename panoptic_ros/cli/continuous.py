@@ -7,10 +7,12 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from panoptic_ros.errors import UsageError
 from panoptic_ros.running.arguments import output_file, within
 
 if TYPE_CHECKING:
     from panoptic_ros.continuous.motion_result import ContinuousMotion
+    from panoptic_ros.running.continuous import ContinuousTask
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +43,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     instants.add_argument(
         "--at", type=Path, metavar="FILE", help="CSV file with the instants of the result, column stamp_ns"
     )
+    parser.add_argument(
+        "--lag",
+        type=within(float, 0.0, 1.0),
+        metavar="SECONDS",
+        help="give what the online form would have said: each instant k / rate from the views up to SECONDS "
+        "later (0: prediction); default: the whole recording",
+    )
     parser.add_argument("--skeleton", default="auto", help="skeleton model; auto: that of the file's joints")
     parser.add_argument(
         "--clocks-out", type=output_file, metavar="FILE", help="file for clocks and line delays, as JSON"
@@ -63,11 +72,15 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.running.continuous import read_continuous_task, read_instants, solve_continuous
     from panoptic_ros.view.progress import PassBar
 
+    if args.lag is not None:
+        check_online(args)
     stamps = read_instants(args.at) if args.at else None
     config = ContinuousConfig(args.clocks, args.rolling_shutter, args.trusted_camera)
     task = read_continuous_task(args.rig, args.detections, config, args.skeleton)
     for line in task.notices:
         print(f"warning: {line}", file=sys.stderr)
+    if args.lag is not None:
+        return run_online(args, task)
     with PassBar("continuous") as bar:
         motion = solve_continuous(task, bar.show)
     instants = motion.at_rate(args.rate) if stamps is None else stamps
@@ -80,6 +93,34 @@ def run(args: argparse.Namespace) -> int:
         print(f"{args.out}: {len(instants)} instants, {len(motion.people)} people")
         if config.clocks or config.rolling_shutter:
             print("\n".join(clock_lines(motion)))
+    return 0
+
+
+def check_online(args: argparse.Namespace) -> None:
+    """Check that no option needs the whole recording.
+
+    Raises:
+        UsageError: naming the option.
+    """
+    words = {"at", "clocks", "rolling_shutter", "trusted_camera", "clocks_out", "curves"}
+    given = [f"--{word.replace('_', '-')}" for word in sorted(words) if getattr(args, word)]
+    if given:
+        raise UsageError(f"--lag does not go with {' and '.join(given)}, which need the whole recording")
+
+
+def run_online(args: argparse.Namespace, task: ContinuousTask) -> int:
+    """Write what the online form would have said about the recording."""
+    from panoptic_ros.io.plain_formats import write_skeletons
+    from panoptic_ros.running.continuous_online import solve_online
+    from panoptic_ros.view.progress import PassBar
+
+    with PassBar("continuous") as bar:
+        result = solve_online(task, args.lag, args.rate, bar.show)
+    for line in result.notices:
+        print(f"warning: {line}", file=sys.stderr)
+    write_skeletons(args.out, task.joint_names, result.sets)
+    if not args.quiet:
+        print(f"{args.out}: {len(result.sets)} instants, {result.people} people")
     return 0
 
 

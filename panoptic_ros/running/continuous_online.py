@@ -1,0 +1,61 @@
+"""What the online form of motion as a function of time would have said about a recording, without ROS."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from panoptic_ros.domain import RefinedPoseSet
+from panoptic_ros.errors import DataError
+from panoptic_ros.graph.build import configure
+from panoptic_ros.graph.pipeline import Pipeline
+from panoptic_ros.running.continuous import ContinuousTask
+from panoptic_ros.stage import Notice, Progress, each
+
+TOLD = 100  # number of views between two reports of progress
+
+
+class OnlineResult(NamedTuple):
+    """Result of `solve_online`.
+
+    Args:
+        sets: people at the instants.
+        notices: lines of the stage for the user.
+    """
+
+    sets: list[RefinedPoseSet]
+    notices: list[str]
+
+    @property
+    def people(self) -> int:
+        """Return the number of people."""
+        return len({number for item in self.sets for number in item.ids.tolist()})
+
+
+def solve_online(task: ContinuousTask, lag: float, rate: float, progress: Progress) -> OnlineResult:
+    """Return the people at the instants k / rate, each from the views up to `lag` (s) later.
+
+    The stage `continuous` takes the views one by one in the order of their timestamps, as in a graph.
+
+    Raises:
+        UserError: if the rig or the recording cannot be used.
+    """
+    sets = task.recording.records("detection_sets")
+    views = sorted((view for item in sets for view in item.views), key=lambda view: view.stamp_ns)
+    if not views:
+        raise DataError("the recording has no view; give 2D people of at least two cameras")
+    found: list[RefinedPoseSet] = []
+    told: list[Notice] = []
+    configs = configure({"continuous": {"active": True, "rate_hz": rate, "lag": lag}})
+    pipeline = Pipeline(
+        configs,
+        task.context,
+        ["continuous"],
+        on_record=lambda topic, record: found.append(record),
+        on_notice=lambda stage, notice: told.append(notice),
+    )
+    parts = [views[k : k + TOLD] for k in range(0, len(views), TOLD)]
+    for part in each(parts, len(parts), progress, "following views"):
+        for view in part:
+            pipeline.push("detections", view)
+    pipeline.flush()
+    return OnlineResult(found, [notice.text for notice in told if notice.severity != "info"])
