@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from math import ceil
@@ -31,6 +32,12 @@ from panoptic_ros.state import Fields, Stateful, StateLayout
 
 SECOND = 1_000_000_000
 LATE_NS = 50_000_000  # ns of waiting per instant that is left out for each one that is given
+FEW = 5  # number of views of a camera that are left out before it is reported
+FAULTS = {
+    "back": "repeat, or stamps run backwards",
+    "late": "come after instants that needed them: their stamps are too early, or continuous.wait_s is too short",
+    "ahead": "have stamps far ahead of those of most cameras",
+}
 
 
 class ContinuousStage(Stateful):
@@ -53,6 +60,7 @@ class ContinuousStage(Stateful):
             "_reference_ns",
             "_newest_ns",
             "_settled",
+            "_faults",
             "_told",
             *(
                 f"_motion.{name}"
@@ -130,6 +138,7 @@ class ContinuousStage(Stateful):
         self._reference_ns: int | None = None  # origin of the times of the motion
         self._newest_ns = 0  # time of the newest view that the motion has taken
         self._settled = True  # False: there may be work for `settle`
+        self._faults: Counter[str] = Counter()  # views that were left out, by fault and camera
         self._told: set[str] = set()  # notices that were given
 
     def forget(self) -> None:
@@ -249,9 +258,15 @@ class ContinuousStage(Stateful):
                     stamp = stamps.get((good.camera, good.frame_number), good.stamp_ns)
                     fault = self._order.put(TimedFrame(time_ns, frame.camera, frame), time_ns - stamp)
                     if fault:
-                        text = f"stamps of camera {good.camera} {fault}: these views are left out"
-                        values = {"camera": good.camera, "device": good.camera}
-                        notices += self._once([Notice("continuous.left_out", "warning", text, values)])
+                        self._faults[f"{fault} {good.camera}"] += 1
+                        notices += self._once(self._left_out(fault, good.camera))
+
+    def _left_out(self, fault: str, camera: str) -> list[Notice]:
+        """Return a notice if more than a few views of a camera were left out."""
+        if self._faults[f"{fault} {camera}"] < FEW:
+            return []
+        text = f"views of camera {camera} {FAULTS[fault]}; they are left out"
+        return [Notice(f"continuous.{fault}", "warning", text, {"camera": camera, "device": camera})]
 
     def _once(self, notices: Iterable[Notice]) -> list[Notice]:
         """Return the notices that are new, one per code and device, as those of this stage."""

@@ -49,7 +49,7 @@ class ViewOrder:
         self.taken_ns: int | None = None  # all views up to this time were taken
 
     def put(self, view: TimedFrame, shift_ns: int) -> str:
-        """Add a view; return why it is left out, "" if it is not.
+        """Add a view; return why it is left out: "back", "late" or "ahead", "" if it is not.
 
         Args:
             shift_ns: correction that its time contains.
@@ -57,16 +57,16 @@ class ViewOrder:
         camera, time_ns = view.camera, view.time_ns
         last = self._newest.get(camera)
         if last is not None and time_ns <= last:
-            return "repeat or run backwards"
+            return "back"
         self._steps[camera] = STEP_NS if last is None else min(time_ns - last, STEP_NS)
         self._newest[camera], self._shifts[camera] = time_ns, shift_ns
         self._recent.append(camera)
         if self._begin_ns is None:
             self._begin_ns = time_ns
         if self.taken_ns is not None and time_ns <= self.taken_ns:
-            return "come too late"
+            return "late"
         if time_ns > self._limit_ns():
-            return "are far ahead of those of most cameras"
+            return "ahead"
         self._waiting.append(view)
         return ""
 

@@ -41,8 +41,10 @@ def solve_online(task: ContinuousTask, lag: float, rate: float, progress: Progre
     """
     sets = task.recording.records("detection_sets")
     views = sorted((view for item in sets for view in item.views), key=lambda view: view.stamp_ns)
-    if not views:
-        raise DataError("the recording has no view; give 2D people of at least two cameras")
+    cameras = {view.camera for view in views}
+    if len(cameras) < 2:
+        only = f"views of {', '.join(cameras)} alone" if cameras else "no view"
+        raise DataError(f"the recording has {only}; give 2D people of at least two cameras")
     found: list[RefinedPoseSet] = []
     told: list[Notice] = []
     configs = configure({"continuous": {"active": True, "rate_hz": rate, "lag": lag}})
