@@ -17,7 +17,7 @@ EXTENT = 0.4  # m, standard deviation of the joints
 
 
 def follow_example(skeleton: SkeletonModel) -> None:
-    """Follow a person at rest for long enough that lengths are learnt, and somebody who takes over later."""
+    """Follow a person at rest for long enough that lengths are learnt."""
     matrix = np.array([[FOCAL, 0.0, 319.5], [0.0, FOCAL, 239.5], [0.0, 0.0, 1.0]])
     lens = Intrinsics(matrix, [0.0] * 5)
     cameras = []

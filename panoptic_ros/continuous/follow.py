@@ -107,7 +107,7 @@ class ViewTrack:
         Args:
             mirror: (J,) joint on the other side of each joint, if left and right are exchanged.
         """
-        plane, known = frame.plane[person], frame.scores[person] > 0.0
+        plane, known = frame.plane[person].copy(), frame.scores[person] > 0.0
         if mirror is not None:
             plane, known = plane[mirror], known[mirror]
         squares = update(self.filters, view, plane, known, SIGMA)
@@ -371,7 +371,8 @@ def view_costs(
     """
     planes, known = frame.plane[people], frame.scores[people] > 0.0
     straight = distances(filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE)
-    mirrored = distances(filters, view, planes[:, mirror], known[:, mirror], SIGMA, WIDEST, MOST_DISTANCE)
+    planes, known = (np.ascontiguousarray(values[:, mirror]) for values in (planes, known))
+    mirrored = distances(filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE)
     return straight, mirrored + MIRROR_MARGIN
 
 

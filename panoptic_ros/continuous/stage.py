@@ -22,11 +22,10 @@ from panoptic_ros.continuous.view_order import TimedFrame, ViewOrder
 from panoptic_ros.domain import ClockModel, DetectionSet, RefinedPoseSet, ViewDetections
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import ConfigError, DataError
+from panoptic_ros.solving.example import easy_instants
 from panoptic_ros.solving.frames import CameraFrame, camera_frames
 from panoptic_ros.stage import InstantRange, Notice, StageContext, StepResult
 from panoptic_ros.stamps.correction import CameraClock, StampCorrection
-from panoptic_ros.stamps.jumps import GuardedCamera, SetBackGuard
-from panoptic_ros.stamps.outliers import StampGate, StampOutliers
 from panoptic_ros.stamps.rates import exact_rate
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
@@ -35,7 +34,7 @@ LATE_NS = 50_000_000  # ns of waiting per instant that is left out for each one 
 FEW = 5  # number of views of a camera that are left out before it is reported
 FAULTS = {
     "back": "repeat, or stamps run backwards",
-    "late": "come after instants that needed them: their stamps are too early, or continuous.wait_s is too short",
+    "late": "come after instants that needed them: their stamps are wrong, or continuous.wait_s is too short",
     "ahead": "have stamps far ahead of those of most cameras",
 }
 
@@ -51,9 +50,7 @@ class ContinuousStage(Stateful):
     LAYOUT = StateLayout(
         "continuous",
         (
-            "_outliers",
             "_correction",
-            "_guard",
             "_order",
             "_next",
             "_index",
@@ -85,8 +82,6 @@ class ContinuousStage(Stateful):
             CameraFrame,
             TimedFrame,
             CameraClock,
-            GuardedCamera,
-            StampGate,
             OnlinePerson,
             ViewTrack,
             JointFilters,
@@ -96,14 +91,14 @@ class ContinuousStage(Stateful):
             LearntNoise,
             LearntLengths,
             PairDistances,
-            Fields.named(StampOutliers, "_cameras"),
             Fields.named(
                 StampCorrection, "_device _delays _clocks _cameras _most_held _heard _told _implausible"
             ),
-            Fields.named(SetBackGuard, "_cameras _shift"),
             Fields.named(CameraPeriods, "_last _steps _periods"),
             Fields.named(
-                ViewOrder, "_cameras _wait_ns _waiting _newest _steps _shifts _recent _begin_ns taken_ns"
+                ViewOrder,
+                "_cameras _wait_ns _waiting _newest _accepted _steps _corrections _counts _others _silent "
+                "_begin_ns _shift_ns taken_ns",
             ),
         ),
         same={"configuration": "_config", "cameras": "_rig.names", "skeleton": "_skeleton.hash"},
@@ -121,16 +116,15 @@ class ContinuousStage(Stateful):
         self._waited_ns = 0
         self.reset()
         if config.active:
+            camera_frames(easy_instants(context.rig, context.skeleton), self._arrays, context.skeleton)
             follow_example(context.skeleton)
 
     def reset(self) -> None:
         """Drop all views, people and clocks."""
         config = self._config
-        self._outliers = StampOutliers(self._rig.names)
         self._correction = StampCorrection(
             {camera.name: camera.clock for camera in self._rig.cameras}, config.clocks, config.delays_ms
         )
-        self._guard = SetBackGuard(self._rig.names)
         self._order = ViewOrder(self._rig.names, round(config.wait_s * SECOND))
         self._motion = OnlineMotion(self._arrays, self._skeleton)
         self._next: int | None = None  # number k of the next instant
@@ -168,19 +162,17 @@ class ContinuousStage(Stateful):
         notices: list[Notice] = []
         if isinstance(item, ClockModel):
             views, told = self._correction.clock(item)
-            notices += self._once(told)
-            self._put(views, {}, notices)
         else:
             self._check(item)
-            bare = replace(item, maps=None, limit=None)
-            self._correct(*self._outliers.take(bare), notices)
+            views, told = self._correction.view(replace(item, maps=None, limit=None))
+        notices += self._once(told)
+        self._put(views, item, notices)
         return StepResult(tuple(self._give(notices)), tuple(notices))
 
     def flush(self) -> StepResult[RefinedPoseSet]:
         """Return all instants up to the newest view, and reset the stage."""
         notices: list[Notice] = []
         for camera in self._rig.names if self._config.active else ():
-            self._correct(*self._outliers.end(camera), notices)
             notices += self._once(self._correction.end(camera))
         outputs = self._give(notices, at_end=True)
         self.reset()
@@ -227,39 +219,25 @@ class ContinuousStage(Stateful):
                 f"camera {view.camera} sends skeleton {view.skeleton_hash}, expected {self._skeleton.hash}"
             )
 
-    def _correct(
-        self, views: Iterable[ViewDetections], told: Iterable[Notice], notices: list[Notice]
-    ) -> None:
-        """Correct the timestamps of views and let them wait for their turn."""
-        notices += self._once(told)
-        for view in views:
-            corrected, more = self._correction.view(view)
-            notices += self._once(more)
-            self._put(corrected, {(view.camera, view.frame_number): view.stamp_ns}, notices)
-
     def _put(
-        self,
-        views: Iterable[ViewDetections],
-        stamps: dict[tuple[str, int], int],
-        notices: list[Notice],
+        self, views: Iterable[ViewDetections], item: ViewDetections | ClockModel, notices: list[Notice]
     ) -> None:
         """Let corrected views wait for their turn.
 
         Args:
-            stamps: uncorrected timestamps of some of them, ns, by camera and number of the frame.
+            item: the record that led to them. If it is one of them, it has the uncorrected timestamp.
         """
         for view in views:
-            released, told = self._guard.take(view)
-            notices += self._once(told)
-            for good in released:
-                single = DetectionSet(0, good.stamp_ns, good.skeleton_hash, (good,))
-                for frame in camera_frames([single], self._arrays, self._skeleton):
-                    time_ns = good.stamp_ns + round(self._motion.middle_delay(frame.camera) * SECOND)
-                    stamp = stamps.get((good.camera, good.frame_number), good.stamp_ns)
-                    fault = self._order.put(TimedFrame(time_ns, frame.camera, frame), time_ns - stamp)
-                    if fault:
-                        self._faults[f"{fault} {good.camera}"] += 1
-                        notices += self._once(self._left_out(fault, good.camera))
+            stamp = view.stamp_ns
+            if isinstance(item, ViewDetections) and item.frame_number == view.frame_number:
+                stamp = item.stamp_ns
+            single = DetectionSet(0, view.stamp_ns, view.skeleton_hash, (view,))
+            for frame in camera_frames([single], self._arrays, self._skeleton):
+                time_ns = view.stamp_ns + round(self._motion.middle_delay(frame.camera) * SECOND)
+                fault = self._order.put(TimedFrame(time_ns, frame.camera, frame), time_ns - stamp)
+                if fault:
+                    self._faults[f"{fault} {view.camera}"] += 1
+                    notices += self._once(self._left_out(fault, view.camera))
 
     def _left_out(self, fault: str, camera: str) -> list[Notice]:
         """Return a notice if more than a few views of a camera were left out."""
@@ -319,17 +297,13 @@ class ContinuousStage(Stateful):
             if stamp > known if at_end else stamp + self._lag_ns >= known:
                 break
             self._take(stamp + self._lag_ns)
-            self._next += 1
-            if self._is_left_out():
+            if self._next % (1 + self._waited_ns // LATE_NS) == 0:
+                outputs.append(self._people_at(self._index, stamp))
+                self._index += 1
+            else:
                 notices += self._once([self._late()])
-                continue
-            outputs.append(self._people_at(self._index, stamp))
-            self._index += 1
+            self._next += 1
         return outputs
-
-    def _is_left_out(self) -> bool:
-        """Return whether the instant before the next one is skipped, because views have waited too long."""
-        return self._next is not None and self._next % (1 + self._waited_ns // LATE_NS) != 0
 
     def _late(self) -> Notice:
         text = (

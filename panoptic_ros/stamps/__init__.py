@@ -1,4 +1,1 @@
-"""Timestamps of views: stray ones, their correction to master time, and clocks that are set back.
-
-Sync and the continuous stage share it.
-"""
+"""Timestamps of views: their correction to master time, and rates. Sync and the continuous stage share it."""

@@ -13,9 +13,9 @@ from panoptic_ros.domain import ClockModel, ViewDetections
 from panoptic_ros.params import named_numbers, named_words, of_name
 from panoptic_ros.params.named import ALL
 from panoptic_ros.stage import Notice, Severity
-from panoptic_ros.stamps.outliers import LATEST_NS
 
 SECOND = 1_000_000_000
+LATEST_NS = (2**31 - 1) * SECOND  # ns; ROS messages cannot hold later timestamps
 FOREVER = 2**63 - 1  # ns, `until_ns` of a model that stays valid without observations
 HELD = 64  # default maximum number of frames per camera that wait for a clock
 UNHEARD_S = 2.0  # s of waiting frames after which a clock without any model is reported

@@ -16,15 +16,15 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.stage import Notice, Severity, StageContext, StepResult
-from panoptic_ros.stamps.correction import HELD, CameraClock, StampCorrection
-from panoptic_ros.stamps.jumps import GuardedCamera, SetBackGuard
-from panoptic_ros.stamps.outliers import LATEST_NS, StampGate, StampOutliers
+from panoptic_ros.stamps.correction import HELD, LATEST_NS, CameraClock, StampCorrection
 from panoptic_ros.state import Fields, Stateful, StateLayout
 from panoptic_ros.sync.agreement import Agreement, PendingLine
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.sync.instants import CameraInstants, InstantGrid, Instants, PeriodEstimate, choose_master
+from panoptic_ros.sync.jumps import GuardedCamera, SetBackGuard
 from panoptic_ros.sync.liveness import LiveCamera, Liveness
 from panoptic_ros.sync.majority import Majority, Vote
+from panoptic_ros.sync.outliers import StampGate, StampOutliers
 from panoptic_ros.sync.overlap import Overlap
 from panoptic_ros.sync.queue import CameraQueue, QueuedFrame
 from panoptic_ros.sync.resample import Neighbours, interpolate

@@ -94,7 +94,7 @@ NEED_ROS = {f"panoptic_ros.running.{name}" for name in _NEED} | {
 # no stage, no graph and no arrays.
 THIN = {"errors", "domain", "stage", "io", "view", "running", "study"}
 LONGEST_VERB = 100  # statements of a module of cli, which parses and prints only
-# a capture folder holds files that io reads, and corrections of timestamps tell notices; not the reverse
+# a capture folder holds files that io reads, and the correction of timestamps tells notices; not the reverse
 SAME_RANK_ALLOWED = {("capture", "io"), ("stamps", "stage")}
 # Rooms inside of a room: each imports itself and those before it. Modules beside them import all.
 INNER_ROOMS = {
