@@ -19,13 +19,13 @@ EXTENT = 0.4  # m, standard deviation of the joints
 def follow_example(skeleton: SkeletonModel) -> None:
     """Follow a person at rest for long enough that lengths are learnt."""
     matrix = np.array([[FOCAL, 0.0, 319.5], [0.0, FOCAL, 239.5], [0.0, 0.0, 1.0]])
-    lens = Intrinsics(matrix, [0.0] * 5)
+    lens = Intrinsics(matrix, np.zeros(5))
     cameras = []
     for k in range(CAMERAS):
         angle = 2.0 * np.pi * (k + 0.3) / CAMERAS
         ahead = -np.array([np.cos(angle), np.sin(angle), 0.0])
         rotation = np.stack([np.cross([0.0, 0.0, -1.0], ahead), [0.0, 0.0, -1.0], ahead])
-        cameras.append(Camera(f"{k}", SIZE, lens, Rigid(rotation, [0.0, 0.0, DISTANCE])))
+        cameras.append(Camera(f"{k}", SIZE, lens, Rigid(rotation, np.array([0.0, 0.0, DISTANCE]))))
     arrays = RigArrays.of(Rig(tuple(cameras)))
     joints = np.random.default_rng(0).normal(0.0, EXTENT, (len(skeleton), 3))
     motion = OnlineMotion(arrays, skeleton)

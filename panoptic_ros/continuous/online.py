@@ -33,7 +33,7 @@ from panoptic_ros.continuous.reports import JointReport, RayEvidence, joint_repo
 from panoptic_ros.continuous.returns import ReturnSearch, SeenPerson
 from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.domain import JointState, SkeletonModel
-from panoptic_ros.domain.of_all import joined, selected
+from panoptic_ros.domain.of_all import joined
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import control_points
 from panoptic_ros.identity.returns import RETURN_S
@@ -244,19 +244,17 @@ class OnlineMotion:
 
     def _update(self, person: OnlinePerson, oldest: int) -> None:
         """Add the newest view of a person, and remove views before frame number `oldest`."""
-        seen = selected(person.seen, slice(int(np.searchsorted(person.seen.frames, oldest)), None))
-        entries = person.track.entries
-        turned = len(seen.frames) > 0 and entries[0].mirrored != seen.mirrored[0]
-        if turned:  # left and right of the whole track
-            person.seen = self._seen(person.track, 0)
-        elif entries[-1].frame > seen.frames[-1] if len(seen.frames) else entries:
-            person.seen = joined(seen, self._seen(person.track, entries[-1].frame))
-        else:
-            person.seen = seen
+        seen = person.seen.part(int(np.searchsorted(person.seen.frames, oldest)))
+        first, last = person.track.entries[0], person.track.entries[-1]
+        if not len(seen.frames) or first.mirrored != seen.mirrored[0]:  # left and right were exchanged
+            seen = self._seen(person.track, 0)
+        elif last.frame > seen.frames[-1]:
+            seen = joined(seen, self._seen(person.track, last.frame))
+        person.seen = seen
 
     def _learn(self, person: OnlinePerson) -> None:
         """Learn noise, stiffness and lengths from the newest views of a person."""
-        rays = TrackRays.of_views(selected(person.seen, slice(-LEARNING_VIEWS, None)), self._arrays)
+        rays = TrackRays.of_views(person.seen.part(-LEARNING_VIEWS), self._arrays)
         cameras = self._cameras
         times = rays.stamps + cameras.lines[rays.cameras] * (rays.heights - cameras.middles[rays.cameras])
         origin, last = float(times.min()), float(times.max())
@@ -283,7 +281,7 @@ class OnlineMotion:
         times = person.seen.times
         begin = min(time, float(times[-1])) - BEFORE_S
         first, last = np.searchsorted(times, [begin, time + AFTER_S])
-        seen = selected(person.seen, slice(int(first), int(last)))
+        seen = person.seen.part(int(first), int(last))
         views, joints = seen.scores.shape
         cameras = np.repeat(seen.cameras, joints)
         model = JointNoiseModel(

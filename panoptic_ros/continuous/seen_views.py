@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.continuous.follow import Entry
+from panoptic_ros.domain.of_all import of_all
 from panoptic_ros.solving.frames import CameraFrame
 
 Array = np.ndarray
@@ -37,6 +38,10 @@ class SeenViews(NamedTuple):
     scores: Array
     heights: Array
     squares: Array
+
+    def part(self, first: int, last: int | None = None) -> SeenViews:
+        """Return the views first..last, exclusive."""
+        return of_all(lambda values: values[first:last], self)
 
     @classmethod
     def of(

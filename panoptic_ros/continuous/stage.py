@@ -58,7 +58,6 @@ class ContinuousStage(Stateful):
             "_newest_ns",
             "_settled",
             "_faults",
-            "_told",
             *(
                 f"_motion.{name}"
                 for name in (
@@ -133,7 +132,6 @@ class ContinuousStage(Stateful):
         self._newest_ns = 0  # time of the newest view that the motion has taken
         self._settled = True  # False: there may be work for `settle`
         self._faults: Counter[str] = Counter()  # views that were left out, by fault and camera
-        self._told: set[str] = set()  # notices that were given
 
     def forget(self) -> None:
         """Drop all views and people; ids and the index of instants continue."""
@@ -165,7 +163,7 @@ class ContinuousStage(Stateful):
         else:
             self._check(item)
             views, told = self._correction.view(replace(item, maps=None, limit=None))
-        notices += self._once(told)
+        notices += own(told)
         self._put(views, item, notices)
         return StepResult(tuple(self._give(notices)), tuple(notices))
 
@@ -173,7 +171,7 @@ class ContinuousStage(Stateful):
         """Return all instants up to the newest view, and reset the stage."""
         notices: list[Notice] = []
         for camera in self._rig.names if self._config.active else ():
-            notices += self._once(self._correction.end(camera))
+            notices += own(self._correction.end(camera))
         outputs = self._give(notices, at_end=True)
         self.reset()
         return StepResult(tuple(outputs), tuple(notices))
@@ -237,25 +235,15 @@ class ContinuousStage(Stateful):
                 fault = self._order.put(TimedFrame(time_ns, frame.camera, frame), time_ns - stamp)
                 if fault:
                     self._faults[f"{fault} {view.camera}"] += 1
-                    notices += self._once(self._left_out(fault, view.camera))
+                    notices += self._left_out(fault, view.camera)
 
     def _left_out(self, fault: str, camera: str) -> list[Notice]:
-        """Return a notice if more than a few views of a camera were left out."""
+        """Return a notice about a view of a camera that is left out, if there were a few before."""
         if self._faults[f"{fault} {camera}"] < FEW:
             return []
         text = f"views of camera {camera} {FAULTS[fault]}; they are left out"
-        return [Notice(f"continuous.{fault}", "warning", text, {"camera": camera, "device": camera})]
-
-    def _once(self, notices: Iterable[Notice]) -> list[Notice]:
-        """Return the notices that are new, one per code and device, as those of this stage."""
-        new = []
-        for notice in notices:
-            code = f"continuous.{notice.code.partition('.')[2]}"
-            device = notice.values.get("device", notice.values.get("camera", ""))
-            if f"{code} {device}" not in self._told:
-                self._told.add(f"{code} {device}")
-                new.append(replace(notice, code=code))
-        return new
+        values = {"camera": camera, "device": camera, "left_out": 1}
+        return [Notice(f"continuous.{fault}_views", "warning", text, values)]
 
     def _take(self, until_ns: int) -> None:
         """Give the motion all views up to a time."""
@@ -283,6 +271,7 @@ class ContinuousStage(Stateful):
             at_end: no view follows, so all instants up to the newest view are due.
         """
         outputs: list[RefinedPoseSet] = []
+        left_out = 0
         known = (self._order.last_ns or self._newest_ns) if at_end else self._order.known_ns
         while known is not None:
             first = self._order.next_ns
@@ -301,16 +290,10 @@ class ContinuousStage(Stateful):
                 outputs.append(self._people_at(self._index, stamp))
                 self._index += 1
             else:
-                notices += self._once([self._late()])
+                left_out += 1
             self._next += 1
+        notices += [late(left_out, self._waited_ns)] if left_out else []
         return outputs
-
-    def _late(self) -> Notice:
-        text = (
-            f"views have waited for {1e-6 * self._waited_ns:.0f} ms: instants of /skeletons_at are left out; "
-            "this machine is too slow, or others use it; give a lower continuous.rate_hz"
-        )
-        return Notice("continuous.late", "warning", text)
 
     def _people_at(self, index: int, stamp_ns: int) -> RefinedPoseSet:
         people = []
@@ -319,3 +302,17 @@ class ContinuousStage(Stateful):
             people = [(person.id, person.report) for person in found]
         newest = self._newest_ns or -1
         return pose_set(index, stamp_ns, self._skeleton.hash, len(self._skeleton), people, newest)
+
+
+def own(notices: Iterable[Notice]) -> list[Notice]:
+    """Return notices about timestamps as those of this stage."""
+    return [replace(notice, code=f"continuous.{notice.code.partition('.')[2]}") for notice in notices]
+
+
+def late(left_out: int, waited_ns: int) -> Notice:
+    """Return the notice of instants that are left out, because views have waited for too long."""
+    text = (
+        f"{left_out} instants of /skeletons_at were left out, as views had waited for "
+        f"{1e-6 * waited_ns:.0f} ms: this machine is too slow, or others use it; give a lower `rate_hz`"
+    )
+    return Notice("continuous.late", "warning", text, {"left_out": left_out})

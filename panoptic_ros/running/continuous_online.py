@@ -60,4 +60,8 @@ def solve_online(task: ContinuousTask, lag: float, rate: float, progress: Progre
         for view in part:
             pipeline.push("detections", view)
     pipeline.flush()
-    return OnlineResult(found, [notice.text for notice in told if notice.severity != "info"])
+    first: dict[tuple[str, str], str] = {}  # by code and device
+    for notice in told:
+        if notice.severity != "info":
+            first.setdefault((notice.code, str(notice.values.get("device", ""))), notice.text)
+    return OnlineResult(found, list(first.values()))

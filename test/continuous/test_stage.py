@@ -122,7 +122,7 @@ def test_a_wait_allows_for_disorder(plain):
     sets, notices = play(new(wait_s=0.05), moved)
     assert all(map(same, sets, plain[0])) and notices == []
     _, notices = play(new(), moved)
-    assert [n.code for n in notices] in ([], ["continuous.late"])
+    assert {n.code for n in notices} <= {"continuous.late_views"}
 
 
 def test_clock_models_are_applied():
@@ -185,7 +185,7 @@ def test_joints_that_are_hidden_for_long_are_missing():
 
 
 @pytest.mark.parametrize(("shift_s", "code"), [(1.0, "ahead"), (-1.0, "late"), (30.0, "ahead")])
-def test_a_camera_with_a_wrong_clock_is_left_out_and_named_once(shift_s, code):
+def test_a_camera_with_a_wrong_clock_is_left_out_and_named(shift_s, code):
     moved = [
         replace(v, stamp_ns=v.stamp_ns + round(shift_s * SECOND)) if v.camera == "cam2" else v for v in VIEWS
     ]
@@ -193,7 +193,7 @@ def test_a_camera_with_a_wrong_clock_is_left_out_and_named_once(shift_s, code):
     inside = [item for item in sets if item.stamp_ns > START_NS + SECOND // 5][:-10]
     mean, counts = error(inside)
     assert mean < 2.7 and set(counts) == {2}
-    assert [(n.code, n.values["camera"]) for n in notices] == [(f"continuous.{code}", "cam2")]
+    assert {(n.code, n.values["camera"]) for n in notices} == {(f"continuous.{code}_views", "cam2")}
 
 
 def test_a_few_wild_stamps_do_no_harm(plain):
@@ -217,10 +217,13 @@ def test_cameras_that_stop_or_start_late_do_no_harm():
 
 
 def test_when_views_have_waited_instants_are_left_out(plain):
-    stage, given = new(), []
+    stage, given, left_out = new(), [], 0
     for view in VIEWS:
         stage.waited(110_000_000)
-        given += stage.step(view).outputs
+        result = stage.step(view)
+        given += result.outputs
+        left_out += sum(notice.values["left_out"] for notice in result.notices)
+    assert left_out == pytest.approx(2 * len(given), abs=2)
     assert len(given) == pytest.approx(len(plain[0]) / 3.0, abs=3)
     assert all((item.stamp_ns * 50 // SECOND) % 3 == 0 for item in given)
 

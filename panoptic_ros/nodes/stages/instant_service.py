@@ -67,7 +67,7 @@ class InstantService:
         # cannot wait for an answer, so the request is returned, and the answer is sent later.
         self._service = node.create_service(self._kind, name, lambda request, response: request)
         self._send = self._service.send_response
-        self._service.send_response = self._asked
+        self._service.send_response = self._asked  # type: ignore[method-assign, assignment]  # see above
 
     def close(self) -> None:
         """Stop answering."""

@@ -11,6 +11,7 @@ import gc
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from rclpy.node import Node
@@ -343,7 +344,7 @@ class StageWork:
                     self._around.node,
                     spec.service,
                     TOPICS[spec.outputs[0]].of(),
-                    lambda name=spec.name: self.pipeline.stage(name),
+                    partial(self.pipeline.stage, spec.name),
                     self._around.worker.urge,
                     lambda: self._around.facts.rig.frame_id,
                 )
