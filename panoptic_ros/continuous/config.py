@@ -12,9 +12,9 @@ class ContinuousConfig:
     """Options of the pass.
 
     Args:
-        clocks: estimate the clocks of the cameras.
-        rolling_shutter: estimate their line delays.
-        trusted_camera: camera whose clock and line delay are right. "": most clocks are right if they agree,
+        clocks: Estimate the clocks of the cameras.
+        rolling_shutter: Estimate their line delays.
+        trusted_camera: Camera whose clock and line delay are right. "": most clocks are right if they agree,
             else their mean is.
     """
 
@@ -29,9 +29,8 @@ class ContinuousStageConfig(Config):
 
     active: bool = param(
         False,
-        doc="Give the people at instants of a fixed rate (/skeletons_at). Views are never grouped.",
-        when="cameras are not synchronised and slower than 25 Hz, or another device needs poses at its own "
-        "instants.",
+        doc="Give the people at instants of a fixed rate (/skeletons_at), from views that are never grouped. "
+        "It is for cameras that are not synchronised and slower than 25 Hz, and for stamps of other devices.",
     )
     rate_hz: float = param(
         50.0,
@@ -39,15 +38,14 @@ class ContinuousStageConfig(Config):
         ge=0.1,
         le=1000.0,
         doc="Rate of the instants, at multiples of its period on the master clock.",
-        when="another device samples at a rate of its own.",
     )
     lag: float = param(
         0.1,
         unit="s",
         ge=0.0,
         le=1.0,
-        doc="Time after an instant up to which views are used for it. 0: prediction from earlier views.",
-        when="poses are needed sooner (0.05: 10 % more error, 0: two to three times the error).",
+        doc="Time after an instant up to which views are used for it. With 0.05 the error is a tenth larger, "
+        "with 0 (prediction) two to three times as large.",
     )
     wait_s: float = param(
         0.0,

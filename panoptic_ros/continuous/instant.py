@@ -1,7 +1,7 @@
 """Joints of one person at one instant, from a short window of views (kernels).
 
-It is the curve of `continuous.problem` about the instant, with what was learnt before, at a small part of the
-cost: two solutions, covariances at the instant alone, and lengths near the instant alone.
+The result is a point of the curve of `continuous.problem`, with noise and stiffness that were learnt before.
+It costs less: two solutions, covariances at the instant alone, and lengths near it alone.
 """
 
 from __future__ import annotations

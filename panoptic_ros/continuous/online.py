@@ -105,13 +105,13 @@ class OnlinePerson:
     """Person who is followed online.
 
     Args:
-        id: number of the person, from confirmation on.
-        track: filters, and the 2D people of the kept views.
-        seen: the same views as arrays.
-        learnt_at: (s) time of the newest learning.
-        noise: learnt noise and stiffness, None before the first learning.
-        distances: newest measurements of the lengths.
-        bones: learnt lengths, None before there are enough measurements.
+        id: Number of the person, from confirmation on.
+        track: Filters, and the 2D people of the kept views.
+        seen: The same views as arrays.
+        learnt_at: Time of the newest learning, s.
+        noise: Learnt noise and stiffness. None before the first learning.
+        distances: Newest measurements of the lengths.
+        bones: Learnt lengths. None before there are enough measurements.
     """
 
     id: int

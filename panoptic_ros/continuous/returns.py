@@ -54,7 +54,7 @@ class ReturnSearch:
         return lengths
 
     def returned(self, lost: Sequence[SeenPerson], new: SeenPerson) -> int | None:
-        """Return the index of the lost person who a new one is, None = nobody."""
+        """Return the index of the lost person who a new one is; None if it is none of them."""
         rows = [k for k, person in enumerate(lost) if 0.0 <= new.time - person.time <= RETURN_S]
         if not rows:
             return None

@@ -279,7 +279,7 @@ class ContinuousStage(Stateful):
                 break
             if self._next is None or (
                 first is not None and self._stamp_of(self._next) > self._newest_ns + ABSENT_S * SECOND
-            ):  # nobody is there before the next view
+            ):  # no person is reported before the next view
                 assert first is not None
                 self._next = max(self._next or 0, self._first_from(first))
             stamp = self._stamp_of(self._next)

@@ -124,7 +124,7 @@ class ViewOrder:
         self._silent.discard(camera)
         own = self._steps.get(camera, STEP_NS)
         for other, before in self._others.items():
-            views = max(1.0, self._steps.get(other, STEP_NS) / own)  # of this camera in a period of the other
+            views = max(1.0, self._steps.get(other, STEP_NS) / own)  # by this camera in a period of the other
             if count - before.get(camera, 0) > SILENT * views:
                 self._silent.add(other)
 

@@ -1,4 +1,4 @@
-"""What the online form of motion as a function of time would have said about a recording, without ROS."""
+"""Online motion as a function of time over a recording: the stage `continuous` without ROS."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ class CameraClock:
         held: frames after an irregular step, which wait for a model that covers the step.
         newest: (ns) timestamp of the newest frame that is not held.
         steps: (ns) newest regular steps between frames.
-        told: True once a step back has been reported.
+        reported: True once a step back has been reported.
     """
 
     model: ClockModel | None = None
@@ -48,7 +48,7 @@ class CameraClock:
     held: deque[ViewDetections] = field(default_factory=deque)
     newest: int | None = None  # timestamp of the newest frame that is not held
     steps: deque[int] = field(default_factory=lambda: deque(maxlen=RECENT))
-    told: bool = False
+    reported: bool = False
 
 
 class StampCorrection:
@@ -60,10 +60,10 @@ class StampCorrection:
     the step. Therefore no frame gets a wrong time.
 
     Args:
-        clocks: by camera, the name of its clock in the rig; "" = none.
-        devices: parameter `sync.clocks`: clocks for whose models the frames of cameras wait.
-        delays_ms: parameter `sync.delays_ms`.
-        most_held: maximum number of frames per camera that wait for a clock.
+        clocks: By camera, the name of its clock in the rig; "" = none.
+        devices: Value of `sync.clocks`. Frames of its cameras wait for models of these clocks.
+        delays_ms: Value of `sync.delays_ms`.
+        most_held: Maximum number of frames per camera that wait for a clock.
     """
 
     def __init__(
@@ -227,10 +227,10 @@ class StampCorrection:
     def _hold(self, camera: CameraClock, view: ViewDetections) -> tuple[Notice, ...]:
         notices = []
         back = (camera.newest - view.stamp_ns) / SECOND if camera.newest is not None else 0.0
-        if back > 0.0 and not camera.held and not camera.told:
+        if back > 0.0 and not camera.held and not camera.reported:
             text = f"stamps of camera {view.camera} went back by {back:.4g} s; frames wait for its model"
             notices.append(Notice("sync.clock_odd", "info", text, {"camera": view.camera}))
-            camera.told = True
+            camera.reported = True
         camera.held.append(view)
         notices += self._unheard(camera, view.camera)
         if len(camera.held) > self._most_held:
@@ -257,7 +257,7 @@ class StampCorrection:
         for view in views:
             self._follow(camera, view.stamp_ns)
         camera.held.clear()
-        camera.told = False
+        camera.reported = False
         return self._moved(views, camera.model, notices)
 
     def _drop_unknown(self, camera: CameraClock, notices: list[Notice]) -> None:

@@ -67,7 +67,8 @@ class InstantService:
         # cannot wait for an answer, so the request is returned, and the answer is sent later.
         self._service = node.create_service(self._kind, name, lambda request, response: request)
         self._send = self._service.send_response
-        self._service.send_response = self._asked  # type: ignore[method-assign, assignment]  # see above
+        service: Any = self._service
+        service.send_response = self._asked
 
     def close(self) -> None:
         """Stop answering."""
