@@ -11,12 +11,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from panoptic_ros.continuous.clock_sums import TERMS, clock_sums, eliminate
+from panoptic_ros.continuous.observability import known_clocks
 from panoptic_ros.continuous.problem import CurveProblem, TrackRays, cauchy_of
+from panoptic_ros.solving.clock_gauge import KNOWN, common_shift
 from panoptic_ros.stage import Progress, untold
 
 Array = np.ndarray
+# greatest standard deviations of values that are applied, beside KNOWN for offsets
+KNOWN_DRIFT = 7e-5
+KNOWN_LINE_S = 5e-6  # s per row
 ROUNDS = 16  # number of iterations
 DRIFT_ROUND = 6  # iteration from which drifts are free: before, offsets are still wrong
 GLOBAL_ROUND = 10  # iteration in which cameras with a global shutter are found
@@ -70,6 +76,35 @@ class CameraTimes:
     def deviations(self) -> Array:
         """Return the standard deviations (TERMS, C)."""
         return np.sqrt(np.diag(self.covariance)).reshape(self.values.shape)
+
+    @property
+    def observable(self) -> Array:
+        """Return the values (TERMS, C) that the motion determines, or that are given."""
+        known: Array = self.deviations <= np.array([[KNOWN], [KNOWN_DRIFT], [KNOWN_LINE_S]])
+        free = self.deviations[2] > 0.0
+        if free.any() and not (known[2] & free).any():
+            known[2] = False  # line delays relative to a camera without a line delay, which was a guess
+        return known
+
+    def referenced(self) -> CameraTimes:
+        """Return offsets and drifts relative to the cameras whose offsets are known.
+
+        They are relative to most of these cameras if they agree, else to their mean.
+        """
+        count = self.values.shape[1]
+        known = known_clocks(self.covariance[:count, :count])
+        if not known.any():
+            return self
+        gauge = np.eye(count) - known / known.sum()
+        whole = block_diag(gauge, gauge, np.eye(count))
+        found = CameraTimes(self.values.copy(), whole @ self.covariance @ whole.T)
+        found.values[0] -= common_shift(found.values[0, known], found.deviations[0, known])
+        found.values[1] -= found.values[1, known].mean()
+        return found
+
+    def applicable(self, start: CameraTimes) -> CameraTimes:
+        """Return the times with the values of `start` where they are not observable."""
+        return CameraTimes(np.where(self.observable, self.values, start.values), self.covariance)
 
 
 def factors_of(rays: TrackRays) -> Array:

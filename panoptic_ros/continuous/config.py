@@ -12,10 +12,9 @@ class ContinuousConfig:
     """Options of the pass.
 
     Args:
-        clocks: Estimate the clocks of the cameras.
-        rolling_shutter: Estimate their line delays.
-        trusted_camera: Camera whose clock and line delay are right. "": most clocks are right if they agree,
-            else their mean is.
+        clocks: estimate the clocks of the cameras.
+        rolling_shutter: estimate their line delays.
+        trusted_camera: (name) camera whose clock and line delay are right. "" = most clocks, or their mean.
     """
 
     clocks: bool = False

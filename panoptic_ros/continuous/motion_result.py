@@ -12,8 +12,11 @@ from panoptic_ros.continuous.clocks import CameraTimes
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.continuous.reports import JointReport, RayEvidence, joint_report, pose_set, was_seen
 from panoptic_ros.domain import JointState, RefinedPoseSet
+from panoptic_ros.errors import UsageError
+from panoptic_ros.stage import Notice
 
 Array = np.ndarray
+MOST_INSTANTS = 20_000_000  # 55 hours at 100 Hz
 PART = 1000  # number of instants that are evaluated at once
 
 
@@ -29,6 +32,7 @@ class ContinuousMotion:
         cameras: (C) names.
         clocks: (C) clocks and line delays, with `reference_ns`.
         skeleton_hash: skeleton of the joints.
+        notices: faults of the recording.
     """
 
     people: tuple[PersonCurve, ...]
@@ -39,10 +43,21 @@ class ContinuousMotion:
     cameras: tuple[str, ...]
     clocks: CameraTimes
     skeleton_hash: str
+    notices: tuple[Notice, ...] = ()
 
     def at_rate(self, rate: float) -> Array:
-        """Return the instants (T,) ns k / rate after the first view, up to the last view."""
-        count = int((self.last_ns - self.first_ns) * 1e-9 * rate + 1e-6) + 1
+        """Return the instants (T,) ns k / rate after the first view, up to the last view.
+
+        Raises:
+            UsageError: if there are more than `MOST_INSTANTS`.
+        """
+        seconds = (self.last_ns - self.first_ns) * 1e-9
+        count = int(seconds * rate + 1e-6) + 1
+        if count > MOST_INSTANTS:
+            raise UsageError(
+                f"a rate of {rate:g} Hz over {seconds:.0f} s gives {count} instants, more than "
+                f"{MOST_INSTANTS}; give a lower rate"
+            )
         instants: Array = self.first_ns + np.round(np.arange(count) * (1e9 / rate)).astype(np.int64)
         return instants
 

@@ -65,7 +65,7 @@ class Pipeline:
         on_cpu: Called with (stage, processor time in ns) after every step.
         clock, cpu_clock: Monotonic time and processor time of the thread, ns. The pipeline reads no other
             clock.
-        everywhere: All stages of the graph that this is a part of. None: these are all.
+        everywhere: All stages of the graph, of which the pipeline may run a part. None: it runs all.
         table: The rows.
         used: Ports that a parameter of any stage of the graph switches on, see `graph.build.ports_in_use`.
             None: those of the configurations.

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 from panoptic_ros.domain import RefinedPoseSet
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.running.continuous import ContinuousTask
@@ -29,6 +30,18 @@ class OnlineResult(NamedTuple):
     def people(self) -> int:
         """Return the number of people."""
         return len({number for item in self.sets for number in item.ids.tolist()})
+
+
+def check_online(options: Mapping[str, Any]) -> None:
+    """Check that no option of `panoptic continuous` needs the whole recording.
+
+    Raises:
+        UsageError: naming the option.
+    """
+    words = ("at", "clocks", "rolling_shutter", "trusted_camera", "clocks_out", "curves")
+    given = [f"--{word.replace('_', '-')}" for word in words if options[word]]
+    if given:
+        raise UsageError(f"--lag does not go with {' and '.join(given)}, which need the whole recording")
 
 
 def solve_online(task: ContinuousTask, lag: float, rate: float, progress: Progress) -> OnlineResult:
