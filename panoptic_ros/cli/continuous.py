@@ -53,6 +53,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     instants.add_argument(
         "--at", type=Path, metavar="FILE", help="CSV file with the instants of the result, column stamp_ns"
     )
+    parser.add_argument(
+        "--lag",
+        type=within(float, 0.0, 1.0),
+        metavar="SECONDS",
+        help="give what the online form would have said: each instant k / rate from the views up to SECONDS "
+        "later (0: prediction); default: the whole recording",
+    )
     parser.add_argument("--skeleton", default="auto", help="skeleton model; auto: that of the file's joints")
     parser.add_argument(
         "--clocks-out", type=output_file, metavar="FILE", help="file for clocks and line delays, as JSON"
@@ -77,10 +84,13 @@ def run(args: argparse.Namespace) -> int:
         read_instants,
         solve_continuous,
     )
+    from panoptic_ros.running.continuous_online import check_online, solve_online
     from panoptic_ros.running.known_clocks import whole_clocks, with_saved_clocks
     from panoptic_ros.view.clock_lines import camera_time_lines
     from panoptic_ros.view.progress import PassBar
 
+    if args.lag is not None:
+        check_online(vars(args))
     stamps = read_instants(args.at) if args.at else None
     with PassBar("views") as bar:
         task = read_continuous_task(
@@ -95,6 +105,15 @@ def run(args: argparse.Namespace) -> int:
     known = None
     if args.offsets:
         task, known = with_saved_clocks(task, args.offsets)
+    if args.lag is not None:
+        with PassBar("continuous") as bar:
+            result = solve_online(task, args.lag, args.rate, bar.show)
+        for line in (*task.notices, *result.notices):
+            print(f"warning: {line}", file=sys.stderr)
+        write_skeletons(args.out, task.joint_names, result.sets)
+        if not args.quiet:
+            print(f"{args.out}: {len(result.sets)} instants, {result.people} people")
+        return 0
     with PassBar("continuous") as bar:
         motion = solve_continuous(task, bar.show)
     motion = motion if known is None else whole_clocks(motion, known)

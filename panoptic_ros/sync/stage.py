@@ -16,15 +16,15 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.stage import Notice, Severity, StageContext, StepResult
+from panoptic_ros.stamps.correction import HELD, LATEST_NS, CameraClock, StampCorrection
 from panoptic_ros.state import Fields, Stateful, StateLayout
 from panoptic_ros.sync.agreement import Agreement, PendingLine
 from panoptic_ros.sync.config import SyncConfig
-from panoptic_ros.sync.correction import CameraClock, StampCorrection
 from panoptic_ros.sync.instants import CameraInstants, InstantGrid, Instants, PeriodEstimate, choose_master
 from panoptic_ros.sync.jumps import GuardedCamera, SetBackGuard
 from panoptic_ros.sync.liveness import LiveCamera, Liveness
 from panoptic_ros.sync.majority import Majority, Vote
-from panoptic_ros.sync.outliers import LATEST_NS, StampGate, StampOutliers
+from panoptic_ros.sync.outliers import StampGate, StampOutliers
 from panoptic_ros.sync.overlap import Overlap
 from panoptic_ros.sync.queue import CameraQueue, QueuedFrame
 from panoptic_ros.sync.resample import Neighbours, interpolate
@@ -114,8 +114,13 @@ class SyncStage(Stateful):
     def reset(self) -> None:
         """Drop all frames and clocks; the next set has index 0."""
         self._outliers = StampOutliers(self._rig.names)
-        self._correction = StampCorrection({c.name: c.clock for c in self._rig.cameras}, self._config)
         live, start_ns = self._deadline_ns > 0, START * self._deadline_ns
+        self._correction = StampCorrection(
+            {camera.name: camera.clock for camera in self._rig.cameras},
+            self._config.clocks,
+            self._config.delays_ms,
+            HELD if live else max(HELD, self._config.queue_limit),
+        )
         self._agreement: Agreement[ViewDetections] | None = None
         if live:
             self._agreement = Agreement(self._rig.names, start_ns)

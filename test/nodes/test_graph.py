@@ -7,6 +7,7 @@ from dataclasses import replace
 import captures
 import numpy as np
 import pytest
+from free_cameras import FreeCapture
 from recordings import write_bag
 from rolling import rolling_points, with_line_delays
 
@@ -49,6 +50,20 @@ def test_feedback_gives_the_same_bytes_in_one_process_and_in_one_node(tmp_path):
         assert main([*common, "--out", str(tmp_path / out), *more]) == 0
     assert json.loads((tmp_path / "process" / "offsets.json").read_text())
     assert skeletons(tmp_path / "node") == skeletons(tmp_path / "process")
+
+
+def test_instants_of_free_cameras_are_the_same_in_one_process_and_in_one_node(tmp_path):
+    """Cameras that expose one after the other; clocks of two of them are found meanwhile."""
+    capture = FreeCapture(seconds=2.5, offsets=[0.0, 0.03, 0.0, 0.0, -0.02, 0.0])
+    bag = write_bag(tmp_path / "bag", [item.views[0] for item in capture.sets], capture.rig)
+    settings = ["continuous.active=true", "offsets.active=true", "offsets.block_s=0.5"]
+    common = ["run", "--bag", str(bag), "--no-pictures", *(f"--set={text}" for text in settings)]
+    found = {}
+    for out, more in (("process", ["--in-process"]), ("node", [])):
+        assert main([*common, "--out", str(tmp_path / out), *more]) == 0
+        with BagReader(tmp_path / out / "bag") as bag_of_run:
+            found[out] = [str(message) for _, _, message in bag_of_run.messages("/skeletons_at")]
+    assert len(found["node"]) > 100 and found["node"] == found["process"]
 
 
 def test_rolling_shutters_give_the_same_bytes_with_and_without_ros(tmp_path):

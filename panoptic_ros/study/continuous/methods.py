@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -19,6 +19,8 @@ from panoptic_ros.geometry.triangulation import triangulate_robust
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.graph.recording import InMemoryRecording
+from panoptic_ros.running.continuous import ContinuousTask
+from panoptic_ros.running.continuous_online import solve_online
 from panoptic_ros.simulation.detector import Sightings
 from panoptic_ros.simulation.free_running import START_NS, FreeRunningCapture, TimedView, owners_of
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
@@ -26,6 +28,8 @@ from panoptic_ros.stage import StageContext, untold
 
 Array = np.ndarray
 REFERENCE_HZ = 70.0  # rate of the synchronous reference in the paper
+ONLINE_HZ = 50.0  # rate of the instants of the online form
+LAGS = (0.0, 0.05, 0.1, 0.5)  # s
 LONGEST_GAP = 1.6  # periods of the slowest camera, longest gap that is interpolated between frames
 FEWEST = 4  # smallest number of samples for a cubic spline
 
@@ -143,13 +147,25 @@ def continuous(case: CaptureUnderTest) -> MotionResult:
     return MotionResult(frames, spent, wrong, *clock_errors(capture, motion, case.config))
 
 
-# the online form adds one method per lag here, e.g. "lag 0.1 s"
+def online(case: CaptureUnderTest, lag: float) -> MotionResult:
+    """Give the instants k / `ONLINE_HZ`, each from the views up to `lag` s later; join them by splines."""
+    capture = case.capture
+    recording = InMemoryRecording({"detection_sets": list(capture.sets())})
+    task = ContinuousTask(StageContext(capture.rig, SKELETON), recording, case.config, JOINTS)
+    begin = time.process_time()
+    result = solve_online(task, lag, ONLINE_HZ, untold)
+    spent = time.process_time() - begin
+    frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions, r.covariances) for r in result.sets]
+    return MotionResult(_joined(frames, case, 1.0 / ONLINE_HZ).frames, spent)
+
+
 METHODS: dict[str, Callable[[CaptureUnderTest], MotionResult]] = {
     "reference": reference,
     "low rate": low_rate,
     "aligned": aligned,
     "solve": grouped,
     "continuous": continuous,
+    **{f"lag {lag:g} s": partial(online, lag=lag) for lag in LAGS},
 }
 
 

@@ -14,7 +14,7 @@ from panoptic_ros.simulation.free_running import START_NS, simulate_free_running
 from panoptic_ros.simulation.free_running_scenes import FREE_RUNNING_SCENES
 from panoptic_ros.study.continuous.continuous import Continuous
 from panoptic_ros.study.continuous.figures import LINGER_S, figures_of
-from panoptic_ros.study.continuous.methods import METHODS, CaptureUnderTest
+from panoptic_ros.study.continuous.methods import LAGS, METHODS, CaptureUnderTest
 from panoptic_ros.study.names import parsed
 
 TIMES = np.arange(1, 800) / 100.0  # s
@@ -95,6 +95,9 @@ def test_continuous_is_better_than_aligned_frames_and_the_low_rate():
     for name in ("low rate", "aligned", "solve"):
         assert of_method[name]["mean_m"] > 2.0 * of_method["continuous"]["mean_m"]
         assert of_method[name]["output"] > 0.95
+    errors = [of_method[f"lag {lag:g} s"]["mean_m"] for lag in LAGS]
+    assert errors == sorted(errors, reverse=True) and errors[-2] < 1.6 * of_method["continuous"]["mean_m"]
+    assert found["lag 0.1 s"].cpu_s > 0.0
     assert found["continuous"].wrong_views == 0.0 and of_method["continuous"]["ids"] == 1.0
 
 
