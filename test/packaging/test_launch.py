@@ -218,8 +218,9 @@ def test_parameters_of_a_file_reach_their_stage(
     assert "tracking.max_distance" not in nodes["detection_0"]["parameters"]
     assert "timecode" not in nodes["fusion"]["stages"]  # nobody named an audio device
     assert "offsets" not in nodes
-    (tmp_path / "parameters.yaml").write_text("offsets: {active: true}\n")
-    assert _nodes(launch_file, **given)["offsets"]["parameters"]["active"]
+    for stage in ("offsets", "continuous"):
+        (tmp_path / "parameters.yaml").write_text(f"{stage}: {{active: true}}\n")
+        assert _nodes(launch_file, **given)[stage]["parameters"]["active"]
 
 
 def test_a_capture_folder_is_replayed(launch_file: dict[str, Any], rig_file: Path) -> None:
