@@ -31,7 +31,7 @@ FEWEST = 4  # smallest number of samples for a cubic spline
 
 
 @dataclass(frozen=True, eq=False)
-class MethodResult:
+class MethodFrames:
     """Result of a method on a capture.
 
     Args:
@@ -97,18 +97,18 @@ class CaptureUnderTest:
         return START_NS + round(1e9 * self.period_s * round(float(middle) / self.period_s))
 
 
-def reference(case: CaptureUnderTest) -> MethodResult:
+def reference(case: CaptureUnderTest) -> MethodFrames:
     """Triangulate the same cameras, synchronous at 70 Hz; each 2D person is assigned to its true person."""
-    return MethodResult(case.reference_frames)
+    return MethodFrames(case.reference_frames)
 
 
-def low_rate(case: CaptureUnderTest) -> MethodResult:
+def low_rate(case: CaptureUnderTest) -> MethodFrames:
     """Keep of the reference what synchronous cameras of the lowest rate would see; join it by splines."""
     every = max(1, round(REFERENCE_HZ * case.period_s))
     return _joined(case.reference_frames[::every], case, every / REFERENCE_HZ)
 
 
-def aligned(case: CaptureUnderTest) -> MethodResult:
+def aligned(case: CaptureUnderTest) -> MethodFrames:
     """Triangulate the nearest frames as if simultaneous; each 2D person is assigned to its true person."""
     groups = case.groups()
     views = [[(one.camera, one.view, one.owners) for one in group] for group in groups]
@@ -116,7 +116,7 @@ def aligned(case: CaptureUnderTest) -> MethodResult:
     return _joined(_triangulated(case.capture, stamps, views), case, case.period_s)
 
 
-def grouped(case: CaptureUnderTest) -> MethodResult:
+def grouped(case: CaptureUnderTest) -> MethodFrames:
     """Solve the nearest frames as `panoptic solve` does; its skeletons are joined by splines."""
     context = StageContext(case.capture.rig, SKELETON)
     sets = [
@@ -127,10 +127,10 @@ def grouped(case: CaptureUnderTest) -> MethodResult:
     found = records_of("skeletons", sets, configure({}), context)
     spent = time.process_time() - begin
     frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions, r.covariances) for r in found]
-    return MethodResult(_joined(frames, case, case.period_s).frames, spent)
+    return MethodFrames(_joined(frames, case, case.period_s).frames, spent)
 
 
-def continuous(case: CaptureUnderTest) -> MethodResult:
+def continuous(case: CaptureUnderTest) -> MethodFrames:
     """Fit curves to the whole recording, as `panoptic continuous` does."""
     capture = case.capture
     recording = InMemoryRecording({"detection_sets": list(capture.sets())})
@@ -140,11 +140,11 @@ def continuous(case: CaptureUnderTest) -> MethodResult:
     frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions, r.covariances) for r in motion.sets(stamps)]
     spent = time.process_time() - begin
     wrong = wrong_share(capture, motion)
-    return MethodResult(frames, spent, wrong, *clock_errors(capture, motion, case.config))
+    return MethodFrames(frames, spent, wrong, *clock_errors(capture, motion, case.config))
 
 
 # the online form adds one method per lag here, e.g. "lag 0.1 s"
-METHODS: dict[str, Callable[[CaptureUnderTest], MethodResult]] = {
+METHODS: dict[str, Callable[[CaptureUnderTest], MethodFrames]] = {
     "reference": reference,
     "low rate": low_rate,
     "aligned": aligned,
@@ -222,7 +222,7 @@ def _triangulated(
     return frames
 
 
-def _joined(frames: Sequence[SkeletonFrame], case: CaptureUnderTest, period_s: float) -> MethodResult:
+def _joined(frames: Sequence[SkeletonFrame], case: CaptureUnderTest, period_s: float) -> MethodFrames:
     """Return the people of frames at the instants of a case, by cubic splines without long gaps."""
     rows: dict[int, list[tuple[float, Array]]] = {}
     for frame in frames:
@@ -245,7 +245,7 @@ def _joined(frames: Sequence[SkeletonFrame], case: CaptureUnderTest, period_s: f
         result.append(
             SkeletonFrame(START_NS + round(1e9 * float(seconds)), np.array(ids, np.int64), positions)
         )
-    return MethodResult(result)
+    return MethodFrames(result)
 
 
 def _interpolated(times: Array, values: Array, at: Array, longest: float) -> Array:
