@@ -52,6 +52,7 @@ class Continuous(Study):
         Column("in_ellipsoid", "in ellipsoid", ".1%"),
         Column("in_ellipsoid_last", "last", ".1%"),
         Column("ids", "ids", ".2f"),
+        Column("mixed_ids", "mixed ids", ".2f"),
         Column("wrong_views", "wrong views", ".2%"),
         Column("missing_s", "missing s", ".2f"),
         Column("false_s", "false s", ".1f"),
@@ -143,8 +144,8 @@ class Continuous(Study):
             "on the same groups.\n"
             "`lag`: the stage `continuous` at 50 Hz, each instant from the views up to the lag later.\n"
             "Unknown clocks and line delays (cases `clocks`, `shutter`) are estimated by `continuous` only.\n"
-            "Ids per person; longest time without a person who is there, of all seeds;\n"
-            "person-seconds of false people; processor time per person-second."
+            "Ids per person; ids that follow two people; longest time without a person who is there, of all "
+            "seeds;\nperson-seconds of false people; processor time per person-second."
         )
 
     def lines(self, result: Result) -> Iterator[str]:

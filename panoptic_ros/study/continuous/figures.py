@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -20,6 +20,7 @@ SPEEDS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0)  # m/s, limits of the groups of speed
 SKIPPED_S = 0.3  # s after a person enters and before it leaves, without a score of errors
 LINGER_S = 0.5  # s before a person enters and after it leaves, in which output of it is no fault
 LAST = 0.75  # share of the capture after which the last quarter begins
+MIXED_S = 0.3  # s with a second true person from which an id follows two people
 SPEED_STEP_S = 1e-3  # s, step of the difference that gives true speeds
 
 
@@ -59,6 +60,7 @@ def figures_of(capture: FreeRunningCapture, times: Array, frames: Sequence[Skele
         "in_ellipsoid": _share(squares),
         "in_ellipsoid_last": _share(squares[:, times >= LAST * capture.scene.seconds]),
         "ids": float(np.mean([len(ids.get(who, ())) for who in range(len(capture.people))])),
+        "mixed_ids": _mixed(ids, interval),
         "missing_s": interval * max(_longest(there & ~near) for there, near in zip(present, found)),
         "missing": float((present & ~found).sum() / present.sum()),
         **_false(pairs, interval),
@@ -97,6 +99,12 @@ def _false(pairs: Sequence[FramePair], interval: float) -> dict[str, Any]:
         "false_s": interval * sum(wrong.values()),
         "false_people": sum(count > right[number] for number, count in wrong.items()),
     }
+
+
+def _mixed(ids: Mapping[int, Counter[int]], interval: float) -> int:
+    """Return the number of result ids that follow two true people, given the counts of ids by true person."""
+    people = Counter(number for own in ids.values() for number, n in own.items() if n * interval >= MIXED_S)
+    return sum(count > 1 for count in people.values())
 
 
 def _longest(mask: Array) -> int:

@@ -78,7 +78,17 @@ def test_a_false_person_and_a_second_id_are_counted(visitors):
     found = figures_of(visitors, TIMES, frames)
     assert found["false_people"] == 1 and found["false_s"] == pytest.approx(0.01 * len(TIMES))
     seen = sum(bool(present.any()) for present in visitors.present(TIMES))
-    assert found["ids"] == pytest.approx((seen + 1) / len(visitors.people))
+    assert found["ids"] == pytest.approx((seen + 1) / len(visitors.people)) and found["mixed_ids"] == 0
+
+
+def test_an_id_that_follows_two_people_is_counted(visitors):
+    frames = []
+    for frame in perfect(visitors):
+        ids = frame.ids.copy()
+        if 2 not in ids:
+            ids[ids == 3] = 2
+        frames.append(SkeletonFrame(frame.stamp_ns, ids, frame.positions))
+    assert figures_of(visitors, TIMES, frames)["mixed_ids"] == 1
 
 
 def test_continuous_is_better_than_aligned_frames_and_the_low_rate():
