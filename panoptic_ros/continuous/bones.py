@@ -40,7 +40,7 @@ class PairDistances(NamedTuple):
     variances: Array
 
 
-class Lengths(NamedTuple):
+class LearntLengths(NamedTuple):
     """Learnt lengths of P pairs of joints.
 
     Args:
@@ -93,7 +93,7 @@ def pair_distances(
     return PairDistances(lengths - 0.5 * across / lengths, variances)
 
 
-def learn_lengths(distances: PairDistances) -> Lengths:
+def learn_lengths(distances: PairDistances) -> LearntLengths:
     """Return the lengths of pairs as medians of the certain half of their distances.
 
     A pair whose distances spread more than their noise is not rigid. Its weight then states that spread.
@@ -105,10 +105,10 @@ def learn_lengths(distances: PairDistances) -> Lengths:
     spread -= np.nanmedian(np.where(certain, distances.variances, np.nan), axis=1)
     soft = INTERVAL_S / (2.0 * CORRELATION_S) / np.maximum(spread, RIGID**2)
     weights = np.where(spread > RIGID**2, soft, SIGMA**-2.0)
-    return Lengths(middle, np.where(spread > FREE**2, 0.0, weights))
+    return LearntLengths(middle, np.where(spread > FREE**2, 0.0, weights))
 
 
-def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt: Lengths) -> CurveFit:
+def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt: LearntLengths) -> CurveFit:
     """Return the curves of a person whose joints keep the learnt lengths, with their covariances.
 
     Args:
@@ -124,7 +124,7 @@ def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt:
 
 
 def step_with_lengths(
-    problem: CurveProblem, points: Array, pairs: Array, learnt: Lengths
+    problem: CurveProblem, points: Array, pairs: Array, learnt: LearntLengths
 ) -> tuple[Array, Array]:
     """Take one Gauss-Newton step of all curves.
 
@@ -143,7 +143,7 @@ def step_with_lengths(
     add_lengths(columns, right, grid, times, pairs, along, learnt)
     lower = cholesky_banded(columns.T, overwrite_ab=True, lower=True, check_finite=False)
     solution = cho_solve_banded((lower, True), right, check_finite=False)
-    found = np.ascontiguousarray(solution.reshape(grid.count, joints, 3).transpose(1, 0, 2))
+    found = np.ascontiguousarray(solution.reshape(grid.number, joints, 3).transpose(1, 0, 2))
     return found, lower.T
 
 
@@ -191,13 +191,13 @@ def add_lengths(columns, right, grid, times, pairs, along, learnt):
 
     Args:
         along: (P, T, 3) directions of the pairs.
-        learnt: `Lengths`.
+        learnt: `LearntLengths`.
     """
-    block = len(right) // grid.count
+    block = len(right) // grid.number
     basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
     index, value = np.empty(6 * SPAN, np.int64), np.empty(6 * SPAN)
     for t in range(len(times)):
-        k = basis_at((times[t] - grid.origin) / grid.step, grid.count, basis, slope, bend)
+        k = basis_at((times[t] - grid.origin) / grid.step, grid.number, basis, slope, bend)
         for p in range(len(pairs)):
             w = learnt.weights[p]
             if w <= 0.0:
@@ -230,7 +230,7 @@ def block_inverses(columns: Array, joints: int, reach: int) -> Array:
     block = 3 * joints
     knots = len(columns) // block
     inverses = np.zeros((joints, 3 * knots, WIDTH))
-    later = np.zeros(((reach - 1) * block, (reach - 1) * block))  # of the blocks after the present one
+    later = np.zeros(((reach - 1) * block, (reach - 1) * block))  # covariance of later blocks
     unpacked = np.zeros((reach * block, block))
     for k in range(knots - 1, -1, -1):
         unpack(columns, k * block, unpacked)
@@ -284,7 +284,7 @@ def relax(factors, points, grid, times, pairs, learnt, rounds):
     Args:
         factors, points: see `CurveFit`.
         times: (T,) s, instants at which the lengths are measured.
-        learnt: `Lengths`.
+        learnt: `LearntLengths`.
         rounds: number of iterations.
     """
     joints, count, _ = points.shape
@@ -294,7 +294,7 @@ def relax(factors, points, grid, times, pairs, learnt, rounds):
     slope, bend = np.empty(SPAN), np.empty(SPAN)
     for t in range(number):
         place = (times[t] - grid.origin) / grid.step
-        first[t] = basis_at(place, grid.count, weights[t], slope, bend)
+        first[t] = basis_at(place, grid.number, weights[t], slope, bend)
         for p in range(len(pairs)):
             length = 0.0
             for a in range(3):

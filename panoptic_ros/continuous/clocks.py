@@ -7,16 +7,16 @@ while noise and stiffness are learnt.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from panoptic_ros.continuous.clock_sums import TERMS, clock_sums, eliminate
-from panoptic_ros.continuous.observability import known_clocks, motion_shares
-from panoptic_ros.continuous.problem import CurveProblem, PersonRays, cauchy_of
-from panoptic_ros.solving.clock_gauge import KNOWN, common_shift
+from panoptic_ros.continuous.problem import CurveProblem, TrackRays, cauchy_of
+from panoptic_ros.solving.clock_gauge import KNOWN, acquainted, common_shift
+from panoptic_ros.stage import Progress, untold
 
 Array = np.ndarray
 # greatest standard deviations of values that are applied, beside KNOWN for offsets
@@ -66,7 +66,7 @@ class CameraTimes:
         count = len(offsets)
         return cls(np.stack([offsets, drifts, lines]), np.zeros((TERMS * count, TERMS * count)))
 
-    def times(self, rays: PersonRays) -> Array:
+    def times(self, rays: TrackRays) -> Array:
         """Return the corrected times (N,) s of the rays of a person."""
         times: Array = rays.stamps + (self.values[:, rays.cameras].T * factors_of(rays)).sum(1)
         return times
@@ -106,7 +106,20 @@ class CameraTimes:
         return CameraTimes(np.where(self.observable, self.values, start.values), self.covariance)
 
 
-def factors_of(rays: PersonRays) -> Array:
+def known_clocks(covariance: Array) -> Array:
+    """Return the cameras (C,) whose offsets are known relative to each other; none, if fewer than two.
+
+    Args:
+        covariance: (C, C) of the offsets.
+    """
+    members = acquainted(covariance)
+    inside = covariance[np.ix_(members, members)]
+    variances = np.diag(inside) - 2.0 * inside.mean(axis=1) + inside.mean()
+    known: Array = members & (members.sum() > 1) & (variances.max() <= KNOWN**2)
+    return known
+
+
+def factors_of(rays: TrackRays) -> Array:
     """Return the derivatives (N, TERMS) of the times of the rays."""
     return np.stack([np.ones(len(rays.stamps)), rays.stamps, rays.heights], axis=1)
 
@@ -115,7 +128,7 @@ def estimate_times(
     problems: Sequence[CurveProblem],
     start: CameraTimes,
     free: FreeClocks,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Progress = untold,
 ) -> CameraTimes:
     """Return the times that fit the rays of all people best; the problems are updated on the way.
 
@@ -128,8 +141,8 @@ def estimate_times(
     if free.trusted >= 0:
         still[free.trusted] = True
     for k in range(ROUNDS):
-        progress(k / ROUNDS)
-        information, right = _linearise(problems, values, cauchy_of(k // 2))
+        progress(k / ROUNDS, "estimating clocks")
+        information, blur, right = _linearise(problems, values, cauchy_of(k // 2))
         if k >= DRIFT_ROUND and free.lines and not still.any():
             still = _fastest(values)
         if k == GLOBAL_ROUND and free.lines:
@@ -143,9 +156,7 @@ def estimate_times(
         step = centred(step.reshape(values.shape), free)
         longest = np.abs(step).max(axis=1, initial=0.0) / (LARGEST_STEP_S, PRIOR_DRIFT, PRIOR_LINE_S)
         values += step / max(1.0, float(longest.max()))
-    shares = motion_shares(problems, cameras)
-    information *= np.sqrt(np.outer(np.tile(shares, TERMS), np.tile(shares, TERMS)))
-    covariance = _covariance(information, prior, _unknown(free, still & (shares > 0.0), True))
+    covariance = _covariance(certain(information, blur), prior, _unknown(free, still, True))
     if free.trusted < 0:
         gauge = np.eye(cameras) - 1.0 / cameras
         whole = np.kron(np.diag([1.0, 1.0, 0.0]), gauge) + np.kron(np.diag([0.0, 0.0, 1.0]), np.eye(cameras))
@@ -157,27 +168,41 @@ def _linearise(
     problems: Sequence[CurveProblem],
     values: Array,
     cauchy: float,
-) -> tuple[Array, Array]:
-    """Fit all curves at the present times, and return the information and right-hand side of the unknowns.
+) -> tuple[Array, Array, Array]:
+    """Fit all curves at the present times; return information, its noise and right-hand side of the unknowns.
 
     Noise and stiffness are learnt on the way.
     """
     cameras = values.shape[1]
-    information, right = np.zeros((TERMS * cameras, TERMS * cameras)), np.zeros(TERMS * cameras)
+    size = TERMS * cameras
+    information, blur, right = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
     for problem in problems:
         factors = factors_of(problem.seen)
         problem.times = problem.seen.stamps + (values[:, problem.seen.cameras].T * factors).sum(1)
         rays = problem.rays
         fit = problem.fit()
         at = problem.compare(fit, cauchy)
-        own, side, coupling = clock_sums(
+        own, noise, side, coupling = clock_sums(
             fit, rays, problem.grid, problem.misses, problem.seen.cameras, factors, cameras
         )
         eliminate(own, coupling, fit.factors)
         problem.learn(fit, at, cauchy)
         information += own
+        blur += noise
         right += side
-    return information, right
+    return information, blur, right
+
+
+def certain(information: Array, blur: Array) -> Array:
+    """Return the information (U, U) without that of noise, which looks like motion of people who stand.
+
+    Args:
+        blur: (U, U) expected information of noise.
+    """
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
+    values, vectors = np.linalg.eigh((information - blur) / np.outer(scale, scale))
+    kept: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T * np.outer(scale, scale)
+    return kept
 
 
 def _covariance(information: Array, prior: Array, unknown: Array) -> Array:

@@ -10,10 +10,10 @@ class ContinuousConfig:
     """Options of the pass.
 
     Args:
-        clocks: estimate offsets and drifts of the cameras' clocks.
-        rolling_shutter: estimate the line delays of the cameras.
-        trusted_camera: camera whose clock and line delay are right; "": most cameras if they agree, else the
-            mean of all.
+        clocks: estimate the clocks of the cameras.
+        rolling_shutter: estimate their line delays.
+        trusted_camera: camera whose clock and line delay are right. "": most clocks are right if they agree,
+            else their mean is.
     """
 
     clocks: bool = False

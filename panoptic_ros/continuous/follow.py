@@ -1,8 +1,8 @@
 """Association view by view: 2D people of one camera and instant are assigned to people without any grouping.
 
-Each view is assigned alone. All people are predicted to the timestamp of the view, and the 2D people go to
-the people whose prediction they fit. 2D people that fit nobody start candidates in pairs of views of
-different cameras; further views confirm a candidate or discard it.
+Each view is assigned alone. All tracks are predicted to the timestamp of the view, and its 2D people are
+assigned to the nearest predictions. Unassigned 2D people of two cameras start a candidate. Further views
+confirm a candidate or discard it.
 """
 
 from __future__ import annotations
@@ -71,16 +71,15 @@ class ViewTrack:
 
     Args:
         filters: motion at `time`.
-        time: (s) of the filters.
+        time: (s) time of the filters.
         number: order of the start.
         last: (s) timestamp of the newest view that shows the person.
-        entries: views that show the person, and the 2D person in each.
-        cameras: cameras of these views.
-        missed: number of views in which a person was expected and not found, until confirmation.
-        recent: times of the views of the last MEMORY_S in which the person was expected, and whether each
-            shows the person.
-        confirmed: the number of views at confirmation, 0 = candidate.
-        seed: time and filters for the search in reversed time.
+        entries: (V) 2D people, one per view.
+        cameras: (V) their cameras.
+        missed: (int) number of views in which a person was expected and not found.
+        recent: (time, whether found) of the views of the last MEMORY_S in which the person was expected.
+        confirmed: (int) number of views at confirmation, 0 = candidate.
+        seed: (time, filters) for the search in reversed time.
     """
 
     filters: JointFilters
@@ -291,7 +290,7 @@ class ViewTracker:
     def _ray_distance(
         self, camera: int, plane: Array, known: Array, other: tuple[float, int, Array, Array, int]
     ) -> float:
-        """Return the mean distance (m) of the rays of two 2D people; infinite if it tells nothing."""
+        """Return the mean distance (m) of the rays of two 2D people; infinite with too few common joints."""
         common = known & other[3]
         centre, rays = self._rays(camera, plane[common])
         centre2, rays2 = self._rays(other[1], other[2][common])
@@ -323,7 +322,7 @@ class ViewTracker:
             filters.states[j, 0] = 0.5 * (c1 + s * u + c2 + t * v)
             gap = np.linalg.norm(c1 + s * u - c2 - t * v)
             variances = [START_SIGMA**2 + gap**2, START_SPEED**2, START_ACCELERATION**2]
-            filters.covariances[j] = np.diag(np.repeat(variances, 3))
+            filters.covariances[j] = np.diag(np.repeat(np.array(variances), 3))
         return filters
 
 

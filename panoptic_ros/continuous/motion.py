@@ -103,8 +103,8 @@ def distances(filters, view, planes, known, sigma, widest, most):
         planes: (D, J, 2) undistorted normalised points.
         known: (D, J) True for detected joints.
         sigma: standard deviation of a 2D joint on the normalised plane, per axis.
-        widest: (m) greatest standard deviation of an innovation. Without it, a person who has not been seen
-            for a while would fit everybody.
+        widest: (m) greatest standard deviation of an innovation. Otherwise any 2D person would fit a person
+            who has not been seen for a while.
         most: greatest distance of one joint.
     """
     people, joints = known.shape

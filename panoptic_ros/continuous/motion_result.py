@@ -30,8 +30,8 @@ class ContinuousMotion:
         reference_ns: origin of the times of the curves.
         first_ns, last_ns: first and last corrected timestamp of a view.
         period: (s) typical time between two frames of a camera.
-        cameras: names of the cameras.
-        clocks: clocks and line delays of the cameras; their reference is `reference_ns`.
+        cameras: (C) names.
+        clocks: (C) clocks and line delays, with `reference_ns`.
         skeleton_hash: skeleton of the joints.
         notices: faults of the recording.
     """
@@ -107,6 +107,7 @@ class ContinuousMotion:
         covariances = person.covariances_at(times)
         since = times - person.seen[np.maximum(np.searchsorted(person.seen, times, "right") - 1, 0)]
         here = (since >= 0.0) & (since <= ABSENT_S) & np.isfinite(positions[:, 0, 0])
+        here &= times < person.until
         shape = positions.shape[:2]
         views, scores = np.zeros(shape, np.int64), np.zeros(shape)
         later = np.zeros(shape, bool)

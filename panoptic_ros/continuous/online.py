@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from panoptic_ros.continuous.bones import (
-    Lengths,
+    LearntLengths,
     PairDistances,
     learn_lengths,
     pair_distances,
     relax,
 )
-from panoptic_ros.continuous.curves import CurveFit, Grid, covariances_at
+from panoptic_ros.continuous.curves import CurveFit, KnotGrid, covariances_at
 from panoptic_ros.continuous.follow import Entry, ViewTrack, ViewTracker
-from panoptic_ros.continuous.problem import STEP_S, CurveProblem, LearntNoise, PersonRays
+from panoptic_ros.continuous.problem import STEP_S, CurveProblem, LearntNoise, TrackRays
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import control_points, spline
 from panoptic_ros.solving.frames import CameraFrame
@@ -48,7 +48,7 @@ class OnlinePerson:
     learnt_at: float = -np.inf
     noise: LearntNoise | None = None
     distances: PairDistances | None = None
-    bones: Lengths | None = None
+    bones: LearntLengths | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,12 +121,12 @@ class OnlineMotion:
             found.append(self._on_curve(person, time))
         return found
 
-    def _rays(self, entries: list[Entry]) -> tuple[PersonRays, Array]:
+    def _rays(self, entries: list[Entry]) -> tuple[TrackRays, Array]:
         """Return the rays of views and their times (N,) s."""
         frames = [self.frames[entry.frame][0] for entry in entries]
         stamps = np.array([self.frames[entry.frame][1] for entry in entries])
         local = [entry._replace(frame=k) for k, entry in enumerate(entries)]
-        rays = PersonRays.of(local, frames, stamps, self.arrays, self.mirror)
+        rays = TrackRays.of(local, frames, stamps, self.arrays, self.mirror)
         return rays, rays.stamps
 
     def _problem(self, person: OnlinePerson, since: float, until: float = -np.inf) -> CurveProblem:
@@ -135,7 +135,7 @@ class OnlineMotion:
         entries = [e for e in person.track.entries if self.frames[e.frame][1] >= newest - since]
         rays, times = self._rays(entries)
         origin, last = float(times.min()), max(float(times.max()), until)
-        grid = Grid(origin, STEP_S, control_points(origin, last + STEP_S, STEP_S))
+        grid = KnotGrid(origin, STEP_S, control_points(origin, last + STEP_S, STEP_S))
         return CurveProblem(rays, times, self.arrays, grid, person.noise)
 
     def _learn(self, person: OnlinePerson) -> None:
@@ -166,7 +166,9 @@ class OnlineMotion:
         return _instant(person, fit, points, problem.grid, time)
 
 
-def _instant(person: OnlinePerson, fit: CurveFit, points: Array, grid: Grid, time: float) -> PersonInstant:
+def _instant(
+    person: OnlinePerson, fit: CurveFit, points: Array, grid: KnotGrid, time: float
+) -> PersonInstant:
     curve = spline(grid.origin, grid.step, points.transpose(1, 0, 2))
     covariances = covariances_at(fit.inverses, grid, np.array([time]))[:, 0]
     return PersonInstant(person.id, curve(time), curve(time, 1), covariances, person.track.last)

@@ -20,7 +20,8 @@ from panoptic_ros.continuous.faults import (
 from panoptic_ros.continuous.follow import ViewTrack, camera_periods, follow
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.person import PersonCurve, fit_person
-from panoptic_ros.continuous.problem import CurveProblem, PersonRays, grid_over
+from panoptic_ros.continuous.problem import CurveProblem, TrackRays, grid_over
+from panoptic_ros.continuous.returns import with_identities
 from panoptic_ros.continuous.stamps import partial_notices, usable_views
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError, UsageError
@@ -105,7 +106,7 @@ class ContinuousPass:
             people.append(self._person(k, track, ordered, stamps[order], times, clocks))
         progress(1.0, "fitting curves")
         motion = ContinuousMotion(
-            tuple(people),
+            tuple(with_identities(people, self._skeleton, self._pairs)),
             reference,
             reference + round(1e9 * float(times[0])),
             reference + round(1e9 * float(times[-1])),
@@ -138,7 +139,7 @@ class ContinuousPass:
         times: Array,
         clocks: CameraTimes,
     ) -> PersonCurve:
-        rays = PersonRays.of(track.entries, frames, stamps, self._arrays, self._mirror)
+        rays = TrackRays.of(track.entries, frames, stamps, self._arrays, self._mirror)
         seen = np.sort(times[[entry.frame for entry in track.entries]])
         return fit_person(number, rays, clocks.times(rays), seen, self._arrays, self._pairs)
 
@@ -163,15 +164,13 @@ class ContinuousPass:
                 part = [frames[i] for i in order[inside]]
                 for track in follow(part, times[inside], self._arrays, self._mirror):
                     if len(track.entries) >= LEAST_VIEWS:
-                        rays = PersonRays.of(
+                        rays = TrackRays.of(
                             track.entries, part, stamps[order[inside]], self._arrays, self._mirror
                         )
                         corrected = clocks.times(rays)
                         grid = grid_over(corrected, MARGIN_S)
                         problems.append(CurveProblem(rays, corrected, self._arrays, grid))
-            clocks = estimate_times(
-                problems, clocks, free, lambda done, to=share: to(done, "estimating clocks")
-            )
+            clocks = estimate_times(problems, clocks, free, share)
         if self._config.clocks and self._trusted < 0:
             clocks = clocks.referenced()
         return clocks.applicable(given)

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.continuous.bones import (
-    Lengths,
+    LearntLengths,
     PairDistances,
     fit_with_lengths,
     learn_lengths,
     pair_distances,
 )
-from panoptic_ros.continuous.curves import CurveFit, Grid, covariances_at
-from panoptic_ros.continuous.problem import CurveProblem, PersonRays, grid_over
+from panoptic_ros.continuous.curves import CurveFit, KnotGrid, covariances_at
+from panoptic_ros.continuous.problem import CurveProblem, TrackRays, grid_over
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import DEGREE, spline
 
@@ -38,17 +38,19 @@ class PersonCurve:
         times: (N,) s, corrected times of the rays.
         trusts: (N,) robust weights of the rays, 0..1.
         bones: lengths between joints.
+        until: (s) time from which another curve continues the person.
     """
 
     id: int
-    grid: Grid
+    grid: KnotGrid
     points: Array
     covariances: Array
     seen: Array
-    rays: PersonRays
+    rays: TrackRays
     times: Array
     trusts: Array
-    bones: Lengths
+    bones: LearntLengths
+    until: float = np.inf
 
     def at(self, times: Array, derivative: int = 0) -> Array:
         """Return positions (T, J, 3) m at times (T,) s, or derivatives: m/s, m/s^2.
@@ -71,13 +73,15 @@ class PersonCurve:
 class _Window:
     """Part of a person's curve: knots first..last, and the problem that includes the overlap."""
 
-    def __init__(self, rays: PersonRays, times: Array, arrays: RigArrays, whole: Grid, first: int, last: int):
+    def __init__(
+        self, rays: TrackRays, times: Array, arrays: RigArrays, whole: KnotGrid, first: int, last: int
+    ):
         overlap = round(OVERLAP_S / whole.step)
         self.first, self.last = first, last
         self.begin = max(0, first - overlap)
-        end = min(whole.count - DEGREE, last + overlap)
+        end = min(whole.number - DEGREE, last + overlap)
         origin = whole.origin + self.begin * whole.step
-        grid = Grid(origin, whole.step, end - self.begin + DEGREE)
+        grid = KnotGrid(origin, whole.step, end - self.begin + DEGREE)
         inside = (times >= origin) & (times <= origin + (end - self.begin) * whole.step)
         self.inside = inside
         self.problem = CurveProblem(rays.subset(inside), times[inside], arrays, grid)
@@ -91,7 +95,7 @@ class _Window:
 
 
 def fit_person(
-    number: int, rays: PersonRays, times: Array, seen: Array, arrays: RigArrays, pairs: Array
+    number: int, rays: TrackRays, times: Array, seen: Array, arrays: RigArrays, pairs: Array
 ) -> PersonCurve:
     """Fit the curves of one person.
 
@@ -102,7 +106,7 @@ def fit_person(
         pairs: (P, 2) see `rigid_pairs`.
     """
     whole = grid_over(times)
-    knots = whole.count - DEGREE
+    knots = whole.number - DEGREE
     parts = max(1, round(knots * whole.step / WINDOW_S))
     borders = np.linspace(0, knots, parts + 1).round().astype(np.int64)
     limits = list(zip(borders[:-1].tolist(), borders[1:].tolist()))
@@ -117,7 +121,7 @@ def fit_person(
     ]
     bones = learn_lengths(PairDistances(*(np.concatenate(part, axis=1) for part in zip(*found))))
     joints = len(rays.starts) - 1
-    points = np.empty((whole.count, joints, 3))
+    points = np.empty((whole.number, joints, 3))
     covariances = np.empty((knots + 1, joints, 3, 3))
     trusts = np.zeros(len(times))
     for k in range(parts):

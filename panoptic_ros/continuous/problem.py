@@ -12,8 +12,8 @@ from panoptic_ros.continuous.curves import (
     ORDER,
     AtRays,
     CurveFit,
-    Grid,
-    Rays,
+    KnotGrid,
+    WeightedRays,
     at_rays,
     fit_curves,
     persistence,
@@ -34,6 +34,8 @@ LEAST_JERK, MOST_JERK = 2.0, 2e4  # m/s^2.5
 SMOOTHING_S = 0.5  # s, standard deviation of the weights in the average of the stiffness over time
 LEAST_SURE = 0.02  # least number of a knot's three differences that the rays determine
 FIRST_NOISE = 2.5e-3  # on the normalised plane
+# least share of the noise in residuals from which it is learnt: a curve that follows its rays hides the noise
+LEAST_LEFT = 0.4
 MEMORY_S = 0.2  # s, time constant of the persistent part of the noise
 LEAST_DEPTH = 0.3  # m
 MARGIN_S = 0.05  # s of curve beyond the outermost rays
@@ -55,14 +57,14 @@ class LearntNoise:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PersonRays:
+class TrackRays:
     """N rays of one person, ordered by joint and time.
 
     Args:
         starts: (J + 1,) index of the first ray of each joint.
         joints, cameras: (N,) indices.
         stamps: (N,) s from the reference, on the cameras' own clocks.
-        rows, rights: (N, 2, 3) and (N, 2), see `curves.Rays`.
+        rows, rights: (N, 2, 3) and (N, 2), see `curves.WeightedRays`.
         scores: (N,) of the 2D joints.
         heights: (N,) px, image rows.
         depths: (N,) m, approximate depth of the person.
@@ -88,7 +90,7 @@ class PersonRays:
         stamps: Array,
         arrays: RigArrays,
         mirror: Array,
-    ) -> PersonRays:
+    ) -> TrackRays:
         """Return the rays of the 2D people of a track.
 
         Args:
@@ -124,11 +126,11 @@ class PersonRays:
             squares[view, joint],
         )
 
-    def subset(self, inside: Array) -> PersonRays:
+    def subset(self, inside: Array) -> TrackRays:
         """Return the rays of a mask (N,)."""
         joints = self.joints[inside]
         others = [getattr(self, name)[inside] for name in self.__slots__[2:]]
-        return PersonRays(np.searchsorted(joints, np.arange(len(self.starts))), joints, *others)
+        return TrackRays(np.searchsorted(joints, np.arange(len(self.starts))), joints, *others)
 
     def previous(self) -> Array:
         """Return the index (N,) of the previous ray of the same joint and camera, -1 = none."""
@@ -152,10 +154,10 @@ class CurveProblem:
 
     def __init__(
         self,
-        rays: PersonRays,
+        rays: TrackRays,
         times: Array,
         arrays: RigArrays,
-        grid: Grid,
+        grid: KnotGrid,
         before: LearntNoise | None = None,
     ):
         self.seen, self.times = rays, times
@@ -166,7 +168,7 @@ class CurveProblem:
         self._noise = JointNoiseModel(rays.cameras, rays.joints, rays.scores, FIRST_NOISE, factors)
         self._previous = rays.previous()
         self.grid = grid
-        shape = (joints, self.grid.count - ORDER)
+        shape = (joints, self.grid.number - ORDER)
         self.stiffness = np.full(shape, 1.0 / (START_JERK**2 * STEP_S**5))
         self.depths = np.maximum(rays.depths, LEAST_DEPTH)
         self.persistent = 0.0
@@ -174,7 +176,7 @@ class CurveProblem:
             self.persistent = before.persistent
             self.stiffness[:] = before.stiffness[:, None]
         self.misses = np.zeros((len(times), 2))  # m
-        self._growths = growth(rays.squares, CAUCHY)  # see `growths`
+        self._growths: Array = growth(rays.squares, CAUCHY)  # see `growths`
 
     @property
     def learnt(self) -> LearntNoise:
@@ -196,10 +198,10 @@ class CurveProblem:
         return sigmas
 
     @property
-    def rays(self) -> Rays:
+    def rays(self) -> WeightedRays:
         """Return the rays with their present weights."""
         seen = self.seen
-        return Rays(
+        return WeightedRays(
             seen.starts,
             self.times,
             seen.rows,
@@ -213,7 +215,8 @@ class CurveProblem:
 
     def fit(self) -> CurveFit:
         """Return the curves for the present weights."""
-        return fit_curves(self.rays, self.grid, self.stiffness)
+        fit: CurveFit = fit_curves(self.rays, self.grid, self.stiffness)
+        return fit
 
     def compare(self, fit: CurveFit, cauchy: float = CAUCHY) -> AtRays:
         """Update residuals, depths and weights from curves.
@@ -221,7 +224,7 @@ class CurveProblem:
         Args:
             cauchy: scale of the robust weights, in standard deviations.
         """
-        at = at_rays(fit, self.rays, self.grid)
+        at: AtRays = at_rays(fit, self.rays, self.grid)
         self.misses = np.einsum("nij,nj->ni", self.seen.rows, at.positions) - self.seen.rights
         depths = np.einsum("ni,ni->n", self._depth_rows, at.positions) + self._depth_offsets
         self.depths = np.maximum(depths, LEAST_DEPTH)
@@ -236,7 +239,9 @@ class CurveProblem:
 
     def learn(self, fit: CurveFit, at: AtRays, cauchy: float = CAUCHY) -> None:
         """Update the noise, its persistent share and the stiffness of the prior, then the weights."""
-        self._noise.learn(np.sqrt(self.squares / np.maximum(1.0 - 0.5 * at.leverages, 0.1)))
+        left = 1.0 - 0.5 * at.leverages  # share of the noise that is left in the residual
+        ratios = np.sqrt(self.squares / np.maximum(left, LEAST_LEFT))
+        self._noise.learn(ratios, left > LEAST_LEFT)
         self._growths = growth(self.squares, CAUCHY)
         self.persistent = persistence(fit, self.rays, self.grid, self.misses / self.sigmas[:, None])
         self._growths = growth(self.squares, cauchy)
@@ -257,14 +262,14 @@ def first_factors(cameras: int, joints: int) -> list[Array]:
     return [np.ones(SCORE_BINS), np.ones(cameras), np.ones(joints)]
 
 
-def grid_over(times: Array, margin: float = MARGIN_S) -> Grid:
+def grid_over(times: Array, margin: float = MARGIN_S) -> KnotGrid:
     """Return the knots for rays at times (N,) s.
 
     Args:
         margin: (s) of curve beyond the outermost rays.
     """
     first, last = float(times.min()) - margin, float(times.max()) + margin
-    return Grid(first, STEP_S, control_points(first, last, STEP_S))
+    return KnotGrid(first, STEP_S, control_points(first, last, STEP_S))
 
 
 def cauchy_of(k: int) -> float:

@@ -37,12 +37,17 @@ class JointNoiseModel:
         sigmas: Array = np.maximum(value, LEAST_NOISE)
         return sigmas
 
-    def learn(self, ratios: Array) -> None:
-        """Update the factors from residuals (N,) in units of `sigmas`, corrected for leverage."""
+    def learn(self, ratios: Array, usable: Array | None = None) -> None:
+        """Update the factors from residuals (N,) in units of `sigmas`, corrected for leverage.
+
+        Args:
+            usable: (N,) True for residuals that count; None = all.
+        """
         left = ratios.copy()
+        counted = np.ones(len(left), bool) if usable is None else usable
         for group, factors in zip(self._groups, self.factors):
             for k in range(len(factors)):
-                own = left[group == k]
+                own = left[counted & (group == k)]
                 if len(own) >= LEAST_COUNT:
                     change = max(float(np.median(own)) / RAYLEIGH_MEDIAN, 1e-3)
                     factors[k] *= change

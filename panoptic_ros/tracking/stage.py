@@ -16,7 +16,6 @@ from panoptic_ros.identity.appearance import ClothingColours, colour_evidence, l
 from panoptic_ros.identity.assignment import best_pairs
 from panoptic_ros.identity.likeness import (
     NEW,
-    SURE,
     WAIT,
     BoneLengths,
     bone_evidence,
@@ -26,6 +25,7 @@ from panoptic_ros.identity.likeness import (
     seen_bones,
 )
 from panoptic_ros.identity.motion import JointMotion
+from panoptic_ros.identity.returns import RETURN_S, returns_at_once
 from panoptic_ros.identity.subjects import VisibleTracks, found_subjects, subjects_of
 from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
@@ -33,9 +33,6 @@ from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
 from panoptic_ros.tracking.tracks import ALONE, TrackedBodies, Tracks, head_distances, joint_distances
 
-RETURN_S = 2.0  # s, absence up to which a similar person nearby is re-identified at once
-UNLIKE = -3.0  # log-odds below which no person is re-identified at once
-CLEAR = float(np.log(SURE / (1.0 - SURE)))  # log-odds by which one person must exceed all others
 Array = np.ndarray
 BLIND_S = (0.5, 15.0)  # s between two sets, limits of a pause: shorter = slow camera, longer = another scene
 KEPT = 16  # size of each camera's buffer of newest `ViewAppearance` records that wait for their instant
@@ -92,19 +89,14 @@ def returned_at_once(
 ) -> list[tuple[int, int]]:
     """Return pairs (lost, new) of people who were lost at most RETURN_S ago and have reappeared nearby.
 
-    The pairs are the optimal assignment by the log-odds. A person who may as well be one lost longer ago is
-    in no pair: that is decided after more observations.
+    See `identity.returns`.
 
     Args:
         groups: (B,) of bones, see `identity.likeness.paired`.
         reach: (T,) m, distance that each lost person may have moved.
     """
-    odds = return_odds(lost, came, groups)
-    soon = lost.missed <= RETURN_S
-    rival = odds[~soon].max(axis=0, initial=-np.inf)
     near = ground_distances(lost, came) <= reach[:, None]
-    can_be = near & soon[:, None] & (odds >= np.maximum(UNLIKE, rival + CLEAR))
-    return best_pairs(np.where(can_be, -odds, np.inf), -UNLIKE)
+    return returns_at_once(return_odds(lost, came, groups), lost.missed, near)
 
 
 def ground_distances(lost: Tracks, came: ReidentificationCues) -> Array:

@@ -19,6 +19,7 @@ STAGES = (
     "patches",
     "refinement",
     "kinematics",
+    "continuous",
     "simulation",
     "evaluation",
 )
