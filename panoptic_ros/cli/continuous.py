@@ -5,12 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from panoptic_ros.running.arguments import output_file, within
-
-if TYPE_CHECKING:
-    from panoptic_ros.continuous.motion_result import ContinuousMotion
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -69,21 +65,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Solve a file and write the people at all instants."""
-    from panoptic_ros.continuous.config import ContinuousConfig  # imported here to keep --help fast
-    from panoptic_ros.io.clock_files import write_camera_times
+    """Solve a recording and write the people at all instants."""
+    from panoptic_ros.io.clock_files import write_camera_times  # imported here to keep --help fast
     from panoptic_ros.io.curve_files import write_curves
     from panoptic_ros.io.plain_formats import write_skeletons
     from panoptic_ros.running.continuous import (
         check_instants,
+        continuous_config,
         read_continuous_task,
         read_instants,
         solve_continuous,
     )
+    from panoptic_ros.view.clock_lines import camera_lines
     from panoptic_ros.view.progress import PassBar
 
     stamps = read_instants(args.at) if args.at else None
-    config = ContinuousConfig(args.clocks, args.rolling_shutter, args.trusted_camera)
+    config = continuous_config(args.clocks, args.rolling_shutter, args.trusted_camera)
     with PassBar("views") as bar:
         task = read_continuous_task(
             args.rig,
@@ -108,31 +105,5 @@ def run(args: argparse.Namespace) -> int:
     if not args.quiet:
         print(f"{args.out}: {len(instants)} instants, {len(motion.people)} people")
         if config.clocks or config.rolling_shutter:
-            print("\n".join(clock_lines(motion, args.clocks, args.rolling_shutter)))
+            print("\n".join(camera_lines(motion, args.clocks, args.rolling_shutter)))
     return 0
-
-
-def clock_lines(motion: ContinuousMotion, clocks: bool, lines: bool) -> list[str]:
-    """Return one line per camera: clock offset, drift and line delay with standard deviations.
-
-    Args:
-        clocks, lines: which of them were estimated.
-    """
-    texts = []
-    for c, name in enumerate(motion.cameras):
-        (offset, drift, line), (known, steady, rolled) = motion.clocks.values[:, c], motion.clocks.observable[:, c]
-        offset_sd, drift_sd, line_sd = motion.clocks.deviations[:, c]
-        parts = []
-        if clocks and known:
-            parts.append(f"{1e3 * offset:+.2f} ms +- {1e3 * offset_sd:.2f}")
-            parts.append(f"{1e6 * drift:+.0f} ppm +- {1e6 * drift_sd:.0f}" if steady else "drift not observable")
-        elif clocks:
-            parts.append("clock not observable, stamps kept")
-        if lines and rolled:
-            parts.append(f"{1e6 * line:.1f} us per row +- {1e6 * line_sd:.1f}")
-        elif lines:
-            parts.append("line delay not observable")
-        texts.append(f"{name}: {', '.join(parts)}")
-    if not motion.clocks.observable.all():
-        texts.append("not observable: too little motion in the views, or too short a recording")
-    return texts

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -77,7 +78,9 @@ def partial_notices(
     }
     if not late:
         return []
-    listed = listed_names([f"{cameras[c]} ({a / SECOND:.1f} to {b / SECOND:.1f} s)" for c, (a, b) in late.items()])
+    listed = listed_names(
+        [f"{cameras[c]} ({a / SECOND:.1f} to {b / SECOND:.1f} s)" for c, (a, b) in late.items()]
+    )
     text = f"cameras have views in a part of the {(end - begin) / SECOND:.1f} s only: {listed}"
     return [Notice("continuous.partial_camera", "info", text, {"cameras": [cameras[c] for c in late]})]
 
@@ -147,7 +150,7 @@ def _parts(stamps: Array) -> list[tuple[int, int]]:
     steps = np.diff(stamps.astype(np.float64))  # integers could overflow
     pause = max(PAUSE_NS, PAUSE_PERIODS * float(np.median(steps))) if len(steps) else PAUSE_NS
     borders = [0, *(np.flatnonzero(steps > pause) + 1).tolist(), len(stamps)]
-    return list(zip(borders[:-1], borders[1:]))
+    return list(pairwise(borders))
 
 
 def _left_out(

@@ -35,9 +35,7 @@ class FrameStream:
         EnvironmentProblem: if the file cannot be written.
     """
 
-    def __init__(
-        self, path: Path, head: Mapping[str, Any], packed: bool = True, told: Path | None = None
-    ):
+    def __init__(self, path: Path, head: Mapping[str, Any], packed: bool = True, told: Path | None = None):
         self._path = told or path
         self._packer: Any = zlib.compressobj(9, zlib.DEFLATED, GZIP) if packed else _Unpacked()
         self._lock = threading.Lock()  # `sync` runs in the recorder thread

@@ -365,9 +365,7 @@ class SkeletonStream(FrameStream):
         EnvironmentProblem: if the file cannot be written.
     """
 
-    def __init__(
-        self, path: Path, joint_names: Iterable[str], packed: bool = True, told: Path | None = None
-    ):
+    def __init__(self, path: Path, joint_names: Iterable[str], packed: bool = True, told: Path | None = None):
         super().__init__(path, {"format": SKELETONS, "joint_names": list(joint_names)}, packed, told)
 
     def take(self, item: TrackedPoseSet) -> None:

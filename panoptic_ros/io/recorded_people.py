@@ -37,9 +37,7 @@ class RecordedPeople:
         return [f"joints that are not in skeleton {self.skeleton.name} are left out: {joints}"]
 
 
-def read_people(
-    detections: Path, rig: Rig, skeleton: str = AUTO, any_order: bool = False
-) -> RecordedPeople:
+def read_people(detections: Path, rig: Rig, skeleton: str = AUTO, any_order: bool = False) -> RecordedPeople:
     """Read the 2D poses of a plain file.
 
     Args:

@@ -51,6 +51,11 @@ class ContinuousTask:
     notices: tuple[str, ...] = ()
 
 
+def continuous_config(clocks: bool, rolling_shutter: bool, trusted_camera: str) -> ContinuousConfig:
+    """Return the options of the pass, see `ContinuousConfig`."""
+    return ContinuousConfig(clocks, rolling_shutter, trusted_camera)
+
+
 def read_continuous_task(
     rig: Path | None,
     detections: Path | None,
@@ -163,4 +168,6 @@ def check_instants(stamps: Array, motion: ContinuousMotion) -> list[str]:
     span = f"of the recording, {motion.first_ns} to {motion.last_ns} ns"
     if outside == len(stamps):
         raise DataError(f"all {outside} instants of --at are outside {span}; are they of the same clock?")
-    return [f"{outside} of {len(stamps)} instants of --at are outside {span}: nobody is there"] * (outside > 0)
+    return [f"{outside} of {len(stamps)} instants of --at are outside {span}: nobody is there"] * (
+        outside > 0
+    )

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from panoptic_ros.domain import ClockModel, DetectionSet, ViewDetections
+from panoptic_ros.domain import DetectionSet, ViewDetections
 from panoptic_ros.io.interruption import interrupted
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.bag_plan import plan_bags
@@ -80,9 +80,7 @@ def recorded_views(plan: Plan, progress: Progress) -> tuple[list[DetectionSet], 
     if interrupted():
         raise KeyboardInterrupt
     views.end(plan.rig.names)
-    sets = [
-        DetectionSet(k, view.stamp_ns, view.skeleton_hash, (view,)) for k, view in enumerate(views.views)
-    ]
+    sets = [DetectionSet(k, view.stamp_ns, view.skeleton_hash, (view,)) for k, view in enumerate(views.views)]
     told = {notice.code: notice.text for notice in views.notices if notice.severity != "info"}
     for name, stage in counted.items():
         if name != "sync":  # it judges sets, which are not used
