@@ -94,8 +94,10 @@ def run(args: argparse.Namespace) -> int:
     with PassBar("continuous") as bar:
         motion = solve_continuous(task, bar.show)
     told = [] if stamps is None else check_instants(stamps, motion)
-    for line in (*task.notices, *(notice.text for notice in motion.notices), *told):
+    for line in (*task.notices, *told):
         print(f"warning: {line}", file=sys.stderr)
+    for notice in motion.notices:
+        print(f"{notice.severity}: {notice.text}", file=sys.stderr)
     instants = motion.at_rate(args.rate) if stamps is None else stamps
     write_skeletons(args.out, task.joint_names, motion.sets(instants))
     if args.clocks_out:
