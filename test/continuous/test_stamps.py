@@ -52,6 +52,21 @@ def test_timestamps_that_run_backwards_or_repeat_are_left_out_and_counted_by_cam
     assert notice.severity == "warning" and "3 of 80 views" in notice.text and "a (2), b (1)" in notice.text
 
 
+def test_of_two_views_with_one_timestamp_the_first_counts():
+    views = take()
+    views[41] = replace(views[41], stamp_ns=views[39].stamp_ns)
+    kept, _ = usable_views(views, NAMES)
+    assert views[39] in kept and views[41] not in kept
+
+
+def test_views_that_were_recorded_late_are_used():
+    views = take()
+    late = [*views[:20], views[22], views[21], views[20], *views[23:]]
+    kept, notices = usable_views(late, NAMES)
+    assert kept == views
+    assert [notice.code for notice in notices] == ["continuous.late_views"] and "1 of 80" in notices[0].text
+
+
 def test_a_copy_of_a_view_counts_once_without_a_notice():
     views = take()
     kept, notices = usable_views([v for view in views for v in (view, replace(view))], NAMES)
