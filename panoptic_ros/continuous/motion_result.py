@@ -33,6 +33,7 @@ class ContinuousMotion:
         cameras: (C) names.
         clocks: (C) clocks and line delays, with `reference_ns`.
         skeleton_hash: skeleton of the joints.
+        derived: joints that are means of others, see `SkeletonModel`.
         notices: faults of the recording.
     """
 
@@ -44,6 +45,7 @@ class ContinuousMotion:
     cameras: tuple[str, ...]
     clocks: CameraTimes
     skeleton_hash: str
+    derived: tuple[tuple[int, tuple[int, ...]], ...] = ()
     notices: tuple[Notice, ...] = ()
 
     def at_rate(self, rate: float) -> Array:
@@ -65,10 +67,11 @@ class ContinuousMotion:
     def sets(self, stamps_ns: Sequence[int] | Array) -> Iterator[RefinedPoseSet]:
         """Yield the people at increasing instants (T,) ns."""
         stamps = iter(int(stamp) for stamp in stamps_ns)
+        support = [ViewSupport(person) for person in self.people]
         index = 0
         while part := list(islice(stamps, PART)):
             times = 1e-9 * (np.array(part, np.int64) - self.reference_ns)
-            people = [self._person(person, times) for person in self.people]
+            people = [self._person(person, times, own) for person, own in zip(self.people, support)]
             for k, stamp in enumerate(part):
                 rows = [values for here, values in people if here[k]]
                 columns = [[values[c][k] for values in rows] for c in range(5)]
@@ -101,31 +104,21 @@ class ContinuousMotion:
             ids=np.array(ids, np.int64),
         )
 
-    def _person(self, person: PersonCurve, times: Array) -> tuple[Array, tuple[Array, ...]]:
+    def _person(
+        self, person: PersonCurve, times: Array, support: ViewSupport
+    ) -> tuple[Array, tuple[Array, ...]]:
         """Return when a person is reported (T,), and positions, covariances, scores, views and states."""
+        since = times - person.seen[np.maximum(np.searchsorted(person.seen, times, "right") - 1, 0)]
+        here = (since >= 0.0) & (since <= ABSENT_S) & (times < person.until)
+        if not here.any():
+            return here, ()
         positions = person.at(times)
         covariances = person.covariances_at(times)
-        since = times - person.seen[np.maximum(np.searchsorted(person.seen, times, "right") - 1, 0)]
-        here = (since >= 0.0) & (since <= ABSENT_S) & np.isfinite(positions[:, 0, 0])
-        here &= times < person.until
-        shape = positions.shape[:2]
-        views, scores = np.zeros(shape, np.int64), np.zeros(shape)
-        later = np.zeros(shape, bool)
-        for j in range(shape[1]):
-            own = slice(person.rays.starts[j], person.rays.starts[j + 1])
-            order = np.argsort(person.times[own], kind="stable")
-            joint_times = person.times[own][order]
-            cameras = person.rays.cameras[own][order]
-            weights = (person.trusts[own] * person.rays.scores[own])[order]
-            low = np.searchsorted(joint_times, times - self.period)
-            high = np.searchsorted(joint_times, times + self.period, "right")
-            later[:, j] = high < len(joint_times)
-            total = np.concatenate([[0.0], np.cumsum(weights)])
-            scores[:, j] = (total[high] - total[low]) / np.maximum(high - low, 1)
-            for camera in np.unique(cameras):
-                mine = joint_times[cameras == camera]
-                last = np.searchsorted(mine, times + self.period, "right")
-                views[:, j] += last > np.searchsorted(mine, times - self.period)
+        scores, views, later = support.at(times, self.period)
+        for joint, sources in self.derived:
+            own = list(sources)
+            scores[:, joint], views[:, joint] = scores[:, own].min(axis=1), views[:, own].min(axis=1)
+            later[:, joint] = later[:, own].all(axis=1)
         states = np.where(
             views > 0, JointState.MEASURED, np.where(later, JointState.FILLED, JointState.PREDICTED)
         ).astype(np.uint8)
@@ -136,3 +129,40 @@ class ContinuousMotion:
         positions[missing], covariances[missing] = np.nan, np.nan
         here &= ~missing.all(axis=1)
         return here, (positions, covariances, scores, views, states)
+
+
+class ViewSupport:
+    """Views that show the joints of a person, sorted once for all instants.
+
+    Args:
+        person: curves with their rays.
+    """
+
+    def __init__(self, person: PersonCurve):
+        self._joints: list[tuple[Array, Array, list[Array]]] = []  # times, sums of weights, times by camera
+        for j in range(person.points.shape[1]):
+            own = slice(person.rays.starts[j], person.rays.starts[j + 1])
+            order = np.argsort(person.times[own], kind="stable")
+            times, cameras = person.times[own][order], person.rays.cameras[own][order]
+            weights = (person.trusts[own] * person.rays.scores[own])[order]
+            total = np.concatenate([[0.0], np.cumsum(weights)])
+            self._joints.append((times, total, [times[cameras == c] for c in np.unique(cameras)]))
+
+    def at(self, times: Array, period: float) -> tuple[Array, Array, Array]:
+        """Return mean scores (T, J), numbers of cameras (T, J) and whether later views follow (T, J).
+
+        Args:
+            times: (T,) s.
+            period: (s) reach before and after an instant.
+        """
+        shape = len(times), len(self._joints)
+        scores, views, later = np.zeros(shape), np.zeros(shape, np.int64), np.zeros(shape, bool)
+        for j, (own, total, of_cameras) in enumerate(self._joints):
+            low = np.searchsorted(own, times - period)
+            high = np.searchsorted(own, times + period, "right")
+            later[:, j] = high < len(own)
+            scores[:, j] = (total[high] - total[low]) / np.maximum(high - low, 1)
+            for mine in of_cameras:
+                last = np.searchsorted(mine, times + period, "right")
+                views[:, j] += last > np.searchsorted(mine, times - period)
+        return scores, views, later

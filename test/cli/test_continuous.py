@@ -130,9 +130,7 @@ def test_bad_instants_are_one_line(
     assert says in line and not (tmp_path / "s.json.gz").exists()
 
 
-def test_instants_of_another_device(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_instants_of_another_device(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stamps = [START_NS + round(1e9 * t) for t in (1.5, 1.0, 1.0, -7.0)]
     (tmp_path / "at.csv").write_text("\ufeffdevice,stamp_ns\n" + "".join(f"plate,{s}\n" for s in stamps))
     assert run(tmp_path, folder, "--at", tmp_path / "at.csv") == 0
@@ -140,7 +138,6 @@ def test_instants_of_another_device(
     frames = read_skeletons(tmp_path / "s.json.gz").frames
     assert [frame.stamp_ns for frame in frames] == sorted(set(stamps))
     assert [len(frame.ids) for frame in frames] == [0, 2, 2]
-
 
 
 @pytest.mark.parametrize(

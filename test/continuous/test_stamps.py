@@ -32,7 +32,15 @@ def test_a_recording_without_faults_is_kept_in_the_order_of_timestamps():
 
 @pytest.mark.parametrize(
     ("stamps", "count"),
-    [([], 0), ([5], 1), ([1, 2, 3], 3), ([3, 2, 1], 1), ([1, 2, 9, 3, 4], 4), ([1, 1, 2, 2], 2), ([0, 5, 1, 2, 3], 4)],
+    [
+        ([], 0),
+        ([5], 1),
+        ([1, 2, 3], 3),
+        ([3, 2, 1], 1),
+        ([1, 2, 9, 3, 4], 4),
+        ([1, 1, 2, 2], 2),
+        ([0, 5, 1, 2, 3], 4),
+    ],
 )
 def test_the_longest_increasing_part_is_found(stamps, count):
     chosen = rising_stamps(stamps)

@@ -29,7 +29,12 @@ def sets(rate, shifts_ms, jitter_ms=0.0, frames=30):
 
 @pytest.mark.parametrize(
     ("rate", "shifts_ms", "jitter_ms"),
-    [(6.4, (0, 40, 80, 120), 0.0), (12.5, (0, 20, 40, 60), 1.0), (15.0, (0, 33, 0, 33), 0.0), (20, (0, 12, 24, 36), 0)],
+    [
+        (6.4, (0, 40, 80, 120), 0.0),
+        (12.5, (0, 20, 40, 60), 1.0),
+        (15.0, (0, 33, 0, 33), 0.0),
+        (20, (0, 12, 24, 36), 0),
+    ],
 )
 def test_slow_cameras_in_turn(rate, shifts_ms, jitter_ms):
     found = free_running(sets(rate, shifts_ms, jitter_ms))
