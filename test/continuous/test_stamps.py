@@ -1,6 +1,7 @@
 """Views whose timestamps cannot be right are left out and counted."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def test_the_longest_increasing_part_is_found(stamps, count):
     chosen = rising_stamps(stamps)
     values = [stamps[k] for k in chosen]
     assert len(chosen) == count and chosen == sorted(chosen)
-    assert all(a < b for a, b in zip(values[:-1], values[1:]))
+    assert all(a < b for a, b in pairwise(values))
 
 
 def test_timestamps_that_run_backwards_or_repeat_are_left_out_and_counted_by_camera():
