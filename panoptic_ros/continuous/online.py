@@ -109,7 +109,7 @@ class OnlineMotion:
             if person is None:
                 person = OnlinePerson(self.ids, track)
                 self.ids += 1
-            track.entries = [entry for entry in track.entries if entry.frame in self.frames]
+            track.keep(self.frames)
             self.people.append(person)
 
     def at(self, time: float) -> list[PersonInstant]:
