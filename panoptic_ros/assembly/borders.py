@@ -122,7 +122,8 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
                 known = seen.precision[d, s] > 0.0 and np.isfinite(positions[p, j, 0])
                 if not known or odds[d, s] == 0.0:
                     continue
-                u, w, z = seen_at(seen.cams, v, positions[p, j], shifts[p, j])
+                late = seen.delays[d, s]
+                u, w, z = seen_at(seen.cams, v, positions[p, j], shifts[p, j], late)
                 if z <= MIN_DEPTH:
                     continue
                 information = seen.precision[d, s] ** 2
@@ -147,7 +148,7 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
                     x[i] = positions[p, j, i]
                     for k in range(3):
                         x[i] += spread[i, k] * step[k]
-                u, w, z = seen_at(seen.cams, v, x, shifts[p, j])
+                u, w, z = seen_at(seen.cams, v, x, shifts[p, j], late)
                 if z <= MIN_DEPTH:
                     continue
                 _jacobian(seen.cams.rotations[v], u, w, z, rows)
@@ -171,7 +172,7 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
 def _is_cut(position, shift, cams, camera, v):
     """Return whether a joint of a person (J, 3) m projects outside the image of view v."""
     for j in range(len(position)):
-        x, y, z = seen_at(cams, v, position[j], shift[j])
+        x, y, z = seen_at(cams, v, position[j], shift[j], cams.delays[v])
         if z > MIN_DEPTH and is_outside(camera, x, y):
             return True
     return False

@@ -100,7 +100,7 @@ def _project(position, shift, cams, v, place, box):
     left = top = near = np.inf
     right = bottom = far = -np.inf
     for j in range(len(position)):
-        x, y, z = seen_at(cams, v, position[j], shift[j])
+        x, y, z = seen_at(cams, v, position[j], shift[j], cams.delays[v])
         if z <= MIN_DEPTH:
             place[0, j] = place[1, j] = place[2, j] = 0.0
             continue

@@ -180,7 +180,7 @@ class AssemblyStage(Stateful):
         borders = self._config.image_borders
         scene = scene_of(item.detections, evidence, precision, self._mirror, self._rig, borders)
         solved, motion = self._solve_joints(scene, found), None
-        if scene.cams.delays.any():
+        if scene.cams.delays.any() or scene.delays.any():
             found, solved, motion = solved_in_motion(scene, found, solved, prediction, self._rules)
         if self._config.lost_people and item.of_maps:
             known = len(found.who)

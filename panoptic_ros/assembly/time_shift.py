@@ -1,7 +1,7 @@
-"""Views with different timestamps: dependence of joints on motion, and corrected velocities.
+"""2D joints of different exposures: dependence of joints on motion, and corrected velocities.
 
-A view with delay t sees a joint at X + t V. Let A be the rows of the linearised observations, w their weights
-and u an assumed velocity. To first order, least squares gives
+A 2D joint with delay t shows a joint at X + t V. Let A be the rows of the linearised observations, w their
+weights and u an assumed velocity. To first order, least squares gives
 
     x = X + G (V - u) with G = (sum w A^T A)^-1 sum w t A^T A.
 
@@ -151,7 +151,7 @@ def stamp_sums(solved, shifts, seen, cauchy):
     """
     positions, _, residuals, picks = solved
     plane, precision = seen.plane, seen.precision
-    rotations, delays = seen.cams.rotations, seen.cams.delays
+    rotations = seen.cams.rotations
     people, joints, views = residuals.shape
     normals = np.zeros((people, joints, 3, 3))
     first, second = np.zeros((people, joints, 3, 3)), np.zeros((people, joints, 3, 3))
@@ -165,8 +165,8 @@ def stamp_sums(solved, shifts, seen, cauchy):
                 if residuals[p, j, v] < 0.0:
                     continue
                 d, s = picks[p, j, v]
-                t = delays[v]
-                u, w, z = seen_at(seen.cams, v, positions[p, j], shifts[p, j])
+                t = seen.delays[d, s]
+                u, w, z = seen_at(seen.cams, v, positions[p, j], shifts[p, j], t)
                 for k in range(3):
                     row[k] = (rotations[v, 0, k] - u * rotations[v, 2, k]) / z
                     column[k] = (rotations[v, 1, k] - w * rotations[v, 2, k]) / z

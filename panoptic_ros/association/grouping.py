@@ -179,7 +179,14 @@ def search_people(free, seen, room, rules):
                 value[i, k] = value[i, k] * np.sqrt(common[i, k]) if alike else 0.0
         open_precision = precision.copy()  # 0 for the 2D poses that are assigned
         still_free = SceneObservations(
-            seen.plane, open_precision, seen.views, seen.starts, seen.cams, seen.lenses, seen.sizes
+            seen.plane,
+            open_precision,
+            seen.views,
+            seen.starts,
+            seen.cams,
+            seen.lenses,
+            seen.sizes,
+            seen.delays,
         )
         while found < len(members):
             for d in range(len(left)):

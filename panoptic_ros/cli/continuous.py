@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from panoptic_ros.cli.offsets import add_saved_option
 from panoptic_ros.running.arguments import output_file, within
 
 
@@ -30,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--clocks", action="store_true", help="estimate clock offsets and drifts of the cameras"
     )
+    add_saved_option(parser)
     parser.add_argument(
         "--rolling-shutter", action="store_true", help="estimate the line delays of the cameras"
     )
@@ -51,6 +53,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     instants.add_argument(
         "--at", type=Path, metavar="FILE", help="CSV file with the instants of the result, column stamp_ns"
     )
+    parser.add_argument(
+        "--lag",
+        type=within(float, 0.0, 1.0),
+        metavar="SECONDS",
+        help="give what the online form would have said: each instant k / rate from the views up to SECONDS "
+        "later (0: prediction); default: the whole recording",
+    )
     parser.add_argument("--skeleton", default="auto", help="skeleton model; auto: that of the file's joints")
     parser.add_argument(
         "--clocks-out", type=output_file, metavar="FILE", help="file for clocks and line delays, as JSON"
@@ -71,28 +80,43 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.io.plain_formats import write_skeletons
     from panoptic_ros.running.continuous import (
         check_instants,
-        continuous_config,
         read_continuous_task,
         read_instants,
         solve_continuous,
     )
-    from panoptic_ros.view.clock_lines import camera_lines
+    from panoptic_ros.running.continuous_online import check_online, solve_online
+    from panoptic_ros.running.known_clocks import whole_clocks, with_saved_clocks
+    from panoptic_ros.view.clock_lines import camera_time_lines
     from panoptic_ros.view.progress import PassBar
 
+    if args.lag is not None:
+        check_online(vars(args))
     stamps = read_instants(args.at) if args.at else None
-    config = continuous_config(args.clocks, args.rolling_shutter, args.trusted_camera)
     with PassBar("views") as bar:
         task = read_continuous_task(
             args.rig,
             args.detections,
-            config,
+            (args.clocks, args.rolling_shutter, args.trusted_camera),
             args.skeleton,
             capture=args.capture,
             bags=args.bag,
             progress=bar.show,
         )
+    known = None
+    if args.offsets:
+        task, known = with_saved_clocks(task, args.offsets)
+    if args.lag is not None:
+        with PassBar("continuous") as bar:
+            result = solve_online(task, args.lag, args.rate, bar.show)
+        for line in (*task.notices, *result.notices):
+            print(f"warning: {line}", file=sys.stderr)
+        write_skeletons(args.out, task.joint_names, result.sets)
+        if not args.quiet:
+            print(f"{args.out}: {len(result.sets)} instants, {result.people} people")
+        return 0
     with PassBar("continuous") as bar:
         motion = solve_continuous(task, bar.show)
+    motion = motion if known is None else whole_clocks(motion, known)
     told = [] if stamps is None else check_instants(stamps, motion)
     for line in (*task.notices, *told):
         print(f"warning: {line}", file=sys.stderr)
@@ -105,7 +129,9 @@ def run(args: argparse.Namespace) -> int:
     if args.curves:
         write_curves(args.curves, task.joint_names, motion)
     if not args.quiet:
+        if known is not None:
+            print("\n".join(known.told(motion.cameras)))
         print(f"{args.out}: {len(instants)} instants, {len(motion.people)} people")
-        if config.clocks or config.rolling_shutter:
-            print("\n".join(camera_lines(motion, args.clocks, args.rolling_shutter)))
+        if args.clocks or args.rolling_shutter:
+            print("\n".join(camera_time_lines(motion, args.clocks, args.rolling_shutter)))
     return 0

@@ -14,10 +14,10 @@ TERMS = 3  # unknowns of a camera: offset, drift, line delay
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def clock_sums(fit, rays, grid, misses, cameras, factors, count):
-    """Return the normal equations of the U = TERMS * C unknowns of C cameras, beside those of the curves.
+    """Return the normal equations of the U = TERMS * C unknowns of C cameras and their coupling to curves.
 
-    Unknown p of camera c has the index p * C + c. The result is the information (U, U), the part of it that
-    is noise of the velocities, the right-hand side (U,), and the coupling (J, 3K, U) to the control points.
+    Unknown p of camera c has the index p * C + c. Four arrays result. They are the information (U, U), its
+    part from noise of velocities, the right-hand side (U,), and the coupling (J, 3K, U) to control points.
 
     The right-hand side contains the derivative of the curves' own evidence, -1/2 log |H|. Without it, noise
     in the velocities would bias the clocks.

@@ -14,8 +14,9 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from panoptic_ros.continuous.clock_sums import TERMS, clock_sums, eliminate
+from panoptic_ros.continuous.observability import known_clocks
 from panoptic_ros.continuous.problem import CurveProblem, TrackRays, cauchy_of
-from panoptic_ros.solving.clock_gauge import KNOWN, acquainted, common_shift
+from panoptic_ros.solving.clock_gauge import KNOWN, common_shift
 from panoptic_ros.stage import Progress, untold
 
 Array = np.ndarray
@@ -104,19 +105,6 @@ class CameraTimes:
     def applicable(self, start: CameraTimes) -> CameraTimes:
         """Return the times with the values of `start` where they are not observable."""
         return CameraTimes(np.where(self.observable, self.values, start.values), self.covariance)
-
-
-def known_clocks(covariance: Array) -> Array:
-    """Return the cameras (C,) whose offsets are known relative to each other; none, if fewer than two.
-
-    Args:
-        covariance: (C, C) of the offsets.
-    """
-    members = acquainted(covariance)
-    inside = covariance[np.ix_(members, members)]
-    variances = np.diag(inside) - 2.0 * inside.mean(axis=1) + inside.mean()
-    known: Array = members & (members.sum() > 1) & (variances.max() <= KNOWN**2)
-    return known
 
 
 def factors_of(rays: TrackRays) -> Array:

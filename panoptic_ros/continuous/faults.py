@@ -1,4 +1,4 @@
-"""Views that contradict the motion of the people: cameras whose timestamps are far off, and single views.
+"""Find cameras and single views that contradict the motion of the people.
 
 2D people of a camera whose timestamps are far off fit the motion at another time. The curves come from all
 cameras. A camera that is a second off has little weight in them, because it contradicts the others.
@@ -133,7 +133,7 @@ def fault_notices(faults: Sequence[ClockFault], cameras: Sequence[str]) -> list[
 def misfit_notices(
     frames: Sequence[CameraFrame], times: Array, tracks: Sequence[ViewTrack], cameras: Sequence[str]
 ) -> list[Notice]:
-    """Return a notice about single views whose 2D people fit nobody, unlike those before and after.
+    """Return a notice about single views whose 2D people fit no person, unlike those before and after.
 
     Args:
         times: (F,) s, of the frames, in increasing order.
@@ -184,7 +184,7 @@ def _samples(frames: Sequence[CameraFrame], times: Array, camera: int) -> tuple[
 def _misses(
     poses: _Poses, people: Sequence[TimedCurve], arrays: RigArrays, camera: int, shift: float = 0.0
 ) -> Array:
-    """Return the mean distances (N,) of 2D people from the nearest person, NaN where nobody is.
+    """Return the mean distances (N,) of 2D people from the nearest person, NaN where there is no person.
 
     Args:
         shift: (s) added to the times.

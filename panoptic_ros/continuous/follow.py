@@ -8,7 +8,7 @@ confirm a candidate or discard it.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Container, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -108,7 +108,7 @@ class ViewTrack:
         Args:
             mirror: (J,) joint on the other side of each joint, if left and right are exchanged.
         """
-        plane, known = frame.plane[person], frame.scores[person] > 0.0
+        plane, known = frame.plane[person].copy(), frame.scores[person] > 0.0
         if mirror is not None:
             plane, known = plane[mirror], known[mirror]
         squares = update(self.filters, view, plane, known, SIGMA)
@@ -132,9 +132,9 @@ class ViewTrack:
                 for entry in self.entries
             ]
 
-    def keep(self, frames: Container[int]) -> None:
-        """Forget the views outside of these frames."""
-        self.entries = [entry for entry in self.entries if entry.frame in frames]
+    def keep(self, oldest: int) -> None:
+        """Forget the views before a frame."""
+        self.entries = [entry for entry in self.entries if entry.frame >= oldest]
         self.exchanged = sum(entry.mirrored for entry in self.entries)
 
     @property
@@ -153,7 +153,7 @@ class ViewTracker:
     """Follows people through views in order of time, or in reversed order from given seeds."""
 
     def __init__(self, arrays: RigArrays, mirror: Array, pair_s: float = PAIR_S):
-        self._arrays, self._mirror, self._pair_s = arrays, mirror, pair_s
+        self._arrays, self._mirror, self.pair_s = arrays, mirror, pair_s
         self._views = [
             ViewRays(rotation, translation)
             for rotation, translation in zip(arrays.rotations, arrays.translations)
@@ -263,7 +263,7 @@ class ViewTracker:
     def _start(self, number: int, frame: CameraFrame, person: int, time: float) -> None:
         """Start a candidate from an unassigned 2D person and an earlier one of another camera."""
         plane, known = frame.plane[person], frame.scores[person] > 0.0
-        self._free = [one for one in self._free if time - one[0] <= self._pair_s]
+        self._free = [one for one in self._free if time - one[0] <= self.pair_s]
         best, partner = PAIR_DISTANCE, None
         for one in self._free:
             if one[1] != frame.camera:
@@ -359,7 +359,12 @@ def camera_periods(frames: Sequence[CameraFrame], times: Array) -> list[float]:
 
 def pairing_time(frames: Sequence[CameraFrame], times: Array) -> float:
     """Return the time (s) between two views that may start a person: half a period of the slowest camera."""
-    return max([PAIR_S, *(0.5 * period for period in camera_periods(frames, times) if period < 1.0)])
+    return pairing_time_of(camera_periods(frames, times))
+
+
+def pairing_time_of(periods: Iterable[float]) -> float:
+    """Return the time (s) between two views that may start a person, from the cameras' periods (s)."""
+    return max([PAIR_S, *(0.5 * period for period in periods if period < 1.0)])
 
 
 def view_costs(
@@ -374,7 +379,8 @@ def view_costs(
     """
     planes, known = frame.plane[people], frame.scores[people] > 0.0
     straight = distances(filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE)
-    mirrored = distances(filters, view, planes[:, mirror], known[:, mirror], SIGMA, WIDEST, MOST_DISTANCE)
+    planes, known = (np.ascontiguousarray(values[:, mirror]) for values in (planes, known))
+    mirrored = distances(filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE)
     return straight, mirrored + MIRROR_MARGIN
 
 

@@ -31,7 +31,7 @@ from panoptic_ros.stage import Progress, Recording, StageContext, part_of
 
 Array = np.ndarray
 CLOCK_ROUNDS = 2  # association and clocks in turn: wrong clocks cost some views of fast people
-LEAST_VIEWS = 4  # minimum number of views of a person in a part that serves for clocks
+LEAST_VIEWS = 4  # minimum number of views of a person in a part that is used for clocks
 UNKNOWN_PERIOD_S = 0.1  # s between frames where no camera has two
 FAULT_ROUNDS = 2  # number of repetitions without views whose timestamps contradict the others
 CLOCKS_SHARE = 0.5  # share of the run time for clocks

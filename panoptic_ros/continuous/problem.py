@@ -19,6 +19,7 @@ from panoptic_ros.continuous.curves import (
     persistence,
 )
 from panoptic_ros.continuous.follow import Entry
+from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.robust import growth
 from panoptic_ros.geometry.splines import control_points
@@ -97,33 +98,27 @@ class TrackRays:
             stamps: (F,) s, of the frames.
             mirror: (J,) joint on the other side of each joint.
         """
-        views = [frames[entry.frame] for entry in entries]
-        usual = np.arange(len(mirror))
-        picks = [(entry.person, mirror if entry.mirrored else usual) for entry in entries]
-        scores = np.stack([view.scores[pick] for view, pick in zip(views, picks)])
-        plane = np.stack([view.plane[pick] for view, pick in zip(views, picks)])
-        heights = np.stack([view.heights[pick] for view, pick in zip(views, picks)])
-        cameras = np.array([view.camera for view in views], np.int64)
-        times = stamps[[entry.frame for entry in entries]]
-        depths = np.array([entry.depth for entry in entries])
-        none = np.zeros(len(mirror))
-        squares = np.stack([entry.squares if len(entry.squares) else none for entry in entries])
-        view, joint = np.nonzero(scores > 0.0)
-        order = np.lexsort((times[view], joint))
+        return cls.of_views(SeenViews.of(entries, frames, stamps, mirror), arrays)
+
+    @classmethod
+    def of_views(cls, seen: SeenViews, arrays: RigArrays) -> TrackRays:
+        """Return the rays of the views of one person."""
+        view, joint = np.nonzero(seen.scores > 0.0)
+        order = np.lexsort((seen.times[view], joint))
         view, joint = view[order], joint[order]
-        camera, point = cameras[view], plane[view, joint]
+        camera, point = seen.cameras[view], seen.plane[view, joint]
         rotations, translations = arrays.rotations[camera], arrays.translations[camera]
         return cls(
-            np.searchsorted(joint, np.arange(scores.shape[1] + 1)),
+            np.searchsorted(joint, np.arange(seen.scores.shape[1] + 1)),
             joint,
             camera,
-            times[view],
+            seen.times[view],
             point[..., None] * rotations[:, None, 2] - rotations[:, :2],
             translations[:, :2] - point * translations[:, 2:],
-            scores[view, joint],
-            heights[view, joint],
-            depths[view],
-            squares[view, joint],
+            seen.scores[view, joint],
+            seen.heights[view, joint],
+            seen.depths[view],
+            seen.squares[view, joint],
         )
 
     def subset(self, inside: Array) -> TrackRays:

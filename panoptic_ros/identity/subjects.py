@@ -55,7 +55,7 @@ def subjects_of(words: Sequence[str], where: str = "subjects") -> SubjectSet:
         raise ConfigError(f"{where}: {error}") from None
 
 
-# m on the ground, from the stated position: it is entered by hand, and the person may already move
+# m on the ground, maximum distance from the stated position, which is entered by hand; the person may move
 REACH = 0.75
 WAIT = 5.0  # s, longest delay after the stated time with which a person may reach the position
 BACK = 1.0  # s, longest time over which a person's motion is extrapolated back to the stated time

@@ -29,14 +29,14 @@ class FrameStream:
     Args:
         head: keys and values before "frames".
         packed: gzip the document.
-        told: path that errors name, if `path` is temporary.
+        named: path that errors name, if `path` is temporary.
 
     Raises:
         EnvironmentProblem: if the file cannot be written.
     """
 
-    def __init__(self, path: Path, head: Mapping[str, Any], packed: bool = True, told: Path | None = None):
-        self._path = told or path
+    def __init__(self, path: Path, head: Mapping[str, Any], packed: bool = True, named: Path | None = None):
+        self._path = named or path
         self._packer: Any = zlib.compressobj(9, zlib.DEFLATED, GZIP) if packed else _Unpacked()
         self._lock = threading.Lock()  # `sync` runs in the recorder thread
         self._unsynced = True

@@ -359,14 +359,16 @@ class SkeletonStream(FrameStream):
     """Writer of 3D poses frame by frame, in the format of `write_skeletons`.
 
     Args:
-        packed, told: see `FrameStream`.
+        packed, named: see `FrameStream`.
 
     Raises:
         EnvironmentProblem: if the file cannot be written.
     """
 
-    def __init__(self, path: Path, joint_names: Iterable[str], packed: bool = True, told: Path | None = None):
-        super().__init__(path, {"format": SKELETONS, "joint_names": list(joint_names)}, packed, told)
+    def __init__(
+        self, path: Path, joint_names: Iterable[str], packed: bool = True, named: Path | None = None
+    ):
+        super().__init__(path, {"format": SKELETONS, "joint_names": list(joint_names)}, packed, named)
 
     def take(self, item: TrackedPoseSet) -> None:
         """Append one frame."""

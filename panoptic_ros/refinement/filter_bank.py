@@ -145,7 +145,7 @@ def add_motions(people: PeopleStatistics, surface: Array, views: Array, dt: floa
 
 
 def gains_of(sums: Array) -> Array:
-    """Return the gains (K,) on the motion of limbs against the torso, from 1 to `MOST`."""
+    """Return the gains (K,) on the motion of limbs relative to the torso, from 1 to `MOST`."""
     gains: Array = np.clip((sums[:, 0] + PRIOR) / (sums[:, 1] + PRIOR), 1.0, MOST)
     return gains
 
@@ -153,7 +153,7 @@ def gains_of(sums: Array) -> Array:
 def in_full(
     links: JointDisplacements, carried: Array, kinds: Sequence[Sequence[int]], gains: Array
 ) -> JointDisplacements:
-    """Return the links with gains on the motion of limbs against the torso.
+    """Return the links with gains on the motion of limbs relative to the torso.
 
     Args:
         carried: (P, J, 3) m, displacements that joints would have with the torso.
@@ -429,7 +429,7 @@ class FilterBank:
         """
         config, measured, shape = self._config, target.measured, again.shape
         lasting = np.where(measured.joints, self._share, float(self._share > 0.0))
-        lasting[measured.filled] = 1.0  # bones and predictions, which place filled joints, err persistently
+        lasting[measured.filled] = 1.0  # filled by bone lengths and predictions, whose errors persist
         limits = config.max_sigma, config.max_prediction
         places, spreads, scores = np.empty((*shape, 3)), np.empty((*shape, 3, 3)), np.empty(shape)
         judged = SmoothedJoints(places, spreads, scores, np.empty(shape, np.uint8))

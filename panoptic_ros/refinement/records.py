@@ -56,7 +56,7 @@ class PeopleStatistics(NamedTuple):
     """People in the order of their arrival, with the values that are learnt for them."""
 
     ids: Array  # (P,)
-    speeds: Array  # (P, J) m/s against the body, largest recent speed
+    speeds: Array  # (P, J) m/s relative to the body, largest recent speed
     factors: Array  # (P, J) factors on the process noise
     levels: Array  # (P,) scale of the covariances
     weights: Array  # (P,) number of measurements of a whole person that the level averages, at most 100

@@ -19,7 +19,7 @@ from panoptic_ros.refinement.records import PeopleStatistics
 
 Array = np.ndarray
 
-TOP_SPEED = 3.0  # m/s against the body, upper limit: higher speeds are noise
+TOP_SPEED = 3.0  # m/s relative to the body, upper limit of a joint's speed: higher values are noise
 CLIP = 3.0  # standard deviations at which innovations are clipped
 FIRST = 4  # measurements of a person before process noise is learnt from positions
 SETTLED = 10  # measurements before the scale is learnt: earlier innovations depend on the velocity prior
@@ -195,8 +195,8 @@ def process_noise(speeds, factors, states, least, growth, noise):
     """Write the process noise (P, J) m^2/s^3 to `noise`; limbs that swing have more than the trunk.
 
     Args:
-        speeds: (P, J) m/s, largest recent speeds; raised to the present speeds against the body, at most
-            `TOP_SPEED`. The velocity of the body is the median over its joints.
+        speeds: (P, J) m/s, largest recent speeds; raised to the present speeds relative to the body, at
+            most `TOP_SPEED`. The velocity of the body is the median over its joints.
         factors: (P, J) factors on the process noise.
         states: (P, J, S).
         least: m^2/s^3, process noise at rest for a factor of 1.

@@ -51,15 +51,10 @@ class ContinuousTask:
     notices: tuple[str, ...] = ()
 
 
-def continuous_config(clocks: bool, rolling_shutter: bool, trusted_camera: str) -> ContinuousConfig:
-    """Return the options of the pass, see `ContinuousConfig`."""
-    return ContinuousConfig(clocks, rolling_shutter, trusted_camera)
-
-
 def read_continuous_task(
     rig: Path | None,
     detections: Path | None,
-    config: ContinuousConfig,
+    options: tuple[bool, bool, str] = (False, False, ""),
     skeleton: str = AUTO,
     *,
     capture: Path | None = None,
@@ -70,11 +65,13 @@ def read_continuous_task(
 
     Args:
         rig: calibration; None = that of the capture or bag.
+        options: values of `ContinuousConfig`.
         capture: folder with 2D people or images, or results of `panoptic run`. Images go through detection.
 
     Raises:
         UserError: on any input fault that the user can fix.
     """
+    config = ContinuousConfig(*options)
     sources = {"--detections": detections, "a capture folder": capture, "--bag": bags}
     given = [name for name, source in sources.items() if source]
     if len(given) != 1:
@@ -125,7 +122,7 @@ def solve_continuous(task: ContinuousTask, progress: Progress) -> ContinuousMoti
 
 
 def _why_nobody(task: ContinuousTask) -> list[Notice]:
-    """Return a notice that explains why there is nobody."""
+    """Return a notice that explains why no person is found."""
     views = views_in_order(task.recording.records("detection_sets"))
     if not any(len(view.scores) for view in views):
         return [Notice("result.nobody", "warning", f"none of the {len(views)} views has a 2D person")]

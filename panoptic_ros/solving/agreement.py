@@ -44,7 +44,9 @@ def agreement_with_people(positions, shifts, seen, mirror, scale):
             if v != last:
                 last = v
                 for j in range(joints):
-                    u[j], w[j], z[j] = seen_at(seen.cams, v, positions[p, j], shifts[p, j])
+                    u[j], w[j], z[j] = seen_at(
+                        seen.cams, v, positions[p, j], shifts[p, j], seen.cams.delays[v]
+                    )
             own = other = 0.0
             count = 0
             for j in range(joints):

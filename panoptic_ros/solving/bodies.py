@@ -357,6 +357,6 @@ def _look(x, j, v, rays):
         u, w: projected point, on the plane at 1 m.
         depth: m.
     """
-    seen = rays.seen.plane[rays.member[v], rays.source[v, j]]
-    u, w, depth = seen_at(rays.seen.cams, v, x, rays.shifts[j])
-    return seen[0] - u, seen[1] - w, u, w, depth
+    d, s = rays.member[v], rays.source[v, j]
+    u, w, depth = seen_at(rays.seen.cams, v, x, rays.shifts[j], rays.seen.delays[d, s])
+    return rays.seen.plane[d, s, 0] - u, rays.seen.plane[d, s, 1] - w, u, w, depth

@@ -115,13 +115,17 @@ def pick_observations(x, joint, claims, seen, rules, picks):
     for v in range(len(picks)):
         picks[v, 0] = -1
         best = np.inf
-        u, w, depth = seen_at(seen.cams, v, x, joint.shift)
+        late = seen.cams.delays[v]
+        u, w, depth = seen_at(seen.cams, v, x, joint.shift, late)
         if depth <= MIN_DEPTH:
             continue
         own = member[p, v]
         if own >= 0:
             s = source[p, v, j]
             if precision[own, s] > 0.0 and (owner[own, s] < 0 or owner[own, s] == p):
+                if seen.delays[own, s] != late:
+                    late = seen.delays[own, s]
+                    u, w, _ = seen_at(seen.cams, v, x, joint.shift, late)
                 du, dw = u - plane[own, s, 0], w - plane[own, s, 1]
                 squared = du * du + dw * dw
                 best = squared * precision[own, s] ** 2
@@ -139,6 +143,9 @@ def pick_observations(x, joint, claims, seen, rules, picks):
         for d in range(seen.starts[v], seen.starts[v + 1]):
             if d == own or precision[d, j] <= 0.0 or (owner[d, j] >= 0 and owner[d, j] != p):
                 continue
+            if seen.delays[d, j] != late:
+                late = seen.delays[d, j]
+                u, w, _ = seen_at(seen.cams, v, x, joint.shift, late)
             du, dw = u - plane[d, j, 0], w - plane[d, j, 1]
             cost = (du * du + dw * dw) * precision[d, j] ** 2
             if cost < least:

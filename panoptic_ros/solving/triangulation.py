@@ -302,7 +302,7 @@ def refine_point(x, shift, picks, seen, rules, limit, result):
 @njit(cache=True, error_model="numpy")
 def _tabulate(shift, picks, seen, residuals, table):
     """Write the picked observations to the rows of the table, and return their number."""
-    rotations, translations, delays = seen.cams
+    rotations, translations, _ = seen.cams
     used = 0
     for v in range(len(picks)):
         residuals[v] = -1.0
@@ -313,7 +313,7 @@ def _tabulate(shift, picks, seen, residuals, table):
             moved = translations[v, i]
             for k in range(3):
                 table[used, 3 * i + k] = rotations[v, i, k]
-                moved += rotations[v, i, k] * shift[k] * delays[v]
+                moved += rotations[v, i, k] * shift[k] * seen.delays[d, s]
             table[used, 9 + i] = moved
         table[used, X], table[used, Y] = seen.plane[d, s, 0], seen.plane[d, s, 1]
         table[used, INFORMATION] = seen.precision[d, s] ** 2

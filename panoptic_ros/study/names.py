@@ -48,6 +48,11 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "timing.clocks:Clocks",
         "timestamps corrected by timecode against the truth: an hour of mixed rates, and events",
     ),
+    "continuous": (
+        "continuous.continuous:Continuous",
+        "motion from cameras that were never synchronised, by the speed of joints (Elhayek et al. 2012, "
+        "Fig. 8)",
+    ),
     "detection": (
         "detection.detection:Detection",
         "processor time and accuracy of rationed detection, regions and propagation, beside detection at "

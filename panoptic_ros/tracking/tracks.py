@@ -17,8 +17,9 @@ from panoptic_ros.solving.limbs import Limbs
 Array = np.ndarray
 
 KNOWN_AFTER = 10  # number of measurements of a bone from which its length is treated as known
-# Number of measurements over which a bone length is averaged. It is no time: a bone does not change, and the
-# certainty of the mean depends on the number of measurements. The limit lets errors of the first ones fade.
+# Number of measurements over which a bone length is averaged. It is a count and not a duration: bones do
+# not change, and the certainty of the mean depends on the number of measurements. The average is limited so
+# that errors of the first measurements fade.
 LENGTH_MEMORY = 60.0
 DRIFT_FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
 BALANCE_TIME = 0.316  # s, time constant of the balance of exchanged and straight views: factor 0.9 per 1/30 s
@@ -225,8 +226,8 @@ def _distance(a, b):
 def joint_distances(states, variances, positions, covariances):
     """Return the mean distances (T, P) m of predicted and measured joints, and assignment costs (T, P).
 
-    Both are means over the common joints, infinite if there are none. The distance serves for gating. The
-    cost is the negative logarithm, up to a constant, of a density that falls off with the truncated
+    Both are means over the common joints, infinite if there are none. The distance is compared with a gate.
+    The cost is the negative logarithm, up to a constant, of a density that falls off with the truncated
     Mahalanobis distance. The cost grows with the uncertainty of the prediction. A person who was not seen for
     a while may be anywhere, and is less likely to be here.
 

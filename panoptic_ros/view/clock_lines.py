@@ -105,7 +105,7 @@ def contradictions(sound: SoundClockEstimate, motion: CameraClocks) -> list[str]
     ]
 
 
-def camera_lines(motion: ContinuousMotion, clocks: bool, lines: bool) -> list[str]:
+def camera_time_lines(motion: ContinuousMotion, clocks: bool, lines: bool) -> list[str]:
     """Return one line per camera: clock offset, drift and line delay with standard deviations.
 
     Args:
@@ -113,17 +113,14 @@ def camera_lines(motion: ContinuousMotion, clocks: bool, lines: bool) -> list[st
     """
     texts = []
     for c, name in enumerate(motion.cameras):
-        (offset, drift, line), (known, steady, rolled) = (
-            motion.clocks.values[:, c],
-            motion.clocks.observable[:, c],
-        )
+        offset, drift, line = motion.clocks.values[:, c]
+        known, steady, rolled = motion.clocks.observable[:, c]
         offset_sd, drift_sd, line_sd = motion.clocks.deviations[:, c]
         parts = []
         if clocks and known:
             parts.append(f"{1e3 * offset:+.2f} ms +- {1e3 * offset_sd:.2f}")
-            parts.append(
-                f"{1e6 * drift:+.0f} ppm +- {1e6 * drift_sd:.0f}" if steady else "drift not observable"
-            )
+            drifting = f"{1e6 * drift:+.0f} ppm +- {1e6 * drift_sd:.0f}"
+            parts.append(drifting if steady else "drift not observable")
         elif clocks:
             parts.append("clock not observable, stamps kept")
         if lines and rolled:

@@ -65,7 +65,8 @@ def scene_of(people, views=5, noise=0.001, keep=1.0, seed=0, swapped=()):
         cameras[name] = value
     sight = ViewVisibility(cameras, np.zeros(3 * views))
     precision, focals = np.full(plane.shape[:2], 500.0), np.full(views, 1000.0)
-    scene = Scene(evidence, precision, MIRROR, cams, centres, focals, sight, np.full(len(plane), np.inf))
+    sizes, late = np.full(len(plane), np.inf), np.zeros(scores.shape)
+    scene = Scene(evidence, precision, MIRROR, cams, centres, focals, sight, sizes, late)
     return scene, np.array(truth, int)
 
 

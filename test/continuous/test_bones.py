@@ -10,12 +10,12 @@ from panoptic_ros.continuous.bones import (
     instants,
     learn_lengths,
     pair_distances,
-    relax,
     rigid_pairs,
     step_with_lengths,
 )
 from panoptic_ros.continuous.follow import follow
 from panoptic_ros.continuous.problem import CurveProblem, TrackRays, grid_over
+from panoptic_ros.continuous.relaxation import relax
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.solving.frames import camera_frames
 

@@ -187,7 +187,14 @@ def test_ros2_launch_starts_the_nodes_of_panoptic_run(
     }
 
 
-OFF = {"offsets", "kinematics", "flow", "patches", "appearance"}  # unless parameters say otherwise
+OFF = {
+    "offsets",
+    "continuous",
+    "kinematics",
+    "flow",
+    "patches",
+    "appearance",
+}  # unless parameters say otherwise
 
 
 def test_devices_start_every_stage(launch_file: dict[str, Any], rig_file: Path) -> None:

@@ -18,14 +18,10 @@ from functools import lru_cache, partial
 import numpy as np
 
 from panoptic_ros.association.known_occluders import occluded_depths
-from panoptic_ros.continuous.bones import rigid_pairs
 from panoptic_ros.continuous.config import ContinuousConfig
-from panoptic_ros.continuous.follow import PAIR_S
-from panoptic_ros.continuous.online import OnlineMotion
 from panoptic_ros.continuous.passes import ContinuousPass
 from panoptic_ros.detection.stage import warm_up as detection
 from panoptic_ros.domain import Occluders
-from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.symmetric import largest_eigenvalue
 from panoptic_ros.graph.build import configure, make_stage, resolve
 from panoptic_ros.graph.nodes import NODES
@@ -34,7 +30,6 @@ from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.kernels import on_compilation
 from panoptic_ros.simulation import SKELETON, Ring, SimulatedScene, Simulation, simulate
 from panoptic_ros.simulation.rendering import Studio
-from panoptic_ros.solving.frames import camera_frames
 from panoptic_ros.stage import StageContext, untold
 
 
@@ -54,15 +49,10 @@ def _kinematics() -> None:
 
 def _continuous() -> None:
     """Compile the kernels of motion as a function of time."""
+    _stage("continuous", active=True)
     take = simulate(SimulatedScene("to compile", ("walk",), Ring(3), frames=25), 0, 25)
     context = StageContext(take.rig, SKELETON)
-    arrays = RigArrays.of(take.rig)
-    sets = tuple(take.detection_sets())
-    online = OnlineMotion(arrays, np.array(SKELETON.mirror), rigid_pairs(SKELETON), PAIR_S)
-    for frame in camera_frames(sets, arrays, SKELETON):
-        online.take(frame, 1e-9 * (frame.stamp_ns - sets[0].stamp_ns))
-    online.at(1e-9 * (sets[-1].stamp_ns - sets[0].stamp_ns))
-    recording = InMemoryRecording({"detection_sets": sets})
+    recording = InMemoryRecording({"detection_sets": tuple(take.detection_sets())})
     ContinuousPass(ContinuousConfig(clocks=True, rolling_shutter=True), context).run(recording, untold)
 
 

@@ -16,8 +16,8 @@ from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.running.plans.planning import plan_capture
 from panoptic_ros.running.runs.in_process import run_in_process
 from panoptic_ros.stage import Notice, Progress
+from panoptic_ros.stamps.correction import StampCorrection
 from panoptic_ros.sync.config import SyncConfig
-from panoptic_ros.sync.correction import StampCorrection
 
 
 class _Views:
@@ -27,7 +27,8 @@ class _Views:
         self.views: list[ViewDetections] = []
         self.notices: list[Notice] = []
         clocks = {camera.name: camera.clock for camera in plan.rig.cameras}
-        self._correction = StampCorrection(clocks, config_of(plan.configs, SyncConfig))
+        sync = config_of(plan.configs, SyncConfig)
+        self._correction = StampCorrection(clocks, sync.clocks, sync.delays_ms, sync.queue_limit)
         self._progress, self._total, self._count = progress, plan.frame_count or 0, 0
 
     def take(self, key: str, record: Any) -> None:

@@ -55,8 +55,8 @@ class WalkOutTake:
 class Walkout(Study):
     """Errors and ellipsoids by phase and by how many views see a joint, over all takes.
 
-    It also scores bodies if `kinematics.everybody` is set. In a capture, all persons are limited to two
-    cameras after a third of the time, and to one of these after two thirds.
+    The study also scores bodies if `kinematics.everybody` is set. In a capture, all persons are limited to
+    two cameras after a third of the time, and to one of these after two thirds.
     """
 
     columns = (
