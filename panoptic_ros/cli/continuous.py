@@ -74,7 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Solve a file and write the people at all instants."""
+    """Solve a recording and write the people at all instants."""
     from panoptic_ros.io.clock_files import write_camera_times  # imported here to keep --help fast
     from panoptic_ros.io.curve_files import write_curves
     from panoptic_ros.io.plain_formats import write_skeletons
@@ -118,8 +118,10 @@ def run(args: argparse.Namespace) -> int:
         motion = solve_continuous(task, bar.show)
     motion = motion if known is None else whole_clocks(motion, known)
     told = [] if stamps is None else check_instants(stamps, motion)
-    for line in (*task.notices, *(notice.text for notice in motion.notices), *told):
+    for line in (*task.notices, *told):
         print(f"warning: {line}", file=sys.stderr)
+    for notice in motion.notices:
+        print(f"{notice.severity}: {notice.text}", file=sys.stderr)
     instants = motion.at_rate(args.rate) if stamps is None else stamps
     write_skeletons(args.out, task.joint_names, motion.sets(instants))
     if args.clocks_out:

@@ -23,6 +23,7 @@ SIGMA = 5e-3  # m, standard deviation of one of these measurements
 # m, spread of a distance beyond its noise: up to the first the pair is rigid, from the second on it is free
 RIGID, FREE = 6e-3, 5e-2
 CORRELATION_S = 0.2  # s, correlation time of the spread of a pair that is not rigid
+LEAST_CERTAIN = 0.1  # m, greatest standard deviation of a distance that tells a length
 STEPS = 2  # Gauss-Newton steps
 SHORTEST = 1e-3  # m, length below which a pair has no direction
 
@@ -95,16 +96,19 @@ def pair_distances(
 def learn_lengths(distances: PairDistances) -> LearntLengths:
     """Return the lengths of pairs as medians of the certain half of their distances.
 
-    A pair whose distances spread more than their noise is not rigid. Its weight then states that spread.
+    A pair whose distances spread more than their noise is not rigid. Its weight then states that spread. A
+    pair with a joint that no view shows is free.
     """
-    certain = distances.variances < 2.0 * np.median(distances.variances, axis=1, keepdims=True)
+    usual = np.median(distances.variances, axis=1, keepdims=True)
+    shown = (usual[:, 0] < LEAST_CERTAIN**2) & (distances.lengths > 0.0).any(axis=1)
+    certain = (distances.variances < 2.0 * usual) | ~shown[:, None]
     lengths = np.where(certain, distances.lengths, np.nan)
     middle = np.nanmedian(lengths, axis=1)
     spread = (1.4826 * np.nanmedian(np.abs(lengths - middle[:, None]), axis=1)) ** 2
     spread -= np.nanmedian(np.where(certain, distances.variances, np.nan), axis=1)
     soft = INTERVAL_S / (2.0 * CORRELATION_S) / np.maximum(spread, RIGID**2)
     weights = np.where(spread > RIGID**2, soft, SIGMA**-2.0)
-    return LearntLengths(middle, np.where(spread > FREE**2, 0.0, weights))
+    return LearntLengths(np.where(shown, middle, 0.0), np.where((spread > FREE**2) | ~shown, 0.0, weights))
 
 
 def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt: LearntLengths) -> CurveFit:

@@ -87,6 +87,7 @@ class ViewTrack:
     number: int
     last: float
     entries: list[Entry] = field(default_factory=list)
+    exchanged: int = 0
     cameras: set[int] = field(default_factory=set)
     missed: int = 0
     recent: deque[tuple[float, bool]] = field(default_factory=deque)
@@ -114,11 +115,13 @@ class ViewTrack:
         self.last = self.time
         depth = float(np.nanmedian(self.positions @ view.rotation[2]) + view.translation[2])
         self.entries.append(Entry(number, person, depth, mirror is not None, squares))
+        self.exchanged += mirror is not None
         self.cameras.add(frame.camera)
 
     def turn(self, mirror: Array) -> None:
         """Exchange left and right if most views show the person that way."""
-        if 2 * sum(entry.mirrored for entry in self.entries) > len(self.entries):
+        if 2 * self.exchanged > len(self.entries):
+            self.exchanged = len(self.entries) - self.exchanged
             for filters in (self.filters, self.seed[1]) if self.seed else (self.filters,):
                 for values in filters:
                     values[:] = values[mirror]
@@ -128,6 +131,11 @@ class ViewTrack:
                 )
                 for entry in self.entries
             ]
+
+    def keep(self, oldest: int) -> None:
+        """Forget the views before a frame."""
+        self.entries = [entry for entry in self.entries if entry.frame >= oldest]
+        self.exchanged = sum(entry.mirrored for entry in self.entries)
 
     @property
     def rare(self) -> bool:

@@ -32,6 +32,7 @@ class ContinuousMotion:
         cameras: (C) names.
         clocks: (C) clocks and line delays, with `reference_ns`.
         skeleton_hash: skeleton of the joints.
+        derived: joints that are means of others, see `SkeletonModel`.
         notices: faults of the recording.
     """
 
@@ -43,6 +44,7 @@ class ContinuousMotion:
     cameras: tuple[str, ...]
     clocks: CameraTimes
     skeleton_hash: str
+    derived: tuple[tuple[int, tuple[int, ...]], ...] = ()
     notices: tuple[Notice, ...] = ()
 
     def at_rate(self, rate: float) -> Array:
@@ -81,7 +83,8 @@ class ContinuousMotion:
 
     def _person(self, person: PersonCurve, evidence: RayEvidence, times: Array) -> tuple[Array, JointReport]:
         """Return when a person is reported (T,), and its joints."""
-        report = joint_report(times, person.at(times), person.covariances_at(times), evidence, self.period)
+        positions, covariances = person.at(times), person.covariances_at(times)
+        report = joint_report(times, positions, covariances, evidence, self.period, self.derived)
         here = was_seen(times, person.seen) & (times < person.until)
         return here & (report.states != JointState.MISSING).any(axis=1), report
 

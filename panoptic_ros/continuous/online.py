@@ -132,7 +132,7 @@ class OnlineMotion:
 
     def __init__(self, arrays: RigArrays, skeleton: SkeletonModel):
         self._arrays, self._mirror = arrays, np.array(skeleton.mirror)
-        self._pairs = rigid_pairs(skeleton)
+        self._pairs, self._derived = rigid_pairs(skeleton), skeleton.derived
         self._search = ReturnSearch(skeleton, self._pairs)
         self._cameras = CameraRows(
             arrays.rotations,
@@ -166,7 +166,7 @@ class OnlineMotion:
             oldest += 1
         self._lose(time)
         for track in list(self._tracker.active):
-            track.entries = [entry for entry in track.entries if entry.frame >= oldest]
+            track.keep(oldest)
             if track.confirmed:
                 if track.number not in self._people:
                     self._people[track.number] = self._new_person(track, time)
@@ -193,7 +193,12 @@ class OnlineMotion:
                     rays.starts, rays.times, fit.rays.cameras, fit.rays.scores / rays.growths
                 )
                 report = joint_report(
-                    np.array([time]), fit.positions[None], fit.covariances[None], evidence, period
+                    np.array([time]),
+                    fit.positions[None],
+                    fit.covariances[None],
+                    evidence,
+                    period,
+                    self._derived,
                 ).at(0)
                 if (report.states != JointState.MISSING).any():
                     found.append(PersonInstant(person.id, report, fit.velocities))

@@ -114,6 +114,7 @@ class ContinuousPass:
             self._rig.names,
             clocks,
             self._skeleton.hash,
+            self._skeleton.derived,
             tuple(misfit_notices(ordered, times, tracks, self._rig.names)),
         )
         faults = clock_faults(ordered, times, people, self._arrays)
@@ -141,7 +142,8 @@ class ContinuousPass:
     ) -> PersonCurve:
         rays = TrackRays.of(track.entries, frames, stamps, self._arrays, self._mirror)
         seen = np.sort(times[[entry.frame for entry in track.entries]])
-        return fit_person(number, rays, clocks.times(rays), seen, self._arrays, self._pairs)
+        person = fit_person(number, rays, clocks.times(rays), seen, self._arrays, self._pairs)
+        return person.with_derived(self._skeleton.derived)
 
     def _estimate(
         self, frames: Sequence[CameraFrame], stamps: Array, clocks: CameraTimes, progress: Progress

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,6 +61,15 @@ class PersonCurve:
         curve = spline(self.grid.origin, self.grid.step, self.points)
         values: Array = curve(times, derivative)
         return values
+
+    def with_derived(self, derived: Sequence[tuple[int, tuple[int, ...]]]) -> PersonCurve:
+        """Return the person with joints that are means of others, see `SkeletonModel.derived`."""
+        points, covariances = self.points.copy(), self.covariances.copy()
+        for joint, sources in derived:
+            own = list(sources)
+            points[:, joint] = points[:, own].mean(axis=1)
+            covariances[:, joint] = covariances[:, own].sum(axis=1) / len(own) ** 2
+        return replace(self, points=points, covariances=covariances)
 
     def covariances_at(self, times: Array) -> Array:
         """Return the covariances (T, J, 3, 3) m^2 of the positions, interpolated between knots."""

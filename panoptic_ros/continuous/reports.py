@@ -72,7 +72,12 @@ def was_seen(times: Array, seen: Array) -> Array:
 
 
 def joint_report(
-    times: Array, positions: Array, covariances: Array, evidence: RayEvidence, period: float
+    times: Array,
+    positions: Array,
+    covariances: Array,
+    evidence: RayEvidence,
+    period: float,
+    derived: Sequence[tuple[int, tuple[int, ...]]] = (),
 ) -> JointReport:
     """Return the joints of a person at increasing instants (T,) s.
 
@@ -80,8 +85,15 @@ def joint_report(
         positions: (T, J, 3) m, overwritten.
         covariances: (T, J, 3, 3) m^2, overwritten.
         period: (s) time between two frames of a camera. A joint without a ray that near is predicted.
+        derived: joints that are means of others, see `SkeletonModel`.
     """
     views, scores, later = near_rays(times, *evidence, period)
+    for joint, sources in derived:
+        own = list(sources)
+        positions[:, joint] = positions[:, own].mean(axis=1)
+        covariances[:, joint] = covariances[:, own].sum(axis=1) / len(own) ** 2
+        views[:, joint], scores[:, joint] = views[:, own].min(axis=1), scores[:, own].min(axis=1)
+        later[:, joint] = later[:, own].all(axis=1)
     states = np.where(
         views > 0, JointState.MEASURED, np.where(later, JointState.FILLED, JointState.PREDICTED)
     ).astype(np.uint8)

@@ -15,6 +15,7 @@ Array = np.ndarray
 SECOND = 1_000_000_000
 PAUSE_NS = 2 * SECOND  # ns, shortest pause of a recording
 PAUSE_PERIODS = 4  # the same limit for slow cameras, in periods of the camera
+LATE_PERIODS = 2.5  # periods of a camera by which a view may be out of order
 FEW = 3  # minimum number of views of a camera between two pauses
 SHARE_NS = SECOND  # ns, time without views at an end of the recording that is worth a line
 NAMED = 6  # number of cameras that a notice names
@@ -26,8 +27,9 @@ def usable_views(
     """Return the views whose timestamps can be right, in the order of timestamps, and notices.
 
     A view that repeats counts once. The timestamps of a camera must increase; the largest number of views
-    that do is kept. Two views or fewer between two pauses, and views that no other camera accompanies, are
-    left out.
+    that do is kept. So are views that are out of order by a few periods, because such views were often
+    recorded late, with the right timestamps. Two views or fewer between two pauses, and views that no other
+    camera accompanies, are left out.
 
     Args:
         frames: views in the order of recording of each camera.
@@ -37,23 +39,27 @@ def usable_views(
     for frame in frames:
         of_cameras[frame.camera].append(frame)
     back: dict[int, int] = {}
+    late: dict[int, int] = {}
     stray: dict[int, int] = {}
     kept: list[CameraFrame] = []
     for camera, own in of_cameras.items():
         own = _once(own)
-        rising = [own[k] for k in rising_stamps([frame.stamp_ns for frame in own])]
-        near = _without_strays(rising)
-        back[camera], stray[camera] = len(own) - len(rising), len(rising) - len(near)
+        ordered, late[camera] = _ordered(own)
+        near = _without_strays(ordered)
+        back[camera], stray[camera] = len(own) - len(ordered), len(ordered) - len(near)
         kept += near
     kept.sort(key=lambda frame: (frame.stamp_ns, frame.camera))
     together, alone = _accompanied(kept)
     for camera, count in alone.items():
         stray[camera] += count
-    notices = [
-        *_left_out("continuous.stamps_back", back, "repeat or run backwards", len(frames), cameras),
-        *_left_out("continuous.stray_stamps", stray, "are far from all others", len(frames), cameras),
-    ]
-    return together, notices
+    out = "are left out, because their stamps"
+    texts = {
+        "continuous.stamps_back": (back, f"{out} repeat or run backwards"),
+        "continuous.late_views": (late, "come after later ones, and are used at the times of their stamps"),
+        "continuous.stray_stamps": (stray, f"{out} are far from all others"),
+    }
+    found = [_counted(code, counts, text, len(frames), cameras) for code, (counts, text) in texts.items()]
+    return together, [notice for notices in found for notice in notices]
 
 
 def partial_notices(
@@ -86,12 +92,15 @@ def partial_notices(
 
 
 def rising_stamps(stamps: Sequence[int]) -> list[int]:
-    """Return the indices of a longest subsequence that increases."""
+    """Return the indices of a longest subsequence that increases; of equal values, the first counts."""
     ends: list[int] = []  # least last timestamp of a subsequence, by length - 1
     last: list[int] = []  # its index
     before: list[int] = []  # index of the previous element
     for k, stamp in enumerate(stamps):
         at = bisect_left(ends, stamp)
+        if at < len(ends) and ends[at] == stamp:
+            before.append(-1)
+            continue
         before.append(last[at - 1] if at else -1)
         ends[at : at + 1], last[at : at + 1] = [stamp], [k]
     chosen = []
@@ -153,16 +162,35 @@ def _parts(stamps: Array) -> list[tuple[int, int]]:
     return list(pairwise(borders))
 
 
-def _left_out(
-    code: str, counts: Mapping[int, int], why: str, total: int, cameras: Sequence[str]
+def _ordered(frames: Sequence[CameraFrame]) -> tuple[list[CameraFrame], int]:
+    """Return the views of a camera whose timestamps can be right, by timestamp, and how many came late."""
+    stamps = [frame.stamp_ns for frame in frames]
+    rising = rising_stamps(stamps)
+    if len(rising) == len(frames):
+        return list(frames), 0
+    reach = LATE_PERIODS * float(np.median(np.diff([stamps[k] for k in rising]))) if len(rising) > 1 else 0.0
+    chosen, used = set(rising), {stamps[k] for k in rising}
+    for k in sorted(set(range(len(frames))) - chosen):
+        place = bisect_left(rising, k)
+        early = stamps[rising[place - 1]] - stamps[k] if place else 0
+        behind = stamps[k] - stamps[rising[place]] if place < len(rising) else 0
+        if max(early, behind) <= reach and stamps[k] not in used:
+            chosen.add(k)
+            used.add(stamps[k])
+    kept = sorted((frames[k] for k in chosen), key=lambda frame: frame.stamp_ns)
+    return kept, len(kept) - len(rising)
+
+
+def _counted(
+    code: str, counts: Mapping[int, int], text: str, total: int, cameras: Sequence[str]
 ) -> list[Notice]:
-    """Return a notice about views of `total` that are left out; no notice if there is none."""
-    lost = {cameras[c]: count for c, count in counts.items() if count}
-    if not lost:
+    """Return a notice about views of `total`, by camera; no notice if there is none."""
+    found = {cameras[c]: count for c, count in counts.items() if count}
+    if not found:
         return []
-    listed = listed_names([f"{name} ({count})" for name, count in lost.items()])
-    text = f"{sum(lost.values())} of {total} views are left out, because their stamps {why}: {listed}"
-    return [Notice(code, "warning", text, {"views": lost})]
+    listed = listed_names([f"{name} ({count})" for name, count in found.items()])
+    text = f"{sum(found.values())} of {total} views {text}: {listed}"
+    return [Notice(code, "warning", text, {"views": found})]
 
 
 def listed_names(texts: Sequence[str]) -> str:

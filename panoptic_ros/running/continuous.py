@@ -18,6 +18,7 @@ from panoptic_ros.evaluation.rig_check import check_rig
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.io.bags import is_bag
+from panoptic_ros.io.detector_context import noise_only
 from panoptic_ros.io.loading import parsing, read_bytes
 from panoptic_ros.io.recorded_people import AUTO, read_people
 from panoptic_ros.running.grouping import grouped, views_in_order
@@ -94,7 +95,9 @@ def read_continuous_task(
     sets, told = recorded_views(plan, progress)
     context = StageContext(plan.rig, plan.skeleton)
     recording = InMemoryRecording({"detection_sets": sets})
-    return ContinuousTask(context, recording, config, plan.joint_names, (*plan.notices, *told))
+    usual = noise_only(plan.skeleton.bias_floors)  # a line that concerns every recording
+    told = [*(line for line in plan.notices if line not in usual), *told]
+    return ContinuousTask(context, recording, config, plan.joint_names, tuple(told))
 
 
 def _file_task(rig: Path, detections: Path, config: ContinuousConfig, skeleton: str) -> ContinuousTask:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from panoptic_ros.domain import ClockModel, DetectionSet, ViewDetections
 from panoptic_ros.graph.build import make_stage
-from panoptic_ros.params import Config
+from panoptic_ros.params import Config, config_of
 from panoptic_ros.stage import Notice, StageContext
+from panoptic_ros.sync.config import SyncConfig
 
+MOST_WAITING = 100_000  # views of a camera that wait for a camera that begins late: an hour at 28 Hz
 SINGLE_SHARE = 0.95  # share of sets with one view from which a file is not grouped
 
 
@@ -20,7 +23,8 @@ def grouped(
     Args:
         items: views side by side in time.
     """
-    stage = make_stage("sync", configs["sync"], context)
+    config = replace(config_of(configs, SyncConfig), queue_limit=MOST_WAITING)
+    stage = make_stage("sync", config, context)
     steps = [*(stage.step(item) for item in items), stage.flush()]
     sets = [item for result in steps for item in result.outputs]
     return sets, [notice for result in steps for notice in result.notices]

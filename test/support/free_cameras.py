@@ -106,6 +106,6 @@ class FreeCapture:
             truth = self.joints(times[t] + shift_s)
             for body in item.positions:
                 gaps = np.linalg.norm(truth - body, axis=-1)
-                nearest = int(gaps.mean(axis=1).argmin())
+                nearest = int(np.nanmean(gaps, axis=1).argmin())
                 found[nearest, t] = gaps[nearest]
         return found

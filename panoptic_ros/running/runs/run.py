@@ -44,7 +44,7 @@ class RunObserver:
         """Receive a record of the topic with that key; "diagnostics" carries the counters of all nodes."""
 
     def judged(self, notices: Sequence[Notice]) -> None:
-        """Receive the result of a check of rig or cameras, during the run or after the last record."""
+        """Receive the result of the calibration self-check, during the run or after the last record."""
 
     def ended(self) -> None:
         """Handle the end of the records. The self-check, if still due, and the pictures follow."""
@@ -126,7 +126,7 @@ def run(
         notices = (*told, *watch.check.judge())
         elapsed_s = time.monotonic() - started
         sets = grouped_views(plan, results)
-        notices += _hint(sets, Path(out), observer)
+        notices += _hint(sets, Path(out))
         report = finish(plan, results, counted, notices, sets, elapsed_s=elapsed_s)
         if pictures:
             draw(plan, results, sets, observer.drew)
@@ -278,7 +278,7 @@ def _report_live(
         notices = (*told, *watch.check.judge())
         elapsed_s = time.monotonic() - started
         sets = grouped_views(plan, results)
-        notices += _hint(sets, results.folder, how.observer)
+        notices += _hint(sets, results.folder)
         report = finish(plan, results, counted, notices, sets, elapsed_s=elapsed_s)
         report.write(results.folder / MARK)
         if how.pictures:
@@ -294,8 +294,8 @@ def _report_live(
     return report, troubles
 
 
-def _hint(sets: Sequence[DetectionSet], out: Path, observer: RunObserver) -> tuple[Notice, ...]:
-    """Return a notice if another command suits the cameras better, and report it to the observer.
+def _hint(sets: Sequence[DetectionSet], out: Path) -> tuple[Notice, ...]:
+    """Return a notice if another command suits the cameras better.
 
     Args:
         out: folder of the results.
@@ -304,9 +304,7 @@ def _hint(sets: Sequence[DetectionSet], out: Path, observer: RunObserver) -> tup
     if found is None:
         return ()
     command = f"panoptic continuous --bag {out / BAG} --out {out / 'continuous.json.gz'}"
-    notices = (Notice("run.free_running", "warning", f"{found}; use `{command}`"),)
-    observer.judged(notices)
-    return notices
+    return (Notice("run.free_running", "warning", f"{found}; use `{command}`"),)
 
 
 def _told(error: BaseException) -> PanopticError | None:
