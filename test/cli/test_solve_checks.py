@@ -160,12 +160,6 @@ def test_reasons_that_people_have(change: Callable[[ViewDetections], ViewDetecti
     assert why_nobody(sets, 2 * FRAMES, ()) == [] == why_nobody(sets[:1], 0, ())
 
 
-def test_views_that_come_one_per_frame_are_grouped(tmp_path: Path) -> None:
-    assert solve(tmp_path, captures.RIG, alone(captures.views(FRAMES))) == 0
-    frames = read_skeletons(tmp_path / "s.json.gz").frames
-    assert sum(len(frame.ids) == 2 for frame in frames) > 0.5 * FRAMES
-
-
 def test_nobody_out_of_many_names_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     says = "no two views of an instant show people"
     assert solve(tmp_path, captures.RIG, in_turn(captures.views(FRAMES))) == 0
