@@ -23,7 +23,7 @@ SIGMA = 5e-3  # m, standard deviation of one of these measurements
 # m, spread of a distance beyond its noise: up to the first the pair is rigid, from the second on it is free
 RIGID, FREE = 6e-3, 5e-2
 CORRELATION_S = 0.2  # s, correlation time of the spread of a pair that is not rigid
-LEAST_CERTAIN = 0.1  # m, greatest standard deviation of a distance that tells a length
+LEAST_CERTAIN = 0.1  # m, greatest standard deviation of a distance from which a length is learnt
 STEPS = 2  # Gauss-Newton steps
 SHORTEST = 1e-3  # m, length below which a pair has no direction
 
