@@ -1,0 +1,177 @@
+"""Calibration of a rig from views of a target: rounds of adjustment and of noise, then the covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from panoptic_ros.calibration.bundle import (
+    PLAIN,
+    Adjustment,
+    CameraStates,
+    Observations,
+    adjust,
+    covariance_of,
+    residuals_of,
+)
+from panoptic_ros.calibration.projection import OFFSET, POSE
+from panoptic_ros.calibration.rig_start import SCALE, CameraInput, RigStart, start_rig, with_best_targets
+from panoptic_ros.calibration.target_views import TargetView, image_speeds, observations_of
+from panoptic_ros.errors import CalibrationError
+
+Array = np.ndarray
+FIRST_NOISE_PX = 1.0  # px, noise of the pixels in the first round
+FIRST_JITTER_S = 0.02  # s, time shifts of views in the first round with shifts; webcams show 5 to 50 ms
+LEAST_JITTER_S = 1e-5  # s
+LEAST_NOISE_PX = 0.01  # px
+ROUNDS = 5  # of noise and adjustment; the noise changes by less than 1 % afterwards
+OUTLIER = 4.0  # standard deviations per axis; a Gaussian has 6e-5 beyond
+MEDIAN_SQUARE = 2.0 * np.log(2.0)  # median of a chi-squared variable with two degrees of freedom
+MOVING_PX_S = 2.0  # px/s, median speed of a camera's points below which its clock is not estimated
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedRig:
+    """Result of a calibration.
+
+    Args:
+        inputs: cameras, as given.
+        views: views that were used; those of `seen` are sorted by instant, then camera.
+        seen: observations without outliers.
+        state: all unknowns, in the frame of the first camera.
+        covariance: (N, N) of the free unknowns of the cameras. index: (C, CAMERA) their rows, -1 = fixed.
+        noise: (C,) px, standard deviation of the pixels per axis.
+        links: instants that link each pair of cameras.
+        outliers: (C,) number of points that were left out.
+    """
+
+    inputs: tuple[CameraInput, ...]
+    views: tuple[TargetView, ...]
+    seen: Observations
+    state: Adjustment
+    covariance: Array
+    index: Array
+    noise: Array
+    links: dict[tuple[int, int], int]
+    outliers: Array
+
+    def sd(self, camera: int, unknowns: slice) -> Array:
+        """Return the standard deviations of unknowns of a camera; 0 where they are fixed."""
+        rows = self.index[camera, unknowns]
+        variances = np.diag(self.covariance)[np.maximum(rows, 0)]
+        return np.where(rows >= 0, np.sqrt(np.maximum(variances, 0.0)), 0.0)
+
+
+def calibrate_rig(
+    cameras: Sequence[CameraInput], views: Sequence[TargetView], points: Array, clocks: bool = True
+) -> CalibratedRig:
+    """Return the calibration of cameras from views of a target with known points.
+
+    Args:
+        views: of all cameras; instants are any integers.
+        points: (N, 3) m, points of the target.
+        clocks: estimate a clock offset per camera and a time shift per view from the image velocity.
+
+    Raises:
+        CalibrationError: if the views do not determine the calibration.
+    """
+    start = start_rig(cameras, views, points)
+    speeds = image_speeds(start.views) if clocks else None
+    noise = np.full(len(cameras), FIRST_NOISE_PX)
+    seen = observations_of(start.views, points, noise, speeds)
+    state = _settled(seen, start)
+    if clocks:
+        state = replace(state, cameras=_with_clocks(seen, state.cameras))
+    for _ in range(ROUNDS):
+        noise = _robust_noise(seen, state, len(cameras))
+        seen = seen._replace(variances=(noise**2)[seen.cameras[seen.views]])
+        state = adjust(seen, _with_jitter(seen, state), SCALE)
+    good = ((residuals_of(seen, state) ** 2) / seen.variances[:, None] < OUTLIER**2).all(axis=1)
+    outliers = np.bincount(seen.cameras[seen.views][~good], minlength=len(cameras))
+    seen = _kept(seen, good)
+    state = adjust(seen, state, PLAIN)
+    noise = _plain_noise(seen, state, len(cameras))
+    seen = seen._replace(variances=(noise**2)[seen.cameras[seen.views]])
+    state = adjust(seen, state, PLAIN)
+    try:
+        covariance, index = covariance_of(seen, state)
+    except np.linalg.LinAlgError:
+        raise CalibrationError(
+            "the views of the board do not determine the cameras; show it in more places and tilts"
+        ) from None
+    return CalibratedRig(
+        tuple(cameras), tuple(start.views), seen, state, covariance, index, noise, start.links, outliers
+    )
+
+
+def _settled(seen: Observations, start: RigStart) -> Adjustment:
+    """Return the first adjustment, after targets with mirrored poses are corrected."""
+    state = adjust(seen, start.state, SCALE)
+    again = with_best_targets(seen, state, start.candidates)
+    if again.targets is state.targets:
+        return state
+    return adjust(seen, again, SCALE)
+
+
+def _with_clocks(seen: Observations, cameras: CameraStates) -> CameraStates:
+    """Return cameras with free clock offsets, but for the first, and with time shifts of views.
+
+    Cameras in which the target does not move keep their clock: nothing determines it.
+    """
+    speed = np.linalg.norm(seen.speeds, axis=1)
+    own = seen.cameras[seen.views]
+    moving = np.array([np.median(speed[own == c]) > MOVING_PX_S for c in range(len(cameras))])
+    free = cameras.free.copy()
+    free[1:, OFFSET] = moving[1:]
+    return replace(cameras, free=free, jitter=np.where(moving, FIRST_JITTER_S, 0.0))
+
+
+def _with_jitter(seen: Observations, state: Adjustment) -> Adjustment:
+    """Return the state with the standard deviation of the shifts of each camera, by one step of EM."""
+    cameras = state.cameras
+    square = (seen.speeds**2).sum(axis=1) / seen.variances
+    weight = np.add.reduceat(square, seen.starts[:-1])
+    jitter = cameras.jitter[seen.cameras]
+    variance = 1.0 / (weight + 1.0 / np.maximum(jitter, LEAST_JITTER_S) ** 2)
+    count = np.maximum(np.bincount(seen.cameras, minlength=len(cameras)), 1)
+    mean = np.bincount(seen.cameras, weights=state.shifts**2 + variance, minlength=len(cameras)) / count
+    found = np.where(cameras.jitter > 0.0, np.maximum(np.sqrt(mean), LEAST_JITTER_S), 0.0)
+    return replace(state, cameras=replace(cameras, jitter=found))
+
+
+def _freedom(seen: Observations, state: Adjustment) -> float:
+    """Return the share of the residuals that the unknowns do not explain."""
+    known = 2 * len(seen.pixels)
+    unknown = int(state.cameras.free.sum()) + POSE * (len(seen.firsts) - 1)
+    return max(1.0 - unknown / known, 0.1)
+
+
+def _robust_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
+    """Return the noise (C,) px per axis from the median of the squared residuals of each camera."""
+    squares, own = (residuals_of(seen, state) ** 2).sum(axis=1), seen.cameras[seen.views]
+    medians = np.array([np.median(squares[own == c]) for c in range(cameras)])
+    noise: Array = np.sqrt(medians / (MEDIAN_SQUARE * _freedom(seen, state)))
+    return np.maximum(noise, LEAST_NOISE_PX)
+
+
+def _plain_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
+    """Return the noise (C,) px per axis from the mean of the squared residuals of each camera."""
+    squares, own = (residuals_of(seen, state) ** 2).sum(axis=1), seen.cameras[seen.views]
+    means = np.array([squares[own == c].mean() for c in range(cameras)])
+    noise: Array = np.sqrt(0.5 * means / _freedom(seen, state))
+    return np.maximum(noise, LEAST_NOISE_PX)
+
+
+def _kept(seen: Observations, good: Array) -> Observations:
+    """Return the observations without outliers; a view may be left without points."""
+    sizes = np.add.reduceat(good.astype(np.int64), seen.starts[:-1])
+    return seen._replace(
+        starts=np.concatenate([[0], np.cumsum(sizes)]),
+        numbers=seen.numbers[good],
+        points=seen.points[good],
+        pixels=seen.pixels[good],
+        speeds=seen.speeds[good],
+        variances=seen.variances[good],
+    )
