@@ -71,7 +71,8 @@ def observations_of(
         views: at least one; their instants are 0 to B - 1, each used at least once.
         points: (N, 3) m, points of the target.
         noise: (C,) px, standard deviation per axis of the pixels of each camera.
-        speeds: image velocity of the points of each view; None = still.
+        speeds: image velocity of the points of each view; None = still. It moves the pixels to the mean stamp
+            of the instant.
     """
     order = sorted(range(len(views)), key=lambda k: (views[k].instant, views[k].camera))
     sizes = [len(views[k].numbers) for k in order]
@@ -79,6 +80,9 @@ def observations_of(
     cameras = np.array([views[k].camera for k in order])
     numbers = np.concatenate([views[k].numbers for k in order])
     moving = [np.zeros((size, 2)) for size in sizes] if speeds is None else [speeds[k] for k in order]
+    stamps = np.array([views[k].stamp_s for k in order])
+    middle = np.bincount(targets, weights=stamps) / np.maximum(np.bincount(targets), 1)
+    pixels = [views[k].pixels + speed * (middle[views[k].instant] - views[k].stamp_s) for k, speed in zip(order, moving)]
     return Observations(
         cameras=cameras,
         targets=targets,
@@ -86,7 +90,7 @@ def observations_of(
         firsts=np.searchsorted(targets, np.arange(int(targets.max()) + 2)),
         numbers=numbers,
         points=np.ascontiguousarray(points[numbers], dtype=np.float64),
-        pixels=np.concatenate([views[k].pixels for k in order]).astype(np.float64),
+        pixels=np.concatenate(pixels).astype(np.float64),
         speeds=np.concatenate(moving),
         variances=np.repeat(noise[cameras] ** 2, sizes),
     )
