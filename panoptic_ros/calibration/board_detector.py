@@ -97,16 +97,28 @@ class BoardDetector:
         count = self.board.columns * self.board.rows
         known = [(tag, np.reshape(own, (4, 2))) for tag, own in zip(tags, corners) if 0 <= tag < count]
         once = [(tag, own) for tag, own in known if np.sum(tags == tag) == 1]
-        if not once:
+        if len(once) < 2:
             return _arrays(None, None)
-        numbers = np.concatenate([4 * tag + np.arange(4) for tag, _ in once])
-        return _arrays(numbers, np.concatenate([own for _, own in once]))
+        pixels = np.concatenate([own for _, own in once]).astype(np.float64)
+        # OpenCV before version 5 has tags turned by half a turn against AprilTag's own images
+        numbered = [np.concatenate([4 * tag + np.roll(np.arange(4), turn) for tag, _ in once]) for turn in (0, 2)]
+        losses = [_homography_loss(self.board.points[numbers, :2], pixels) for numbers in numbered]
+        return _arrays(numbered[int(np.argmin(losses))], pixels)
 
 
 def _arrays(numbers: Array | None, pixels: Array | None) -> tuple[Array, Array]:
     if numbers is None or pixels is None:
         return np.zeros(0, np.int64), np.zeros((0, 2))
     return np.asarray(numbers, np.int64).reshape(-1), np.asarray(pixels, np.float64).reshape(-1, 2)
+
+
+def _homography_loss(flat: Array, pixels: Array) -> float:
+    """Return the root mean square px by which a homography of points (N, 2) misses pixels (N, 2)."""
+    matrix, _ = cv2.findHomography(flat, pixels)
+    if matrix is None:
+        return float("inf")
+    found = cv2.perspectiveTransform(flat[None], matrix)[0]
+    return float(np.sqrt(np.mean((found - pixels) ** 2)))
 
 
 def _refined(image: Array, pixels: Array) -> Array:

@@ -35,7 +35,10 @@ EXAMPLES = (
 
 @dataclass(frozen=True)
 class Board:
-    """Flat board with known points.
+    """Flat board with known points, in its plane z = 0.
+
+    ChArUco boards and checkerboards have x to the right and y down, as in OpenCV. The first tag of an
+    AprilGrid is at the lower left, and y points up, as in Kalibr.
 
     Args:
         kind: kind of the board.
@@ -78,7 +81,7 @@ class Board:
         """Return the points (N, 3) m of the board, in its plane z = 0, in the order of their numbers."""
         if self.kind == "aprilgrid":
             x, y = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
-            corner = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+            corner = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])  # from the upper left, clockwise
             pitch = self.size + self.part
             flat = np.stack([x.ravel(), y.ravel()], 1)[:, None] * pitch + corner[None] * self.size
             return np.pad(flat.reshape(-1, 2), ((0, 0), (0, 1)))
@@ -91,7 +94,7 @@ class Board:
         """Return width and height, m, of the printed pattern."""
         if self.kind == "aprilgrid":
             pitch = self.size + self.part
-            return self.columns * pitch - self.part, self.rows * pitch - self.part
+            return self.columns * pitch + self.part, self.rows * pitch + self.part
         outer = 1 if self.kind == "checkerboard" else 0
         return (self.columns + outer) * self.size, (self.rows + outer) * self.size
 

@@ -30,8 +30,9 @@ class Observations(NamedTuple):
         numbers: (M,) point of the target.
         points: (M, 3) m, in the frame of the target.
         pixels: (M, 2) px.
-        speeds: (M, 2) px/s, image velocity; 0 = still or unknown.
         variances: (M,) px^2 per axis.
+        delays: (V,) s, stamp of each view minus the time of the target's instant.
+        twists: (B, 6) rad/s and m/s, motion of each target; 0 = still or unknown.
     """
 
     cameras: Array
@@ -41,8 +42,9 @@ class Observations(NamedTuple):
     numbers: Array
     points: Array
     pixels: Array
-    speeds: Array
     variances: Array
+    delays: Array
+    twists: Array
 
     @property
     def views(self) -> Array:
@@ -250,6 +252,15 @@ def adjust(seen: Observations, state: Adjustment, scale: float, most: int = 50) 
         if done:
             break
     return state
+
+
+def shift_variances(seen: Observations, state: Adjustment, scale: float) -> Array:
+    """Return the variances (V,) s^2 of the time shifts, given the cameras: poses of targets are marginalised."""
+    system = _system(seen, state, scale, 0.0)
+    weight = np.maximum(system.shift[:, -2], 1e-300)
+    pull = system.shift[:, CAMERA : CAMERA + POSE]
+    pose = np.einsum("vi,vij,vj->v", pull, system.inverse[seen.targets], pull)
+    return 1.0 / weight + pose / weight**2
 
 
 def covariance_of(seen: Observations, state: Adjustment) -> tuple[Array, Array]:

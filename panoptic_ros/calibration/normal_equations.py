@@ -18,42 +18,112 @@ from panoptic_ros.kernels import inlined, njit
 
 BEHIND = 1e4  # px, residual of a point behind the camera
 VIEW = CAMERA + POSE  # unknowns that a view depends on, without its shift
+LEAST = 1e-6  # px^2, of a motion of 1 rad/s or 1 m/s: keeps motions defined in views of few points
 
 _growth = inlined(growth)
 _jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 @inlined
-def _world(turn, move, point):
-    """Return the world coordinates of a point of a target, and its coordinates rotated to the world."""
+def _rotated(turn, point):
+    """Return a point (3,) of a target after a rotation (3, 3)."""
     x = turn[0, 0] * point[0] + turn[0, 1] * point[1] + turn[0, 2] * point[2]
     y = turn[1, 0] * point[0] + turn[1, 1] * point[1] + turn[1, 2] * point[2]
     z = turn[2, 0] * point[0] + turn[2, 1] * point[1] + turn[2, 2] * point[2]
-    return x + move[0], y + move[1], z + move[2], x, y, z
+    return x, y, z
+
+
+@_jit
+def _move_on(turn, move, twist, late, change, turned, moved_to):
+    """Write the pose of a target some time after its instant.
+
+    Args:
+        turn, move: (3, 3), (3,) m, pose at the instant.
+        twist: (6,) rad/s and m/s, motion of the target in the world, rotation from the left.
+        late: s, time after the instant.
+        change: (3, 3) output, rotation since the instant. turned, moved_to: output, pose.
+    """
+    vector = np.empty(3)
+    for k in range(3):
+        vector[k] = twist[k] * late
+        moved_to[k] = move[k] + twist[3 + k] * late
+    rotation_of(vector, change)
+    for i in range(3):
+        for j in range(3):
+            turned[i, j] = change[i, 0] * turn[0, j] + change[i, 1] * turn[1, j] + change[i, 2] * turn[2, j]
 
 
 @_jit
 def residuals(seen, lenses, fisheye, rotations, translations, offsets, turns, moves, shifts):
-    """Return the residuals (M, 2) px: projection minus pixel, which image velocity moves to the instant.
+    """Return the residuals (M, 2) px: projection at the time of the image, minus pixel.
 
     Args:
-        seen: `bundle.Observations` as a record of arrays.
+        seen: `bundle.Observations`.
         lenses, fisheye, rotations, translations, offsets: of the cameras (C, ...).
         turns, moves: (B, 3, 3), (B, 3) m, world from target.
         shifts: (V,) s, time shift of each view.
     """
     out = np.empty((len(seen.pixels), 2))
     pixel = np.empty(2)
+    change, turned, moved_to = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for v in range(len(seen.cameras)):
         c, b = seen.cameras[v], seen.targets[v]
-        late = offsets[c] + shifts[v]
+        late = seen.delays[v] + offsets[c] + shifts[v]
+        _move_on(turns[b], moves[b], seen.twists[b], late, change, turned, moved_to)
         for m in range(seen.starts[v], seen.starts[v + 1]):
-            x, y, z, _, _, _ = _world(turns[b], moves[b], seen.points[m])
+            x, y, z = _rotated(turned, seen.points[m])
+            x, y, z = x + moved_to[0], y + moved_to[1], z + moved_to[2]
             if project(lenses[c], fisheye[c], rotations[c], translations[c], x, y, z, pixel):
                 for i in range(2):
-                    out[m, i] = pixel[i] - seen.pixels[m, i] + late * seen.speeds[m, i]
+                    out[m, i] = pixel[i] - seen.pixels[m, i]
             else:
                 out[m, 0] = out[m, 1] = BEHIND
+    return out
+
+
+@inlined
+def _by_target(by_point, change, dx, dy, dz, row, at):
+    """Write the derivatives by a target's pose to six entries of a row.
+
+    Args:
+        by_point: (3,) derivatives by the world point.
+        change: (3, 3) rotation since the instant.
+        dx, dy, dz: m, point relative to the target's origin, rotated to the world at the instant.
+    """
+    p = by_point[0] * change[0, 0] + by_point[1] * change[1, 0] + by_point[2] * change[2, 0]
+    q = by_point[0] * change[0, 1] + by_point[1] * change[1, 1] + by_point[2] * change[2, 1]
+    r = by_point[0] * change[0, 2] + by_point[1] * change[1, 2] + by_point[2] * change[2, 2]
+    row[at], row[at + 1], row[at + 2] = r * dy - q * dz, p * dz - r * dx, q * dx - p * dy
+    row[at + 3], row[at + 4], row[at + 5] = by_point[0], by_point[1], by_point[2]
+
+
+@_jit
+def twists_of(seen, speeds, lenses, fisheye, rotations, translations, turns, moves):
+    """Return the motion (B, 6) rad/s, m/s of each target that explains the image velocities of its views best.
+
+    Args:
+        speeds: (M, 2) px/s.
+    """
+    out = np.zeros((len(turns), POSE))
+    pixel, by_camera, by_point = np.empty(2), np.empty((2, OFFSET)), np.empty((2, 3))
+    row, still = np.empty(POSE), np.eye(3)
+    for b in range(len(turns)):
+        square, right = LEAST * np.eye(POSE), np.zeros(POSE)
+        for v in range(seen.firsts[b], seen.firsts[b + 1]):
+            c = seen.cameras[v]
+            for m in range(seen.starts[v], seen.starts[v + 1]):
+                dx, dy, dz = _rotated(turns[b], seen.points[m])
+                x, y, z = dx + moves[b, 0], dy + moves[b, 1], dz + moves[b, 2]
+                if derivatives(
+                    lenses[c], fisheye[c], rotations[c], translations[c], x, y, z, pixel, by_camera, by_point
+                ):
+                    for i in range(2):
+                        _by_target(by_point[i], still, dx, dy, dz, row, 0)
+                        for p in range(POSE):
+                            right[p] += row[p] * speeds[m, i]
+                            for q in range(POSE):
+                                square[p, q] += row[p] * row[q]
+        out[b] = np.linalg.solve(square, right)
     return out
 
 
@@ -68,7 +138,8 @@ def linearise(seen, lenses, fisheye, rotations, translations, offsets, turns, mo
     Returns:
         own: (C, CAMERA, CAMERA) information of the cameras, own_right: (C, CAMERA) right-hand sides.
         cross: (V, CAMERA, 6) of views. target: (B, 6, 6), target_right: (B, 6).
-        shift: (V, VIEW + 2), coefficients from which `eliminated_shifts` gets the shifts.
+        shift: (V, VIEW + 2), of each view: coefficients of its unknowns, weight and right-hand side of its
+            shift.
     """
     views, cameras, blocks = len(seen.cameras), len(lenses), len(turns)
     own, own_right = np.zeros((cameras, CAMERA, CAMERA)), np.zeros((cameras, CAMERA))
@@ -76,31 +147,33 @@ def linearise(seen, lenses, fisheye, rotations, translations, offsets, turns, mo
     target, target_right = np.zeros((blocks, POSE, POSE)), np.zeros((blocks, POSE))
     shift = np.zeros((views, VIEW + 2))
     pixel, by_camera, by_point = np.empty(2), np.empty((2, OFFSET)), np.empty((2, 3))
+    change, turned, moved_to = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     row = np.empty((2, VIEW))
     square, right = np.empty((VIEW, VIEW)), np.empty(VIEW)
     for v in range(views):
         c, b = seen.cameras[v], seen.targets[v]
-        late = offsets[c] + shifts[v]
+        late, twist = seen.delays[v] + offsets[c] + shifts[v], seen.twists[b]
+        _move_on(turns[b], moves[b], twist, late, change, turned, moved_to)
         square[:], right[:] = 0.0, 0.0
         side, weight_of_shift, right_of_shift = shift[v, :VIEW], 0.0, 0.0
         for m in range(seen.starts[v], seen.starts[v + 1]):
-            x, y, z, dx, dy, dz = _world(turns[b], moves[b], seen.points[m])
+            dx, dy, dz = _rotated(turns[b], seen.points[m])
+            ex, ey, ez = _rotated(turned, seen.points[m])
+            x, y, z = ex + moved_to[0], ey + moved_to[1], ez + moved_to[2]
             if not derivatives(
                 lenses[c], fisheye[c], rotations[c], translations[c], x, y, z, pixel, by_camera, by_point
             ):
                 continue
-            sx, sy = seen.speeds[m, 0], seen.speeds[m, 1]
-            rx, ry = pixel[0] - seen.pixels[m, 0] + late * sx, pixel[1] - seen.pixels[m, 1] + late * sy
-            weight = 1.0 / (
-                seen.variances[m] * _growth((rx * rx + ry * ry) / seen.variances[m], scale)
-            )
+            rx, ry = pixel[0] - seen.pixels[m, 0], pixel[1] - seen.pixels[m, 1]
+            weight = 1.0 / (seen.variances[m] * _growth((rx * rx + ry * ry) / seen.variances[m], scale))
+            vx = twist[1] * ez - twist[2] * ey + twist[3]
+            vy = twist[2] * ex - twist[0] * ez + twist[4]
+            vz = twist[0] * ey - twist[1] * ex + twist[5]
             for i in range(2):
                 row[i, :OFFSET] = by_camera[i]
-                row[i, OFFSET] = seen.speeds[m, i]
-                px, py, pz = by_point[i, 0], by_point[i, 1], by_point[i, 2]
-                row[i, CAMERA], row[i, CAMERA + 1] = pz * dy - py * dz, px * dz - pz * dx
-                row[i, CAMERA + 2] = py * dx - px * dy
-                row[i, CAMERA + 3], row[i, CAMERA + 4], row[i, CAMERA + 5] = px, py, pz
+                row[i, OFFSET] = by_point[i, 0] * vx + by_point[i, 1] * vy + by_point[i, 2] * vz
+                _by_target(by_point[i], change, dx, dy, dz, row[i], CAMERA)
+            sx, sy = row[0, OFFSET], row[1, OFFSET]
             for p in range(VIEW):
                 wx, wy = weight * row[0, p], weight * row[1, p]
                 right[p] -= wx * rx + wy * ry

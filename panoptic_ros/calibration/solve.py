@@ -12,13 +12,16 @@ from panoptic_ros.calibration.bundle import (
     Adjustment,
     CameraStates,
     Observations,
+    Targets,
     adjust,
     covariance_of,
     residuals_of,
+    shift_variances,
 )
+from panoptic_ros.calibration.normal_equations import moved, twists_of
 from panoptic_ros.calibration.projection import OFFSET, POSE
 from panoptic_ros.calibration.rig_start import SCALE, CameraInput, RigStart, start_rig, with_best_targets
-from panoptic_ros.calibration.target_views import TargetView, image_speeds, observations_of
+from panoptic_ros.calibration.target_views import TargetView, image_speeds, in_order, observations_of
 from panoptic_ros.errors import CalibrationError
 
 Array = np.ndarray
@@ -26,7 +29,7 @@ FIRST_NOISE_PX = 1.0  # px, noise of the pixels in the first round
 FIRST_JITTER_S = 0.02  # s, time shifts of views in the first round with shifts; webcams show 5 to 50 ms
 LEAST_JITTER_S = 1e-5  # s
 LEAST_NOISE_PX = 0.01  # px
-ROUNDS = 5  # of noise and adjustment; the noise changes by less than 1 % afterwards
+MOST_ROUNDS, SETTLED = 12, 0.01  # rounds of noise and adjustment; relative change of the noise that ends them
 OUTLIER = 4.0  # standard deviations per axis; a Gaussian has 6e-5 beyond
 MEDIAN_SQUARE = 2.0 * np.log(2.0)  # median of a chi-squared variable with two degrees of freedom
 MOVING_PX_S = 2.0  # px/s, median speed of a camera's points below which its clock is not estimated
@@ -78,16 +81,22 @@ def calibrate_rig(
         CalibrationError: if the views do not determine the calibration.
     """
     start = start_rig(cameras, views, points)
-    speeds = image_speeds(start.views) if clocks else None
     noise = np.full(len(cameras), FIRST_NOISE_PX)
-    seen = observations_of(start.views, points, noise, speeds)
+    seen = observations_of(start.views, points, noise)
     state = _settled(seen, start)
+    ordered = [start.views[k] for k in in_order(start.views)]
     if clocks:
-        state = replace(state, cameras=_with_clocks(seen, state.cameras))
-    for _ in range(ROUNDS):
-        noise = _robust_noise(seen, state, len(cameras))
+        state = replace(state, cameras=_with_clocks(seen, _speeds(ordered, seen, state), state.cameras))
+    for _ in range(MOST_ROUNDS):
+        before, noise = noise, _robust_noise(seen, state, len(cameras))
         seen = seen._replace(variances=(noise**2)[seen.cameras[seen.views]])
-        state = adjust(seen, _with_jitter(seen, state), SCALE)
+        if clocks:
+            seen = seen._replace(twists=_twists(seen, _speeds(ordered, seen, state), state))
+        state = adjust(seen, state, SCALE)
+        if clocks:
+            seen, state = _recentred(seen, _with_jitter(seen, state))
+        if (np.abs(noise / before - 1.0) < SETTLED).all():
+            break
     good = ((residuals_of(seen, state) ** 2) / seen.variances[:, None] < OUTLIER**2).all(axis=1)
     outliers = np.bincount(seen.cameras[seen.views][~good], minlength=len(cameras))
     seen = _kept(seen, good)
@@ -115,12 +124,12 @@ def _settled(seen: Observations, start: RigStart) -> Adjustment:
     return adjust(seen, again, SCALE)
 
 
-def _with_clocks(seen: Observations, cameras: CameraStates) -> CameraStates:
+def _with_clocks(seen: Observations, speeds: Array, cameras: CameraStates) -> CameraStates:
     """Return cameras with free clock offsets, but for the first, and with time shifts of views.
 
     Cameras in which the target does not move keep their clock: nothing determines it.
     """
-    speed = np.linalg.norm(seen.speeds, axis=1)
+    speed = np.linalg.norm(speeds, axis=1)
     own = seen.cameras[seen.views]
     moving = np.array([np.median(speed[own == c]) > MOVING_PX_S for c in range(len(cameras))])
     free = cameras.free.copy()
@@ -128,16 +137,58 @@ def _with_clocks(seen: Observations, cameras: CameraStates) -> CameraStates:
     return replace(cameras, free=free, jitter=np.where(moving, FIRST_JITTER_S, 0.0))
 
 
-def _with_jitter(seen: Observations, state: Adjustment) -> Adjustment:
-    """Return the state with the standard deviation of the shifts of each camera, by one step of EM."""
+def _lags(seen: Observations, state: Adjustment) -> Array:
+    """Return the time (V,) s of each view after the instant of its target."""
+    lags: Array = seen.delays + state.cameras.offsets[seen.cameras] + state.shifts
+    return lags
+
+
+def _speeds(ordered: Sequence[TargetView], seen: Observations, state: Adjustment) -> Array:
+    """Return the image velocities (M, 2) px/s at the estimated times of the views, which are in order."""
+    late = state.cameras.offsets[seen.cameras] + state.shifts
+    return np.concatenate(image_speeds(ordered, np.array([view.stamp_s for view in ordered]) + late))
+
+
+def _recentred(seen: Observations, state: Adjustment) -> tuple[Observations, Adjustment]:
+    """Return the same state with the instant of each target at the mean time of its views.
+
+    Targets move along straight lines and at constant rates between their views, which holds for short times.
+    """
+    lags = _lags(seen, state)
+    count = np.bincount(seen.targets)
+    means = np.bincount(seen.targets, weights=lags) / count
+    turns, moves = moved(state.targets.rotations, state.targets.translations, seen.twists * means[:, None])
+    seen = seen._replace(delays=seen.delays - means[seen.targets])
+    return seen, replace(state, targets=Targets(turns, moves))
+
+
+def _twists(seen: Observations, speeds: Array, state: Adjustment) -> Array:
+    """Return the motion (B, 6) of each target, see `Observations`."""
     cameras = state.cameras
-    square = (seen.speeds**2).sum(axis=1) / seen.variances
-    weight = np.add.reduceat(square, seen.starts[:-1])
-    jitter = cameras.jitter[seen.cameras]
-    variance = 1.0 / (weight + 1.0 / np.maximum(jitter, LEAST_JITTER_S) ** 2)
-    count = np.maximum(np.bincount(seen.cameras, minlength=len(cameras)), 1)
-    mean = np.bincount(seen.cameras, weights=state.shifts**2 + variance, minlength=len(cameras)) / count
-    found = np.where(cameras.jitter > 0.0, np.maximum(np.sqrt(mean), LEAST_JITTER_S), 0.0)
+    twists: Array = twists_of(
+        seen,
+        speeds,
+        cameras.lenses,
+        cameras.fisheye,
+        cameras.rotations,
+        cameras.translations,
+        state.targets.rotations,
+        state.targets.translations,
+    )
+    return twists
+
+
+def _with_jitter(seen: Observations, state: Adjustment) -> Adjustment:
+    """Return the state with the standard deviation of the shifts of each camera, by MacKay's rule.
+
+    Views that say nothing about their shift, such as single views of an instant, do not count.
+    """
+    cameras, own = state.cameras, seen.cameras
+    known = 1.0 - shift_variances(seen, state, SCALE) / np.maximum(cameras.jitter, LEAST_JITTER_S)[own] ** 2
+    count = np.bincount(own, weights=np.maximum(known, 0.0), minlength=len(cameras))
+    squares = np.bincount(own, weights=state.shifts**2, minlength=len(cameras))
+    found = np.sqrt(squares / np.maximum(count, 1.0))
+    found = np.where(cameras.jitter > 0.0, np.maximum(found, LEAST_JITTER_S), 0.0)
     return replace(state, cameras=replace(cameras, jitter=found))
 
 
@@ -172,6 +223,5 @@ def _kept(seen: Observations, good: Array) -> Observations:
         numbers=seen.numbers[good],
         points=seen.points[good],
         pixels=seen.pixels[good],
-        speeds=seen.speeds[good],
         variances=seen.variances[good],
     )

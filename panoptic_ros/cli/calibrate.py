@@ -1,4 +1,4 @@
-"""`panoptic calibrate`: a rig from recordings of a board."""
+"""`panoptic calibrate`: a rig from recordings of a board, and the print of a board."""
 
 from __future__ import annotations
 
@@ -6,21 +6,28 @@ import argparse
 import sys
 from pathlib import Path
 
-from panoptic_ros.running.arguments import output_folder, within
+from panoptic_ros.errors import UsageError
+from panoptic_ros.running.arguments import output_file, output_folder, within
+
+PRINT = "print"  # first argument that prints a target; a folder of this name is ./print
+BOARD = "charuco:5x7:36mm"  # board that is printed by default: it fits A4 and US letter paper
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the verb."""
     parser.add_argument(
-        "folder", type=Path, metavar="FOLDER", help="one video or folder of images per camera"
+        "folder",
+        metavar="FOLDER",
+        help="folder with one video or folder of images per camera; `print board` writes the board as PDF",
     )
+    parser.add_argument("what", nargs="?", metavar="board", help=argparse.SUPPRESS)
     parser.add_argument(
         "--board",
-        required=True,
+        default=BOARD,
         metavar="BOARD",
-        help="charuco:COLUMNSxROWS:SIZE in squares, checkerboard:8x6:25mm in inner corners, aprilgrid:6x6:88mm "
-        "in tags; markers or gaps of another size: charuco:5x7:40mm/30mm; other markers: "
-        "charuco:5x7:40mm:DICT_5X5_100",
+        help="board, or a file that describes one. charuco:COLUMNSxROWS:SIZE counts squares, "
+        "checkerboard:8x6:25mm inner corners, aprilgrid:6x6:25mm tags. Markers or gaps of another size: "
+        f"charuco:5x7:40mm/30mm; other markers: charuco:5x7:40mm:DICT_5X5_100. Default {BOARD}",
     )
     parser.add_argument(
         "--lens",
@@ -40,30 +47,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--synchronous", action="store_true", help="cameras are synchronous: estimate no clock offsets"
     )
+    parser.add_argument("--paper", help="paper of `print board`, e.g. a4; default: the smallest that fits")
     parser.add_argument(
         "--out",
-        type=output_folder,
         required=True,
         metavar="DIR",
-        help="folder for rig.json, clocks.json and report.html",
+        help="folder for rig.json, clocks.json and report.html; file board.pdf of `print board`",
     )
     parser.add_argument("--quiet", action="store_true", help="print no summary")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Calibrate the cameras of a folder and write the result."""
+    """Calibrate the cameras of a folder, or print a board."""
     from panoptic_ros.calibration.boards import parse_board  # imported here to keep --help fast
+    from panoptic_ros.io.board_files import read_board
+
+    out = output_file(args.out) if args.folder == PRINT else output_folder(args.out)
+    board = read_board(Path(args.board)) if Path(args.board).is_file() else parse_board(args.board)
+    if args.folder == PRINT:
+        from panoptic_ros.view.board_print import write_board
+
+        if args.what != "board":
+            raise UsageError(f"`panoptic calibrate print` prints a board; give `print board --out {args.out}`")
+        paper = write_board(out, board, args.board, args.paper or "")
+        print(f"{out}: {args.board} on {paper} paper; print it at 100 % and measure it")
+        return 0
+    if args.what is not None:
+        raise UsageError(f"{args.what}: one folder is expected; options begin with --")
     from panoptic_ros.running.calibration.calibrate import calibrate_folder
     from panoptic_ros.running.calibration.results import write_calibration
     from panoptic_ros.running.plans.rig_files import read_rig_at
     from panoptic_ros.view.calibration_report import quality_table
     from panoptic_ros.view.progress import PassBar
 
-    board = parse_board(args.board)
     known = read_rig_at(args.intrinsics) if args.intrinsics else None
     with PassBar("images") as bar:
         found = calibrate_folder(
-            args.folder,
+            Path(args.folder),
             board,
             bar.show,
             lens=args.lens,
@@ -71,10 +91,10 @@ def run(args: argparse.Namespace) -> int:
             floor_s=args.floor,
             synchronous=args.synchronous,
         )
-    write_calibration(args.out, found)
+    write_calibration(out, found)
     for line in (*found.notices, *found.doubts):
         print(f"warning: {line}", file=sys.stderr)
     if not args.quiet:
         print("\n".join(quality_table(found.quality)))
-        print(f"{args.out}: rig.json, clocks.json, report.html")
+        print(f"{out}: rig.json, clocks.json, report.html")
     return 0

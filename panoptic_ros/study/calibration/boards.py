@@ -1,0 +1,187 @@
+"""The study `calibration`: cameras from simulated recordings of a board, beside the bound of Cramer and Rao."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from panoptic_ros.calibration.boards import Board
+from panoptic_ros.calibration.lens_start import LensModel
+from panoptic_ros.calibration.projection import OFFSET, POSE
+from panoptic_ros.calibration.quality import predicted_errors, space_of
+from panoptic_ros.calibration.rig_start import CameraInput
+from panoptic_ros.calibration.solve import CalibratedRig, calibrate_rig
+from panoptic_ros.calibration.target_poses import intrinsics_of
+from panoptic_ros.calibration.target_views import TargetView
+from panoptic_ros.domain import Rig
+from panoptic_ros.errors import CalibrationError
+from panoptic_ros.geometry import Rigid
+from panoptic_ros.geometry.rotations import vectors_of
+from panoptic_ros.simulation.board_sessions import BoardScene, BoardSession, simulate_board
+from panoptic_ros.stage import Progress
+from panoptic_ros.study.options import add_seeds, known_names, words
+from panoptic_ros.study.study import Case, Column, Result, Row, Study
+
+Array = np.ndarray
+BOARD = Board("checkerboard", 7, 10, 0.06)
+FISHEYE = LensModel(fisheye=True, terms=4)
+
+
+@dataclass(frozen=True)
+class BoardCase:
+    """Case of the study: a scene, and whether clocks are estimated."""
+
+    scene: BoardScene
+    clocks: bool = False
+
+
+CASES = {
+    "4 cameras, 60": BoardCase(BoardScene(4, 60)),
+    "4 cameras, 200": BoardCase(BoardScene(4, 200)),
+    "8 cameras, 60": BoardCase(BoardScene(8, 60)),
+    "8 cameras, 200": BoardCase(BoardScene(8, 200)),
+    "outliers": BoardCase(BoardScene(4, 100, outliers=0.01)),
+    "fisheye": BoardCase(BoardScene(4, 100, lens="fisheye")),
+    "webcams": BoardCase(BoardScene(4, 200, smooth=True, lag_s=0.06, jitter_s=0.015), clocks=True),
+}
+
+
+class Calibration(Study):
+    """Errors of cameras, their covariance, and the time of the solution from corners."""
+
+    columns = (
+        Column("case", "case"),
+        Column("failed", "failed", ".0%"),
+        Column("rotation_rad", "rotation deg", ".3f", 180.0 / np.pi),
+        Column("position_m", "position mm", ".2f", 1e3),
+        Column("focal", "focal", ".3%"),
+        Column("error_m", "error mm", ".2f", 1e3),
+        Column("predicted_m", "bound mm", ".2f", 1e3),
+        Column("ratio", "error / bound", ".2f"),
+        Column("nees", "NEES / dof", ".2f"),
+        Column("offset_s", "offset ms", ".2f", 1e3),
+        Column("solve_s", "solve s", ".2f"),
+    )
+    over = ("case",)
+
+    @classmethod
+    def add_options(cls, parser: argparse.ArgumentParser) -> None:
+        """See `Study`."""
+        parser.add_argument(
+            "--cases",
+            type=words,
+            default=list(CASES),
+            metavar="NAME,NAME",
+            help=f"cases; default {','.join(CASES)}",
+        )
+        add_seeds(parser, "0:10")
+
+    def cases(self) -> list[Case]:
+        """See `Study`."""
+        return [
+            Case(f"{name}, seed {seed}", (name, seed), float(CASES[name].scene.instants * CASES[name].scene.cameras))
+            for name in known_names(self.options.cases, CASES, "case")
+            for seed in self.options.seeds
+        ]
+
+    def measure(self, case: Case, progress: Progress) -> Iterator[Row]:
+        """See `Study`."""
+        name, seed = case.request
+        chosen = CASES[name]
+        session = simulate_board(chosen.scene, BOARD.points, seed)
+        model = FISHEYE if chosen.scene.lens == "fisheye" else LensModel()
+        inputs = [CameraInput(camera.name, camera.image_size, model) for camera in session.rig.cameras]
+        views = [TargetView(*view) for view in session.views]
+        begin = time.perf_counter()
+        try:
+            found = calibrate_rig(inputs, views, BOARD.points, clocks=chosen.clocks)
+        except CalibrationError:
+            yield {"case": name, "seed": seed, "failed": 1.0}
+            return
+        yield {
+            "case": name,
+            "seed": seed,
+            "failed": 0.0,
+            "solve_s": time.perf_counter() - begin,
+            **errors_of(found, session),
+        }
+
+    def head(self, result: Result) -> str:
+        """See `Study`."""
+        return (
+            "Simulated board of 7 x 10 corners of 60 mm, noise 0.3 px, all intrinsics unknown. Errors of rotation, "
+            "position and focal length: medians over cameras.\nError: of points in the space of the board, "
+            "triangulated from exact pixels, after rigid alignment. Bound: the same from the Cramer-Rao bound."
+        )
+
+
+def errors_of(found: CalibratedRig, session: BoardSession) -> Row:
+    """Return the errors of a calibration against the truth, relative to the first camera."""
+    states, truth = found.state.cameras, session.rig
+    reference = truth.cameras[0].cam_from_world.inverse()
+    true = [camera.cam_from_world.compose(reference) for camera in truth.cameras]
+    turns = np.stack([t.rotation @ r.T for t, r in zip(true, states.rotations)])
+    moves = np.stack([t.translation for t in true]) - states.translations
+    apart = np.concatenate([vectors_of(np.ascontiguousarray(turns)), moves], axis=1)
+    nees = []
+    for c in range(1, len(truth)):
+        rows = found.index[c, :POSE]
+        nees.append(apart[c] @ np.linalg.solve(found.covariance[np.ix_(rows, rows)], apart[c]) / POSE)
+    points = space_of(found)
+    error = np.sqrt((triangulation_errors(found, truth, reference, points) ** 2).mean())
+    predicted = np.sqrt((predicted_errors(found, points) ** 2).mean())
+    focal = [camera.intrinsics.matrix[0, 0] for camera in truth.cameras]
+    free = found.index[:, OFFSET] >= 0
+    late = (states.offsets - states.offsets[0]) - (session.offsets - session.offsets[0])
+    return {
+        "rotation_rad": float(np.median(np.linalg.norm(apart[1:, :3], axis=1))),
+        "position_m": float(np.median(np.linalg.norm(apart[1:, 3:], axis=1))),
+        "focal": float(np.median(np.abs(states.lenses[:, 0] / focal - 1.0))),
+        "error_m": float(error),
+        "predicted_m": float(predicted),
+        "ratio": float(error / predicted),
+        "nees": float(np.mean(nees)),
+        "offset_s": float(np.sqrt((late[free] ** 2).mean())) if free.any() else np.nan,
+    }
+
+
+def triangulation_errors(found: CalibratedRig, truth: Rig, world_from_first: Rigid, points: Array) -> Array:
+    """Return the errors (N,) m of points (N, 3) m, of the frame of the first camera, after rigid alignment.
+
+    True cameras project them, the found cameras triangulate the pixels.
+    """
+    states = found.state.cameras
+    rays, matrices = [], []
+    for c, camera in enumerate(truth.cameras):
+        pixels, _ = camera.intrinsics.project(camera.cam_from_world.apply(world_from_first.apply(points)))
+        with np.errstate(invalid="ignore"):
+            inside = ((pixels > 0.0) & (pixels < np.array(camera.image_size))).all(axis=1)
+        plane = intrinsics_of(states.lenses[c], found.inputs[c].model.fisheye).undistort(pixels)
+        rays.append(np.where(inside[:, None], plane, np.nan))
+        matrices.append(np.concatenate([states.rotations[c], states.translations[c][:, None]], axis=1))
+    triangulated = np.stack([_triangulated(np.array(matrices), ray) for ray in np.stack(rays, axis=1)])
+    good = np.isfinite(triangulated).all(axis=1)
+    a, b = triangulated[good], points[good]
+    u, _, v = np.linalg.svd((a - a.mean(0)).T @ (b - b.mean(0)))
+    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
+    errors: Array = np.linalg.norm((a - a.mean(0)) @ turn - (b - b.mean(0)), axis=1)
+    return errors
+
+
+def _triangulated(matrices: Array, plane: Array) -> Array:
+    """Return a point (3,) from its normalised image points (C, 2); NaN from fewer than two."""
+    seen = np.isfinite(plane).all(axis=1)
+    if seen.sum() < 2:
+        return np.full(3, np.nan)
+    rows = np.concatenate(
+        [plane[seen, k, None] * matrices[seen, 2] - matrices[seen, k] for k in range(2)]
+    )
+    point: Array = np.linalg.lstsq(rows[:, :3], -rows[:, 3], rcond=None)[0]
+    depth = matrices[seen, 2, :3] @ point + matrices[seen, 2, 3]
+    weight = np.tile(1.0 / depth, 2)[:, None]
+    refined: Array = np.linalg.lstsq(weight * rows[:, :3], -weight[:, 0] * rows[:, 3], rcond=None)[0]
+    return refined
