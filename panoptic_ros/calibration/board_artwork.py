@@ -12,7 +12,7 @@ Array = np.ndarray
 
 
 def black_rectangles(board: Board) -> Array:
-    """Return the black rectangles (N, 4) m of a print: left, top, width, height, from its upper left corner."""
+    """Return the black rectangles (N, 4) m of a print: left, top, width, height."""
     if board.kind == "checkerboard":
         return _squares(board.columns + 1, board.rows + 1, board.size, np.zeros((0, 2)))
     dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[board.dictionary])

@@ -1,4 +1,4 @@
-"""Corners of a board in images: position to a fraction of a pixel, also if printed inverted or on the back."""
+"""Corners of a board in images: sub-pixel positions, also of inverted and mirrored prints."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from panoptic_ros.calibration.boards import DICTIONARIES, Board
 
 Array = np.ndarray
 WINDOW = 5  # px, half width of the window of the sub-pixel refinement; less on small boards
-WINDOW_SHARE = 0.3  # of the distance to the nearest corner, greatest half width of that window
+WINDOW_SHARE = 0.3  # greatest half width of that window over the distance to the nearest corner
 STEPS = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
 FEWEST = 4  # corners of a view
 APRIL_BORDER = 2  # bits, black border of the tags of Kalibr's grids
 
 
-class Appearance(NamedTuple):
-    """How a board appears in images: inverted print (white on black), seen in a mirror or through its back."""
+class BoardAppearance(NamedTuple):
+    """How a board appears in images: white on black, in a mirror or through its back."""
 
     inverted: bool
     mirrored: bool
 
 
-APPEARANCES = tuple(Appearance(i, m) for m in (False, True) for i in (False, True))
+APPEARANCES = tuple(BoardAppearance(i, m) for m in (False, True) for i in (False, True))
 
 
 class BoardDetector:
@@ -35,7 +35,7 @@ class BoardDetector:
         appearances: appearances to try, in this order.
     """
 
-    def __init__(self, board: Board, appearances: tuple[Appearance, ...] = APPEARANCES):
+    def __init__(self, board: Board, appearances: tuple[BoardAppearance, ...] = APPEARANCES):
         self.board = board
         self._order = list(appearances if board.kind != "checkerboard" else APPEARANCES[:1])
         if board.kind == "checkerboard":
@@ -43,16 +43,14 @@ class BoardDetector:
         parameters = cv2.aruco.DetectorParameters()
         dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[board.dictionary])
         if board.kind == "charuco":
-            pattern = cv2.aruco.CharucoBoard(
-                (board.columns, board.rows), board.size, board.part, dictionary
-            )
+            pattern = cv2.aruco.CharucoBoard((board.columns, board.rows), board.size, board.part, dictionary)
             pattern.setLegacyPattern(board.legacy)
             self._charuco = cv2.aruco.CharucoDetector(pattern, detectorParams=parameters)
         else:
             parameters.markerBorderBits = APRIL_BORDER
             self._markers = cv2.aruco.ArucoDetector(dictionary, parameters)
 
-    def detect(self, image: Array) -> tuple[Array, Array, Appearance] | None:
+    def detect(self, image: Array) -> tuple[Array, Array, BoardAppearance] | None:
         """Return numbers (K,), pixels (K, 2) and the appearance of the board in a grey image (H, W) uint8.
 
         None if fewer than four corners are found. The appearance of the last view is tried first.
@@ -101,7 +99,9 @@ class BoardDetector:
             return _arrays(None, None)
         pixels = np.concatenate([own for _, own in once]).astype(np.float64)
         # OpenCV before version 5 has tags turned by half a turn against AprilTag's own images
-        numbered = [np.concatenate([4 * tag + np.roll(np.arange(4), turn) for tag, _ in once]) for turn in (0, 2)]
+        numbered = [
+            np.concatenate([4 * tag + np.roll(np.arange(4), turn) for tag, _ in once]) for turn in (0, 2)
+        ]
         losses = [_homography_loss(self.board.points[numbers, :2], pixels) for numbers in numbered]
         return _arrays(numbered[int(np.argmin(losses))], pixels)
 

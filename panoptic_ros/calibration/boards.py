@@ -15,21 +15,19 @@ Array = np.ndarray
 BoardKind = Literal["charuco", "checkerboard", "aprilgrid"]
 KINDS: tuple[BoardKind, ...] = ("charuco", "checkerboard", "aprilgrid")
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
-DICTIONARIES = {
-    name: getattr(cv2.aruco, name) for name in sorted(dir(cv2.aruco)) if name.startswith("DICT_")
-}
+DICTIONARIES = {name: getattr(cv2.aruco, name) for name in sorted(dir(cv2.aruco)) if name.startswith("DICT_")}
 DEFAULT_DICTIONARY = "DICT_4X4_50"
 APRIL_DICTIONARY = "DICT_APRILTAG_36h11"  # family of Kalibr's grids
-MARKER = 0.75  # of a square, side of the marker of a ChArUco board
-GAP = 0.3  # of a tag, gap between the tags of an AprilGrid, as in Kalibr
+MARKER = 0.75  # side of the marker of a ChArUco board over that of a square
+GAP = 0.3  # gap between the tags of an AprilGrid over their side, as in Kalibr
 FEWEST, MOST = 2, 100  # rows and columns
 SPECIFICATION = re.compile(
     r"(?P<kind>[a-z]+):(?P<columns>\d+)x(?P<rows>\d+):(?P<size>[0-9.]+)(?P<unit>[a-z]+)"
     r"(?:/(?P<part>[0-9.]+)(?P<part_unit>[a-z]+))?(?::(?P<dictionary>DICT_\w+))?"
 )
 EXAMPLES = (
-    "charuco:5x7:40mm (squares; markers of another size: charuco:5x7:40mm/30mm), checkerboard:8x6:25mm (inner "
-    "corners), aprilgrid:6x6:88mm (tags; another gap: aprilgrid:6x6:88mm/26mm)"
+    "charuco:5x7:40mm (squares; markers of another size: charuco:5x7:40mm/30mm), checkerboard:8x6:25mm "
+    "(inner corners), aprilgrid:6x6:88mm (tags; another gap: aprilgrid:6x6:88mm/26mm)"
 )
 
 
@@ -41,12 +39,12 @@ class Board:
     AprilGrid is at the lower left, and y points up, as in Kalibr.
 
     Args:
-        kind: kind of the board.
-        columns, rows: squares of a ChArUco board, inner corners of a checkerboard, tags of an AprilGrid.
-        size: m, side of a square or tag.
-        part: m, side of the markers of a ChArUco board, gap between the tags of an AprilGrid.
-        dictionary: name of the markers in OpenCV; "" for a checkerboard.
-        legacy: pattern of ChArUco boards before OpenCV 4.6.
+        kind: Kind of the board.
+        columns, rows: Squares of a ChArUco board, inner corners of a checkerboard, tags of an AprilGrid.
+        size: M, side of a square or tag.
+        part: M, side of the markers of a ChArUco board, gap between the tags of an AprilGrid.
+        dictionary: Name of the markers in OpenCV; "" for a checkerboard.
+        legacy: Pattern of ChArUco boards before OpenCV 4.6.
 
     Raises:
         UsageError: on impossible values.
@@ -74,14 +72,18 @@ class Board:
                 f"markers of {1e3 * self.part:g} mm do not fit in squares of {1e3 * self.size:g} mm"
             )
         if self.kind != "checkerboard" and self.dictionary not in DICTIONARIES:
-            raise UsageError(f"unknown markers {shown(self.dictionary)}; OpenCV has {', '.join(DICTIONARIES)}")
+            raise UsageError(
+                f"unknown markers {shown(self.dictionary)}; OpenCV has {', '.join(DICTIONARIES)}"
+            )
 
     @property
     def points(self) -> Array:
         """Return the points (N, 3) m of the board, in its plane z = 0, in the order of their numbers."""
         if self.kind == "aprilgrid":
             x, y = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
-            corner = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])  # from the upper left, clockwise
+            corner = np.array(
+                [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]
+            )  # from the upper left, clockwise
             pitch = self.size + self.part
             flat = np.stack([x.ravel(), y.ravel()], 1)[:, None] * pitch + corner[None] * self.size
             return np.pad(flat.reshape(-1, 2), ((0, 0), (0, 1)))

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from panoptic_ros.calibration.normal_equations import cost_of, linearise, moved, reduce_to_cameras, residuals
-from panoptic_ros.calibration.projection import CAMERA, LENS, OFFSET, POSE
+from panoptic_ros.calibration.projection import CAMERA, OFFSET, POSE
 
 Array = np.ndarray
 DAMPING = 1e-4  # first relative damping of the diagonal
@@ -142,7 +142,7 @@ class _System(NamedTuple):
 
     reduced: Array
     right: Array
-    index: Array
+    rows: Array
     cross: Array
     target: Array
     target_right: Array
@@ -255,16 +255,17 @@ def adjust(seen: Observations, state: Adjustment, scale: float, most: int = 50) 
 
 
 def shift_variances(seen: Observations, state: Adjustment, scale: float) -> Array:
-    """Return the variances (V,) s^2 of the time shifts, given the cameras: poses of targets are marginalised."""
+    """Return the variances (V,) s^2 of the time shifts, given the cameras; targets are marginalised."""
     system = _system(seen, state, scale, 0.0)
     weight = np.maximum(system.shift[:, -2], 1e-300)
     pull = system.shift[:, CAMERA : CAMERA + POSE]
     pose = np.einsum("vi,vij,vj->v", pull, system.inverse[seen.targets], pull)
-    return 1.0 / weight + pose / weight**2
+    variances: Array = 1.0 / weight + pose / weight**2
+    return variances
 
 
 def covariance_of(seen: Observations, state: Adjustment) -> tuple[Array, Array]:
-    """Return the covariance (N, N) of the free unknowns of the cameras, and their rows (C, CAMERA), -1 = fixed.
+    """Return the covariance (N, N) of the cameras, and the row of each unknown (C, CAMERA), -1 = fixed.
 
     Weights are 1: remove outliers beforehand.
 
@@ -275,4 +276,4 @@ def covariance_of(seen: Observations, state: Adjustment) -> tuple[Array, Array]:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(system.reduced), LEAST))
     factor = cho_factor(system.reduced * scale[:, None] * scale, lower=True)
     covariance: Array = scale[:, None] * cho_solve(factor, np.eye(len(scale))) * scale
-    return covariance, system.index
+    return covariance, system.rows

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 Array = np.ndarray
-SPREAD = 0.6  # of the median period, longest time between the first and the last image of an instant
+SPREAD = 0.6  # longest time from the first to the last image of an instant, over the median period
 
 
 def instants_of(cameras: Array, stamps: Array) -> Array:
     """Return the number of the instant (N,) of each image, from 0, given cameras (N,) and stamps (N,) s.
 
-    Images in order of time belong to one instant as long as no camera repeats and the time since the first of
-    them is below a share of the slowest camera's period.
+    Images are taken in order of time. An instant ends where a camera repeats, or where a share of the slowest
+    camera's period has passed since its first image.
     """
     longest = _period(cameras, stamps) * SPREAD
     numbers = np.zeros(len(stamps), np.int64)

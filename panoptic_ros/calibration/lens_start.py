@@ -14,14 +14,14 @@ from panoptic_ros.calibration.target_poses import intrinsics_of, poses_of
 from panoptic_ros.calibration.target_views import TargetView, observations_of
 
 Array = np.ndarray
-FEWEST_POINTS = 8  # of a view, for Zhang's form
+FEWEST_POINTS = 8  # points of a view that Zhang's form uses
 PLAUSIBLE = (0.2, 10.0)  # focal length over the longer side of the image
 BLIND = (0.6, 0.8, 1.0, 1.4)  # focal lengths to try, over the longer side, without Zhang's form
 MOST_VIEWS = 60  # views that start a lens, evenly spaced
 NOISE_PX = 1.0  # px, first noise of the pixels
 START_SCALE = 3.0  # scale of the Cauchy weights, in standard deviations
-# standard deviations of priors: square pixels, principal point at the centre (px over the longer side), terms
-# of distortion. All are two to three times what lenses of labs show.
+# standard deviations of priors: aspect of pixels, principal point (px over the longer side), distortion.
+# All are two to three times the spread of the lenses of labs.
 SD_ASPECT, SD_CENTRE, SD_RADIAL, SD_TANGENTIAL = 0.02, 0.03, 1.0, 0.02
 SD_FISHEYE = 0.3
 
@@ -149,4 +149,3 @@ def _adjusted_alone(
     state = adjust(seen, state, START_SCALE)
     state = adjust(seen, replace(state, cameras=replace(state.cameras, free=free)), START_SCALE)
     return state.cost / len(seen.pixels), state.cameras.lenses[0]
-

@@ -99,7 +99,7 @@ def _by_target(by_point, change, dx, dy, dz, row, at):
 
 @_jit
 def twists_of(seen, speeds, lenses, fisheye, rotations, translations, turns, moves):
-    """Return the motion (B, 6) rad/s, m/s of each target that explains the image velocities of its views best.
+    """Return the motion (B, 6) rad/s, m/s of each target that fits the image velocities of its views best.
 
     Args:
         speeds: (M, 2) px/s.

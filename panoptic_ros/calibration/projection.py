@@ -68,9 +68,8 @@ def derivatives(lens, fisheye, rotation, translation, x, y, z, pixel, by_camera,
     """Write the pixel of a world point and its derivatives; return whether it is in front of the camera.
 
     Args:
-        lens, fisheye, rotation, translation, x, y, z, pixel: as in `project`.
-        by_camera: (2, 18) output, by the pose (rotation vector that perturbs from the left, translation), then
-            by `lens`.
+        lens, fisheye, rotation, translation, x, y, z, pixel: As in `project`.
+        by_camera: (2, 18) output, by the pose (rotation vector from the left, translation), then by `lens`.
         by_point: (2, 3) output, by the world point, px/m.
     """
     px = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z

@@ -28,15 +28,15 @@ class CameraQuality(NamedTuple):
     """Quality of one camera.
 
     Args:
-        name: its name.
-        views: number of views. points: number of points in them. outliers: points left out.
-        noise_px: px, residual per axis.
-        coverage: share of the cells of the image with points.
-        focal_sd: relative standard deviation of the focal length.
-        centre_sd_px: px, of the principal point.
-        linked: number of cameras that share instants with it.
-        offset_s, offset_sd_s: clock offset, s; 0 and 0 = not estimated.
-        jitter_s: s, standard deviation of the time shifts of its images.
+        name: Its name.
+        views: Number of views. points: Number of points in them. outliers: Points left out.
+        noise_px: Px, residual per axis.
+        coverage: Share of the cells of the image with points.
+        focal_sd: Relative standard deviation of the focal length.
+        centre_sd_px: Px, of the principal point.
+        linked: Number of cameras that share instants with it.
+        offset_s, offset_sd_s: Clock offset, s; 0 and 0 = not estimated.
+        jitter_s: S, standard deviation of the time shifts of its images.
     """
 
     name: str
@@ -57,9 +57,9 @@ class Quality(NamedTuple):
     """Quality of a calibration.
 
     Args:
-        cameras: of each camera.
-        error_m: m, root mean square of the predicted errors in the space of the target.
-        worst_m: m, 95th percentile of these errors.
+        cameras: One per camera.
+        error_m: M, root mean square of the predicted errors in the space of the target.
+        worst_m: M, 95th percentile of these errors.
     """
 
     cameras: tuple[CameraQuality, ...]
@@ -92,9 +92,7 @@ def quality_of(rig: CalibratedRig) -> Quality:
                 float(states.jitter[c]),
             )
         )
-    return Quality(
-        tuple(cameras), float(np.sqrt((errors**2).mean())), float(np.percentile(errors, 95.0))
-    )
+    return Quality(tuple(cameras), float(np.sqrt((errors**2).mean())), float(np.percentile(errors, 95.0)))
 
 
 def coverage_of(pixels: Array, size: tuple[int, int]) -> float:
@@ -124,7 +122,8 @@ def space_of(rig: CalibratedRig) -> Array:
         with np.errstate(invalid="ignore"):
             views += front & ((pixels > 0.0) & (pixels < np.array(given.size))).all(axis=1)
     both = views >= 2
-    return grid[both] if both.any() else grid
+    space: Array = grid[both] if both.any() else grid
+    return space
 
 
 def predicted_errors(rig: CalibratedRig, points: Array) -> Array:
@@ -144,7 +143,9 @@ def predicted_errors(rig: CalibratedRig, points: Array) -> Array:
                 states.fisheye[c],
                 states.rotations[c],
                 states.translations[c],
-                *point,
+                point[0],
+                point[1],
+                point[2],
                 pixel,
                 by_camera,
                 by_point,
@@ -161,7 +162,8 @@ def predicted_errors(rig: CalibratedRig, points: Array) -> Array:
     basis = np.linalg.qr(motions)[0]
     flat = flat - basis @ (basis.T @ flat)
     variances = np.einsum("ij,jk,ik->i", flat, rig.covariance, flat).reshape(-1, 3).sum(axis=1)
-    return np.sqrt(np.maximum(variances, 0.0))
+    errors: Array = np.sqrt(np.maximum(variances, 0.0))
+    return errors
 
 
 def _rigid_motions(points: Array) -> Array:
@@ -229,6 +231,7 @@ def refusals(quality: Quality) -> list[str]:
     for camera in quality.cameras:
         if camera.focal_sd > REFUSED * GOOD_FOCAL:
             lines.append(
-                f"camera {camera.name}: the focal length is known to {camera.focal_sd:.0%} only; tilt the board"
+                f"camera {camera.name}: the focal length is known to {camera.focal_sd:.0%} only; tilt the "
+                "board"
             )
     return lines

@@ -17,7 +17,7 @@ from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Rigid
 
 Array = np.ndarray
-FEWEST_VIEWS = 3  # of a camera; fewer determine no lens
+FEWEST_VIEWS = 3  # views of a camera; fewer determine no lens
 BETTER = 0.9  # share of the loss below which another pose of the target replaces its pose
 SCALE = 3.0  # scale of the Cauchy losses, in standard deviations
 
@@ -26,10 +26,10 @@ class CameraInput(NamedTuple):
     """Camera to calibrate.
 
     Args:
-        name: name of the camera.
+        name: Name of the camera.
         size: (width, height) px.
-        model: lens model.
-        known: lens (12,) and information (12, 12) of an earlier calibration; None = unknown.
+        model: Lens model.
+        known: Lens (12,) and information (12, 12) of an earlier calibration; None = unknown.
     """
 
     name: str
@@ -42,10 +42,10 @@ class RigStart(NamedTuple):
     """Start of the adjustment.
 
     Args:
-        views: views that are used, with instants 0 to B - 1.
-        state: start of all unknowns.
-        candidates: per instant, the poses of the target, world from target, that single views suggest.
-        links: number of common instants that support the link of each pair of cameras.
+        views: Views that are used, with instants 0 to B - 1.
+        state: Start of all unknowns.
+        candidates: Per instant, the poses of the target, world from target, that single views suggest.
+        links: Number of common instants that support the link of each pair of cameras.
     """
 
     views: list[TargetView]
@@ -70,10 +70,7 @@ def start_rig(cameras: Sequence[CameraInput], views: Sequence[TargetView], point
     known = [pose for pose in placed if pose is not None]
     starts = [one_camera(c.size, float(lens[0]), c.model, c.known) for c, lens in zip(cameras, lenses)]
     states = CameraStates(
-        *(
-            np.concatenate([getattr(start, name) for start in starts])
-            for name in CameraStates.__annotations__
-        )
+        *(np.concatenate([getattr(start, name) for start in starts]) for name in CameraStates.__annotations__)
     )
     free = states.free.copy()
     free[1:, :POSE] = True
@@ -92,7 +89,8 @@ def start_rig(cameras: Sequence[CameraInput], views: Sequence[TargetView], point
         for pose in own:
             candidates[number[view.instant]].append(known[view.camera].inverse().compose(pose))
     first = Targets(
-        np.stack([own[0].rotation for own in candidates]), np.stack([own[0].translation for own in candidates])
+        np.stack([own[0].rotation for own in candidates]),
+        np.stack([own[0].translation for own in candidates]),
     )
     seen = observations_of(used, points, np.ones(len(cameras)))
     state = Adjustment(states, first, np.zeros(len(seen.cameras)))
@@ -132,8 +130,8 @@ def with_best_targets(
     A view of a planar target can be explained by its mirrored pose. The other views decide.
 
     Args:
-        candidates: poses of each target, world from target.
-        better: share of the loss of the present pose that a candidate must not exceed.
+        candidates: Poses of each target, world from target.
+        better: Share of the loss of the present pose that a candidate must not exceed.
     """
     best = _losses(seen, state) * better
     rotations, translations = state.targets.rotations.copy(), state.targets.translations.copy()

@@ -40,13 +40,13 @@ class CalibratedRig:
     """Result of a calibration.
 
     Args:
-        inputs: cameras, as given.
-        views: views that were used; those of `seen` are sorted by instant, then camera.
-        seen: observations without outliers.
-        state: all unknowns, in the frame of the first camera.
+        inputs: Cameras, as given.
+        views: Views that were used; those of `seen` are sorted by instant, then camera.
+        seen: Observations without outliers.
+        state: All unknowns, in the frame of the first camera.
         covariance: (N, N) of the free unknowns of the cameras. index: (C, CAMERA) their rows, -1 = fixed.
         noise: (C,) px, standard deviation of the pixels per axis.
-        links: instants that link each pair of cameras.
+        links: Instants that link each pair of cameras.
         outliers: (C,) number of points that were left out.
     """
 
@@ -73,9 +73,9 @@ def calibrate_rig(
     """Return the calibration of cameras from views of a target with known points.
 
     Args:
-        views: of all cameras; instants are any integers.
+        views: Views of all cameras; instants are any integers.
         points: (N, 3) m, points of the target.
-        clocks: estimate a clock offset per camera and a time shift per view from the image velocity.
+        clocks: Estimate a clock offset per camera and a time shift per view from the image velocity.
 
     Raises:
         CalibrationError: if the views do not determine the calibration.
@@ -203,16 +203,16 @@ def _robust_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
     """Return the noise (C,) px per axis from the median of the squared residuals of each camera."""
     squares, own = (residuals_of(seen, state) ** 2).sum(axis=1), seen.cameras[seen.views]
     medians = np.array([np.median(squares[own == c]) for c in range(cameras)])
-    noise: Array = np.sqrt(medians / (MEDIAN_SQUARE * _freedom(seen, state)))
-    return np.maximum(noise, LEAST_NOISE_PX)
+    noise: Array = np.maximum(np.sqrt(medians / (MEDIAN_SQUARE * _freedom(seen, state))), LEAST_NOISE_PX)
+    return noise
 
 
 def _plain_noise(seen: Observations, state: Adjustment, cameras: int) -> Array:
     """Return the noise (C,) px per axis from the mean of the squared residuals of each camera."""
     squares, own = (residuals_of(seen, state) ** 2).sum(axis=1), seen.cameras[seen.views]
     means = np.array([squares[own == c].mean() for c in range(cameras)])
-    noise: Array = np.sqrt(0.5 * means / _freedom(seen, state))
-    return np.maximum(noise, LEAST_NOISE_PX)
+    noise: Array = np.maximum(np.sqrt(0.5 * means / _freedom(seen, state)), LEAST_NOISE_PX)
+    return noise
 
 
 def _kept(seen: Observations, good: Array) -> Observations:

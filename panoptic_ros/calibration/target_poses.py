@@ -14,7 +14,7 @@ from panoptic_ros.geometry import Intrinsics, Rigid
 from panoptic_ros.geometry.rotations import vectors_of
 
 Array = np.ndarray
-FEWEST_POINTS = 4  # of a planar target, for a pose
+FEWEST_POINTS = 4  # points of a planar target that determine a pose
 LEVER = 1.0  # m, distance at which a rotation counts like a translation
 SAME = 0.1  # m, distance between relative poses of two cameras that agree
 
@@ -75,7 +75,7 @@ def relative_poses(
     """Return, for pairs of cameras with common instants, the pose second from first and its support.
 
     The pose is the medoid of all candidates: the one with the least sum of truncated distances to the others.
-    Each common instant gives up to four, of which one is right. Means would mix them.
+    Each common instant has at most four candidates, and one of them is right. A mean would mix them.
     """
     at: dict[int, list[int]] = defaultdict(list)
     for k, view in enumerate(views):

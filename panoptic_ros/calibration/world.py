@@ -69,9 +69,7 @@ def rig_in_world(rig: CalibratedRig, world_from_first: Rigid) -> Rig:
         change[3:6, :3] = -_cross(lever)
         covariance = change @ covariance @ change.T
         cameras.append(
-            Camera(
-                given.name, given.size, intrinsics, pose, covariance=0.5 * (covariance + covariance.T)
-            )
+            Camera(given.name, given.size, intrinsics, pose, covariance=0.5 * (covariance + covariance.T))
         )
     return Rig(tuple(cameras))
 

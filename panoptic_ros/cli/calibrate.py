@@ -68,7 +68,9 @@ def run(args: argparse.Namespace) -> int:
         from panoptic_ros.view.board_print import write_board
 
         if args.what != "board":
-            raise UsageError(f"`panoptic calibrate print` prints a board; give `print board --out {args.out}`")
+            raise UsageError(
+                f"`panoptic calibrate print` prints a board; give `print board --out {args.out}`"
+            )
         paper = write_board(out, board, args.board, args.paper or "")
         print(f"{out}: {args.board} on {paper} paper; print it at 100 % and measure it")
         return 0
@@ -91,10 +93,10 @@ def run(args: argparse.Namespace) -> int:
             floor_s=args.floor,
             synchronous=args.synchronous,
         )
-    write_calibration(out, found)
+    files = write_calibration(out, found)
     for line in (*found.notices, *found.doubts):
         print(f"warning: {line}", file=sys.stderr)
     if not args.quiet:
         print("\n".join(quality_table(found.quality)))
-        print(f"{out}: rig.json, clocks.json, report.html")
+        print(f"{out}: {', '.join(files)}")
     return 0

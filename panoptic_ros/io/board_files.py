@@ -32,7 +32,9 @@ def read_board(path: Path) -> Board:
     toml = path.suffix.lower() == ".toml"
     document = parse_toml(read_text(path), path) if toml else read_yaml(path)
     if not isinstance(document, Mapping):
-        raise DataError(f"{path} describes no board; give a YAML target of Kalibr or caliscope's charuco.toml")
+        raise DataError(
+            f"{path} describes no board; give a YAML target of Kalibr or caliscope's charuco.toml"
+        )
     tell_unknown(document, CALISCOPE if toml else KALIBR, path)
     with parsing(path):
         try:
@@ -52,7 +54,8 @@ def _kalibr(document: Mapping[str, Any], path: Path) -> Board:
         )
         if along != across:
             raise DataError(
-                f"{path}: squares of {along:g} x {across:g} m; colSpacingMeters and rowSpacingMeters must agree"
+                f"{path}: squares of {along:g} x {across:g} m; colSpacingMeters and rowSpacingMeters must be "
+                "equal"
             )
         return Board("checkerboard", int(columns), int(rows), along)
     raise DataError(f"{path}: target_type = {shown(kind)}; boards are aprilgrid and checkerboard")

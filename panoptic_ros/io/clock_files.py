@@ -140,7 +140,7 @@ def write_models(path: Path, models: Mapping[str, ClockModel], delays_ms: Mappin
 
 
 def write_offsets(path: Path, offsets: Mapping[str, tuple[float, float, bool]], reference_ns: int) -> None:
-    """Write constant clock offsets by camera: offset and standard deviation, s, and whether it is observable."""
+    """Write constant clock offsets by camera: offset, s, standard deviation, s, whether it is observable."""
     cameras = {
         name: {**_clock(offset, deviation, 0.0, 0.0), "observable": observable}
         for name, (offset, deviation, observable) in offsets.items()

@@ -36,14 +36,14 @@ class BoardScene:
     """Scene of a recording.
 
     Args:
-        cameras: number of cameras on a ring.
-        instants: number of instants.
-        noise_px: px per axis, white noise of the corners.
+        cameras: Number of cameras on a ring.
+        instants: Number of instants.
+        noise_px: Px per axis, white noise of the corners.
         rate_hz: Hz of all cameras.
-        smooth: the board moves smoothly; else it takes a random pose at each instant.
-        lag_s: s, largest offset of a camera's images. jitter_s: s, standard deviation of random lags.
-        lens: lens of all cameras.
-        outliers: share of the corners that are wrong by up to 20 px.
+        smooth: The board moves smoothly; else it takes a random pose at each instant.
+        lag_s: S, largest offset of a camera's images. jitter_s: S, standard deviation of random lags.
+        lens: Lens of all cameras.
+        outliers: Share of the corners that are wrong by up to 20 px.
     """
 
     cameras: int
@@ -71,8 +71,8 @@ class BoardSession(NamedTuple):
     """Simulated recording.
 
     Args:
-        rig: true cameras.
-        views: all views of the board.
+        rig: True cameras.
+        views: All views of the board.
         offsets: (C,) s, true offsets: images are taken at their stamp plus the offset.
         shifts: (V,) s, random part of the lag of each view.
     """
@@ -157,7 +157,9 @@ def _seen(
     towards = (centre - middle) / np.linalg.norm(centre - middle)
     if -pose.rotation[:, 2] @ towards < STEEPEST:
         return None
-    pixels, front = camera.intrinsics.project(camera.cam_from_world.apply(pose.apply(points - points.mean(0))))
+    pixels, front = camera.intrinsics.project(
+        camera.cam_from_world.apply(pose.apply(points - points.mean(0)))
+    )
     with np.errstate(invalid="ignore"):
         inside = front & ((pixels > 0.0) & (pixels < np.array(SIZE))).all(axis=1)
     if inside.sum() < FEWEST:

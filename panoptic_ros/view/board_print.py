@@ -11,8 +11,14 @@ from panoptic_ros.errors import UsageError
 from panoptic_ros.io.files import write_bytes
 from panoptic_ros.view.plotting import Figure, Rectangle
 
-PAPERS = {"a4": (0.210, 0.297), "a3": (0.297, 0.420), "a2": (0.420, 0.594), "a1": (0.594, 0.841),
-          "a0": (0.841, 1.189), "letter": (0.2159, 0.2794)}  # m, width and height
+PAPERS = {
+    "a4": (0.210, 0.297),
+    "a3": (0.297, 0.420),
+    "a2": (0.420, 0.594),
+    "a1": (0.594, 0.841),
+    "a0": (0.841, 1.189),
+    "letter": (0.2159, 0.2794),
+}  # m, width and height
 MARGIN = 0.008  # m, that printers leave white
 NOTE = 0.008  # m, height of the line of text
 INCH = 0.0254  # m

@@ -12,13 +12,25 @@ from panoptic_ros.calibration.quality import CELLS, Quality
 from panoptic_ros.calibration.solve import CalibratedRig
 
 Array = np.ndarray
-HEAD = ("camera", "views", "points", "left out", "noise px", "image", "focal sd", "centre sd px", "offset ms", "± ms")
+HEAD = (
+    "camera",
+    "views",
+    "points",
+    "left out",
+    "noise px",
+    "image",
+    "focal sd",
+    "centre sd px",
+    "offset ms",
+    "± ms",
+)
 MAGNIFIED = 40  # times, residuals in pictures
 WIDTH = 960  # px, of a picture
 SEEN, MISS, CELL = (40, 200, 40), (40, 40, 255), (90, 90, 90)  # BGR
 STYLE = (
-    "body{font:15px sans-serif;margin:2em;max-width:64em}table{border-collapse:collapse}td,th{padding:.2em .7em;"
-    "text-align:right;border-bottom:1px solid #ccc}td:first-child{text-align:left}img{max-width:31em;margin:.3em}"
+    "body{font:15px sans-serif;margin:2em;max-width:64em}table{border-collapse:collapse}"
+    "td,th{padding:.2em .7em;text-align:right;border-bottom:1px solid #ccc}td:first-child{text-align:left}"
+    "img{max-width:31em;margin:.3em}"
 )
 
 
@@ -111,7 +123,8 @@ def report_page(
         "<h2>Instants in which two cameras see the board</h2>" + _table(("", *names), linked),
         f"<h2>Corners (green) and residuals (red, {MAGNIFIED} times)</h2>",
         *(
-            f'<figure><img src="{html.escape(file)}" alt=""><figcaption>{html.escape(name)}</figcaption></figure>'
+            f'<figure><img src="{html.escape(file)}" alt="">'
+            f"<figcaption>{html.escape(name)}</figcaption></figure>"
             for name, file in pictures.items()
         ),
     ]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.calibration.board_artwork import black_rectangles
-from panoptic_ros.calibration.board_detector import Appearance, BoardDetector
+from panoptic_ros.calibration.board_detector import BoardAppearance, BoardDetector
 from panoptic_ros.calibration.boards import Board, parse_board
 from panoptic_ros.errors import UsageError
 
@@ -47,7 +47,7 @@ def expected(board, numbers):
 def test_a_print_is_detected_at_its_true_size(text):
     board = parse_board(text)
     numbers, pixels, appearance = BoardDetector(board).detect(picture(board))
-    assert len(numbers) == len(board.points) and appearance == Appearance(False, False)
+    assert len(numbers) == len(board.points) and appearance == BoardAppearance(False, False)
     np.testing.assert_allclose(pixels, expected(board, numbers), atol=0.3)
 
 
@@ -59,7 +59,7 @@ def test_inverted_and_mirrored_prints_are_detected(inverted, mirrored):
     seen = 255 - image if inverted else image
     seen = np.ascontiguousarray(seen[:, ::-1]) if mirrored else seen
     numbers, pixels, appearance = BoardDetector(board).detect(seen)
-    assert appearance == Appearance(inverted, mirrored)
+    assert appearance == BoardAppearance(inverted, mirrored)
     straight = expected(board, numbers)
     if mirrored:
         straight[:, 0] = image.shape[1] - 1 - straight[:, 0]

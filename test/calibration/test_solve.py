@@ -29,7 +29,9 @@ def inputs_of(session, model=None):
 @pytest.mark.parametrize("lens", ["brown", "fisheye"])
 def test_exact_corners_give_the_exact_rig(lens):
     session, views = recorded(BoardScene(4, 60, noise_px=0.0, lens=lens))
-    found = calibrate_rig(inputs_of(session, FISHEYE if lens == "fisheye" else None), views, BOARD.points, False)
+    found = calibrate_rig(
+        inputs_of(session, FISHEYE if lens == "fisheye" else None), views, BOARD.points, False
+    )
     errors = errors_of(found, session)
     assert errors["error_m"] < 2e-5  # the weak priors of the lenses are all that is left
     assert errors["focal"] < 1e-5
@@ -59,7 +61,9 @@ def test_a_wrong_grid_in_one_image_is_left_out():
     session, views = recorded(BoardScene(4, 40))
     wrong = next(k for k, view in enumerate(views) if len(view.numbers) == len(BOARD.points))
     view = views[wrong]
-    shifted = TargetView(view.camera, view.instant, view.stamp_s, view.numbers, np.roll(view.pixels, 7, axis=0))
+    shifted = TargetView(
+        view.camera, view.instant, view.stamp_s, view.numbers, np.roll(view.pixels, 7, axis=0)
+    )
     changed = [*views[:wrong], shifted, *views[wrong + 1 :]]
     found = calibrate_rig(inputs_of(session), changed, BOARD.points, False)
     assert found.outliers[view.camera] > 0.9 * len(view.numbers)
@@ -86,7 +90,9 @@ def test_random_delays_of_images_are_found():
 def test_a_camera_without_common_views_is_named():
     session, views = recorded(BoardScene(3, 40))
     apart = [
-        TargetView(view.camera, view.instant + 1000 * (view.camera == 2), view.stamp_s, view.numbers, view.pixels)
+        TargetView(
+            view.camera, view.instant + 1000 * (view.camera == 2), view.stamp_s, view.numbers, view.pixels
+        )
         for view in views
     ]
     with pytest.raises(CalibrationError, match="camera cam2 never sees the board together with cam0"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,11 +35,11 @@ class BoardCalibration:
     """Calibration from a board.
 
     Args:
-        rig: cameras in the world.
-        solved: solution in the frame of the first camera.
-        quality: its quality.
-        doubts: lines about limits that are exceeded.
-        notices: lines about the recording and the world frame.
+        rig: Cameras in the world.
+        solved: Solution in the frame of the first camera.
+        quality: Its quality.
+        doubts: Lines about limits that are exceeded.
+        notices: Lines about the recording and the world frame.
     """
 
     rig: Rig
@@ -65,10 +64,10 @@ def calibrate_folder(
     """Return the calibration of the cameras of a folder.
 
     Args:
-        lens: a name of `MODELS`, for cameras whose intrinsics are not known.
-        known: cameras with known intrinsics.
-        floor_s: s since the first image, at which the board lies on the floor; None = never.
-        synchronous: the cameras are synchronous; clock offsets are not estimated.
+        lens: A name of `MODELS`, for cameras whose intrinsics are not known.
+        known: Cameras with known intrinsics.
+        floor_s: S since the first image, at which the board lies on the floor; None = never.
+        synchronous: The cameras are synchronous; clock offsets are not estimated.
 
     Raises:
         UserError: if the recording does not give a calibration.
@@ -82,9 +81,7 @@ def calibrate_folder(
             f"camera{'s' * more} {names}: no image shows the board; show it, or move the files of the "
             f"camera{'s' * more} away"
         )
-    inputs = [
-        _input(name, size, MODELS[lens], known) for name, size in zip(recording.names, recording.sizes)
-    ]
+    inputs = [_input(name, size, MODELS[lens], known) for name, size in zip(recording.names, recording.sizes)]
     solved = calibrate_rig(inputs, recording.views, board.points, clocks=not synchronous)
     quality = quality_of(solved)
     if reasons := refusals(quality):

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from panoptic_ros.calibration.board_detector import APPEARANCES, Appearance, BoardDetector
+from panoptic_ros.calibration.board_detector import APPEARANCES, BoardAppearance, BoardDetector
 from panoptic_ros.calibration.boards import Board
 from panoptic_ros.calibration.instants import instants_of
 from panoptic_ros.calibration.target_views import TargetView
@@ -31,13 +31,13 @@ class BoardRecording:
     """Views of a board in the images of all cameras.
 
     Args:
-        names: names of the cameras. sizes: (width, height) px of their images.
-        views: all views of the board; stamps in s since `start_ns`.
-        start_ns: stamp of the first image.
-        images: number of images that were searched, by camera.
-        pictures: by camera, the view with most corners: its index in `views`, and its image (H, W) uint8.
-        appearances: by camera, how the board appeared.
-        notices: lines about the recording.
+        names: Names of the cameras. sizes: (width, height) px of their images.
+        views: All views of the board; stamps in s since `start_ns`.
+        start_ns: Stamp of the first image.
+        images: Number of images that were searched, by camera.
+        pictures: By camera, the view with most corners: its index in `views`, and its image (H, W) uint8.
+        appearances: By camera, how the board appeared.
+        notices: Lines about the recording.
     """
 
     names: tuple[str, ...]
@@ -46,7 +46,7 @@ class BoardRecording:
     start_ns: int
     images: tuple[int, ...]
     pictures: Mapping[int, tuple[int, Array]]
-    appearances: Mapping[int, frozenset[Appearance]]
+    appearances: Mapping[int, frozenset[BoardAppearance]]
     notices: tuple[str, ...]
 
 
@@ -56,7 +56,7 @@ def read_board_views(
     """Search the board in all images of a folder with one video or folder of images per camera.
 
     Args:
-        most: greatest number of images per camera; evenly spaced ones are used.
+        most: Greatest number of images per camera; evenly spaced ones are used.
 
     Raises:
         DataError: if the folder has no images.
@@ -68,7 +68,7 @@ def read_board_views(
     views: list[TargetView] = []
     every: list[int] = []
     pictures: dict[int, tuple[int, Array]] = {}
-    appearances: dict[int, frozenset[Appearance]] = {}
+    appearances: dict[int, frozenset[BoardAppearance]] = {}
     tried = APPEARANCES
     done = 0
     with open_files(rig, files, stamps=stamps, times=times) as capture:
@@ -77,7 +77,7 @@ def read_board_views(
         for c, source in enumerate(capture.sources):
             detector = BoardDetector(board, tried)
             step = max(1, -(-(source.frame_count or 0) // most))
-            found_as: set[Appearance] = set()
+            found_as: set[BoardAppearance] = set()
             for n, frame in enumerate(source):
                 done += 1
                 if n % step:

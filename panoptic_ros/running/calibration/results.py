@@ -15,8 +15,12 @@ from panoptic_ros.view.pictures import write_image
 RIG, CLOCKS, PAGE = "rig.json", "clocks.json", "report.html"
 
 
-def write_calibration(folder: Path, found: BoardCalibration) -> None:
-    """Write rig.json, clocks.json, report.html and its pictures to a folder."""
+def write_calibration(folder: Path, found: BoardCalibration) -> list[str]:
+    """Write rig.json, clocks.json, report.html and its pictures to a folder.
+
+    Returns:
+        the names of the files without pictures. clocks.json is written if an offset was estimated.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     residuals = residuals_of(found.solved.seen, found.solved.state)
     pictures = {}
@@ -30,5 +34,8 @@ def write_calibration(folder: Path, found: BoardCalibration) -> None:
         camera.name: (camera.offset_s, camera.offset_sd_s, c == 0 or camera.offset_sd_s > 0.0)
         for c, camera in enumerate(found.quality.cameras)
     }
-    write_offsets(folder / CLOCKS, offsets, found.recording.start_ns)
+    estimated = any(deviation > 0.0 for _, deviation, _ in offsets.values())
+    if estimated:
+        write_offsets(folder / CLOCKS, offsets, found.recording.start_ns)
     write_rig(folder / RIG, found.rig)
+    return [RIG, *([CLOCKS] if estimated else []), PAGE]

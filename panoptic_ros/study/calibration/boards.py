@@ -1,4 +1,4 @@
-"""The study `calibration`: cameras from simulated recordings of a board, beside the bound of Cramer and Rao."""
+"""The study `calibration`: cameras from simulated recordings of a board, beside the Cramer-Rao bound."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Calibration(Study):
     def cases(self) -> list[Case]:
         """See `Study`."""
         return [
-            Case(f"{name}, seed {seed}", (name, seed), float(CASES[name].scene.instants * CASES[name].scene.cameras))
+            Case(f"{name}, seed {seed}", (name, seed), _cost(CASES[name].scene))
             for name in known_names(self.options.cases, CASES, "case")
             for seed in self.options.seeds
         ]
@@ -113,10 +113,15 @@ class Calibration(Study):
     def head(self, result: Result) -> str:
         """See `Study`."""
         return (
-            "Simulated board of 7 x 10 corners of 60 mm, noise 0.3 px, all intrinsics unknown. Errors of rotation, "
-            "position and focal length: medians over cameras.\nError: of points in the space of the board, "
-            "triangulated from exact pixels, after rigid alignment. Bound: the same from the Cramer-Rao bound."
+            "Simulated board of 7 x 10 corners of 60 mm, noise 0.3 px, all intrinsics unknown. Errors of "
+            "rotation, position and focal length: medians over cameras.\nError: of points in the space of the "
+            "board, triangulated from exact pixels, after rigid alignment. Bound: the same from the Cramer-Rao "
+            "bound."
         )
+
+
+def _cost(scene: BoardScene) -> float:
+    return float(scene.instants * scene.cameras)
 
 
 def errors_of(found: CalibratedRig, session: BoardSession) -> Row:
@@ -159,7 +164,7 @@ def triangulation_errors(found: CalibratedRig, truth: Rig, world_from_first: Rig
     for c, camera in enumerate(truth.cameras):
         pixels, _ = camera.intrinsics.project(camera.cam_from_world.apply(world_from_first.apply(points)))
         with np.errstate(invalid="ignore"):
-            inside = ((pixels > 0.0) & (pixels < np.array(camera.image_size))).all(axis=1)
+            inside = np.all((pixels > 0.0) & (pixels < np.array(camera.image_size)), axis=1)
         plane = intrinsics_of(states.lenses[c], found.inputs[c].model.fisheye).undistort(pixels)
         rays.append(np.where(inside[:, None], plane, np.nan))
         matrices.append(np.concatenate([states.rotations[c], states.translations[c][:, None]], axis=1))
@@ -177,9 +182,7 @@ def _triangulated(matrices: Array, plane: Array) -> Array:
     seen = np.isfinite(plane).all(axis=1)
     if seen.sum() < 2:
         return np.full(3, np.nan)
-    rows = np.concatenate(
-        [plane[seen, k, None] * matrices[seen, 2] - matrices[seen, k] for k in range(2)]
-    )
+    rows = np.concatenate([plane[seen, k, None] * matrices[seen, 2] - matrices[seen, k] for k in range(2)])
     point: Array = np.linalg.lstsq(rows[:, :3], -rows[:, 3], rcond=None)[0]
     depth = matrices[seen, 2, :3] @ point + matrices[seen, 2, 3]
     weight = np.tile(1.0 / depth, 2)[:, None]
