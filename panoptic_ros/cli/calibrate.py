@@ -59,11 +59,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Calibrate the cameras of a folder, or print a board."""
-    from panoptic_ros.calibration.boards import parse_board  # imported here to keep --help fast
-    from panoptic_ros.io.board_files import read_board
+    from panoptic_ros.running.calibration.recorded_board import board_of  # imported here to keep --help fast
 
     out = output_file(args.out) if args.folder == PRINT else output_folder(args.out)
-    board = read_board(Path(args.board)) if Path(args.board).is_file() else parse_board(args.board)
+    board = board_of(args.board)
     if args.folder == PRINT:
         from panoptic_ros.view.board_print import write_board
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from panoptic_ros.calibration.board_detector import APPEARANCES, BoardAppearance, BoardDetector
-from panoptic_ros.calibration.boards import Board
+from panoptic_ros.calibration.boards import Board, parse_board
 from panoptic_ros.calibration.instants import instants_of
 from panoptic_ros.calibration.target_views import TargetView
 from panoptic_ros.capture.folder import folder_stamps, open_files
@@ -20,6 +20,7 @@ from panoptic_ros.capture.video import VideoSource
 from panoptic_ros.domain import Camera, Rig
 from panoptic_ros.errors import CalibrationError
 from panoptic_ros.geometry import Intrinsics, Rigid
+from panoptic_ros.io.board_files import read_board
 from panoptic_ros.stage import Progress
 
 Array = np.ndarray
@@ -48,6 +49,15 @@ class BoardRecording:
     pictures: Mapping[int, tuple[int, Array]]
     appearances: Mapping[int, frozenset[BoardAppearance]]
     notices: tuple[str, ...]
+
+
+def board_of(text: str) -> Board:
+    """Return the board of a specification, or of a file that describes one.
+
+    Raises:
+        UserError: naming the fault.
+    """
+    return read_board(Path(text)) if Path(text).is_file() else parse_board(text)
 
 
 def read_board_views(
