@@ -16,7 +16,8 @@ def test_targets_of_kalibr_are_read(tmp_path):
     grid = "target_type: 'aprilgrid'\ntagCols: 6\ntagRows: 5\ntagSize: 0.088\ntagSpacing: 0.3\n"
     found = read_board(written(tmp_path, "april.yaml", grid))
     assert found == Board("aprilgrid", 6, 5, 0.088, 0.3 * 0.088, "DICT_APRILTAG_36h11")
-    plain = "target_type: checkerboard\ntargetCols: 6\ntargetRows: 7\nrowSpacingMeters: 0.06\ncolSpacingMeters: 0.06\n"
+    plain = "target_type: checkerboard\ntargetCols: 6\ntargetRows: 7\n"
+    plain += "rowSpacingMeters: 0.06\ncolSpacingMeters: 0.06\n"
     assert read_board(written(tmp_path, "checker.yaml", plain)) == Board("checkerboard", 6, 7, 0.06)
 
 

@@ -115,8 +115,8 @@ class Calibration(Study):
         return (
             "Simulated board of 7 x 10 corners of 60 mm, noise 0.3 px, all intrinsics unknown.\n"
             "Errors of rotation, position and focal length: medians over cameras.\n"
-            "Error: of points in the space of the board, triangulated from exact pixels, after rigid alignment. "
-            "Bound: the same\nfrom the Cramer-Rao bound."
+            "Error: of points in the space of the board, triangulated from exact pixels, after rigid "
+            "alignment.\nBound: the same from the Cramer-Rao bound."
         )
 
 
