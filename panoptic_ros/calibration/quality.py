@@ -21,6 +21,7 @@ GOOD_CENTRE_PX = 5.0  # px, standard deviation of the principal point
 GOOD_NOISE_PX = 0.5  # px per axis
 GOOD_VIEWS = 15
 GOOD_COVERAGE = 0.6  # share of the cells of an image
+ASYNCHRONOUS_S = 0.025  # s, offset or spread of stamps beyond which a camera is not synchronous
 REFUSED = 5.0  # times these limits: the calibration is not usable
 
 
@@ -51,6 +52,12 @@ class CameraQuality(NamedTuple):
     offset_s: float
     offset_sd_s: float
     jitter_s: float
+
+    @property
+    def asynchronous(self) -> bool:
+        """Return whether the images of the camera are late by more than a synchronous camera's."""
+        late = abs(self.offset_s) > ASYNCHRONOUS_S + 2.0 * self.offset_sd_s
+        return late or self.jitter_s >= ASYNCHRONOUS_S
 
 
 class Quality(NamedTuple):
@@ -209,12 +216,8 @@ def doubts(quality: Quality) -> list[str]:
     return lines
 
 
-ASYNCHRONOUS_S = 0.025  # s, offset or spread of stamps beyond which a camera is not synchronous
-
-
 def _clock_doubts(camera: CameraQuality, where: str) -> list[str]:
-    late = abs(camera.offset_s) > ASYNCHRONOUS_S + 2.0 * camera.offset_sd_s
-    if not late and camera.jitter_s < ASYNCHRONOUS_S:
+    if not camera.asynchronous:
         return []
     return [
         f"{where}not synchronous: its images are {1e3 * abs(camera.offset_s):.0f} ms "

@@ -36,6 +36,10 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "calibration.boards:Calibration",
         "cameras from simulated recordings of a board: errors beside the Cramer-Rao bound, time",
     ),
+    "calibration-sessions": (
+        "calibration.sessions:CalibrationSessions",
+        "cameras from recorded corners of a board, scored on corners that are left out",
+    ),
     "cameras": (
         "rigs.cameras:Cameras",
         "PCK by the number of cameras of a rig (Joo et al. 2017, Fig. 8)",

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.calibration.boards import Board
+from panoptic_ros.calibration.bundle import PLAIN
 from panoptic_ros.calibration.lens_start import LensModel
 from panoptic_ros.calibration.projection import OFFSET, POSE
 from panoptic_ros.calibration.quality import predicted_errors, space_of
@@ -19,7 +20,7 @@ from panoptic_ros.calibration.target_poses import intrinsics_of
 from panoptic_ros.calibration.target_views import TargetView
 from panoptic_ros.domain import Rig
 from panoptic_ros.errors import CalibrationError
-from panoptic_ros.geometry import Rigid
+from panoptic_ros.geometry import ProjectionStack, Rigid, triangulate_robust
 from panoptic_ros.geometry.rotations import vectors_of
 from panoptic_ros.simulation.board_sessions import BoardScene, BoardSession, simulate_board
 from panoptic_ros.stage import Progress
@@ -159,16 +160,13 @@ def triangulation_errors(found: CalibratedRig, truth: Rig, world_from_first: Rig
 
     True cameras project them, the found cameras triangulate the pixels.
     """
-    states = found.state.cameras
-    rays, matrices = [], []
-    for c, camera in enumerate(truth.cameras):
-        pixels, _ = camera.intrinsics.project(camera.cam_from_world.apply(world_from_first.apply(points)))
+    pixels = []
+    for camera in truth.cameras:
+        own, _ = camera.intrinsics.project(camera.cam_from_world.apply(world_from_first.apply(points)))
         with np.errstate(invalid="ignore"):
-            inside = np.all((pixels > 0.0) & (pixels < np.array(camera.image_size)), axis=1)
-        plane = intrinsics_of(states.lenses[c], found.inputs[c].model.fisheye).undistort(pixels)
-        rays.append(np.where(inside[:, None], plane, np.nan))
-        matrices.append(np.concatenate([states.rotations[c], states.translations[c][:, None]], axis=1))
-    triangulated = np.stack([_triangulated(np.array(matrices), ray) for ray in np.stack(rays, axis=1)])
+            inside = np.all((own > 0.0) & (own < np.array(camera.image_size)), axis=1)
+        pixels.append(np.where(inside[:, None], own, np.nan))
+    triangulated = exact_points(found, np.stack(pixels, axis=1))
     good = np.isfinite(triangulated).all(axis=1)
     a, b = triangulated[good], points[good]
     u, _, v = np.linalg.svd((a - a.mean(0)).T @ (b - b.mean(0)))
@@ -177,14 +175,19 @@ def triangulation_errors(found: CalibratedRig, truth: Rig, world_from_first: Rig
     return errors
 
 
-def _triangulated(matrices: Array, plane: Array) -> Array:
-    """Return a point (3,) from its normalised image points (C, 2); NaN from fewer than two."""
-    seen = np.isfinite(plane).all(axis=1)
-    if seen.sum() < 2:
-        return np.full(3, np.nan)
-    rows = np.concatenate([plane[seen, k, None] * matrices[seen, 2] - matrices[seen, k] for k in range(2)])
-    point: Array = np.linalg.lstsq(rows[:, :3], -rows[:, 3], rcond=None)[0]
-    depth = matrices[seen, 2, :3] @ point + matrices[seen, 2, 3]
-    weight = np.tile(1.0 / depth, 2)[:, None]
-    refined: Array = np.linalg.lstsq(weight * rows[:, :3], -weight[:, 0] * rows[:, 3], rcond=None)[0]
-    return refined
+def exact_points(found: CalibratedRig, pixels: Array) -> Array:
+    """Return points (N, 3) m of least squared residual of pixels (N, C, 2), NaN where a camera sees none.
+
+    Points are in the frame of the first camera, and NaN with fewer than two views.
+    """
+    states = found.state.cameras
+    plane = np.stack(
+        [
+            intrinsics_of(lens, bool(fisheye)).undistort(pixels[:, c])
+            for c, (lens, fisheye) in enumerate(zip(states.lenses, states.fisheye))
+        ],
+        axis=1,
+    )
+    stack = ProjectionStack(states.rotations, states.translations, states.lenses[:, 0])
+    result = triangulate_robust(stack, plane, np.ones(plane.shape[:2]), cauchy=PLAIN, gate=PLAIN)
+    return result.points
