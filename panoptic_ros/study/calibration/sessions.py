@@ -99,8 +99,8 @@ class CalibrationSessions(Study):
     def head(self, result: Result) -> str:
         """See `Study`."""
         return (
-            "Intrinsics unknown. Corners that the calibration did not see are triangulated: residual per axis, "
-            "and error\nof the distances between them (root mean square, median). Slow: below "
+            "Intrinsics unknown. Corners that the calibration did not see are triangulated: residual per "
+            "axis, and error\nof the distances between them (root mean square, median). Slow: below "
             f"{SLOW_PX_S:g} px/s. Scale: median error of distances."
         )
 
