@@ -51,6 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=output_file, required=True, metavar="S", help="skeletons.json(.gz) to write"
     )
+    parser.add_argument(
+        "--preset", choices=("elhayek-2012",), help="method of a paper, as a reference for comparisons"
+    )
     parser.add_argument("--quiet", action="store_true", help="print no summary")
 
 
@@ -61,6 +64,7 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.io.curve_files import write_curves
     from panoptic_ros.io.plain_formats import write_skeletons
     from panoptic_ros.running.continuous import read_continuous_task, read_instants, solve_continuous
+    from panoptic_ros.running.continuous_preset import solve_preset
     from panoptic_ros.view.progress import PassBar
 
     stamps = read_instants(args.at) if args.at else None
@@ -69,7 +73,10 @@ def run(args: argparse.Namespace) -> int:
     for line in task.notices:
         print(f"warning: {line}", file=sys.stderr)
     with PassBar("continuous") as bar:
-        motion = solve_continuous(task, bar.show)
+        if args.preset:
+            motion = solve_preset(task, None, False, bar.show)
+        else:
+            motion = solve_continuous(task, bar.show)
     instants = motion.at_rate(args.rate) if stamps is None else stamps
     write_skeletons(args.out, task.joint_names, motion.sets(instants))
     if args.clocks_out:
