@@ -105,12 +105,28 @@ def extrapolated(coefficients: Array, before: Array, segment: Array) -> Array:
         coefficients: (D, L) of the previous segment.
         before, segment: (2,) s, the previous and the next segment.
     """
-    nodes, weights = gauss_points(coefficients.shape[1] + 1)
-    middle, half = 0.5 * (segment[0] + before[1]), 0.5 * (before[1] - segment[0])
-    values = legval(place(middle + half * nodes, *before), coefficients.T)  # (D, Q)
-    mean, slope = 0.5 * values @ weights, 1.5 * values @ (weights * nodes)  # over the overlap, -1..1
+    mean, slope, middle, half = _line(coefficients, before, segment)
     centre, reach = 0.5 * (segment[0] + segment[1]), 0.5 * (segment[1] - segment[0])
     found = np.zeros_like(coefficients)
     found[:, 0] = mean + slope * (centre - middle) / half
     found[:, 1] = slope * reach / half
     return found
+
+
+def held(coefficients: Array, before: Array, segment: Array) -> Array:
+    """Return the coefficients (D, L) of a segment that keeps the mean of the previous one over the overlap.
+
+    Args:
+        coefficients, before, segment: see `extrapolated`.
+    """
+    found = np.zeros_like(coefficients)
+    found[:, 0] = _line(coefficients, before, segment)[0]
+    return found
+
+
+def _line(coefficients: Array, before: Array, segment: Array) -> tuple[Array, Array, float, float]:
+    """Return the best line over the overlap: mean (D,), slope (D,) per half overlap, its middle and half (s)."""
+    nodes, weights = gauss_points(coefficients.shape[1] + 1)
+    middle, half = 0.5 * (segment[0] + before[1]), 0.5 * (before[1] - segment[0])
+    values = legval(place(middle + half * nodes, *before), coefficients.T)  # (D, Q)
+    return 0.5 * values @ weights, 1.5 * values @ (weights * nodes), middle, half
