@@ -54,6 +54,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--preset", choices=("elhayek-2012",), help="method of a paper, as a reference for comparisons"
     )
+    parser.add_argument(
+        "--images", type=Path, metavar="FOLDER", help="with --preset: capture folder whose images are used too"
+    )
+    parser.add_argument(
+        "--images-only", action="store_true", help="with --images: 2D people serve for the first pose only"
+    )
     parser.add_argument("--quiet", action="store_true", help="print no summary")
 
 
@@ -74,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"warning: {line}", file=sys.stderr)
     with PassBar("continuous") as bar:
         if args.preset:
-            motion = solve_preset(task, None, False, bar.show)
+            motion = solve_preset(task, args.images, args.images_only, bar.show)
         else:
             motion = solve_continuous(task, bar.show)
     instants = motion.at_rate(args.rate) if stamps is None else stamps

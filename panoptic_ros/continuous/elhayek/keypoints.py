@@ -6,11 +6,12 @@ form of the paper's image term, and its derivative fades for a wrong 2D joint.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from panoptic_ros.continuous.elhayek.energy import PoseSums
+from panoptic_ros.continuous.elhayek.energy import PoseSums, PoseTerm
 from panoptic_ros.continuous.elhayek.skeleton import Skeleton
 from panoptic_ros.continuous.problem import LEAST_DEPTH, PersonRays
 from panoptic_ros.domain.rig_arrays import RigArrays
@@ -123,3 +124,17 @@ class KeypointTerm:
         slopes = data.rows @ by_freedom / (depths * data.sigmas)[:, None, None]
         nearer = data.depth_rows[:, None] @ by_freedom / depths[:, None, None]
         return slopes - misses[:, :, None] * nearer, misses
+
+
+class KeypointMeasurements:
+    """2D joints of a person as `tracking.Measurements`: a term per width and segment."""
+
+    fits = len(WIDTHS)
+
+    def __init__(self, keypoints: Keypoints, skeleton: Skeleton):
+        self._keypoints, self._skeleton = keypoints, skeleton
+
+    def term(self, fit: int, segment: Array, start: Callable[[Array], Array]) -> PoseTerm | None:
+        """Return the term of a fit of a segment (2,) s, None = no 2D joint lies in it."""
+        own = self._keypoints.between(*segment)
+        return KeypointTerm(own, self._skeleton, WIDTHS[fit]) if len(own.times) else None

@@ -8,16 +8,20 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.continuous.elhayek.body import first_poses, skeleton_from, usable
+from panoptic_ros.continuous.elhayek.body_blobs import TimedBlobs, body_blobs, coloured
 from panoptic_ros.continuous.elhayek.config import ElhayekConfig
 from panoptic_ros.continuous.elhayek.curve import person_curve
-from panoptic_ros.continuous.elhayek.energy import PoseTerm
-from panoptic_ros.continuous.elhayek.keypoints import WIDTHS, Keypoints, KeypointTerm
+from panoptic_ros.continuous.elhayek.image_term import ImageMeasurements
+from panoptic_ros.continuous.elhayek.keypoints import KeypointMeasurements, Keypoints
 from panoptic_ros.continuous.elhayek.polynomials import FRAMES, segments_over
-from panoptic_ros.continuous.elhayek.tracking import track
+from panoptic_ros.continuous.elhayek.quad_tree import image_blobs
+from panoptic_ros.continuous.elhayek.skeleton import Skeleton
+from panoptic_ros.continuous.elhayek.tracking import Measurements, track
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.passes import ContinuousPass
 from panoptic_ros.continuous.person import PersonCurve
 from panoptic_ros.continuous.problem import LEAST_DEPTH
+from panoptic_ros.domain.body_shape import BodyShape
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.stage import Progress, Recording, StageContext, part_of
@@ -34,7 +38,8 @@ MOST_PERIOD_S = 1.0  # s, longest period of a camera that sets the length of seg
 class ElhayekPass:
     """Pass (`stage.Pass`): people and first poses from the joint curves, then segments of polynomials.
 
-    The context holds the segment model as extra "segments".
+    The context holds the segment model and its shape as extras "segments" and "body_shape". Images are records
+    "image" of the recording.
 
     Raises:
         UsageError: as `ContinuousPass`, or if the skeleton of segments lacks a segment.
@@ -45,6 +50,7 @@ class ElhayekPass:
         self._curves = ContinuousPass(config.continuous, context)
         self._arrays = RigArrays.of(context.rig)
         self._model: SegmentModel = context.extras["segments"]
+        self._shape: BodyShape = context.extras["body_shape"]
 
     def run(self, recording: Recording, progress: Progress) -> ContinuousMotion:
         """Return the motion of all people.
@@ -53,16 +59,31 @@ class ElhayekPass:
             DataError: if there is no view, or a person whose shoulders and hips are never seen together.
         """
         motion = self._curves.run(recording, part_of(progress, 0.0, FOLLOWED))
+        images = self._images(recording, motion) if self._config.images else []
         length = FRAMES * slowest_period(motion.people)
         share = part_of(progress, FOLLOWED, 1.0)
         people = []
         for k, person in enumerate(motion.people):
             own = part_of(share, k / len(motion.people), (k + 1) / len(motion.people))
-            people.append(self._person(person, length, own))
+            people.append(self._person(person, length, images, own))
         progress(1.0, "fitting segments")
         return replace(motion, people=tuple(people))
 
-    def _person(self, person: PersonCurve, length: float, progress: Progress) -> PersonCurve:
+    def _images(self, recording: Recording, motion: ContinuousMotion) -> list[TimedBlobs]:
+        """Return the blobs of all images, ordered by time."""
+        offsets, drifts, lines = motion.clocks.values
+        found = []
+        for frame in recording.records("image"):
+            camera = self._arrays.index[frame.camera]
+            stamp = 1e-9 * (frame.stamp_ns - motion.reference_ns)
+            middle = 0.5 * frame.image.shape[0]
+            time = stamp + offsets[camera] + drifts[camera] * stamp + lines[camera] * middle
+            found.append(TimedBlobs(time, camera, image_blobs(frame.image, self._arrays.cameras[camera])))
+        return sorted(found, key=lambda image: (image.time, image.camera))
+
+    def _person(
+        self, person: PersonCurve, length: float, images: Sequence[TimedBlobs], progress: Progress
+    ) -> PersonCurve:
         names = self._skeleton.joint_names
         instants = np.linspace(person.seen[0], person.seen[-1], BODY_INSTANTS)
         joints = person.at(instants)
@@ -71,17 +92,30 @@ class ElhayekPass:
         good = np.flatnonzero(usable(joints, names, skeleton))
         nearest = good[np.argmin(np.abs(instants[good] - segments[0].mean()))]
         pose = first_poses(skeleton, names, joints[nearest : nearest + 1])[0]
-        sigmas = noise_of(person, self._arrays)
-        keypoints = Keypoints.of(person.rays, person.times, sigmas, self._arrays, skeleton)
-
-        def terms_of(first: float, last: float) -> Sequence[Sequence[PoseTerm]]:
-            own = keypoints.between(first, last)
-            return [[KeypointTerm(own, skeleton, width)] for width in WIDTHS] if len(own.times) else []
-
+        measured: list[Measurements] = []
+        if self._config.keypoints:
+            sigmas = noise_of(person, self._arrays)
+            keypoints = Keypoints.of(person.rays, person.times, sigmas, self._arrays, skeleton)
+            measured.append(KeypointMeasurements(keypoints, skeleton))
+        if images:
+            measured.append(self._image_measurements(person, segments[0], images, skeleton))
         motion, covariances = track(
-            skeleton, segments, pose, terms_of, lambda done: progress(done, "fitting segments")
+            skeleton, segments, pose, measured, lambda done: progress(done, "fitting segments")
         )
         return person_curve(person, skeleton, motion, covariances, misfits)
+
+    def _image_measurements(
+        self, person: PersonCurve, first: Array, images: Sequence[TimedBlobs], skeleton: Skeleton
+    ) -> ImageMeasurements:
+        """Return the images as measurements of a person whose body is coloured from the first segment."""
+        names = self._skeleton.joint_names
+        early = [image for image in images if first[0] <= image.time <= first[1]]
+        joints = person.at(np.array([image.time for image in early]))
+        shown = usable(joints, names, skeleton)
+        poses = first_poses(skeleton, names, joints[shown])
+        views = [image for image, good in zip(early, shown) if good]
+        body = coloured(body_blobs(skeleton, self._shape), skeleton, poses, views, self._arrays)
+        return ImageMeasurements(images, body, skeleton, self._arrays)
 
 
 def slowest_period(people: Sequence[PersonCurve]) -> float:

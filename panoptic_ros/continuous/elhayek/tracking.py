@@ -3,24 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 
 from panoptic_ros.continuous.elhayek.energy import PoseTerm, SegmentEnergy, minimise
-from panoptic_ros.continuous.elhayek.polynomials import DEGREE, MotionFunction, extrapolated, held
+from panoptic_ros.continuous.elhayek.polynomials import (
+    DEGREE,
+    MotionFunction,
+    basis,
+    extrapolated,
+    held,
+    place,
+)
 from panoptic_ros.continuous.elhayek.skeleton import Skeleton
 
 Array = np.ndarray
-# From the first and last instant (s) of a segment to its terms, one entry per fit: each fit starts from the
-# previous one.
-TermsOf = Callable[[float, float], Sequence[Sequence[PoseTerm]]]
+
+
+class Measurements(Protocol):
+    """Measurements of one person over a recording.
+
+    Args:
+        fits: number of fits of a segment, each from the result of the previous one.
+    """
+
+    fits: int
+
+    def term(self, fit: int, segment: Array, start: Callable[[Array], Array]) -> PoseTerm | None:
+        """Return the term of a fit of a segment (2,) s, None = no measurement lies in it.
+
+        Args:
+            start: gives degrees of freedom (T, D) at times (T,) s, from which the fit starts.
+        """
+        ...
 
 
 def track(
     skeleton: Skeleton,
     segments: Array,
     pose: Array,
-    terms_of: TermsOf,
+    measured: Sequence[Measurements],
     progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[MotionFunction, Array]:
     """Return the motion function of a person, and the covariances (G, D L, D L) of its coefficients.
@@ -38,16 +61,32 @@ def track(
     covariances = []
     for g, segment in enumerate(segments):
         progress(g / len(segments))
-        fits = list(terms_of(*segment)) or [()]
         starts = [np.column_stack([pose, np.zeros((len(pose), DEGREE))])]
         if g:
             starts = [f(coefficients[g - 1], segments[g - 1], segment) for f in (extrapolated, held)]
-        energies = [SegmentEnergy(segment, fits[0], skeleton.limits, one).sums(one).energy for one in starts]
-        start = starts[int(np.argmin(energies))]
-        found = start
-        for terms in fits:
-            energy = SegmentEnergy(segment, terms, skeleton.limits, start)
-            found = minimise(energy, found, DEGREE + 1 if g else 1)
-        coefficients[g] = found
-        covariances.append(energy.covariance(found))
+        coefficients[g], covariance = _fit(skeleton, segment, starts, measured, DEGREE + 1 if g else 1)
+        covariances.append(covariance)
     return MotionFunction(segments, coefficients), np.stack(covariances)
+
+
+def _fit(
+    skeleton: Skeleton, segment: Array, starts: Sequence[Array], measured: Sequence[Measurements], order: int
+) -> tuple[Array, Array]:
+    """Return the coefficients (D, L) of a segment and their covariance (D L, D L).
+
+    Args:
+        starts: (D, L) each; the first fit starts from that of least energy.
+        order: see `minimise`.
+    """
+    found = starts[0]
+    for k in range(max(one.fits for one in measured)):
+
+        def poses(times: Array) -> Array:
+            return basis(place(times, *segment), found.shape[1]) @ found.T
+
+        terms = [one.term(min(k, one.fits - 1), segment, poses) for one in measured]
+        energy = SegmentEnergy(segment, [t for t in terms if t is not None], skeleton.limits, starts[0])
+        if k == 0:
+            found = min(starts, key=lambda start: energy.sums(start).energy)
+        found = minimise(energy, found, order)
+    return found, energy.covariance(found)
