@@ -14,10 +14,10 @@ from panoptic_ros.domain.body_shape import BodyShape
 from panoptic_ros.domain.rig_arrays import RigArrays
 
 Array = np.ndarray
-APART = 1.0  # distance of the blobs along a bone, in radii
-# Standard deviation of a blob in radii: with blobs one radius apart, image blobs of its colour reach their
+APART = 1.4  # distance of the blobs along a bone, in radii
+# Standard deviation of a blob in radii: with blobs so far apart, image blobs of its colour reach their
 # self-similarity up to the surface, see `similarity`.
-SIGMA = 0.65
+SIGMA = 0.6
 COVERED = 0.8  # radii about the centre of a blob in front, within which it hides another blob
 SAMPLED = 0.6  # radii about the centre of a blob, within which image blobs tell its colour
 LEAST_SAMPLES = 2  # minimum number of views that tell the colour of a blob

@@ -18,7 +18,7 @@ Array = np.ndarray
 LIMIT_WEIGHT = 0.1  # alpha (paper, 5); its unit follows from areas in rad times frames of the slowest camera
 # Gauss points of the integrals over a segment. Their weights add up to 2: the frames of a segment.
 POINTS = 8
-REST = 1e-4  # 1/rad^2 or 1/m^2, weight that keeps at rest what nothing determines, as the twist of a straight arm
+REST = 1e-3  # 1/rad^2 or 1/m^2, weight that keeps at rest what nothing determines, as the twist of a straight arm
 ITERATIONS = 15  # maximum number of steps
 LEAST_GAIN = 1e-6  # decrease of the energy below which the minimum is reached
 DAMPING, MOST_DAMPING = 1e-3, 1e6

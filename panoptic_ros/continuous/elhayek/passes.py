@@ -13,7 +13,7 @@ from panoptic_ros.continuous.elhayek.config import ElhayekConfig
 from panoptic_ros.continuous.elhayek.curve import person_curve
 from panoptic_ros.continuous.elhayek.image_term import ImageMeasurements
 from panoptic_ros.continuous.elhayek.keypoints import KeypointMeasurements, Keypoints
-from panoptic_ros.continuous.elhayek.polynomials import FRAMES, segments_over
+from panoptic_ros.continuous.elhayek.polynomials import DEGREE, FRAMES, IMAGE_DEGREE, segments_over
 from panoptic_ros.continuous.elhayek.quad_tree import image_blobs
 from panoptic_ros.continuous.elhayek.skeleton import Skeleton
 from panoptic_ros.continuous.elhayek.tracking import Measurements, track
@@ -99,8 +99,9 @@ class ElhayekPass:
             measured.append(KeypointMeasurements(keypoints, skeleton))
         if images:
             measured.append(self._image_measurements(person, segments[0], images, skeleton))
+        degree = DEGREE if self._config.keypoints else IMAGE_DEGREE
         motion, covariances = track(
-            skeleton, segments, pose, measured, lambda done: progress(done, "fitting segments")
+            skeleton, segments, pose, measured, degree, lambda done: progress(done, "fitting segments")
         )
         return person_curve(person, skeleton, motion, covariances, misfits)
 

@@ -19,6 +19,7 @@ LEAST_LEVEL = 1  # leaves have at least 2 px per side: single pixels are mostly 
 # root mean square distance from the mean colour of a square, above which it is split. A large
 # value merges limbs with a similar background.
 SPREAD = 0.05
+DARK = 0.05  # value below which a saturation is noise
 
 
 class ImageBlobs(NamedTuple):
@@ -62,18 +63,18 @@ def reduced(image: Array) -> tuple[Array, int]:
 
 
 def colours_of(image: Array) -> Array:
-    """Return the colours (..., 3) of an image (..., 3), BGR 0..255, as points of the HSV cone.
+    """Return the colours (..., 3) of an image (..., 3), BGR 0..255, as points of the HSV cylinder.
 
-    The distance of hues wraps round and means nothing for grey and dark pixels. In the cone
-    (v s cos h, v s sin h, v), each 0..1, Euclidean distances have neither fault.
+    The points are (s cos h, s sin h, v) with s and v 0..1: the Euclidean distance of two hues then neither
+    depends on where the circle of hues begins, nor counts for grey. Shading changes v alone.
     """
     blue, green, red = np.moveaxis(image / 255.0, -1, 0)
     value = np.maximum(np.maximum(blue, green), red)
     chroma = value - np.minimum(np.minimum(blue, green), red)
-    # the hexagon of hues: chroma times the direction of the hue
+    saturation = chroma / np.maximum(value, DARK)
     across, up = red - 0.5 * (green + blue), 0.5 * np.sqrt(3.0) * (green - blue)
     length = np.maximum(np.hypot(across, up), 1e-9)
-    return np.stack([chroma * across / length, chroma * up / length, value], axis=-1)
+    return np.stack([saturation * across / length, saturation * up / length, value], axis=-1)
 
 
 def leaves(colours: Array) -> tuple[Array, Array, Array]:

@@ -13,7 +13,7 @@ from panoptic_ros.continuous.elhayek.polynomials import wendland
 from panoptic_ros.continuous.elhayek.quad_tree import ImageBlobs
 
 Array = np.ndarray
-COLOUR_REACH = 0.15  # distance in the HSV cone (diameter 2) from which colours count as different
+COLOUR_REACH = 0.4  # distance in the HSV cylinder (radius 1, height 1) from which colours count as different
 
 
 class Pairs(NamedTuple):

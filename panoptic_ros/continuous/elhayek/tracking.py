@@ -44,6 +44,7 @@ def track(
     segments: Array,
     pose: Array,
     measured: Sequence[Measurements],
+    degree: int = DEGREE,
     progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[MotionFunction, Array]:
     """Return the motion function of a person, and the covariances (G, D L, D L) of its coefficients.
@@ -55,16 +56,17 @@ def track(
     Args:
         segments: (G, 2) s.
         pose: (D,) known pose in the first segment.
+        degree: of the polynomials.
         progress: is told the share that is done.
     """
-    coefficients = np.zeros((len(segments), skeleton.freedoms, DEGREE + 1))
+    coefficients = np.zeros((len(segments), skeleton.freedoms, degree + 1))
     covariances = []
     for g, segment in enumerate(segments):
         progress(g / len(segments))
-        starts = [np.column_stack([pose, np.zeros((len(pose), DEGREE))])]
+        starts = [np.column_stack([pose, np.zeros((len(pose), degree))])]
         if g:
             starts = [f(coefficients[g - 1], segments[g - 1], segment) for f in (extrapolated, held)]
-        coefficients[g], covariance = _fit(skeleton, segment, starts, measured, DEGREE + 1 if g else 1)
+        coefficients[g], covariance = _fit(skeleton, segment, starts, measured, degree + 1 if g else 1)
         covariances.append(covariance)
     return MotionFunction(segments, coefficients), np.stack(covariances)
 
