@@ -2,7 +2,7 @@
 
 The rosidl pipeline, as rosidl_generate_interfaces() runs it under CMake:
 
-    *.msg -> *.idl -> type hashes -> C structs, CDR and introspection type supports, Python classes
+    *.msg, *.srv -> *.idl -> type hashes -> C structs, CDR and introspection type supports, Python classes
 
 which becomes three shared objects inside the Python package: one library per type support that
 rmw_fastrtps asks for (it needs both) and the extension module that Python imports. The type support
@@ -35,6 +35,8 @@ ABOUT = ElementTree.parse(SOURCE / "package.xml").getroot()
 PACKAGE = str(ABOUT.findtext("name"))
 DEPENDENCIES = tuple(str(node.text) for node in ABOUT.findall("depend"))  # with the indirect ones
 MESSAGES = [path.relative_to(SOURCE) for path in sorted((SOURCE / "msg").glob("*.msg"))]
+SERVICES = [path.relative_to(SOURCE) for path in sorted((SOURCE / "srv").glob("*.srv"))]
+INTERFACES = [*MESSAGES, *SERVICES]
 
 FASTRTPS = "rosidl_typesupport_fastrtps_c"
 INTROSPECTION = "rosidl_typesupport_introspection_c"
@@ -77,12 +79,14 @@ class Generators:
     def __init__(self, prefix: Path, output: Path) -> None:
         self.prefix, self.output = prefix, output
         self.idl = output / "idl"
-        self.idl_files = [message.with_suffix(".idl").as_posix() for message in MESSAGES]
+        self.idl_files = [interface.with_suffix(".idl").as_posix() for interface in INTERFACES]
 
     def run(self) -> None:
-        convert = importlib.import_module("rosidl_adapter.msg").convert_msg_to_idl
-        for message in MESSAGES:
-            convert(SOURCE, PACKAGE, message, self.idl / message.parent)
+        convert_message = importlib.import_module("rosidl_adapter.msg").convert_msg_to_idl
+        convert_service = importlib.import_module("rosidl_adapter.srv").convert_srv_to_idl
+        for interface in INTERFACES:
+            convert = convert_message if interface in MESSAGES else convert_service
+            convert(SOURCE, PACKAGE, interface, self.idl / interface.parent)
         interfaces = [f"{name}:{self.prefix / 'share' / name}" for name in DEPENDENCIES]
         self._call(HASHES, "generate_type_hash", include_paths=interfaces)
         hashes = self.output / HASHES / PACKAGE
@@ -90,7 +94,7 @@ class Generators:
             STRUCTS,
             "generate_c",
             type_description_tuples=[f"{file}:{hashes / file[:-4]}.json" for file in self.idl_files],
-            ros_interface_files=[str(SOURCE / message) for message in MESSAGES],
+            ros_interface_files=[str(SOURCE / interface) for interface in INTERFACES],
         )
         self._call(FASTRTPS, "generate_typesupport_fastrtps_c")
         self._call(INTROSPECTION, "generate_c")
@@ -100,7 +104,8 @@ class Generators:
     def _call(self, generator: str, function: str, *more: object, **settings: object) -> None:
         templates = self.prefix / "share" / generator / "resource"
         target = self.output / generator / PACKAGE
-        (target / "msg" / "detail").mkdir(parents=True)
+        for folder in {"msg", *(str(interface.parent) for interface in INTERFACES)}:
+            (target / folder / "detail").mkdir(parents=True)
         for template in templates.glob("*visibility_control.h.in"):  # CMake's configure_file
             text = template.read_text().replace("@PROJECT_NAME_UPPER@", PACKAGE.upper())
             header = target / "msg" / template.name.removesuffix(".in")
@@ -193,8 +198,8 @@ class BuildExtension(build_ext):
             target.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(module, target)
         (package / "__init__.py").touch()
-        for message in MESSAGES:  # bag readers and viewers parse the definitions
-            shutil.copyfile(SOURCE / message, package / message)
+        for interface in INTERFACES:  # bag readers and viewers parse the definitions
+            shutil.copyfile(SOURCE / interface, package / interface)
 
     def _compile_in_parallel(self) -> None:
         compile_some = self.compiler.compile
@@ -231,6 +236,7 @@ setup(
     data_files=[
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/msg", [str(message) for message in MESSAGES]),
+        (f"share/{PACKAGE}/srv", [str(service) for service in SERVICES]),
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
     ],
 )

@@ -17,12 +17,15 @@ from panoptic_ros.domain import Rig, SkeletonModel
 
 __all__ = [
     "ArrivalAwareStage",
+    "IdleWorkStage",
+    "InstantRange",
     "LastingStateStage",
     "LatenessAwareStage",
     "Notice",
     "Pass",
     "Progress",
     "Recording",
+    "RequestStage",
     "Stage",
     "StageContext",
     "StepResult",
@@ -141,6 +144,39 @@ class ArrivalAwareStage(Protocol):
             came_ns: arrival time on a monotonic clock, ns.
             host_ns: the same moment on the clock that should timestamp the cameras, ns.
         """
+
+
+@runtime_checkable
+class IdleWorkStage(Protocol):
+    """Stage with work that later steps need, but not the results of the current step."""
+
+    def settle(self) -> None:
+        """Do that work, after the results were passed on. If nobody calls it, the next step does the work."""
+
+
+@dataclass(frozen=True)
+class InstantRange:
+    """Instants for which a stage can give records, ns; none if the newest is before the oldest."""
+
+    oldest_ns: int
+    newest_ns: int
+
+    def __contains__(self, stamp_ns: int) -> bool:
+        return self.oldest_ns <= stamp_ns <= self.newest_ns
+
+
+@runtime_checkable
+class RequestStage(Protocol):
+    """Stage that also gives records for requested instants, without an effect on its other output."""
+
+    def instants(self) -> InstantRange:
+        """Return the instants that may be requested now."""
+
+    def has_all_of(self, stamp_ns: int) -> bool:
+        """Return whether all input that an instant (ns) needs has come."""
+
+    def at(self, stamp_ns: int) -> Any:
+        """Return the record of an instant (ns) in `instants`, from the input that has come."""
 
 
 # Passes: algorithms that need a whole recording.

@@ -22,9 +22,9 @@ import numpy as np
 from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.geometry.symmetric import invert_symmetric
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.joint_records import Candidates, SolvedJoints
+from panoptic_ros.solving.joint_records import PersonCandidates, SolvedJoints
 from panoptic_ros.solving.joints import MISPLACED
-from panoptic_ros.solving.scene import MIN_DEPTH, Observations, inside_by, is_outside, seen_at
+from panoptic_ros.solving.scene import MIN_DEPTH, SceneObservations, inside_by, is_outside, seen_at
 
 Array = np.ndarray
 
@@ -35,7 +35,7 @@ SHARES = (0.005, 1.0)  # limits of distance / size in the regression
 PRIOR = 2.0  # factor on the standard deviation of predictions, because their errors persist
 
 
-def border_odds(found: Candidates, seen: Observations, scores: Array) -> Array:
+def border_odds(found: PersonCandidates, seen: SceneObservations, scores: Array) -> Array:
     """Return the prior odds (D, J) that 2D joints are artefacts of a border, from one image alone.
 
     The odds are 0 unless the first estimate or the prediction of the person has joints outside the image.
@@ -57,7 +57,7 @@ def odds_of(places, shifts, member, seen, scores):
         places: (P, J, 3) m, world, joints of the people.
         shifts: (P, J, 3) m/s, their velocities.
         member: (P, V) row of each person's 2D pose, -1 = none.
-        seen: `Observations`.
+        seen: `SceneObservations`.
         scores: (D, J) of the 2D joints.
     """
     odds = np.zeros(scores.shape)
@@ -78,7 +78,7 @@ def odds_of(places, shifts, member, seen, scores):
 
 
 def artefacts(
-    solved: SolvedJoints, found: Candidates, seen: Observations, odds: Array, cauchy: float
+    solved: SolvedJoints, found: PersonCandidates, seen: SceneObservations, odds: Array, cauchy: float
 ) -> Array:
     """Return a mask (D, J) of the 2D joints that are artefacts of a border.
 
@@ -98,8 +98,8 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
     """Return the mask (D, J) of `artefacts`.
 
     Args:
-        expected: Positions (P, J, 3) m, spreads (P, J) m and velocities (P, J, 3) m/s of `Guides`.
-        members: `member` (P, V) and `source` (P, V, J) of `Candidates`.
+        expected: Positions (P, J, 3) m, spreads (P, J) m and velocities (P, J, 3) m/s of `JointPredictions`.
+        members: `member` (P, V) and `source` (P, V, J) of `PersonCandidates`.
     """
     positions, normals, residuals, picks = solved
     (guesses, spreads, shifts), (member, source) = expected, members
@@ -122,7 +122,8 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
                 known = seen.precision[d, s] > 0.0 and np.isfinite(positions[p, j, 0])
                 if not known or odds[d, s] == 0.0:
                     continue
-                u, w, z = seen_at(seen.cams, v, positions[p, j], shifts[p, j])
+                late = seen.delays[d, s]
+                u, w, z = seen_at(seen.cams, v, positions[p, j], shifts[p, j], late)
                 if z <= MIN_DEPTH:
                     continue
                 information = seen.precision[d, s] ** 2
@@ -147,7 +148,7 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
                     x[i] = positions[p, j, i]
                     for k in range(3):
                         x[i] += spread[i, k] * step[k]
-                u, w, z = seen_at(seen.cams, v, x, shifts[p, j])
+                u, w, z = seen_at(seen.cams, v, x, shifts[p, j], late)
                 if z <= MIN_DEPTH:
                     continue
                 _jacobian(seen.cams.rotations[v], u, w, z, rows)
@@ -171,7 +172,7 @@ def mark_artefacts(solved, expected, members, seen, odds, cauchy):
 def _is_cut(position, shift, cams, camera, v):
     """Return whether a joint of a person (J, 3) m projects outside the image of view v."""
     for j in range(len(position)):
-        x, y, z = seen_at(cams, v, position[j], shift[j])
+        x, y, z = seen_at(cams, v, position[j], shift[j], cams.delays[v])
         if z > MIN_DEPTH and is_outside(camera, x, y):
             return True
     return False

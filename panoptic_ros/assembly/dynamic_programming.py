@@ -22,7 +22,7 @@ VGA = (640, 480)  # px, image size that the gate refers to
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hypothesis:
+class SkeletonHypothesis:
     """One skeleton before its joints are refined.
 
     Args:
@@ -35,7 +35,9 @@ class Hypothesis:
     claims: Array
 
 
-def assemble(proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, gate_px: float) -> list[Hypothesis]:
+def assemble(
+    proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, gate_px: float
+) -> list[SkeletonHypothesis]:
     """Return skeletons in the order of their scores, until no part remains.
 
     For each of its joints, a skeleton claims the nearest free 2D joint in every view. A skeleton whose head
@@ -47,7 +49,7 @@ def assemble(proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, gate_px:
     """
     tree = PartTree(proposals, skeleton, SKIP_WEIGHT)
     free = Correspondence(proposals.detections, rig, proposals.nodes, proposals.node_joints, gate_px)
-    people: list[Hypothesis] = []
+    people: list[SkeletonHypothesis] = []
     while True:
         score, nodes = tree.best()
         if score <= 0.0:
@@ -58,7 +60,7 @@ def assemble(proposals: ProposalSet, rig: Rig, skeleton: SkeletonModel, gate_px:
         claims[joints] = free.claims_of(nodes[joints])
         if (claims[skeleton.head] >= 0).sum() >= HEAD_VIEWS:
             free.claim(nodes[joints], claims[joints])
-            people.append(Hypothesis(nodes, claims))
+            people.append(SkeletonHypothesis(nodes, claims))
 
 
 class PartTree:

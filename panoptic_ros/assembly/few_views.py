@@ -16,14 +16,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from panoptic_ros.assembly.judgement import FEW_VIEWS, Joints
+from panoptic_ros.assembly.judgement import FEW_VIEWS, JointEstimates
 from panoptic_ros.domain import Prediction
 from panoptic_ros.domain.of_all import joined, selected
 from panoptic_ros.geometry.symmetric import invert_symmetric, largest_eigenvalue, solve_symmetric
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.bodies import Body, Known, Rays, begin, estimate
-from panoptic_ros.solving.joint_records import Candidates
-from panoptic_ros.solving.scene import SEEN, Observations, Scene, look_at
+from panoptic_ros.solving.bodies import PersonPrior, PersonRays, SkeletonArrays, begin, estimate
+from panoptic_ros.solving.joint_records import PersonCandidates
+from panoptic_ros.solving.scene import SEEN, Scene, SceneObservations, look_at
 
 Array = np.ndarray
 
@@ -47,8 +47,8 @@ LEVEL = 10.0  # weight of the right axes of cameras relative to the upper edges 
 SAME_PLACE = 0.5  # m, median joint distance below which two skeletons are one person
 
 
-class Shown(NamedTuple):
-    """Observations of P candidates, with their predictions; see `Candidates` and `Guides`.
+class CandidateObservations(NamedTuple):
+    """Observations of P candidates, with their predictions; see `PersonCandidates` and `JointPredictions`.
 
     Args:
         member: (P, V) row of the person's 2D pose in each view, -1 = none.
@@ -68,10 +68,10 @@ class Shown(NamedTuple):
     shifts: Array
     scores: Array
     tails: Array
-    seen: Observations
+    seen: SceneObservations
 
     @classmethod
-    def of(cls, scene: Scene, found: Candidates, tails: Array) -> Shown:
+    def of(cls, scene: Scene, found: PersonCandidates, tails: Array) -> CandidateObservations:
         """Return the observations of candidates in a scene.
 
         Args:
@@ -90,7 +90,7 @@ class Shown(NamedTuple):
         )
 
 
-class Followed(NamedTuple):
+class TrackPredictions(NamedTuple):
     """Predictions of all tracked people, see `Prediction`.
 
     Args:
@@ -106,13 +106,13 @@ class Followed(NamedTuple):
 
 
 def hold_people(
-    people: tuple[Array, Array, Joints],
+    people: tuple[Array, Array, JointEstimates],
     scene: Scene,
-    shown: Shown,
+    shown: CandidateObservations,
     prediction: Prediction,
-    body: Body,
+    body: SkeletonArrays,
     worst: float,
-) -> tuple[Array, Joints, Array]:
+) -> tuple[Array, JointEstimates, Array]:
     """Return the kept people and the people that can be held in addition, with the joints placed here.
 
     Args:
@@ -129,8 +129,8 @@ def hold_people(
     few, kept, joints = people
     held = np.setdiff1d(few, kept)
     p, up = prediction, upwards(scene.cams.rotations[np.unique(scene.evidence.view)])  # others point anywhere
-    followed = Followed(p.positions, p.velocities, p.ages, p.variances, p.lengths, up)
-    rows, nothing = np.concatenate([kept, held]), Joints.nothing(len(held), joints.views.shape[1])
+    followed = TrackPredictions(p.positions, p.velocities, p.ages, p.variances, p.lengths, up)
+    rows, nothing = np.concatenate([kept, held]), JointEstimates.nothing(len(held), joints.views.shape[1])
     joints = joined(joints, nothing)
     there, placed = hold_joints(rows, len(kept), shown, followed, joints, body, worst)
     return rows[there], selected(joints, there), placed[there]
@@ -250,7 +250,7 @@ def _rays_of(shown, k):
                 number[j] += 1
                 scores[j] += shown.scores[d, s]
                 growth[j] += shown.tails[d, s] ** 2
-    rays = Rays(
+    rays = PersonRays(
         shown.member[k], shown.source[k], shown.shifts[k], np.sqrt(growth / np.maximum(number, 1)), shown.seen
     )
     return rays, scores / np.maximum(number, 1), number
@@ -260,7 +260,7 @@ def _rays_of(shown, k):
 def _of_solved(joints, row, body):
     """Return prior knowledge that consists of the solved joints of a person alone."""
     count, bones = joints.positions.shape[1], len(body.bones)
-    known = Known(
+    known = PersonPrior(
         np.full((count, 3), np.nan),
         np.zeros((count, 3, 3)),
         np.zeros((bones, 3)),
@@ -319,7 +319,7 @@ def _expected(followed, who, shown, body):
             vectors[b] = vector
             slack[b] = (TURNING if both else straying) * passed + 0.5 * PLACE
     bone = BONE * np.sqrt(max(1.0, BONE_MEMORY / passed))
-    return Known(
+    return PersonPrior(
         places,
         information,
         vectors,

@@ -39,7 +39,7 @@ DEPTHS = np.geomspace(0.5, 16.0, 21)  # m, depths of tested places along optical
 ONE_PLACE = 0.05  # m, cameras closer together see a person from one side
 
 
-class Joints(NamedTuple):
+class JointEstimates(NamedTuple):
     """Joints of P people; the arrays change in place where joints are corrected.
 
     Args:
@@ -57,7 +57,7 @@ class Joints(NamedTuple):
     doubts: Array
 
     @classmethod
-    def nothing(cls, people: int, joints: int) -> Joints:
+    def nothing(cls, people: int, joints: int) -> JointEstimates:
         """Return joints that are all missing."""
         shape = (people, joints)
         return cls(
@@ -82,7 +82,7 @@ class Joints(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class People:
+class AssembledPeople:
     """Skeletons of one instant: P people out of the K that were solved.
 
     Args:
@@ -93,13 +93,13 @@ class People:
     """
 
     kept: Array
-    joints: Joints
+    joints: JointEstimates
     sources: ViewSources
     placed: Array
 
-    def rows(self, which: Array) -> People:
+    def rows(self, which: Array) -> AssembledPeople:
         """Return the people that a mask (P,) selects."""
-        return People(
+        return AssembledPeople(
             self.kept[which],
             selected(self.joints, which),
             self.sources.rows(np.flatnonzero(which)),
@@ -142,7 +142,7 @@ class People:
         )
 
 
-class Standards(NamedTuple):
+class AcceptanceCriteria(NamedTuple):
     """Conditions that joints and people must satisfy; see `AssemblyConfig`.
 
     Covariances are multiplied by inflation * (1 + (extra + unused) / (views - 1)). The reason is that few
@@ -163,7 +163,7 @@ class Standards(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def judge_joints(solved, observed, marked, standards):
-    """Return the solved joints that are certain enough, as `Joints`, and a mask (P, J) of them.
+    """Return the solved joints that are certain enough, as `JointEstimates`, and a mask (P, J) of them.
 
     Joints with a singular covariance are excluded.
 
@@ -172,7 +172,7 @@ def judge_joints(solved, observed, marked, standards):
         observed: (P, J) number of views whose 2D pose shows each joint, including views that were not used.
         marked: Scores (D, J) and tails (D, J) of the 2D joints. Tails are factors on the standard deviations
             where no further view shows a joint.
-        standards: `Standards`.
+        standards: `AcceptanceCriteria`.
     """
     scores, tails = marked
     people, joints, count_views = solved.residuals.shape
@@ -201,7 +201,7 @@ def judge_joints(solved, observed, marked, standards):
             if not good[p, j]:
                 places[p, j], covariances[p, j] = np.nan, np.nan
                 mean[p, j], views[p, j] = 0.0, 0
-    return Joints(places, covariances, mean, views, np.zeros((people, joints))), good
+    return JointEstimates(places, covariances, mean, views, np.zeros((people, joints))), good
 
 
 @njit(cache=True, error_model="numpy")
@@ -212,7 +212,7 @@ def kept_people(joints, good, observed, member, standards):
     maps, a joint is enough.
 
     Args:
-        joints: `Joints`.
+        joints: `JointEstimates`.
         good: (P, J) whether the joint is certain enough.
         observed: (P, J) number of views whose 2D pose shows each joint.
         member: (P, V) row of the 2D pose, -1 = none.

@@ -17,7 +17,7 @@ from panoptic_ros.assembly.dynamic_programming import PartTree
 from panoptic_ros.domain import ProposalSet, SkeletonModel
 from panoptic_ros.domain.of_all import joined
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.joint_records import Candidates, Guides, SolvedJoints
+from panoptic_ros.solving.joint_records import JointPredictions, PersonCandidates, SolvedJoints
 
 Array = np.ndarray
 
@@ -33,8 +33,8 @@ SPREAD = 0.03  # m, standard deviation of the positions, as for people with a pr
 
 
 def with_lost_people(
-    item: ProposalSet, found: Candidates, solved: SolvedJoints, skeleton: SkeletonModel
-) -> tuple[Candidates, SolvedJoints]:
+    item: ProposalSet, found: PersonCandidates, solved: SolvedJoints, skeleton: SkeletonModel
+) -> tuple[PersonCandidates, SolvedJoints]:
     """Return the candidates and their solution with lost people appended.
 
     Lost people have no 2D poses, and their joints are at nodes.
@@ -43,9 +43,9 @@ def with_lost_people(
     if not len(places):
         return found, solved
     (count, joints), views = places.shape[:2], found.member.shape[1]
-    guide = Guides.of_nobody_known(count, joints, SPREAD)._replace(positions=places)
+    guide = JointPredictions.of_nobody_known(count, joints, SPREAD)._replace(positions=places)
     source, nobody = np.tile(np.arange(joints), (count, views, 1)), np.full((count, views), -1)
-    lost = Candidates(nobody, source, guide, nobody[:, 0], places)
+    lost = PersonCandidates(nobody, source, guide, nobody[:, 0], places)
     nothing = SolvedJoints.nothing(count, joints, views)
     return joined(found, lost), joined(solved, nothing)
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from panoptic_ros.assembly.judgement import Joints
+from panoptic_ros.assembly.judgement import JointEstimates
 from panoptic_ros.domain import ProposalSet, SkeletonModel
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.kernels import njit
@@ -38,7 +38,7 @@ WRONG_SIGMA = 0.16  # m, standard deviation of a wrong node: a joint of another 
 _NEVER = 1e3
 
 
-class _Choice(NamedTuple):
+class _NodeAssignmentProblem(NamedTuple):
     """Joints of P people, and the N nodes to choose from.
 
     Args:
@@ -97,7 +97,7 @@ def vote_sigmas(skeleton: SkeletonModel, others: float, torso: float) -> Array:
 
 
 def move_to_votes(
-    joints: Joints, expected: Array, item: ProposalSet, skeleton: SkeletonModel, noise: VoteNoise
+    joints: JointEstimates, expected: Array, item: ProposalSet, skeleton: SkeletonModel, noise: VoteNoise
 ) -> None:
     """Move the positions in `joints` towards the votes of the score maps.
 
@@ -140,7 +140,7 @@ def chosen_nodes(
     """
     chosen = np.full(positions.shape[:2], -1, np.int64)
     if len(item.nodes) and len(positions):
-        choice = _Choice(
+        choice = _NodeAssignmentProblem(
             positions,
             expected,
             item.nodes.copy(),

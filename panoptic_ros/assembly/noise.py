@@ -34,7 +34,7 @@ REACH, CLIP = 1.4, 4.0  # limits of log sizes about their mean, and of log resid
 CARRIED_NOISE = 0.022  # share of a 2D pose's size, noise after 1 s of propagation by optical flow
 
 
-class Marks(NamedTuple):
+class NoiseCovariates(NamedTuple):
     """D 2D poses with J joints, and all values on which their noise depends; see `Evidence`.
 
     Args:
@@ -56,13 +56,13 @@ class Marks(NamedTuple):
     ages: Array
 
     @classmethod
-    def of(cls, evidence: Evidence, kinds: Array, ages: Array) -> Marks:
+    def of(cls, evidence: Evidence, kinds: Array, ages: Array) -> NoiseCovariates:
         """Return the record of one instant."""
         shown = evidence.plane, evidence.magnification, evidence.scores
         return cls(*shown, kinds, evidence.cameras[evidence.view], sizes_of(*shown), ages)
 
 
-class Shares(NamedTuple):
+class NoiseStatistics(NamedTuple):
     """Learnt values: B bins by occlusion and score, C cameras.
 
     Args:
@@ -105,10 +105,12 @@ class NoiseTable:
         scores[:, middle], views[:, middle] = HIDDEN_PRIOR_COUNT, VIEW_PRIOR_COUNT
         scores[:SCORE_BINS, middle] = PRIOR_COUNT
         shares, tails = np.full(len(scores), initial), np.ones(len(scores))
-        self._learnt = Shares(scores, views, shares, np.ones(cameras), tails, np.zeros(5), np.zeros(2))
+        self._learnt = NoiseStatistics(
+            scores, views, shares, np.ones(cameras), tails, np.zeros(5), np.zeros(2)
+        )
         self.learnt = False  # whether any residual was used
 
-    def precisions(self, marks: Marks, rig: RigArrays) -> Array:
+    def precisions(self, marks: NoiseCovariates, rig: RigArrays) -> Array:
         """Return 1 / standard deviation (D, J) of 2D joints on the normalised plane, 0 = missing.
 
         2D poses that optical flow propagated have the noise of a random walk in addition.
@@ -116,12 +118,12 @@ class NoiseTable:
         precisions: Array = look_up(marks, self._learnt, rig.focals, rig.diagonals)
         return precisions
 
-    def tails(self, marks: Marks) -> Array:
+    def tails(self, marks: NoiseCovariates) -> Array:
         """Return the factors (D, J) on the standard deviations of 2D joints where few views show a joint."""
         tails: Array = tails_of(marks, self._learnt.tails)
         return tails
 
-    def learn(self, marks: Marks, residuals: tuple[Array, Array, Array], rig: RigArrays) -> None:
+    def learn(self, marks: NoiseCovariates, residuals: tuple[Array, Array, Array], rig: RigArrays) -> None:
         """Update the table with residuals of 2D joints; propagated 2D poses are ignored.
 
         Args:
@@ -183,7 +185,7 @@ def _growth(learnt, size):
 
 @njit(cache=True, error_model="numpy")
 def sizes_of(plane, magnification, scores):
-    """Return the sizes (D,) of 2D poses, see `Marks`."""
+    """Return the sizes (D,) of 2D poses, see `NoiseCovariates`."""
     sizes = np.zeros(len(plane))
     for d in range(len(plane)):
         left = top = np.inf

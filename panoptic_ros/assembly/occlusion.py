@@ -11,8 +11,8 @@ import numpy as np
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.joint_records import Candidates
-from panoptic_ros.solving.scene import MIN_DEPTH, Cameras, seen_at
+from panoptic_ros.solving.joint_records import PersonCandidates
+from panoptic_ros.solving.scene import MIN_DEPTH, CameraPoses, seen_at
 
 Array = np.ndarray
 
@@ -40,7 +40,7 @@ def body_bones(skeleton: SkeletonModel, torso: tuple[tuple[int, int], ...] | Non
     return np.array(bones, np.int64).reshape(-1, 2), np.array(radii)
 
 
-def hidden_marks(found: Candidates, bones: tuple[Array, Array], cams: Cameras, rows: int) -> Array:
+def hidden_marks(found: PersonCandidates, bones: tuple[Array, Array], cams: CameraPoses, rows: int) -> Array:
     """Return the occlusion (D, J) of 2D joints, from the first estimate of the people; see `hidden_joints`.
 
     Args:
@@ -66,7 +66,7 @@ def hidden_joints(positions, shifts, asked, bones, radii, cams):
         asked: (P, V) whether the joints of the person count in the view.
         bones: (B, 2) joints at the ends.
         radii: (B,) m.
-        cams: `Cameras`.
+        cams: `CameraPoses`.
     """
     people, joints = positions.shape[:2]
     views = len(cams.rotations)
@@ -100,7 +100,7 @@ def _project(position, shift, cams, v, place, box):
     left = top = near = np.inf
     right = bottom = far = -np.inf
     for j in range(len(position)):
-        x, y, z = seen_at(cams, v, position[j], shift[j])
+        x, y, z = seen_at(cams, v, position[j], shift[j], cams.delays[v])
         if z <= MIN_DEPTH:
             place[0, j] = place[1, j] = place[2, j] = 0.0
             continue

@@ -21,14 +21,14 @@ def residuals_to_learn(kept, solved, shifts, seen, focals):
     """Return rows (N,), joints (N,) and residuals (N,) px of observations of the people `kept` (P,).
 
     The residuals are those of joints that three or more views show. Only if there are none, those of two
-    views are used. If there are too many residuals, about every n-th is used. The digits of its observation
-    decide, so the order of the views does not matter. Observations beyond the gate are included, because
-    their residuals are noise.
+    views are used. If there are too many residuals, about every n-th is used. It is selected by the digits of
+    its observation, so the order of the views does not matter. Observations beyond the gate are included,
+    because their residuals are noise.
 
     Args:
         solved: `SolvedJoints`.
         shifts: (P, J, 3) m/s, velocities with which views were moved to the instant of the set.
-        seen: `Observations`.
+        seen: `SceneObservations`.
         focals: (V,) px.
     """
     positions, normals, residuals, picks = solved
@@ -85,7 +85,7 @@ def _residual(x, shift, spread, seen, v, d, s):
         shift: (3,) m/s, velocity.
         spread: (3, 3) m^2, inverse of the joint's normal matrix.
     """
-    u, w, depth = seen_at(seen.cams, v, x, shift)
+    u, w, depth = seen_at(seen.cams, v, x, shift, seen.delays[d, s])
     r, row, total = seen.cams.rotations[v], np.empty(3), 0.0  # trace of J N^-1 J^T
     for i in range(2):
         for k in range(3):

@@ -13,7 +13,7 @@ import numpy as np
 
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.assembly.dynamic_programming import assemble
-from panoptic_ros.assembly.judgement import Joints, People
+from panoptic_ros.assembly.judgement import AssembledPeople, JointEstimates
 from panoptic_ros.domain import DetectionSet, ProposalSet, Rig, SkeletonModel, ViewSources
 from panoptic_ros.geometry import ProjectionStack, Triangulation, triangulate_robust
 
@@ -22,7 +22,9 @@ Array = np.ndarray
 PLAIN = 1e9  # standard deviations: no residual is an outlier, except points behind a camera (infinite)
 
 
-def people_from_parts(item: ProposalSet, rig: Rig, skeleton: SkeletonModel, config: AssemblyConfig) -> People:
+def people_from_parts(
+    item: ProposalSet, rig: Rig, skeleton: SkeletonModel, config: AssemblyConfig
+) -> AssembledPeople:
     """Return the people of an instant, in the order of their scores."""
     views = item.detections.views
     found = assemble(item, rig, skeleton, config.correspondence_px)
@@ -33,7 +35,7 @@ def people_from_parts(item: ProposalSet, rig: Rig, skeleton: SkeletonModel, conf
     refined = _refined(item.detections, rig, claims, start, config.initial_noise)
     solved = np.isfinite(refined.points[:, 0]).reshape(nodes.shape)
     at_node = config.node_sigma**2 * np.where(there, 1.0, np.nan)[..., None, None] * np.eye(3)
-    joints = Joints(
+    joints = JointEstimates(
         np.where(solved[..., None], refined.points.reshape(start.shape), start),
         np.where(solved[..., None, None], refined.covariances.reshape(at_node.shape), at_node),
         np.where(there, _taken(item.node_scores, nodes), 0.0),
@@ -41,7 +43,7 @@ def people_from_parts(item: ProposalSet, rig: Rig, skeleton: SkeletonModel, conf
         np.zeros(nodes.shape),
     )
     placed = np.zeros(nodes.shape, bool)
-    return People(np.arange(len(nodes)), joints, _sources(item.detections, claims), placed)
+    return AssembledPeople(np.arange(len(nodes)), joints, _sources(item.detections, claims), placed)
 
 
 def _refined(detections: DetectionSet, rig: Rig, claims: Array, start: Array, noise: float) -> Triangulation:
@@ -50,7 +52,7 @@ def _refined(detections: DetectionSet, rig: Rig, claims: Array, start: Array, no
     Joints that fewer than two views claim are NaN.
 
     Args:
-        claims: (P, J, V), see `dynamic_programming.Hypothesis`.
+        claims: (P, J, V), see `dynamic_programming.SkeletonHypothesis`.
         start: (P, J, 3) m, world.
         noise: Standard deviation of 2D joints, as a share of the image diagonal.
     """
@@ -82,7 +84,7 @@ def _sources(detections: DetectionSet, claims: Array) -> ViewSources:
     """Return the 2D pose of each view that supplied most joints of each person.
 
     Args:
-        claims: (P, J, V), see `dynamic_programming.Hypothesis`.
+        claims: (P, J, V), see `dynamic_programming.SkeletonHypothesis`.
     """
     most = max((len(view.points) for view in detections.views), default=0)
     given = (claims[..., None] == np.arange(most)).sum(axis=1)  # (P, V, 2D people)

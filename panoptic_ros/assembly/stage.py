@@ -9,11 +9,11 @@ import numpy as np
 
 from panoptic_ros.assembly.borders import artefacts, border_odds
 from panoptic_ros.assembly.config import AssemblyConfig
-from panoptic_ros.assembly.few_views import Shown, hold_people, place_joints
+from panoptic_ros.assembly.few_views import CandidateObservations, hold_people, place_joints
 from panoptic_ros.assembly.judgement import (
     FEW_VIEWS,
-    People,
-    Standards,
+    AcceptanceCriteria,
+    AssembledPeople,
     in_capture_space,
     judge_joints,
     kept_people,
@@ -21,21 +21,21 @@ from panoptic_ros.assembly.judgement import (
 )
 from panoptic_ros.assembly.lost_people import with_lost_people
 from panoptic_ros.assembly.map_votes import VoteNoise, move_to_votes, vote_sigmas
-from panoptic_ros.assembly.noise import Marks, NoiseTable, Shares
+from panoptic_ros.assembly.noise import NoiseCovariates, NoiseStatistics, NoiseTable
 from panoptic_ros.assembly.occlusion import body_bones, hidden_marks
 from panoptic_ros.assembly.residuals import residuals_to_learn
 from panoptic_ros.assembly.skeletal_proposals import people_from_parts
-from panoptic_ros.assembly.time_shift import Motion, motion_of, solved_in_motion, time_shift
+from panoptic_ros.assembly.time_shift import MotionDependence, motion_of, solved_in_motion, time_shift
 from panoptic_ros.domain import BiasTable, PoseSet, ProposalSet, Rig, ScoreMaps, SkeletonModel
 from panoptic_ros.domain.of_all import selected
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.robust import covariance_correction
-from panoptic_ros.solving.bodies import Body
+from panoptic_ros.solving.bodies import SkeletonArrays
 from panoptic_ros.solving.example import beside, cloud_of_joints, easy_associations
-from panoptic_ros.solving.joint_records import Candidates, SolvedJoints, observed_views, view_sources
+from panoptic_ros.solving.joint_records import PersonCandidates, SolvedJoints, observed_views, view_sources
 from panoptic_ros.solving.joints import compile_claims, solve_joints, solve_without
-from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, exchanged_views, limbs_of
+from panoptic_ros.solving.limbs import ANATOMY_VOTES, SideTest, exchanged_views, limbs_of
 from panoptic_ros.solving.scene import Scene, cameras_of, carried_ages, check_association, scene_of
 from panoptic_ros.solving.triangulation import SolverRules
 from panoptic_ros.stage import StageContext, StepResult
@@ -95,7 +95,7 @@ class AssemblyStage(Stateful):
     LAYOUT = StateLayout(
         "assembly",
         ("_noise",),
-        (Fields.named(NoiseTable, "_initial _memory _learnt learnt"), Shares),
+        (Fields.named(NoiseTable, "_initial _memory _learnt learnt"), NoiseStatistics),
         same={"configuration": "_config", "cameras": "_context.rig.names", "skeleton": "_hash"},
     )
 
@@ -113,14 +113,17 @@ class AssemblyStage(Stateful):
         )
         sigmas = vote_sigmas(context.skeleton, config.vote_sigma, config.torso_vote_sigma)
         self._votes = VoteNoise(config.vote_distance, sigmas, config.node_sigma)
-        self._standards = Standards(
+        self._standards = AcceptanceCriteria(
             covariance_correction(config.cauchy),
             config.covariance_inflation,
             config.max_joint_sigma,
             config.min_agreed_share,
         )
-        self._sides = Sides(context.skeleton, self._limbs.groups)
-        self._hiding, self._body = body_bones(context.skeleton, self._sides.torso), Body.of(context.skeleton)
+        self._sides = SideTest(context.skeleton, self._limbs.groups)
+        self._hiding, self._body = (
+            body_bones(context.skeleton, self._sides.torso),
+            SkeletonArrays.of(context.skeleton),
+        )
         self.reset()
         for example in example_sets(context.rig, context.skeleton):
             self.step(example)
@@ -160,22 +163,24 @@ class AssemblyStage(Stateful):
             shift = time_shift(motion, people.kept, positions, shifts, self._skeleton)
         return StepResult((self._without_biases(people.pose_set(item, votes, shift)),))
 
-    def _solve(self, item: ProposalSet, learns: bool) -> tuple[People, Candidates, Array, Motion | None]:
+    def _solve(
+        self, item: ProposalSet, learns: bool
+    ) -> tuple[AssembledPeople, PersonCandidates, Array, MotionDependence | None]:
         """Return people of an instant, the candidates, a mask (P, V, J) of observed joints, and the motion.
 
         Args:
             learns: Whether the noise table learns from the residuals.
         """
         evidence, prediction = item.association.evidence, item.association.prediction
-        found = Candidates.of(item.association, self._mirror)
+        found = PersonCandidates.of(item.association, self._mirror)
         cams = cameras_of(evidence, self._rig)
         kinds = hidden_marks(found, self._hiding, cams, len(evidence.view))
-        marks = Marks.of(evidence, kinds, carried_ages(item.detections, evidence))
+        marks = NoiseCovariates.of(evidence, kinds, carried_ages(item.detections, evidence))
         precision = self._noise.precisions(marks, self._rig)
         borders = self._config.image_borders
         scene = scene_of(item.detections, evidence, precision, self._mirror, self._rig, borders)
         solved, motion = self._solve_joints(scene, found), None
-        if scene.cams.delays.any():
+        if scene.cams.delays.any() or scene.delays.any():
             found, solved, motion = solved_in_motion(scene, found, solved, prediction, self._rules)
         if self._config.lost_people and item.of_maps:
             known = len(found.who)
@@ -199,7 +204,7 @@ class AssemblyStage(Stateful):
             self._noise.learn(marks, residuals, self._rig)
         return people, found, observed, motion
 
-    def _solve_joints(self, scene: Scene, found: Candidates) -> SolvedJoints:
+    def _solve_joints(self, scene: Scene, found: PersonCandidates) -> SolvedJoints:
         """Return the solved joints without artefacts of image borders.
 
         The precision of possible artefacts is reduced, and that of artefacts becomes 0, in place.
@@ -219,10 +224,10 @@ class AssemblyStage(Stateful):
         self,
         scene: Scene,
         item: ProposalSet,
-        solution: tuple[SolvedJoints, Candidates, Motion | None],
+        solution: tuple[SolvedJoints, PersonCandidates, MotionDependence | None],
         observed: Array,
         tails: Array,
-    ) -> People:
+    ) -> AssembledPeople:
         """Return the people that are possible, with all their joints, covariances and scores.
 
         Votes of maps move joints, bone lengths place joints of few views, and derived joints are computed.
@@ -246,17 +251,17 @@ class AssemblyStage(Stateful):
         shown = (member >= 0).sum(axis=1)
         few = np.flatnonzero((shown > 0) & (shown <= FEW_VIEWS))
         if config.two_view_joints and len(few):
-            place_joints(few, Shown.of(scene, found, tails), joints, self._body, scene.sight)
+            place_joints(few, CandidateObservations.of(scene, found, tails), joints, self._body, scene.sight)
         joints.derive(self._skeleton)
         kept = kept_people(joints, good, observed, member, standards)
         own, placed = selected(joints, kept), np.zeros((len(kept), len(self._skeleton)), bool)
         few, prediction = few[found.who[few] >= 0], item.association.prediction
         if config.held_sigma > 0.0 and len(few) and prediction.lengths.shape[1] == len(self._body.bones):
             people, worst = (few, kept, own), config.held_sigma
-            shows = Shown.of(scene, found, tails)
+            shows = CandidateObservations.of(scene, found, tails)
             kept, own, placed = hold_people(people, scene, shows, prediction, self._body, worst)
         sources = view_sources(item.detections, scene.evidence, found, solved, kept)
-        return People(kept, own, sources, placed)
+        return AssembledPeople(kept, own, sources, placed)
 
     def _without_biases(self, poses: PoseSet) -> PoseSet:
         """Return the skeletons without known biases of the detector; `corrections` states the difference."""
@@ -266,7 +271,9 @@ class AssemblyStage(Stateful):
         return replace(poses, positions=poses.positions + corrections, corrections=corrections)
 
 
-def _since_voting(item: ProposalSet, found: Candidates, motion: Motion | None) -> Array | float:
+def _since_voting(
+    item: ProposalSet, found: PersonCandidates, motion: MotionDependence | None
+) -> Array | float:
     """Return the displacements (P, J, 3) m of joints if their velocities were the predicted ones.
 
     Voting used these velocities. The result is 0 if all views have the same timestamp.

@@ -1,7 +1,7 @@
-"""Views with different timestamps: dependence of joints on motion, and corrected velocities.
+"""2D joints of different exposures: dependence of joints on motion, and corrected velocities.
 
-A view with delay t sees a joint at X + t V. Let A be the rows of the linearised observations, w their weights
-and u an assumed velocity. To first order, least squares gives
+A 2D joint with delay t shows a joint at X + t V. Let A be the rows of the linearised observations, w their
+weights and u an assumed velocity. To first order, least squares gives
 
     x = X + G (V - u) with G = (sum w A^T A)^-1 sum w t A^T A.
 
@@ -22,7 +22,7 @@ import numpy as np
 from panoptic_ros.domain import Prediction, SkeletonModel, TimeShift
 from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.joint_records import Candidates, SolvedJoints
+from panoptic_ros.solving.joint_records import PersonCandidates, SolvedJoints
 from panoptic_ros.solving.joints import solve_joints
 from panoptic_ros.solving.scene import Scene, seen_at
 from panoptic_ros.solving.triangulation import SolverRules
@@ -33,7 +33,7 @@ WEAKEST = 1e-6  # share of a joint's total information, added in each direction 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class MotionDependence:
     """Dependence of K people's J joints on motion, and the velocities that views measure.
 
     Args:
@@ -50,8 +50,8 @@ class Motion:
 
 
 def solved_in_motion(
-    scene: Scene, found: Candidates, solved: SolvedJoints, prediction: Prediction, rules: SolverRules
-) -> tuple[Candidates, SolvedJoints, Motion]:
+    scene: Scene, found: PersonCandidates, solved: SolvedJoints, prediction: Prediction, rules: SolverRules
+) -> tuple[PersonCandidates, SolvedJoints, MotionDependence]:
     """Solve the joints again with corrected velocities, and compute their dependence on motion.
 
     New people have no prediction to correct. If all people are new, the solution stays unchanged.
@@ -70,7 +70,7 @@ def solved_in_motion(
     return found, solved, motion
 
 
-def motion_of(scene: Scene, solved: SolvedJoints, shifts: Array, cauchy: float) -> Motion:
+def motion_of(scene: Scene, solved: SolvedJoints, shifts: Array, cauchy: float) -> MotionDependence:
     """Return the delays of all joints, and the velocities that the views measure.
 
     Args:
@@ -86,11 +86,11 @@ def motion_of(scene: Scene, solved: SolvedJoints, shifts: Array, cauchy: float) 
     strongest = np.trace(information, axis1=-2, axis2=-1)[..., None, None]
     floor = (WEAKEST * strongest + (strongest <= 0.0)) * np.eye(3)
     velocities = shifts + np.linalg.solve(information + floor, slopes[..., None])[..., 0]
-    return Motion(covariances, delays, velocities, information)
+    return MotionDependence(covariances, delays, velocities, information)
 
 
 def likelier_velocities(
-    found: Candidates, solved: SolvedJoints, motion: Motion, prediction: Prediction
+    found: PersonCandidates, solved: SolvedJoints, motion: MotionDependence, prediction: Prediction
 ) -> Array:
     """Return velocities (K, J, 3) m/s: the predicted ones after a Kalman update.
 
@@ -114,7 +114,7 @@ def likelier_velocities(
 
 
 def time_shift(
-    motion: Motion, kept: Array, positions: Array, shifts: Array, skeleton: SkeletonModel
+    motion: MotionDependence, kept: Array, positions: Array, shifts: Array, skeleton: SkeletonModel
 ) -> TimeShift:
     """Return the record for the people that were kept (P,).
 
@@ -142,7 +142,7 @@ def stamp_sums(solved, shifts, seen, cauchy):
     Args:
         solved: `SolvedJoints`.
         shifts: (K, J, 3) m/s, assumed velocities.
-        seen: `Observations`.
+        seen: `SceneObservations`.
         cauchy: Scale of the Cauchy weight, in standard deviations.
 
     Returns:
@@ -151,7 +151,7 @@ def stamp_sums(solved, shifts, seen, cauchy):
     """
     positions, _, residuals, picks = solved
     plane, precision = seen.plane, seen.precision
-    rotations, delays = seen.cams.rotations, seen.cams.delays
+    rotations = seen.cams.rotations
     people, joints, views = residuals.shape
     normals = np.zeros((people, joints, 3, 3))
     first, second = np.zeros((people, joints, 3, 3)), np.zeros((people, joints, 3, 3))
@@ -165,8 +165,8 @@ def stamp_sums(solved, shifts, seen, cauchy):
                 if residuals[p, j, v] < 0.0:
                     continue
                 d, s = picks[p, j, v]
-                t = delays[v]
-                u, w, z = seen_at(seen.cams, v, positions[p, j], shifts[p, j])
+                t = seen.delays[d, s]
+                u, w, z = seen_at(seen.cams, v, positions[p, j], shifts[p, j], t)
                 for k in range(3):
                     row[k] = (rotations[v, 0, k] - u * rotations[v, 2, k]) / z
                     column[k] = (rotations[v, 1, k] - w * rotations[v, 2, k]) / z

@@ -14,7 +14,7 @@ from panoptic_ros.association.config import AssociationConfig
 from panoptic_ros.domain import Groups
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.agreement import agreement_of_pairs, agreement_with_people
-from panoptic_ros.solving.scene import HIDDEN, SEEN, Observations, Scene, Sight, look_at
+from panoptic_ros.solving.scene import HIDDEN, SEEN, Scene, SceneObservations, ViewVisibility, look_at
 from panoptic_ros.solving.triangulation import spread_views, triangulate_linear
 
 Array = np.ndarray
@@ -130,7 +130,7 @@ class NewcomerRules(NamedTuple):
         )
 
 
-class Room(NamedTuple):
+class SearchContext(NamedTuple):
     """Inputs of the search in addition to the 2D poses.
 
     Args:
@@ -140,7 +140,7 @@ class Room(NamedTuple):
     """
 
     centres: Array
-    sight: Sight
+    sight: ViewVisibility
     mirror: Array
 
 
@@ -153,7 +153,10 @@ def find_people(scene: Scene, free: Array, config: AssociationConfig) -> tuple[G
     if not free.any():
         return Groups.empty(0, len(scene.centres)), np.empty((0, len(scene.mirror), 3))
     member, mirrored, places = search_people(
-        free, scene.observations, Room(scene.centres, scene.sight, scene.mirror), NewcomerRules.of(config)
+        free,
+        scene.observations,
+        SearchContext(scene.centres, scene.sight, scene.mirror),
+        NewcomerRules.of(config),
     )
     return Groups(member, mirrored), places
 
@@ -175,8 +178,15 @@ def search_people(free, seen, room, rules):
                 alike = common[i, k] >= MIN_COMMON and value[i, k] >= least
                 value[i, k] = value[i, k] * np.sqrt(common[i, k]) if alike else 0.0
         open_precision = precision.copy()  # 0 for the 2D poses that are assigned
-        still_free = Observations(
-            seen.plane, open_precision, seen.views, seen.starts, seen.cams, seen.lenses, seen.sizes
+        still_free = SceneObservations(
+            seen.plane,
+            open_precision,
+            seen.views,
+            seen.starts,
+            seen.cams,
+            seen.lenses,
+            seen.sizes,
+            seen.delays,
         )
         while found < len(members):
             for d in range(len(left)):

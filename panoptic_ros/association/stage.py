@@ -14,9 +14,9 @@ from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError
 from panoptic_ros.identity.motion import predicted
 from panoptic_ros.solving.example import easy_instants
-from panoptic_ros.solving.joint_records import Candidates
+from panoptic_ros.solving.joint_records import PersonCandidates
 from panoptic_ros.solving.joints import solve_joints
-from panoptic_ros.solving.limbs import ANATOMY_VOTES, Sides, limbs_of
+from panoptic_ros.solving.limbs import ANATOMY_VOTES, SideTest, limbs_of
 from panoptic_ros.solving.scene import Scene, carried_ages, even_precision, gather, scene_of
 from panoptic_ros.solving.triangulation import SolverRules
 from panoptic_ros.stage import Notice, StageContext, StepResult
@@ -47,7 +47,7 @@ class AssociationStage(Stateful):
         self._rig, self._names = RigArrays.of(context.rig), context.rig.names
         self._limits = limits_of_rig(context.rig)
         self._mirror = np.array(context.skeleton.mirror, np.int64)
-        self._sides = Sides(context.skeleton, limbs_of(context.skeleton).groups)
+        self._sides = SideTest(context.skeleton, limbs_of(context.skeleton).groups)
         self.reset()
         for example in easy_instants(context.rig, context.skeleton):
             for item in self.step(example).outputs:
@@ -138,7 +138,7 @@ class AssociationStage(Stateful):
             views = np.where(groups.member >= 0, np.where(groups.mirrored, 1.0, -1.0), 0.0).sum(axis=1)
             wrong = views > ANATOMY_VOTES * self._sides.of_body(places)
             groups = Groups(groups.member, groups.mirrored ^ wrong[:, None])
-            found = Candidates.new(groups, places, self._mirror)
+            found = PersonCandidates.new(groups, places, self._mirror)
             places = solve_joints(found, scene.observations, ROUGH).positions
             for joint, parts in self._skeleton.derived:
                 places[:, joint] = places[:, list(parts)].mean(axis=1)

@@ -46,16 +46,16 @@ CAPTURES: dict[str, tuple[str, dict[str, str]]] = {
     ),
 }
 
-# In "single", the videos of cam01 and cam02 are 1080x1920, but the calibration, which it shares with "multi",
-# is for 1088x1920. The videos were resized to 1080 px and padded to 1920 rows: they have 7 black rows at the
-# top and 7 at the bottom. Static scene points were matched with the 1088x1920 images from which, according to
-# the wheel, the calibration was made. The scale is 1.0076 in x and y (1088 / 1080 = 1.0074), the offsets are
-# 0 and 7 px (860 and 1411 points). For cam03 and cam04 the same matching gives the identity to 0.03 px.
-# Cropping would give a scale of 1; resizing in x alone would give different scales. The policy is therefore
-# letterbox.
+# "single" and "multi" share one calibration, for images of 1088x1920. In "single", the videos of cam01 and
+# cam02 are 1080x1920. They were resized to a width of 1080 px and padded to 1920 rows: they have 7 black rows
+# at the top and 7 at the bottom. Static scene points of the videos were matched with the 1088x1920 images of
+# the calibration (as named in the wheel). The scale is 1.0076 in x and y (1088 / 1080 = 1.0074), and the
+# offsets are 0 and 7 px (860 and 1411 points). The same transform, fitted for cam03 and cam04, is the
+# identity to 0.03 px. Cropping would give a scale of 1; resizing in x alone would give different scales. The
+# policy is therefore letterbox.
 #
-# The videos of "multi" have the calibrated size and are used unchanged. The same matching shows shifts of up
-# to 10 px (cam03), as from a new image composition.
+# The videos of "multi" have the calibrated size and are used unchanged. The same matching shows that their
+# images are shifted by up to 10 px (cam03) relative to those of the calibration.
 LETTERBOXED: dict[str, tuple[str, ...]] = {"multi": (), "single": ("cam01", "cam02")}
 LETTERBOX_SIZE = (1080, 1920)
 

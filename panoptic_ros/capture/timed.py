@@ -18,11 +18,11 @@ from panoptic_ros.stage import Notice
 
 
 class TimedSource:
-    """Frames of a file that have timestamps in a table.
+    """Frames of a video file or image folder whose timestamps are in a table.
 
-    Devices may count frames from before the recording, as caliscope's cameras do, without a restart of the
-    count. The table then has one row for each frame of the file, but numbers beyond the last frame. In this
-    case the rows are assigned to the frames in order, and `notices` states it.
+    Some devices, such as caliscope's cameras, start to count frames before the recording starts and do not
+    reset the counter. The table then has one row for each frame of the file, but its frame numbers exceed
+    those of the file. In this case the rows are assigned to the frames in order, and `notices` reports it.
 
     Args:
         times: timestamp (ns) by frame number.

@@ -9,12 +9,12 @@ from panoptic_ros.running.arguments import output_file, within
 
 
 def add_saved_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option for saved clock offsets."""
+    """Add the option for saved clocks."""
     parser.add_argument(
         "--offsets",
         type=Path,
         metavar="FILE",
-        help="saved clock offsets to add to the timestamps; for latencies that persist (see docs/time.md)",
+        help="saved clocks and line delays, from --offsets-out, --clocks-out or a run (see docs/time.md)",
     )
 
 

@@ -19,7 +19,11 @@ if TYPE_CHECKING:
     from panoptic_ros.running.solve import SolveResult, SolveTask
 
 
-TOLD = ("sync.clock_off", "result.nobody")  # notices that are printed in full; others are only counted
+TOLD = (
+    "sync.clock_off",
+    "result.nobody",
+    "result.free_running",
+)  # notices that are printed in full; others are only counted
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,6 @@ import json
 from pathlib import Path
 
 from panoptic_ros.cli.offsets import add_apart_option
-from panoptic_ros.io.clock_offsets import write_clocks
 from panoptic_ros.io.synctables import DEMO_BASE, HD_BASES, hd_time_ms, match_kinects, read_synctables
 from panoptic_ros.running.arguments import output_file, output_folder
 from panoptic_ros.view.clock_lines import pair_lines, sound_lines
@@ -86,7 +85,8 @@ def _sound_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _sound(args: argparse.Namespace) -> int:
     """Estimate camera clocks from sound; return exit code 2 if a camera's clock remains unknown."""
-    from panoptic_ros.running.sound.clocks import folder_clocks  # imported here to keep --help fast
+    from panoptic_ros.io.clock_files import write_clocks  # imported here to keep --help fast
+    from panoptic_ros.running.sound.clocks import folder_clocks
 
     with PassBar("clocks from sound") as bar:
         found = folder_clocks(
@@ -94,7 +94,7 @@ def _sound(args: argparse.Namespace) -> int:
         )
     print("\n".join([*sound_lines(found), *pair_lines(found)]))
     if args.out is not None:
-        write_clocks(args.out, found.clocks)
+        write_clocks(args.out, found.clocks, found.clocks.reference_ns)
     return 0 if found.clocks.known.all() else 2
 
 

@@ -57,7 +57,7 @@ def estimate(
     Args:
         stamps: "auto", "symmetric" or "one-way", see `ClocksConfig`.
         one_way: result of "auto" so far.
-        before: model of other points. Its drift serves as a prior if these points span too little time.
+        before: model of other points. Its drift is the prior if these points span too little time.
         least_noise: minimum standard deviation of a point, s.
     """
     reference = points[len(points) // 2]

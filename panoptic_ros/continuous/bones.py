@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from panoptic_ros.continuous.curves import REACH, WIDTH, CurveFit, covariances_at, normal_equations
-from panoptic_ros.continuous.problem import CAUCHY, CurveProblem
+from panoptic_ros.continuous.problem import CurveProblem
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.geometry.splines import SPAN, basis_at, spline
 from panoptic_ros.kernels import njit
@@ -23,6 +23,7 @@ SIGMA = 5e-3  # m, standard deviation of one of these measurements
 # m, spread of a distance beyond its noise: up to the first the pair is rigid, from the second on it is free
 RIGID, FREE = 6e-3, 5e-2
 CORRELATION_S = 0.2  # s, correlation time of the spread of a pair that is not rigid
+LEAST_CERTAIN = 0.1  # m, greatest standard deviation of a distance from which a length is learnt
 STEPS = 2  # Gauss-Newton steps
 SHORTEST = 1e-3  # m, length below which a pair has no direction
 
@@ -39,7 +40,7 @@ class PairDistances(NamedTuple):
     variances: Array
 
 
-class Lengths(NamedTuple):
+class LearntLengths(NamedTuple):
     """Learnt lengths of P pairs of joints.
 
     Args:
@@ -72,9 +73,16 @@ def rigid_pairs(skeleton: SkeletonModel) -> Array:
     return np.array(sorted(pairs), np.int64).reshape(-1, 2)
 
 
-def pair_distances(problem: CurveProblem, fit: CurveFit, pairs: Array) -> PairDistances:
-    """Return the distances of pairs (P, 2) of joints on curves that were fitted joint by joint."""
+def pair_distances(
+    problem: CurveProblem, fit: CurveFit, pairs: Array, since: float = -np.inf
+) -> PairDistances:
+    """Return the distances of pairs (P, 2) of joints on curves that were fitted joint by joint.
+
+    Args:
+        since: (s) earliest instant.
+    """
     times = instants(problem)
+    times = times[times >= since]
     gaps = _gaps(problem, fit.points, pairs, times)
     lengths = np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)
     along = gaps / lengths[..., None]
@@ -85,22 +93,25 @@ def pair_distances(problem: CurveProblem, fit: CurveFit, pairs: Array) -> PairDi
     return PairDistances(lengths - 0.5 * across / lengths, variances)
 
 
-def learn_lengths(distances: PairDistances) -> Lengths:
+def learn_lengths(distances: PairDistances) -> LearntLengths:
     """Return the lengths of pairs as medians of the certain half of their distances.
 
-    A pair whose distances spread more than their noise is not rigid. Its weight then states that spread.
+    A pair whose distances spread more than their noise is not rigid. Its weight then states that spread. A
+    pair with a joint that no view shows is free.
     """
-    certain = distances.variances < 2.0 * np.median(distances.variances, axis=1, keepdims=True)
+    usual = np.median(distances.variances, axis=1, keepdims=True)
+    shown = (usual[:, 0] < LEAST_CERTAIN**2) & (distances.lengths > 0.0).any(axis=1)
+    certain = (distances.variances < 2.0 * usual) | ~shown[:, None]
     lengths = np.where(certain, distances.lengths, np.nan)
     middle = np.nanmedian(lengths, axis=1)
     spread = (1.4826 * np.nanmedian(np.abs(lengths - middle[:, None]), axis=1)) ** 2
     spread -= np.nanmedian(np.where(certain, distances.variances, np.nan), axis=1)
     soft = INTERVAL_S / (2.0 * CORRELATION_S) / np.maximum(spread, RIGID**2)
     weights = np.where(spread > RIGID**2, soft, SIGMA**-2.0)
-    return Lengths(middle, np.where(spread > FREE**2, 0.0, weights))
+    return LearntLengths(np.where(shown, middle, 0.0), np.where((spread > FREE**2) | ~shown, 0.0, weights))
 
 
-def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt: Lengths) -> CurveFit:
+def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt: LearntLengths) -> CurveFit:
     """Return the curves of a person whose joints keep the learnt lengths, with their covariances.
 
     Args:
@@ -116,7 +127,7 @@ def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt:
 
 
 def step_with_lengths(
-    problem: CurveProblem, points: Array, pairs: Array, learnt: Lengths
+    problem: CurveProblem, points: Array, pairs: Array, learnt: LearntLengths
 ) -> tuple[Array, Array]:
     """Take one Gauss-Newton step of all curves.
 
@@ -128,14 +139,14 @@ def step_with_lengths(
     joints, grid = len(points), problem.grid
     times = instants(problem)
     reach = REACH if problem.persistent > 0.0 else SPAN
-    bands, rights = normal_equations(problem.rays(CAUCHY), grid, problem.stiffness)
+    bands, rights = normal_equations(problem.rays, grid, problem.stiffness)
     columns, right = couple(bands, rights, reach)
     gaps = _gaps(problem, points, pairs, times)
     along = gaps / np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)[..., None]
     add_lengths(columns, right, grid, times, pairs, along, learnt)
     lower = cholesky_banded(columns.T, overwrite_ab=True, lower=True, check_finite=False)
     solution = cho_solve_banded((lower, True), right, check_finite=False)
-    found = np.ascontiguousarray(solution.reshape(grid.count, joints, 3).transpose(1, 0, 2))
+    found = np.ascontiguousarray(solution.reshape(grid.number, joints, 3).transpose(1, 0, 2))
     return found, lower.T
 
 
@@ -183,13 +194,13 @@ def add_lengths(columns, right, grid, times, pairs, along, learnt):
 
     Args:
         along: (P, T, 3) directions of the pairs.
-        learnt: `Lengths`.
+        learnt: `LearntLengths`.
     """
-    block = len(right) // grid.count
+    block = len(right) // grid.number
     basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
     index, value = np.empty(6 * SPAN, np.int64), np.empty(6 * SPAN)
     for t in range(len(times)):
-        k = basis_at((times[t] - grid.origin) / grid.step, grid.count, basis, slope, bend)
+        k = basis_at((times[t] - grid.origin) / grid.step, grid.number, basis, slope, bend)
         for p in range(len(pairs)):
             w = learnt.weights[p]
             if w <= 0.0:
@@ -222,7 +233,7 @@ def block_inverses(columns: Array, joints: int, reach: int) -> Array:
     block = 3 * joints
     knots = len(columns) // block
     inverses = np.zeros((joints, 3 * knots, WIDTH))
-    later = np.zeros(((reach - 1) * block, (reach - 1) * block))  # of the blocks after the present one
+    later = np.zeros(((reach - 1) * block, (reach - 1) * block))  # covariance of later blocks
     unpacked = np.zeros((reach * block, block))
     for k in range(knots - 1, -1, -1):
         unpack(columns, k * block, unpacked)

@@ -14,10 +14,10 @@ TERMS = 3  # unknowns of a camera: offset, drift, line delay
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def clock_sums(fit, rays, grid, misses, cameras, factors, count):
-    """Return the normal equations of the U = TERMS * C unknowns of C cameras, beside those of the curves.
+    """Return the normal equations of the U = TERMS * C unknowns of C cameras and their coupling to curves.
 
-    Unknown p of camera c has the index p * C + c. The result is the information (U, U), the right-hand side
-    (U,), and the coupling (J, 3K, U) to the control points.
+    Unknown p of camera c has the index p * C + c. Four arrays result. They are the information (U, U), its
+    part from noise of velocities, the right-hand side (U,), and the coupling (J, 3K, U) to control points.
 
     The right-hand side contains the derivative of the curves' own evidence, -1/2 log |H|. Without it, noise
     in the velocities would bias the clocks.
@@ -31,24 +31,25 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
     """
     size = TERMS * count
     information, right = np.zeros((size, size)), np.zeros(size)
+    blur, spread = np.zeros((size, size)), np.empty((TERMS, TERMS))
     basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
     members, shares = np.empty(MOST + 1, np.int64), np.empty(MOST + 1)
     work = np.empty((MOST, MOST + 1))
     row, miss = np.empty((2, WIDTH)), np.empty(2)
     slopes = np.empty((TERMS, 2, WIDTH))  # derivatives of `row` with respect to the unknowns
     change, bend_of = np.empty((2, TERMS)), np.empty(TERMS)
-    coupling = np.zeros((len(rays.starts) - 1, 3 * grid.count, size))
+    coupling = np.zeros((len(rays.starts) - 1, 3 * grid.number, size))
     for j in range(len(rays.starts) - 1):
         cross = coupling[j]
         for i in range(rays.starts[j], rays.starts[j + 1]):
             number, variance = whiten(rays, i, members, shares, work)
             oldest = rays.times[members[number - 1]]
-            low = basis_at((oldest - grid.origin) / grid.step, grid.count, basis, slope, bend)
+            low = basis_at((oldest - grid.origin) / grid.step, grid.number, basis, slope, bend)
             row[:], miss[:], slopes[:] = 0.0, 0.0, 0.0
             top = low + SPAN
             for m in range(number):
                 n = members[m]
-                k = basis_at((rays.times[n] - grid.origin) / grid.step, grid.count, basis, slope, bend)
+                k = basis_at((rays.times[n] - grid.origin) / grid.step, grid.number, basis, slope, bend)
                 top = max(top, k + SPAN)
                 scale = shares[m] / rays.sigmas[n]
                 for e in range(2):
@@ -61,10 +62,12 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
                                 slopes[q, e, at] += slope[p] / grid.step * value * factors[n, q]
             w = 1.0 / variance
             width = 3 * (top - low)
-            sensitivity(fit.points[j], fit.inverses[j], low, width, row, slopes, change, bend_of)
+            sensitivity(fit.points[j], fit.inverses[j], low, width, row, slopes, change, bend_of, spread)
             c = cameras[i]
             for p in range(TERMS):
                 right[p * count + c] -= w * bend_of[p]
+                for q in range(TERMS):
+                    blur[p * count + c, q * count + c] += w * spread[p, q]
                 for e in range(2):
                     value = w * change[e, p]
                     right[p * count + c] -= value * miss[e]
@@ -72,30 +75,37 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
                         information[p * count + c, q * count + c] += value * change[e, q]
                     for a in range(width):
                         cross[3 * low + a, p * count + c] += value * row[e, a]
-    return information, right, coupling
+    return information, blur, right, coupling
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def sensitivity(points, inverse, low, width, row, slopes, change, bend):
-    """Write the change of a residual per unknown (2, TERMS), and its covariance with the residual (TERMS,).
+def sensitivity(points, inverse, low, width, row, slopes, change, bend, spread):
+    """Write the change of a residual per unknown (2, TERMS), and its covariances.
+
+    They are those with the residual (TERMS,), and among the unknowns (TERMS, TERMS).
 
     Args:
         points, inverse: of the curve.
         low, width: first control point of `row`, and the number of its coordinates.
         row, slopes: (2, WIDTH) and (TERMS, 2, WIDTH).
     """
-    change[:], bend[:] = 0.0, 0.0
+    change[:], bend[:], spread[:] = 0.0, 0.0, 0.0
+    covered = np.empty(TERMS)
     for e in range(2):
         for a in range(width):
             value = points[low + a // 3, a % 3]
             for p in range(TERMS):
                 change[e, p] += slopes[p, e, a] * value
-            covered = 0.0
+            covered[:], own = 0.0, 0.0
             for b in range(width):
-                i, k = 3 * low + max(a, b), abs(a - b)
-                covered += inverse[i, k] * row[e, b]
+                entry = inverse[3 * low + max(a, b), abs(a - b)]
+                own += entry * row[e, b]
+                for p in range(TERMS):
+                    covered[p] += entry * slopes[p, e, b]
             for p in range(TERMS):
-                bend[p] += slopes[p, e, a] * covered
+                bend[p] += slopes[p, e, a] * own
+                for q in range(TERMS):
+                    spread[p, q] += slopes[p, e, a] * covered[q]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

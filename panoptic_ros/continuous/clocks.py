@@ -7,15 +7,22 @@ while noise and stiffness are learnt.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from panoptic_ros.continuous.clock_sums import TERMS, clock_sums, eliminate
-from panoptic_ros.continuous.problem import CurveProblem, PersonRays, cauchy_of
+from panoptic_ros.continuous.observability import known_clocks
+from panoptic_ros.continuous.problem import CurveProblem, TrackRays, cauchy_of
+from panoptic_ros.solving.clock_gauge import KNOWN, common_shift
+from panoptic_ros.stage import Progress, untold
 
 Array = np.ndarray
+# greatest standard deviations of values that are applied, beside KNOWN for offsets
+KNOWN_DRIFT = 7e-5
+KNOWN_LINE_S = 5e-6  # s per row
 ROUNDS = 16  # number of iterations
 DRIFT_ROUND = 6  # iteration from which drifts are free: before, offsets are still wrong
 GLOBAL_ROUND = 10  # iteration in which cameras with a global shutter are found
@@ -60,7 +67,7 @@ class CameraTimes:
         count = len(offsets)
         return cls(np.stack([offsets, drifts, lines]), np.zeros((TERMS * count, TERMS * count)))
 
-    def times(self, rays: PersonRays) -> Array:
+    def times(self, rays: TrackRays) -> Array:
         """Return the corrected times (N,) s of the rays of a person."""
         times: Array = rays.stamps + (self.values[:, rays.cameras].T * factors_of(rays)).sum(1)
         return times
@@ -70,8 +77,37 @@ class CameraTimes:
         """Return the standard deviations (TERMS, C)."""
         return np.sqrt(np.diag(self.covariance)).reshape(self.values.shape)
 
+    @property
+    def observable(self) -> Array:
+        """Return the values (TERMS, C) that the motion determines, or that are given."""
+        known: Array = self.deviations <= np.array([[KNOWN], [KNOWN_DRIFT], [KNOWN_LINE_S]])
+        free = self.deviations[2] > 0.0
+        if free.any() and not (known[2] & free).any():
+            known[2] = False  # line delays relative to a camera without a line delay, which was a guess
+        return known
 
-def factors_of(rays: PersonRays) -> Array:
+    def referenced(self) -> CameraTimes:
+        """Return offsets and drifts relative to the cameras whose offsets are known.
+
+        They are relative to most of these cameras if they agree, else to their mean.
+        """
+        count = self.values.shape[1]
+        known = known_clocks(self.covariance[:count, :count])
+        if not known.any():
+            return self
+        gauge = np.eye(count) - known / known.sum()
+        whole = block_diag(gauge, gauge, np.eye(count))
+        found = CameraTimes(self.values.copy(), whole @ self.covariance @ whole.T)
+        found.values[0] -= common_shift(found.values[0, known], found.deviations[0, known])
+        found.values[1] -= found.values[1, known].mean()
+        return found
+
+    def applicable(self, start: CameraTimes) -> CameraTimes:
+        """Return the times with the values of `start` where they are not observable."""
+        return CameraTimes(np.where(self.observable, self.values, start.values), self.covariance)
+
+
+def factors_of(rays: TrackRays) -> Array:
     """Return the derivatives (N, TERMS) of the times of the rays."""
     return np.stack([np.ones(len(rays.stamps)), rays.stamps, rays.heights], axis=1)
 
@@ -80,7 +116,7 @@ def estimate_times(
     problems: Sequence[CurveProblem],
     start: CameraTimes,
     free: FreeClocks,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Progress = untold,
 ) -> CameraTimes:
     """Return the times that fit the rays of all people best; the problems are updated on the way.
 
@@ -93,8 +129,8 @@ def estimate_times(
     if free.trusted >= 0:
         still[free.trusted] = True
     for k in range(ROUNDS):
-        progress(k / ROUNDS)
-        information, right = _linearise(problems, values, cauchy_of(k // 2))
+        progress(k / ROUNDS, "estimating clocks")
+        information, blur, right = _linearise(problems, values, cauchy_of(k // 2))
         if k >= DRIFT_ROUND and free.lines and not still.any():
             still = _fastest(values)
         if k == GLOBAL_ROUND and free.lines:
@@ -108,7 +144,7 @@ def estimate_times(
         step = centred(step.reshape(values.shape), free)
         longest = np.abs(step).max(axis=1, initial=0.0) / (LARGEST_STEP_S, PRIOR_DRIFT, PRIOR_LINE_S)
         values += step / max(1.0, float(longest.max()))
-    covariance = _covariance(information, prior, _unknown(free, still, True))
+    covariance = _covariance(certain(information, blur), prior, _unknown(free, still, True))
     if free.trusted < 0:
         gauge = np.eye(cameras) - 1.0 / cameras
         whole = np.kron(np.diag([1.0, 1.0, 0.0]), gauge) + np.kron(np.diag([0.0, 0.0, 1.0]), np.eye(cameras))
@@ -120,27 +156,41 @@ def _linearise(
     problems: Sequence[CurveProblem],
     values: Array,
     cauchy: float,
-) -> tuple[Array, Array]:
-    """Fit all curves at the present times, and return the information and right-hand side of the unknowns.
+) -> tuple[Array, Array, Array]:
+    """Fit all curves at the present times; return information, its noise and right-hand side of the unknowns.
 
     Noise and stiffness are learnt on the way.
     """
     cameras = values.shape[1]
-    information, right = np.zeros((TERMS * cameras, TERMS * cameras)), np.zeros(TERMS * cameras)
+    size = TERMS * cameras
+    information, blur, right = np.zeros((size, size)), np.zeros((size, size)), np.zeros(size)
     for problem in problems:
         factors = factors_of(problem.seen)
         problem.times = problem.seen.stamps + (values[:, problem.seen.cameras].T * factors).sum(1)
-        rays = problem.rays(cauchy)
-        fit = problem.fit(cauchy)
-        at = problem.compare(fit)
-        own, side, coupling = clock_sums(
+        rays = problem.rays
+        fit = problem.fit()
+        at = problem.compare(fit, cauchy)
+        own, noise, side, coupling = clock_sums(
             fit, rays, problem.grid, problem.misses, problem.seen.cameras, factors, cameras
         )
         eliminate(own, coupling, fit.factors)
-        problem.learn(fit, at)
+        problem.learn(fit, at, cauchy)
         information += own
+        blur += noise
         right += side
-    return information, right
+    return information, blur, right
+
+
+def certain(information: Array, blur: Array) -> Array:
+    """Return the information (U, U) without that of noise, which looks like motion of people who stand.
+
+    Args:
+        blur: (U, U) expected information of noise.
+    """
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
+    values, vectors = np.linalg.eigh((information - blur) / np.outer(scale, scale))
+    kept: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T * np.outer(scale, scale)
+    return kept
 
 
 def _covariance(information: Array, prior: Array, unknown: Array) -> Array:

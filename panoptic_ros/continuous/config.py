@@ -1,8 +1,10 @@
-"""Options of the continuous pass."""
+"""Options of the continuous pass, and parameters of the continuous stage."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from panoptic_ros.params import Config, named_numbers, named_words, param
 
 
 @dataclass(frozen=True, slots=True)
@@ -10,12 +12,56 @@ class ContinuousConfig:
     """Options of the pass.
 
     Args:
-        clocks: estimate offsets and drifts of the cameras' clocks.
-        rolling_shutter: estimate the line delays of the cameras.
-        trusted_camera: camera whose clock and line delay are right; "": most cameras if they agree, else the
-            mean of all.
+        clocks: estimate the clocks of the cameras.
+        rolling_shutter: estimate their line delays.
+        trusted_camera: (name) camera whose clock and line delay are right. "" = most clocks, or their mean.
     """
 
     clocks: bool = False
     rolling_shutter: bool = False
     trusted_camera: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContinuousStageConfig(Config):
+    """Parameters of the people at instants of a fixed rate, from views that are taken one by one."""
+
+    active: bool = param(
+        False,
+        doc="Give the people at instants of a fixed rate (/skeletons_at), from views that are never grouped. "
+        "It is for cameras that are not synchronised and slower than 25 Hz, and for stamps of other devices.",
+    )
+    rate_hz: float = param(
+        50.0,
+        unit="Hz",
+        ge=0.1,
+        le=1000.0,
+        doc="Rate of the instants, at multiples of its period on the master clock.",
+    )
+    lag: float = param(
+        0.1,
+        unit="s",
+        ge=0.0,
+        le=1.0,
+        doc="Time after an instant up to which views are used for it. With 0.05 the error is a tenth larger, "
+        "with 0 (prediction) two to three times as large.",
+    )
+    wait_s: float = param(
+        0.0,
+        unit="s",
+        ge=0.0,
+        le=1.0,
+        doc="Live: longest time, in capture time, by which a view may arrive after later views of other "
+        "cameras. Instants wait for it.",
+    )
+    clocks: tuple[str, ...] = param(
+        (), doc="Devices whose clocks stamp cameras; the same as sync.clocks, which is the default."
+    )
+    delays_ms: tuple[str, ...] = param(
+        (), unit="ms", doc="Clock delays that are known; the same as sync.delays_ms, which is the default."
+    )
+
+    def __post_init__(self) -> None:
+        Config.__post_init__(self)
+        named_words("ContinuousStageConfig.clocks", self.clocks)
+        named_numbers("ContinuousStageConfig.delays_ms", self.delays_ms)

@@ -1,13 +1,14 @@
 """Association view by view: 2D people of one camera and instant are assigned to people without any grouping.
 
-Each view is assigned alone. All people are predicted to the timestamp of the view, and the 2D people go to
-the people whose prediction they fit. 2D people that fit nobody start candidates in pairs of views of
-different cameras; further views confirm a candidate or discard it.
+Each view is assigned alone. All tracks are predicted to the timestamp of the view, and its 2D people are
+assigned to the nearest predictions. Unassigned 2D people of two cameras start a candidate. Further views
+confirm a candidate or discard it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -30,7 +31,10 @@ Array = np.ndarray
 SIGMA = 4e-3  # standard deviation of a 2D joint on the normalised plane, for association only
 MOST_DISTANCE = 6.0  # standard deviations, greatest distance of one joint in the mean
 GATE = 3.5  # standard deviations, mean distance up to which a 2D person may belong to a person
+MIRROR_MARGIN = 0.5  # standard deviations by which an exchange of left and right has to fit better
+WIDEST = 0.15  # m, greatest standard deviation of an innovation, for association only
 MEMORY_S = 0.5  # s without a view after which a person has left
+LEAST_SHARE, SHARE_VIEWS = 0.2, 6  # a person has left, too, if fewer of the views of MEMORY_S show it
 PAIR_S = 0.08  # s, time between two views of different cameras that may start a person
 PAIR_DISTANCE = 0.08  # m, mean distance of their rays
 MOST_RAY_DISTANCE = 0.3  # m, greatest distance of two rays in that mean
@@ -50,11 +54,15 @@ class Entry(NamedTuple):
         frame: index of the frame.
         person: row of the 2D person in the frame.
         depth: (m) of the person in the camera.
+        mirrored: True if the 2D person fits with left and right exchanged.
+        squares: (J,) squared innovations of the person's joints, see `motion.update`; () = unknown.
     """
 
     frame: int
     person: int
     depth: float
+    mirrored: bool = False
+    squares: Array | tuple[()] = ()
 
 
 @dataclass(eq=False)
@@ -63,14 +71,15 @@ class ViewTrack:
 
     Args:
         filters: motion at `time`.
-        time: (s) of the filters.
+        time: (s) time of the filters.
         number: order of the start.
         last: (s) timestamp of the newest view that shows the person.
-        entries: views that show the person, and the 2D person in each.
-        cameras: cameras of these views.
-        missed: number of views in which a person was expected and not found, until confirmation.
-        confirmed: the number of views at confirmation, 0 = candidate.
-        seed: time and filters for the search in reversed time.
+        entries: (V) 2D people, one per view.
+        cameras: (V) their cameras.
+        missed: (int) number of views in which a person was expected and not found.
+        recent: (time, whether found) of the views of the last MEMORY_S in which the person was expected.
+        confirmed: (int) number of views at confirmation, 0 = candidate.
+        seed: (time, filters) for the search in reversed time.
     """
 
     filters: JointFilters
@@ -78,8 +87,10 @@ class ViewTrack:
     number: int
     last: float
     entries: list[Entry] = field(default_factory=list)
+    exchanged: int = 0
     cameras: set[int] = field(default_factory=set)
     missed: int = 0
+    recent: deque[tuple[float, bool]] = field(default_factory=deque)
     confirmed: int = 0
     seed: tuple[float, JointFilters] | None = None
 
@@ -89,14 +100,48 @@ class ViewTrack:
             predict(self.filters, time - self.time)
             self.time = time
 
-    def take(self, number: int, person: int, view: ViewRays, frame: CameraFrame) -> None:
-        """Update with a 2D person of view `number` at the present time."""
-        plane, known = frame.plane[person], frame.scores[person] > 0.0
-        update(self.filters, view, plane, known, SIGMA)
+    def take(
+        self, number: int, person: int, view: ViewRays, frame: CameraFrame, mirror: Array | None = None
+    ) -> None:
+        """Update with a 2D person of view `number` at the present time.
+
+        Args:
+            mirror: (J,) joint on the other side of each joint, if left and right are exchanged.
+        """
+        plane, known = frame.plane[person].copy(), frame.scores[person] > 0.0
+        if mirror is not None:
+            plane, known = plane[mirror], known[mirror]
+        squares = update(self.filters, view, plane, known, SIGMA)
         self.last = self.time
         depth = float(np.nanmedian(self.positions @ view.rotation[2]) + view.translation[2])
-        self.entries.append(Entry(number, person, depth))
+        self.entries.append(Entry(number, person, depth, mirror is not None, squares))
+        self.exchanged += mirror is not None
         self.cameras.add(frame.camera)
+
+    def turn(self, mirror: Array) -> None:
+        """Exchange left and right if most views show the person that way."""
+        if 2 * self.exchanged > len(self.entries):
+            self.exchanged = len(self.entries) - self.exchanged
+            for filters in (self.filters, self.seed[1]) if self.seed else (self.filters,):
+                for values in filters:
+                    values[:] = values[mirror]
+            self.entries = [
+                entry._replace(
+                    mirrored=not entry.mirrored, squares=entry.squares[mirror] if len(entry.squares) else ()
+                )
+                for entry in self.entries
+            ]
+
+    def keep(self, oldest: int) -> None:
+        """Forget the views before a frame."""
+        self.entries = [entry for entry in self.entries if entry.frame >= oldest]
+        self.exchanged = sum(entry.mirrored for entry in self.entries)
+
+    @property
+    def rare(self) -> bool:
+        """Return whether so few of the recent views show the person that it has left."""
+        shown = sum(found for _, found in self.recent)
+        return len(self.recent) >= SHARE_VIEWS and shown < LEAST_SHARE * len(self.recent)
 
     @property
     def positions(self) -> Array:
@@ -107,8 +152,8 @@ class ViewTrack:
 class ViewTracker:
     """Follows people through views in order of time, or in reversed order from given seeds."""
 
-    def __init__(self, arrays: RigArrays, joints: int, pair_s: float = PAIR_S):
-        self._arrays, self._joints, self._pair_s = arrays, joints, pair_s
+    def __init__(self, arrays: RigArrays, mirror: Array, pair_s: float = PAIR_S):
+        self._arrays, self._mirror, self.pair_s = arrays, mirror, pair_s
         self._views = [
             ViewRays(rotation, translation)
             for rotation, translation in zip(arrays.rotations, arrays.translations)
@@ -153,19 +198,25 @@ class ViewTracker:
         if not tracks:
             return set()
         view = self._views[frame.camera]
-        planes, known = frame.plane[people], frame.scores[people] > 0.0
         taken = set()
         pairs: list[tuple[int, int]] = []
         if people:
-            cost = np.stack([distances(t.filters, view, planes, known, SIGMA, MOST_DISTANCE) for t in tracks])
-            pairs = best_pairs(cost, GATE)
+            costs = [view_costs(track.filters, view, frame, people, self._mirror) for track in tracks]
+            pairs = best_pairs(np.stack([np.minimum(*cost) for cost in costs]), GATE)
         for row, column in pairs:
-            tracks[row].take(number, people[column], view, frame)
+            straight, mirrored = costs[row]
+            exchanged = self._mirror if mirrored[column] < straight[column] else None
+            tracks[row].take(number, people[column], view, frame, exchanged)
+            tracks[row].turn(self._mirror)
             taken.add(people[column])
             self._settle(tracks[row])
-        for row in set(range(len(tracks))) - {row for row, _ in pairs}:
-            if not tracks[row].confirmed and self._expected(tracks[row], frame.camera):
-                tracks[row].missed += 1
+        found = {row for row, _ in pairs}
+        for row, track in enumerate(tracks):
+            if row in found or self._expected(track, frame.camera):
+                track.missed += row not in found
+                track.recent.append((track.time, row in found))
+                while abs(track.recent[0][0] - track.time) > MEMORY_S:
+                    track.recent.popleft()
         return taken
 
     def _settle(self, track: ViewTrack) -> None:
@@ -204,7 +255,7 @@ class ViewTracker:
 
     def _end(self, time: float) -> None:
         for track in list(self.active):
-            if abs(time - track.last) > MEMORY_S:
+            if abs(time - track.last) > MEMORY_S or track.rare:
                 self.active.remove(track)
                 if track.confirmed:
                     self.ended.append(track)
@@ -212,7 +263,7 @@ class ViewTracker:
     def _start(self, number: int, frame: CameraFrame, person: int, time: float) -> None:
         """Start a candidate from an unassigned 2D person and an earlier one of another camera."""
         plane, known = frame.plane[person], frame.scores[person] > 0.0
-        self._free = [one for one in self._free if time - one[0] <= self._pair_s]
+        self._free = [one for one in self._free if time - one[0] <= self.pair_s]
         best, partner = PAIR_DISTANCE, None
         for one in self._free:
             if one[1] != frame.camera:
@@ -247,7 +298,7 @@ class ViewTracker:
     def _ray_distance(
         self, camera: int, plane: Array, known: Array, other: tuple[float, int, Array, Array, int]
     ) -> float:
-        """Return the mean distance (m) of the rays of two 2D people; infinite if it tells nothing."""
+        """Return the mean distance (m) of the rays of two 2D people; infinite with too few common joints."""
         common = known & other[3]
         centre, rays = self._rays(camera, plane[common])
         centre2, rays2 = self._rays(other[1], other[2][common])
@@ -265,7 +316,7 @@ class ViewTracker:
         other: tuple[float, int, Array, Array, int],
     ) -> JointFilters:
         """Return filters of joints that start where two rays meet, at rest; joints of one ray are unknown."""
-        filters = JointFilters.unknown(self._joints)
+        filters = JointFilters.unknown(len(self._mirror))
         common = np.flatnonzero(one[3] & other[3])
         (c1, d1), (c2, d2) = self._rays(one[1], one[2][common]), self._rays(other[1], other[2][common])
         for j, u, v in zip(common, d1, d2):
@@ -279,20 +330,23 @@ class ViewTracker:
             filters.states[j, 0] = 0.5 * (c1 + s * u + c2 + t * v)
             gap = np.linalg.norm(c1 + s * u - c2 - t * v)
             variances = [START_SIGMA**2 + gap**2, START_SPEED**2, START_ACCELERATION**2]
-            filters.covariances[j] = np.diag(np.repeat(variances, 3))
+            filters.covariances[j] = np.diag(np.repeat(np.array(variances), 3))
         return filters
 
 
-def follow(frames: Sequence[CameraFrame], times: Array, arrays: RigArrays, joints: int) -> list[ViewTrack]:
+def follow(frames: Sequence[CameraFrame], times: Array, arrays: RigArrays, mirror: Array) -> list[ViewTrack]:
     """Return the people of all views (F,), which are in the order of the times (F,) s.
 
     A search in reversed time adds the views before a person was confirmed.
+
+    Args:
+        mirror: (J,) joint on the other side of each joint.
     """
-    tracker = ViewTracker(arrays, joints, pairing_time(frames, times))
+    tracker = ViewTracker(arrays, mirror, pairing_time(frames, times))
     for number, (frame, time) in enumerate(zip(frames, times)):
         tracker.step(number, frame, float(time))
     tracks = tracker.finish()
-    _extend(tracks, frames, times, arrays)
+    _extend(tracks, frames, times, arrays, mirror)
     return tracks
 
 
@@ -305,12 +359,36 @@ def camera_periods(frames: Sequence[CameraFrame], times: Array) -> list[float]:
 
 def pairing_time(frames: Sequence[CameraFrame], times: Array) -> float:
     """Return the time (s) between two views that may start a person: half a period of the slowest camera."""
-    return max([PAIR_S, *(0.5 * period for period in camera_periods(frames, times) if period < 1.0)])
+    return pairing_time_of(camera_periods(frames, times))
 
 
-def _extend(tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array, arrays: RigArrays) -> None:
+def pairing_time_of(periods: Iterable[float]) -> float:
+    """Return the time (s) between two views that may start a person, from the cameras' periods (s)."""
+    return max([PAIR_S, *(0.5 * period for period in periods if period < 1.0)])
+
+
+def view_costs(
+    filters: JointFilters, view: ViewRays, frame: CameraFrame, people: list[int], mirror: Array
+) -> tuple[Array, Array]:
+    """Return the distances (D,) of 2D people from a person: as they are, and with left and right exchanged.
+
+    An exchange has to fit better by MIRROR_MARGIN.
+
+    Args:
+        people: D rows of the frame.
+    """
+    planes, known = frame.plane[people], frame.scores[people] > 0.0
+    straight = distances(filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE)
+    planes, known = (np.ascontiguousarray(values[:, mirror]) for values in (planes, known))
+    mirrored = distances(filters, view, planes, known, SIGMA, WIDEST, MOST_DISTANCE)
+    return straight, mirrored + MIRROR_MARGIN
+
+
+def _extend(
+    tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array, arrays: RigArrays, mirror: Array
+) -> None:
     """Add views before the seeds of the people, in reversed time, in place."""
-    owners: dict[Entry | tuple[int, int], ViewTrack] = {}
+    owners: dict[tuple[int, int], ViewTrack] = {}
     for track in tracks:
         owners.update({(entry.frame, entry.person): track for entry in track.entries})
     waiting = sorted(tracks, key=lambda track: track.seed[0] if track.seed else 0.0)
@@ -322,27 +400,26 @@ def _extend(tracks: list[ViewTrack], frames: Sequence[CameraFrame], times: Array
             seed = waiting[-1].seed
             active.append((waiting.pop(), ViewTrack(seed[1], seed[0], 0, seed[0])))
         active = [pair for pair in active if pair[1].last - time <= MEMORY_S]
-        view, known = views[frame.camera], frame.scores > 0.0
+        view = views[frame.camera]
         owned = {id(owners.get((number, d))): d for d in range(len(frame.plane))}
         free = [d for d in range(len(frame.plane)) if (number, d) not in owners]
         others = []
         for track, copy in active:
             copy.move(time)
             if id(track) in owned:
-                copy.take(number, owned[id(track)], view, frame)
+                own = next(entry for entry in reversed(track.entries) if entry.frame == number)
+                copy.take(number, own.person, view, frame, mirror if own.mirrored else None)
             else:
                 others.append((track, copy))
         if not (others and free):
             continue
-        rows = [
-            distances(copy.filters, view, frame.plane[free], known[free], SIGMA, MOST_DISTANCE)
-            for _, copy in others
-        ]
-        for row, column in best_pairs(np.stack(rows), GATE):
+        costs = [view_costs(copy.filters, view, frame, free, mirror) for _, copy in others]
+        for row, column in best_pairs(np.stack([np.minimum(*cost) for cost in costs]), GATE):
             track, copy = others[row]
-            copy.take(number, free[column], view, frame)
+            exchanged = mirror if costs[row][1][column] < costs[row][0][column] else None
+            copy.take(number, free[column], view, frame, exchanged)
             track.entries.append(copy.entries[-1])
             track.cameras.add(frame.camera)
             owners[number, free[column]] = track
     for track in tracks:
-        track.entries.sort()
+        track.entries.sort(key=lambda entry: entry[:2])

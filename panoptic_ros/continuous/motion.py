@@ -94,7 +94,7 @@ def predict(filters, dt):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def distances(filters, view, planes, known, sigma, most):
+def distances(filters, view, planes, known, sigma, widest, most):
     """Return the mean distances (D,) of 2D people from a person, in standard deviations of the innovation.
 
     Args:
@@ -103,6 +103,8 @@ def distances(filters, view, planes, known, sigma, most):
         planes: (D, J, 2) undistorted normalised points.
         known: (D, J) True for detected joints.
         sigma: standard deviation of a 2D joint on the normalised plane, per axis.
+        widest: (m) greatest standard deviation of an innovation. Otherwise any 2D person would fit a person
+            who has not been seen for a while.
         most: greatest distance of one joint.
     """
     people, joints = known.shape
@@ -119,7 +121,8 @@ def distances(filters, view, planes, known, sigma, most):
                 total += most
                 continue
             innovation(filters, j, rows, (sigma * depth) ** 2, spread)
-            total += min(np.sqrt(0.5 * square_of(rights, spread)), most)
+            excess = max(1.0, 0.5 * (spread[0, 0] + spread[1, 1]) / widest**2)
+            total += min(np.sqrt(0.5 * excess * square_of(rights, spread)), most)
         if number >= LEAST_JOINTS:
             out[d] = total / number
     return out
@@ -168,7 +171,9 @@ def square_of(vector, spread):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def update(filters, view, plane, known, sigma):
-    """Update all joints with one 2D person, in place.
+    """Update all joints with one 2D person, in place; return the squared innovations (J,).
+
+    An innovation is in units of its covariance, with two degrees of freedom; 0 = unknown.
 
     A joint that was unknown starts on its ray, at the mean depth of the other joints.
 
@@ -178,6 +183,7 @@ def update(filters, view, plane, known, sigma):
     states, covariances, jerks = filters
     rows, rights = np.empty((2, 3)), np.empty(2)
     spread, gain = np.empty((2, 2)), np.empty((SIZE, 2))
+    squares = np.zeros(len(states))
     depths, number = 0.0, 0
     for j in range(len(states)):
         if np.isfinite(states[j, 0, 0]):
@@ -198,6 +204,7 @@ def update(filters, view, plane, known, sigma):
         noise = (sigma * depth) ** 2
         innovation(filters, j, rows, noise, spread)
         square = 0.5 * square_of(rights, spread)
+        squares[j] = 2.0 * square
         jerks[j] *= np.exp(0.5 * ADAPTATION * (min(square, MOST_EXCESS) - 1.0))
         jerks[j] = min(max(jerks[j], LEAST_JERK), MOST_JERK)
         growth = noise_growth(2.0 * square, CAUCHY)
@@ -225,6 +232,7 @@ def update(filters, view, plane, known, sigma):
         for r in range(SIZE):
             for c in range(r):
                 p[r, c] = p[c, r] = 0.5 * (p[r, c] + p[c, r])
+    return squares
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

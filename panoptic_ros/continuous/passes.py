@@ -3,27 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from panoptic_ros.continuous.bones import rigid_pairs
 from panoptic_ros.continuous.clocks import MARGIN_S, CameraTimes, FreeClocks, estimate_times
 from panoptic_ros.continuous.config import ContinuousConfig
+from panoptic_ros.continuous.faults import (
+    ClockFault,
+    clock_faults,
+    fault_notices,
+    misfit_notices,
+    views_without,
+)
 from panoptic_ros.continuous.follow import ViewTrack, camera_periods, follow
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.person import PersonCurve, fit_person
-from panoptic_ros.continuous.problem import CurveProblem, PersonRays, grid_over
+from panoptic_ros.continuous.problem import CurveProblem, TrackRays, grid_over
+from panoptic_ros.continuous.returns import with_identities
+from panoptic_ros.continuous.stamps import partial_notices, usable_views
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError, UsageError
-from panoptic_ros.solving.clock_gauge import acquainted, common_shift
 from panoptic_ros.solving.frames import CameraFrame, camera_frames
 from panoptic_ros.solving.spans import telling_spans
 from panoptic_ros.stage import Progress, Recording, StageContext, part_of
 
 Array = np.ndarray
 CLOCK_ROUNDS = 2  # association and clocks in turn: wrong clocks cost some views of fast people
-LEAST_VIEWS = 4  # minimum number of views of a person in a part that serves for clocks
+LEAST_VIEWS = 4  # minimum number of views of a person in a part that is used for clocks
 UNKNOWN_PERIOD_S = 0.1  # s between frames where no camera has two
+FAULT_ROUNDS = 2  # number of repetitions without views whose timestamps contradict the others
 CLOCKS_SHARE = 0.5  # share of the run time for clocks
 
 
@@ -45,17 +55,37 @@ class ContinuousPass:
         self._config, self._rig, self._skeleton = config, rig, context.skeleton
         self._arrays = RigArrays.of(rig)
         self._pairs = rigid_pairs(context.skeleton)
+        self._mirror = np.array(context.skeleton.mirror)
         self._trusted = rig.names.index(trusted) if trusted else -1
 
     def run(self, recording: Recording, progress: Progress) -> ContinuousMotion:
         """Return the motion of all people.
 
         Raises:
-            DataError: if there is no view.
+            DataError: if fewer than two cameras have views.
         """
-        frames = self._frames(recording)
-        if not frames:
-            raise DataError("the recording has no view; give 2D people of at least two cameras")
+        names = self._rig.names
+        seen = camera_frames(recording.records("detection_sets"), self._arrays, self._skeleton)
+        frames, notices = usable_views(seen, names)
+        _check_cameras(frames, names)
+        motion, faults, kept = self._motion(frames, progress)
+        faulty: set[int] = set()
+        for _ in range(FAULT_ROUNDS):
+            if not faults:
+                break
+            notices += fault_notices(faults, names)
+            faulty |= {fault.camera for fault in faults}
+            frames = kept
+            motion, faults, kept = self._motion(
+                frames, lambda share, doing: progress(1.0, f"{doing} without faulty views")
+            )
+        notices += partial_notices(frames, names, faulty)
+        return replace(motion, notices=(*notices, *motion.notices))
+
+    def _motion(
+        self, frames: Sequence[CameraFrame], progress: Progress
+    ) -> tuple[ContinuousMotion, list[ClockFault], list[CameraFrame]]:
+        """Return the motion of all people, cameras whose timestamps contradict it, and the other views."""
         reference = (frames[0].stamp_ns + frames[-1].stamp_ns) // 2
         stamps = np.array([1e-9 * (frame.stamp_ns - reference) for frame in frames])
         lines = np.array([1e-6 * camera.line_delay_us for camera in self._rig.cameras])
@@ -68,15 +98,15 @@ class ContinuousPass:
         order, times = self._ordered(frames, stamps, clocks)
         ordered = [frames[k] for k in order]
         progress(begin, "associating views")
-        tracks = follow(ordered, times, self._arrays, len(self._skeleton))
+        tracks = follow(ordered, times, self._arrays, self._mirror)
         people = []
         share = part_of(progress, begin, 1.0)
         for k, track in enumerate(tracks):
             share(k / len(tracks), "fitting curves")
             people.append(self._person(k, track, ordered, stamps[order], times, clocks))
         progress(1.0, "fitting curves")
-        return ContinuousMotion(
-            tuple(people),
+        motion = ContinuousMotion(
+            tuple(with_identities(people, self._skeleton, self._pairs)),
             reference,
             reference + round(1e9 * float(times[0])),
             reference + round(1e9 * float(times[-1])),
@@ -84,13 +114,11 @@ class ContinuousPass:
             self._rig.names,
             clocks,
             self._skeleton.hash,
+            self._skeleton.derived,
+            tuple(misfit_notices(ordered, times, tracks, self._rig.names)),
         )
-
-    def _frames(self, recording: Recording) -> list[CameraFrame]:
-        """Return the views of a recording one by one, by timestamp; a view that repeats counts once."""
-        frames = camera_frames(recording.records("detection_sets"), self._arrays, self._skeleton)
-        unique = {(frame.stamp_ns, frame.camera): frame for frame in reversed(frames)}
-        return [unique[key] for key in sorted(unique)]
+        faults = clock_faults(ordered, times, people, self._arrays)
+        return motion, faults, views_without(faults, ordered, times)
 
     def _ordered(
         self, frames: Sequence[CameraFrame], stamps: Array, clocks: CameraTimes
@@ -112,14 +140,16 @@ class ContinuousPass:
         times: Array,
         clocks: CameraTimes,
     ) -> PersonCurve:
-        rays = PersonRays.of(track.entries, frames, stamps, self._arrays)
+        rays = TrackRays.of(track.entries, frames, stamps, self._arrays, self._mirror)
         seen = np.sort(times[[entry.frame for entry in track.entries]])
-        return fit_person(number, rays, clocks.times(rays), seen, self._arrays, self._pairs)
+        person = fit_person(number, rays, clocks.times(rays), seen, self._arrays, self._pairs)
+        return person.with_derived(self._skeleton.derived)
 
     def _estimate(
         self, frames: Sequence[CameraFrame], stamps: Array, clocks: CameraTimes, progress: Progress
     ) -> CameraTimes:
-        """Return the clocks and line delays."""
+        """Return the clocks and line delays; those that are not observable stay as given."""
+        given = clocks
         free = FreeClocks(self._config.clocks, self._config.rolling_shutter, self._trusted)
         reference = frames[0].stamp_ns
         spans = telling_spans(
@@ -134,24 +164,32 @@ class ContinuousPass:
             for first, last in limits:
                 inside = (times >= first) & (times <= last)
                 part = [frames[i] for i in order[inside]]
-                for track in follow(part, times[inside], self._arrays, len(self._skeleton)):
+                for track in follow(part, times[inside], self._arrays, self._mirror):
                     if len(track.entries) >= LEAST_VIEWS:
-                        rays = PersonRays.of(track.entries, part, stamps[order[inside]], self._arrays)
+                        rays = TrackRays.of(
+                            track.entries, part, stamps[order[inside]], self._arrays, self._mirror
+                        )
                         corrected = clocks.times(rays)
                         grid = grid_over(corrected, MARGIN_S)
                         problems.append(CurveProblem(rays, corrected, self._arrays, grid))
-            clocks = estimate_times(
-                problems, clocks, free, lambda done, to=share: to(done, "estimating clocks")
-            )
-        return self._referenced(clocks)
+            clocks = estimate_times(problems, clocks, free, share)
+        if self._config.clocks and self._trusted < 0:
+            clocks = clocks.referenced()
+        return clocks.applicable(given)
 
-    def _referenced(self, clocks: CameraTimes) -> CameraTimes:
-        """Return the clocks relative to most cameras if they agree; else their mean stays 0."""
-        if self._trusted >= 0 or not self._config.clocks:
-            return clocks
-        count = len(self._rig)
-        known = acquainted(clocks.covariance[:count, :count])
-        values = clocks.values.copy()
-        values[0] -= common_shift(values[0, known], clocks.deviations[0, known])
-        values[1] -= values[1, known].mean()
-        return CameraTimes(values, clocks.covariance)
+
+def _check_cameras(frames: Sequence[CameraFrame], names: Sequence[str]) -> None:
+    """Check that two cameras have views.
+
+    Raises:
+        DataError: if they have not.
+    """
+    if not frames:
+        raise DataError("the recording has no view; give 2D people of at least two cameras")
+    cameras = {frame.camera for frame in frames}
+    if len(cameras) == 1:
+        (only,) = cameras
+        raise DataError(
+            f"all {len(frames)} views are of camera {names[only]}, which is not enough for 3D; give views of "
+            "two or more cameras"
+        )

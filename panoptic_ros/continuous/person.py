@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from panoptic_ros.continuous.bones import (
-    Lengths,
+    LearntLengths,
     PairDistances,
     fit_with_lengths,
     learn_lengths,
     pair_distances,
 )
-from panoptic_ros.continuous.curves import CurveFit, Grid, covariances_at
-from panoptic_ros.continuous.problem import CurveProblem, PersonRays, grid_over
+from panoptic_ros.continuous.curves import CurveFit, KnotGrid, covariances_at
+from panoptic_ros.continuous.problem import CurveProblem, TrackRays, grid_over
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import DEGREE, spline
 
@@ -38,17 +39,19 @@ class PersonCurve:
         times: (N,) s, corrected times of the rays.
         trusts: (N,) robust weights of the rays, 0..1.
         bones: lengths between joints.
+        until: (s) time from which another curve continues the person.
     """
 
     id: int
-    grid: Grid
+    grid: KnotGrid
     points: Array
     covariances: Array
     seen: Array
-    rays: PersonRays
+    rays: TrackRays
     times: Array
     trusts: Array
-    bones: Lengths
+    bones: LearntLengths
+    until: float = np.inf
 
     def at(self, times: Array, derivative: int = 0) -> Array:
         """Return positions (T, J, 3) m at times (T,) s, or derivatives: m/s, m/s^2.
@@ -58,6 +61,15 @@ class PersonCurve:
         curve = spline(self.grid.origin, self.grid.step, self.points)
         values: Array = curve(times, derivative)
         return values
+
+    def with_derived(self, derived: Sequence[tuple[int, tuple[int, ...]]]) -> PersonCurve:
+        """Return the person with joints that are means of others, see `SkeletonModel.derived`."""
+        points, covariances = self.points.copy(), self.covariances.copy()
+        for joint, sources in derived:
+            own = list(sources)
+            points[:, joint] = points[:, own].mean(axis=1)
+            covariances[:, joint] = covariances[:, own].sum(axis=1) / len(own) ** 2
+        return replace(self, points=points, covariances=covariances)
 
     def covariances_at(self, times: Array) -> Array:
         """Return the covariances (T, J, 3, 3) m^2 of the positions, interpolated between knots."""
@@ -71,13 +83,15 @@ class PersonCurve:
 class _Window:
     """Part of a person's curve: knots first..last, and the problem that includes the overlap."""
 
-    def __init__(self, rays: PersonRays, times: Array, arrays: RigArrays, whole: Grid, first: int, last: int):
+    def __init__(
+        self, rays: TrackRays, times: Array, arrays: RigArrays, whole: KnotGrid, first: int, last: int
+    ):
         overlap = round(OVERLAP_S / whole.step)
         self.first, self.last = first, last
         self.begin = max(0, first - overlap)
-        end = min(whole.count - DEGREE, last + overlap)
+        end = min(whole.number - DEGREE, last + overlap)
         origin = whole.origin + self.begin * whole.step
-        grid = Grid(origin, whole.step, end - self.begin + DEGREE)
+        grid = KnotGrid(origin, whole.step, end - self.begin + DEGREE)
         inside = (times >= origin) & (times <= origin + (end - self.begin) * whole.step)
         self.inside = inside
         self.problem = CurveProblem(rays.subset(inside), times[inside], arrays, grid)
@@ -91,7 +105,7 @@ class _Window:
 
 
 def fit_person(
-    number: int, rays: PersonRays, times: Array, seen: Array, arrays: RigArrays, pairs: Array
+    number: int, rays: TrackRays, times: Array, seen: Array, arrays: RigArrays, pairs: Array
 ) -> PersonCurve:
     """Fit the curves of one person.
 
@@ -102,7 +116,7 @@ def fit_person(
         pairs: (P, 2) see `rigid_pairs`.
     """
     whole = grid_over(times)
-    knots = whole.count - DEGREE
+    knots = whole.number - DEGREE
     parts = max(1, round(knots * whole.step / WINDOW_S))
     borders = np.linspace(0, knots, parts + 1).round().astype(np.int64)
     limits = list(zip(borders[:-1].tolist(), borders[1:].tolist()))
@@ -117,7 +131,7 @@ def fit_person(
     ]
     bones = learn_lengths(PairDistances(*(np.concatenate(part, axis=1) for part in zip(*found))))
     joints = len(rays.starts) - 1
-    points = np.empty((whole.count, joints, 3))
+    points = np.empty((whole.number, joints, 3))
     covariances = np.empty((knots + 1, joints, 3, 3))
     trusts = np.zeros(len(times))
     for k in range(parts):

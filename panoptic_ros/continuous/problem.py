@@ -12,18 +12,19 @@ from panoptic_ros.continuous.curves import (
     ORDER,
     AtRays,
     CurveFit,
-    Grid,
-    Rays,
+    KnotGrid,
+    WeightedRays,
     at_rays,
     fit_curves,
     persistence,
 )
 from panoptic_ros.continuous.follow import Entry
+from panoptic_ros.continuous.seen_views import SeenViews
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.robust import growth
 from panoptic_ros.geometry.splines import control_points
 from panoptic_ros.solving.frames import CameraFrame
-from panoptic_ros.solving.joint_noise import JointNoiseModel
+from panoptic_ros.solving.joint_noise import SCORE_BINS, JointNoiseModel
 
 Array = np.ndarray
 STEP_S = 0.04  # s between knots
@@ -34,23 +35,41 @@ LEAST_JERK, MOST_JERK = 2.0, 2e4  # m/s^2.5
 SMOOTHING_S = 0.5  # s, standard deviation of the weights in the average of the stiffness over time
 LEAST_SURE = 0.02  # least number of a knot's three differences that the rays determine
 FIRST_NOISE = 2.5e-3  # on the normalised plane
+# least share of the noise in residuals from which it is learnt: a curve that follows its rays hides the noise
+LEAST_LEFT = 0.4
 MEMORY_S = 0.2  # s, time constant of the persistent part of the noise
 LEAST_DEPTH = 0.3  # m
 MARGIN_S = 0.05  # s of curve beyond the outermost rays
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PersonRays:
+class LearntNoise:
+    """Noise and stiffness of one person that were learnt from earlier rays.
+
+    Args:
+        factors: see `JointNoiseModel`.
+        persistent: share of the noise variance that persists.
+        stiffness: (J,) 1/m^2, at the end of the earlier rays.
+    """
+
+    factors: list[Array]
+    persistent: float
+    stiffness: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackRays:
     """N rays of one person, ordered by joint and time.
 
     Args:
         starts: (J + 1,) index of the first ray of each joint.
         joints, cameras: (N,) indices.
         stamps: (N,) s from the reference, on the cameras' own clocks.
-        rows, rights: (N, 2, 3) and (N, 2), see `curves.Rays`.
+        rows, rights: (N, 2, 3) and (N, 2), see `curves.WeightedRays`.
         scores: (N,) of the 2D joints.
         heights: (N,) px, image rows.
         depths: (N,) m, approximate depth of the person.
+        squares: (N,) squared innovations of the association, see `motion.update`.
     """
 
     starts: Array
@@ -62,46 +81,51 @@ class PersonRays:
     scores: Array
     heights: Array
     depths: Array
+    squares: Array
 
     @classmethod
     def of(
-        cls, entries: Sequence[Entry], frames: Sequence[CameraFrame], stamps: Array, arrays: RigArrays
-    ) -> PersonRays:
+        cls,
+        entries: Sequence[Entry],
+        frames: Sequence[CameraFrame],
+        stamps: Array,
+        arrays: RigArrays,
+        mirror: Array,
+    ) -> TrackRays:
         """Return the rays of the 2D people of a track.
 
         Args:
             stamps: (F,) s, of the frames.
+            mirror: (J,) joint on the other side of each joint.
         """
-        views = [frames[entry.frame] for entry in entries]
-        people = [entry.person for entry in entries]
-        scores = np.stack([view.scores[d] for view, d in zip(views, people)])
-        plane = np.stack([view.plane[d] for view, d in zip(views, people)])
-        heights = np.stack([view.heights[d] for view, d in zip(views, people)])
-        cameras = np.array([view.camera for view in views], np.int64)
-        times = stamps[[entry.frame for entry in entries]]
-        depths = np.array([entry.depth for entry in entries])
-        view, joint = np.nonzero(scores > 0.0)
-        order = np.lexsort((times[view], joint))
+        return cls.of_views(SeenViews.of(entries, frames, stamps, mirror), arrays)
+
+    @classmethod
+    def of_views(cls, seen: SeenViews, arrays: RigArrays) -> TrackRays:
+        """Return the rays of the views of one person."""
+        view, joint = np.nonzero(seen.scores > 0.0)
+        order = np.lexsort((seen.times[view], joint))
         view, joint = view[order], joint[order]
-        camera, point = cameras[view], plane[view, joint]
+        camera, point = seen.cameras[view], seen.plane[view, joint]
         rotations, translations = arrays.rotations[camera], arrays.translations[camera]
         return cls(
-            np.searchsorted(joint, np.arange(scores.shape[1] + 1)),
+            np.searchsorted(joint, np.arange(seen.scores.shape[1] + 1)),
             joint,
             camera,
-            times[view],
+            seen.times[view],
             point[..., None] * rotations[:, None, 2] - rotations[:, :2],
             translations[:, :2] - point * translations[:, 2:],
-            scores[view, joint],
-            heights[view, joint],
-            depths[view],
+            seen.scores[view, joint],
+            seen.heights[view, joint],
+            seen.depths[view],
+            seen.squares[view, joint],
         )
 
-    def subset(self, inside: Array) -> PersonRays:
+    def subset(self, inside: Array) -> TrackRays:
         """Return the rays of a mask (N,)."""
         joints = self.joints[inside]
         others = [getattr(self, name)[inside] for name in self.__slots__[2:]]
-        return PersonRays(np.searchsorted(joints, np.arange(len(self.starts))), joints, *others)
+        return TrackRays(np.searchsorted(joints, np.arange(len(self.starts))), joints, *others)
 
     def previous(self) -> Array:
         """Return the index (N,) of the previous ray of the same joint and camera, -1 = none."""
@@ -120,27 +144,47 @@ class CurveProblem:
         rays: rays of the person.
         times: (N,) s, corrected timestamps of the rays.
         grid: knots of the curves.
+        before: what earlier rays of the person have taught.
     """
 
-    def __init__(self, rays: PersonRays, times: Array, arrays: RigArrays, grid: Grid):
+    def __init__(
+        self,
+        rays: TrackRays,
+        times: Array,
+        arrays: RigArrays,
+        grid: KnotGrid,
+        before: LearntNoise | None = None,
+    ):
         self.seen, self.times = rays, times
         self._depth_rows = arrays.rotations[rays.cameras, 2]
         self._depth_offsets = arrays.translations[rays.cameras, 2]
-        self._noise = JointNoiseModel(rays.cameras, rays.joints, rays.scores, FIRST_NOISE)
+        joints = len(rays.starts) - 1
+        factors = before.factors if before else first_factors(len(arrays.rotations), joints)
+        self._noise = JointNoiseModel(rays.cameras, rays.joints, rays.scores, FIRST_NOISE, factors)
         self._previous = rays.previous()
         self.grid = grid
-        shape = (len(rays.starts) - 1, self.grid.count - ORDER)
+        shape = (joints, self.grid.number - ORDER)
         self.stiffness = np.full(shape, 1.0 / (START_JERK**2 * STEP_S**5))
         self.depths = np.maximum(rays.depths, LEAST_DEPTH)
         self.persistent = 0.0
+        if before is not None:
+            self.persistent = before.persistent
+            self.stiffness[:] = before.stiffness[:, None]
         self.misses = np.zeros((len(times), 2))  # m
-        self._squares = np.zeros(len(times))  # squared residuals in units of the noise
+        self._growths: Array = growth(rays.squares, CAUCHY)  # see `growths`
+
+    @property
+    def learnt(self) -> LearntNoise:
+        """Return what was learnt, for later rays of the person."""
+        return LearntNoise(self._noise.factors, self.persistent, self.stiffness[:, -1].copy())
 
     @property
     def growths(self) -> Array:
-        """Return the factors (N,) by which residuals enlarge the variances of their rays."""
-        factors: Array = growth(self._squares, CAUCHY)
-        return factors
+        """Return the factors (N,) by which residuals enlarge the variances of their rays.
+
+        Innovations of the association take the place of residuals before there are curves.
+        """
+        return self._growths
 
     @property
     def sigmas(self) -> Array:
@@ -148,59 +192,79 @@ class CurveProblem:
         sigmas: Array = self._noise.sigmas() * self.depths
         return sigmas
 
-    def rays(self, cauchy: float) -> Rays:
+    @property
+    def rays(self) -> WeightedRays:
         """Return the rays with their present weights."""
         seen = self.seen
-        return Rays(
+        return WeightedRays(
             seen.starts,
             self.times,
             seen.rows,
             seen.rights,
             self.sigmas,
-            growth(self._squares, cauchy),
+            self._growths,
             self._previous,
             self.persistent,
             MEMORY_S,
         )
 
-    def fit(self, cauchy: float = CAUCHY) -> CurveFit:
+    def fit(self) -> CurveFit:
         """Return the curves for the present weights."""
-        return fit_curves(self.rays(cauchy), self.grid, self.stiffness)
+        fit: CurveFit = fit_curves(self.rays, self.grid, self.stiffness)
+        return fit
 
-    def compare(self, fit: CurveFit) -> AtRays:
-        """Update residuals, depths and weights from curves."""
-        at = at_rays(fit, self.rays(CAUCHY), self.grid)
+    def compare(self, fit: CurveFit, cauchy: float = CAUCHY) -> AtRays:
+        """Update residuals, depths and weights from curves.
+
+        Args:
+            cauchy: scale of the robust weights, in standard deviations.
+        """
+        at: AtRays = at_rays(fit, self.rays, self.grid)
         self.misses = np.einsum("nij,nj->ni", self.seen.rows, at.positions) - self.seen.rights
         depths = np.einsum("ni,ni->n", self._depth_rows, at.positions) + self._depth_offsets
         self.depths = np.maximum(depths, LEAST_DEPTH)
-        self._squares = (self.misses**2).sum(1) / self.sigmas**2
+        self._growths = growth(self.squares, cauchy)
         return at
 
-    def learn(self, fit: CurveFit, at: AtRays) -> None:
-        """Update the noise, its persistent share and the stiffness of the prior."""
-        self._noise.learn(np.sqrt(self._squares / np.maximum(1.0 - 0.5 * at.leverages, 0.1)))
-        self._squares = (self.misses**2).sum(1) / self.sigmas**2
-        self.persistent = persistence(fit, self.rays(CAUCHY), self.grid, self.misses / self.sigmas[:, None])
+    @property
+    def squares(self) -> Array:
+        """Return the squared residuals (N,) in units of the noise."""
+        squares: Array = (self.misses**2).sum(1) / self.sigmas**2
+        return squares
+
+    def learn(self, fit: CurveFit, at: AtRays, cauchy: float = CAUCHY) -> None:
+        """Update the noise, its persistent share and the stiffness of the prior, then the weights."""
+        left = 1.0 - 0.5 * at.leverages  # share of the noise that is left in the residual
+        ratios = np.sqrt(self.squares / np.maximum(left, LEAST_LEFT))
+        self._noise.learn(ratios, left > LEAST_LEFT)
+        self._growths = growth(self.squares, CAUCHY)
+        self.persistent = persistence(fit, self.rays, self.grid, self.misses / self.sigmas[:, None])
+        self._growths = growth(self.squares, cauchy)
         self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads)
 
     def solve(self, rounds: int = ROUNDS) -> CurveFit:
         """Return the curves after all iterations; the robust weights sharpen from one to the next."""
         for k in range(rounds):
-            fit = self.fit(cauchy_of(k))
-            self.learn(fit, self.compare(fit))
+            fit = self.fit()
+            self.learn(fit, self.compare(fit), cauchy_of(k + 1))
         fit = self.fit()
         self.compare(fit)
         return fit
 
 
-def grid_over(times: Array, margin: float = MARGIN_S) -> Grid:
+def first_factors(cameras: int, joints: int) -> list[Array]:
+    """Return the factors of `JointNoiseModel` before anything is learnt."""
+    return [np.ones(SCORE_BINS), np.ones(cameras), np.ones(joints)]
+
+
+def grid_over(times: Array, margin: float = MARGIN_S) -> KnotGrid:
     """Return the knots for rays at times (N,) s.
 
     Args:
         margin: (s) of curve beyond the outermost rays.
     """
     first, last = float(times.min()) - margin, float(times.max()) + margin
-    return Grid(first, STEP_S, control_points(first, last, STEP_S))
+    return KnotGrid(first, STEP_S, control_points(first, last, STEP_S))
 
 
 def cauchy_of(k: int) -> float:

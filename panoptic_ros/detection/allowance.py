@@ -13,7 +13,7 @@ import threading
 from dataclasses import dataclass
 
 SECOND = 10**9
-SPARE = 1.0  # looks that may be saved beyond one round of images
+SPARE = 1.0  # looks; maximum balance beyond the share of one round of images
 SCAN = 0.5  # cost of a scan for new people, in looks
 FORGOTTEN = 4  # rounds of images after which a waiting camera without images leaves the queue
 FIRST_PERIOD_NS = SECOND // 30  # assumed time between images, until it is measured

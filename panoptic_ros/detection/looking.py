@@ -19,12 +19,12 @@ from panoptic_ros.detection.allowance import Allowance
 
 Array = np.ndarray
 SECOND = 10**9
-LONGEST_GAP_NS = 150_000_000  # longest gap between two images that people are propagated over
+LONGEST_GAP_NS = 150_000_000  # longest gap between two images over which people are propagated
 SCANS_PER_S = 12  # scans (small whole images) of all cameras together
 WHOLE_IMAGES = 2  # whole images of every camera after an alarm
 WHOLE_IMAGES_LIVE = 1  # the same where an allowance limits looks
 QUIET_LIVE_NS = SECOND  # pause between alarms with an allowance: whole images of the last alarm come first
-FIRST_WAIT_NS = SECOND // 2  # until the same unexplained person may raise the next alarm; doubles each time
+FIRST_WAIT_NS = SECOND // 2  # wait until the same unexplained person may raise an alarm; doubles each time
 LONGEST_WAIT_NS = 32 * SECOND
 MOST_VAIN = 4  # unsuccessful closer looks up to which the wait grows: 2, 4, ... 16 looks
 SAME_PLACE = 0.3  # least intersection over union of two boxes of the same unexplained person

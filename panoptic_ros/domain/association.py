@@ -143,7 +143,7 @@ class AssociationSet:
     """People of one instant before their joints are solved.
 
     Args:
-        detections: The detections that they were made from.
+        detections: The detections from which the people were made.
         evidence: The same as flat arrays.
         groups: 2D poses of P people.
         who: (P,) row of the prediction that each person continues, -1 = new.

@@ -93,6 +93,11 @@ class Camera:
         centre: Array = -self.cam_from_world.rotation.T @ self.cam_from_world.translation
         return centre
 
+    @property
+    def middle_s(self) -> float:
+        """Return the exposure of the middle image row minus the timestamp (s); 0 with a global shutter."""
+        return 0.5e-6 * self.line_delay_us * (self.image_size[1] - 1)
+
     def resized(
         self, image_size: tuple[int, int], scale: tuple[float, float], shift: tuple[float, float] = (0.0, 0.0)
     ) -> Camera:

@@ -15,8 +15,8 @@ class DepthSensor:
 
     Args:
         camera: Name, size of the depth maps, intrinsics, pose and clock of the sensor.
-        colour_camera: Name of the camera of the rig that it is built together with; "" = none.
-        unit_m: Metres per count, if its maps are stored as integers.
+        colour_camera: Name of the rig camera that is in the same housing as the sensor; "" = none.
+        unit_m: Metres per count, if the depth maps are stored as integers.
 
     Raises:
         CalibrationError: on a unit that is not positive, or a sensor that names itself as its colour camera.

@@ -75,7 +75,7 @@ class PartMotions:
         centres: (M, 3) m, o.
         rotations: (M, 3) rad, rotation vectors of R.
         translations: (M, 3) m, t.
-        covariances: (M, 6, 6) of (rotation from the left, translation).
+        covariances: (M, 6, 6) of (small world rotation, multiplied from the left; translation).
         tracks: (M,) number of 2D tracks that agree with the motion.
         residuals: (M,) root mean square residual of these, in standard deviations of the tracks: the quality
             of the part at this instant.

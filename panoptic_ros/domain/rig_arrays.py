@@ -33,6 +33,8 @@ class RigArrays:
         focals: (C,) px.
         lenses: (C,) records, see `camera_records`.
         diagonals: (C,) px, image diagonals.
+        line_delays: (C,) s from one image row to the next, 0 = global shutter.
+        middles: (C,) s, exposure of the middle image row minus the timestamp.
         index: Row of each camera by name.
         cameras: The cameras of the rig.
     """
@@ -43,6 +45,8 @@ class RigArrays:
     focals: Array
     lenses: Array
     diagonals: Array
+    line_delays: Array
+    middles: Array
     index: dict[str, int]
     cameras: tuple[Camera, ...]
 
@@ -57,6 +61,8 @@ class RigArrays:
             stack.focals,
             camera_records(rig.cameras),
             np.array([float(np.hypot(*camera.image_size)) for camera in rig.cameras]),
+            np.array([1e-6 * camera.line_delay_us for camera in rig.cameras]),
+            np.array([camera.middle_s for camera in rig.cameras]),
             {name: i for i, name in enumerate(rig.names)},
             rig.cameras,
         )

@@ -91,8 +91,8 @@ class BodyState:
         frames: (S, 3, 3), world from segment.
         velocities: (S, 3) m/s of the joints.
         spins: (S, 3) rad/s, angular velocities of the segments.
-        covariances: (S, 6, 6) of each segment's position, m, and of a small rotation from the left, rad. None
-            = unknown, as where every instant is solved separately.
+        covariances: (S, 6, 6) of each segment's position, m, and of a small world rotation, rad, which is
+            multiplied from the left. None = unknown, e.g. if every instant is solved separately.
     """
 
     stamp_ns: int

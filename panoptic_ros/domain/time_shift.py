@@ -1,4 +1,4 @@
-"""Dependence of joint positions on motion, where the views of an instant have different timestamps."""
+"""Dependence of joint positions on motion, where 2D joints of an instant were exposed at different times."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class TimeShift:
     can use this to take every view at its own timestamp.
 
     Args:
-        delays: (P, J, 3, 3) s, mean of the views' timestamps minus the instant, weighted by each view's
+        delays: (P, J, 3, 3) s, mean of the exposures of the 2D joints minus the instant, weighted by their
             information in each direction.
         assumed: (P, J, 3) m/s, assumed velocity.
         velocities: (P, J, 3) m/s, measured velocity.

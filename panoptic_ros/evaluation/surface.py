@@ -1,6 +1,6 @@
 """Scores of patch association against known surface points.
 
-They measure whether patches lie on the person and body part that they are assigned to.
+The scores state whether patches lie on the assigned person and body part.
 """
 
 from __future__ import annotations

@@ -195,7 +195,7 @@ def _undistort(lens, goal_x, goal_y):
 def _undistort_many(lens, seen_x, seen_y):
     """Return the undistorted point for a lens of up to 14 terms, the magnification, and whether found.
 
-    The adjugate of the homography serves as its inverse: they differ by a factor, which cancels.
+    The adjugate of the homography is used as its inverse: they differ by a factor, which cancels.
     """
     h0, h1, h2 = lens.h00, lens.h01, lens.h02
     h3, h4, h5 = lens.h10, lens.h11, lens.h12

@@ -16,6 +16,8 @@ from panoptic_ros.stage import Stage, StageContext
 # choice of another stage requires.
 SHARED = {
     ("offsets", "delays_ms"): ("sync", "delays_ms"),
+    ("continuous", "delays_ms"): ("sync", "delays_ms"),
+    ("continuous", "clocks"): ("sync", "clocks"),
     ("clocks", "master_clock"): ("sync", "master_clock"),
 }
 NEEDED = {("assembly", "method", "dynamic_programming"): {"voting": {"parts": True, "without_maps": True}}}

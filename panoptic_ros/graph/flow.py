@@ -38,7 +38,12 @@ class Flow:
 
 WINDOW = 64  # instants; a detector continues while the later stages compile their kernels
 IMAGE_WINDOW = 4
-LIVE_DEFAULTS = {"sync": {"deadline_s": 0.5}, "refinement": {"lag": 0.03}}  # s; the lag is one set at 30 Hz
+# s; the lag is one set at 30 Hz. Views of one instant differ in latency by less than `wait_s`.
+LIVE_DEFAULTS = {
+    "sync": {"deadline_s": 0.5},
+    "refinement": {"lag": 0.03},
+    "continuous": {"wait_s": 0.03},
+}
 # messages, queue limit if every message counts, e.g. audio; a limit of 2 would overflow in a busy moment
 PATIENT = 256
 BUSY = 64  # messages, queue limit of a stage that skips work to catch up: about a second of IMU samples

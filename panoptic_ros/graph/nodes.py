@@ -63,6 +63,8 @@ class NodeSpec:
             "all": Every message counts.
             "late": A second of messages is kept. The stage is informed of its delay and skips work.
         switch: Parameter that switches the stage on, or "stage.name" for one of another stage. "": always on.
+        service: ROS type of the service for requested instants (`stage.RequestStage`), with the name of the
+            first output. "": none.
     """
 
     name: str
@@ -73,6 +75,7 @@ class NodeSpec:
     apart: bool = False
     queue: Queue = "newest"
     switch: str = ""
+    service: str = ""
 
     def output_for(self, record: object) -> str:
         """Return the key of the topic for an output record of this stage.
@@ -175,6 +178,16 @@ NODES: dict[str, NodeSpec] = {
             queue="all",
             switch="active",
         ),
+        NodeSpec(
+            "continuous",
+            "panoptic_ros.continuous.stage:ContinuousStage",
+            "panoptic_ros.continuous.config:ContinuousStageConfig",
+            (Port("clock_models", optional=True), Port("detections")),
+            ("skeletons_at",),
+            queue="late",
+            switch="active",
+            service="panoptic_msgs/srv/SkeletonsAt",
+        ),
         stage_row(
             "kinematics",
             (
@@ -214,10 +227,15 @@ AFTER_DETECTION = (
     "assembly",
     "tracking",
     "offsets",
+    "continuous",
     "kinematics",
     "patches",
     "refinement",
 )
 SOUND = ("timecode", "clocks")  # timecode in audio, and clocks from it
-SLOW = ("offsets", "kinematics")  # sometimes busy for long; in live flow, no other stage may wait for them
+SLOW = (
+    "offsets",
+    "continuous",
+    "kinematics",
+)  # sometimes busy for long; in live flow, no other stage may wait for them
 CHAIN = (*BESIDE_IMAGES, *AFTER_DETECTION)

@@ -21,6 +21,7 @@ from panoptic_ros.graph.wiring import Table, Wiring
 from panoptic_ros.params import Config
 from panoptic_ros.stage import (
     ArrivalAwareStage,
+    IdleWorkStage,
     LastingStateStage,
     LatenessAwareStage,
     Notice,
@@ -64,7 +65,7 @@ class Pipeline:
         on_cpu: Called with (stage, processor time in ns) after every step.
         clock, cpu_clock: Monotonic time and processor time of the thread, ns. The pipeline reads no other
             clock.
-        everywhere: All stages of the graph that this is a part of. None: these are all.
+        everywhere: All stages of the graph, of which the pipeline may run a part. None: it runs all.
         table: The rows.
         used: Ports that a parameter of any stage of the graph switches on, see `graph.build.ports_in_use`.
             None: those of the configurations.
@@ -95,7 +96,7 @@ class Pipeline:
         self.schedule = StageSchedule(self.wiring)
         self._configs, self._context = configs, context
         self._stages = [self._make(spec.name) for spec in self.wiring.specs]
-        self._find_live_stages()
+        self._find_special_stages()
         self._pushed = 0
         self._begun: dict[tuple[int, int], Future[tuple[Any, int, int]]] = {}  # by stage and id of the record
         self._on_record = on_record or (lambda topic, record: None)
@@ -111,6 +112,10 @@ class Pipeline:
     def names(self) -> tuple[str, ...]:
         """Return the names of the running stages, in order."""
         return tuple(spec.name for spec in self.wiring.specs)
+
+    def stage(self, name: str) -> Any:
+        """Return a running stage. `change_rig` replaces it."""
+        return self._stages[self.names.index(name)]
 
     def push(self, topic: str, record: Any) -> None:
         """Pass a record from outside, and everything that follows from it, through the stages.
@@ -211,7 +216,7 @@ class Pipeline:
             except DataError:
                 anew.append(name)
             self._stages[number] = stage
-        self._find_live_stages()
+        self._find_special_stages()
         return tuple(anew)
 
     # ------------------------------------------------------------------ for hosts, which define places
@@ -249,10 +254,11 @@ class Pipeline:
     def _make(self, name: str) -> Stage[Any, Any]:
         return make_stage(name, self._configs[name], self._context, self.wiring.table)
 
-    def _find_live_stages(self) -> None:
-        """Find the stages that use information of a live graph."""
+    def _find_special_stages(self) -> None:
+        """Find the stages that use information of a live graph, or work after their results are passed on."""
         self._punctual = [stage for stage in self._stages if isinstance(stage, LatenessAwareStage)]
         self._timed_stages = [stage for stage in self._stages if isinstance(stage, ArrivalAwareStage)]
+        self._idle_work = [stage for stage in self._stages if isinstance(stage, IdleWorkStage)]
 
     def _place_of_push(self, topic: str) -> Place:
         self._pushed += 1
@@ -289,6 +295,10 @@ class Pipeline:
             self._on_step(name, duration_ns)
         self._on_cpu(name, cpu_ns)
         self._hand_on(turn, result)
+        if stage in self._idle_work:
+            cpu = self._cpu_clock()
+            stage.settle()
+            self._on_cpu(name, self._cpu_clock() - cpu)
 
     def _timed(self, stage: Stage[Any, Any], record: Any) -> tuple[StepResult[Any], int, int]:
         start, cpu = self._clock(), self._cpu_clock()

@@ -186,6 +186,7 @@ TOPICS: dict[str, Topic] = {
         _row("bodies", "BodyStateSet", "Bodies", kept="always", shown="asked"),
         _row("patches", "PatchTrajectories", "PatchTrajectories", kept="patches.active", shown="asked"),
         _row("skeletons", "RefinedPoseSet", "Skeletons", recorded=True, kept="always", shown="always"),
+        _row("skeletons_at", "RefinedPoseSet", "Skeletons", kept="continuous.active"),
         _row("markers", "RefinedPoseSet", "visualization_msgs/MarkerArray", "skeletons/markers"),
     )
 }

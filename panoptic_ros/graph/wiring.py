@@ -25,7 +25,7 @@ class Wiring:
 
     Args:
         names: Names of the stages.
-        everywhere: All stages of the graph that they are a part of. None: they are all.
+        everywhere: All stages of the graph, of which `names` may be a part. None: `names` are all.
         table: The rows.
 
     Raises:

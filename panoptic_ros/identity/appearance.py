@@ -29,7 +29,7 @@ MISTAKEN = 0.03  # share of colours that belong to another person, or that have 
 OUTLIER, KNOWN = 3.0, 10.0  # standard deviations at which a look is clipped; looks after which this begins
 
 
-class Colours(NamedTuple):
+class ClothingColours(NamedTuple):
     """Clothing colours of P people, in the channels of `domain.ViewAppearance`.
 
     Args:
@@ -43,13 +43,13 @@ class Colours(NamedTuple):
     squares: Array
 
     @classmethod
-    def of_new(cls, people: int) -> Colours:
+    def of_new(cls, people: int) -> ClothingColours:
         """Return the record of people who were not seen yet."""
         shape = people, len(REGIONS), CHANNELS
         return cls(np.full(shape, np.nan), np.zeros(shape[:2]), np.zeros(shape))
 
     @classmethod
-    def of_looks(cls, looks: Array) -> Colours:
+    def of_looks(cls, looks: Array) -> ClothingColours:
         """Return the record of people with one look (P, 2, 3) each."""
         return cls(looks, np.isfinite(looks[..., 0]).astype(float), np.zeros_like(looks))
 
@@ -115,7 +115,7 @@ def looks_at(sources: ViewSources | None, views: dict[str, ViewAppearance], peop
     return nothing
 
 
-def colour_evidence(people: Colours, others: Colours) -> Array:
+def colour_evidence(people: ClothingColours, others: ClothingColours) -> Array:
     """Return the log-odds (T, P) that T people and P others are the same, by clothes; 0 = colours unknown."""
     gaps = people.means[:, None] - others.means[None]  # (T, P, 2, 3)
     known = np.isfinite(gaps[..., 0])

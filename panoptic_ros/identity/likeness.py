@@ -33,7 +33,7 @@ WALKING, STANDING = 1.0, 0.3
 RUNNING, AROUND = 3.0, 1.0  # m/s and m: no person moves farther than AROUND + RUNNING t
 
 
-class Bones(NamedTuple):
+class BoneLengths(NamedTuple):
     """Bone lengths of P people.
 
     Args:
@@ -45,7 +45,7 @@ class Bones(NamedTuple):
     variances: Array
 
 
-def learnt_bones(lengths: Array, counts: Array, squares: Array) -> Bones:
+def learnt_bones(lengths: Array, counts: Array, squares: Array) -> BoneLengths:
     """Return bones from mean lengths (P, B) m over `counts` (P, B) frames.
 
     Args:
@@ -53,10 +53,10 @@ def learnt_bones(lengths: Array, counts: Array, squares: Array) -> Bones:
     """
     total = FRAME_FRAMES * FRAME_SIGMA**2 + counts * squares
     frame = total / (FRAME_FRAMES + counts)
-    return Bones(lengths, frame * (LASTING + np.minimum(CORRELATED / np.maximum(counts, 1.0), 1.0)))
+    return BoneLengths(lengths, frame * (LASTING + np.minimum(CORRELATED / np.maximum(counts, 1.0), 1.0)))
 
 
-def seen_bones(positions: Array, covariances: Array, bones: Array) -> Bones:
+def seen_bones(positions: Array, covariances: Array, bones: Array) -> BoneLengths:
     """Return the bones (B, 2) of skeletons of one instant.
 
     Args:
@@ -69,7 +69,7 @@ def seen_bones(positions: Array, covariances: Array, bones: Array) -> Bones:
     lengths = np.linalg.norm(gaps, axis=-1)
     along = gaps / np.maximum(lengths, SHORTEST)[..., None]
     stated = np.einsum("pbi,pbij,pbj->pb", along, covariances[:, a] + covariances[:, b], along)
-    return Bones(lengths, stated + (1.0 + LASTING) * FRAME_SIGMA**2)
+    return BoneLengths(lengths, stated + (1.0 + LASTING) * FRAME_SIGMA**2)
 
 
 def paired(bones: Array, mirror: Array) -> Array:
@@ -85,7 +85,7 @@ def paired(bones: Array, mirror: Array) -> Array:
     return np.array([names[tuple(end)] for end in ends], np.int64)
 
 
-def bone_evidence(people: Bones, others: Bones, groups: Array) -> Array:
+def bone_evidence(people: BoneLengths, others: BoneLengths, groups: Array) -> Array:
     """Return the log-odds (T, P) that T people and P others are the same, by bone lengths.
 
     Args:
@@ -116,7 +116,7 @@ def log_normal(gaps: Array, variances: Array | float) -> Array:
     return densities
 
 
-def _grouped(bones: Bones, groups: Array) -> tuple[Array, Array]:
+def _grouped(bones: BoneLengths, groups: Array) -> tuple[Array, Array]:
     """Return the mean lengths (P, G) m of groups of bones, NaN = unknown, and their variances (P, G) m^2."""
     known = np.isfinite(bones.lengths)
     member = np.eye(int(groups.max(initial=-1)) + 1)[groups]

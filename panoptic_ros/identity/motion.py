@@ -1,7 +1,7 @@
 """Constant-velocity filter for all joints of the tracked people; compiled.
 
-Its predictions serve choices only: association, starting points, sides, time shifts, identity. The positions
-of measured joints come from the present images.
+Its predictions are only used for choices: association, starting points, sides, time shifts, identity. The
+positions of measured joints come from the present images.
 """
 
 from __future__ import annotations

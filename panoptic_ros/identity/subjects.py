@@ -55,13 +55,13 @@ def subjects_of(words: Sequence[str], where: str = "subjects") -> SubjectSet:
         raise ConfigError(f"{where}: {error}") from None
 
 
-# m on the ground, from the stated position: it is entered by hand, and the person may already move
+# m on the ground, maximum distance from the stated position, which is entered by hand; the person may move
 REACH = 0.75
 WAIT = 5.0  # s, longest delay after the stated time with which a person may reach the position
 BACK = 1.0  # s, longest time over which a person's motion is extrapolated back to the stated time
 
 
-class Seen(NamedTuple):
+class VisibleTracks(NamedTuple):
     """People with an identity who are seen at an instant.
 
     Args:
@@ -76,7 +76,7 @@ class Seen(NamedTuple):
 
 
 def found_subjects(
-    subjects: SubjectSet, missing: Array, seen: Seen, stamp_ns: int, begun_ns: int
+    subjects: SubjectSet, missing: Array, seen: VisibleTracks, stamp_ns: int, begun_ns: int
 ) -> dict[int, int]:
     """Return the people who become subjects: {row of the people: row of the subjects}.
 

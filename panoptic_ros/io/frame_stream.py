@@ -1,4 +1,4 @@
-"""Write a gzipped JSON document frame by frame, so that memory does not grow with the duration.
+"""Write a JSON document frame by frame, so that memory does not grow with the duration.
 
 If the writer is killed, the document ends early. `read_frames` then reads its complete frames.
 """
@@ -28,18 +28,20 @@ class FrameStream:
 
     Args:
         head: keys and values before "frames".
+        packed: gzip the document.
+        named: path that errors name, if `path` is temporary.
 
     Raises:
         EnvironmentProblem: if the file cannot be written.
     """
 
-    def __init__(self, path: Path, head: Mapping[str, Any]):
-        self._path = path
-        self._packer = zlib.compressobj(9, zlib.DEFLATED, GZIP)
+    def __init__(self, path: Path, head: Mapping[str, Any], packed: bool = True, named: Path | None = None):
+        self._path = named or path
+        self._packer: Any = zlib.compressobj(9, zlib.DEFLATED, GZIP) if packed else _Unpacked()
         self._lock = threading.Lock()  # `sync` runs in the recorder thread
         self._unsynced = True
         self.count = 0
-        with file_errors(path, "write"):
+        with file_errors(self._path, "write"):
             self._file = path.open("wb")
         self._write(json.dumps({**head, "frames": []}).removesuffix("]}"))
 
@@ -81,10 +83,22 @@ class FrameStream:
 
     def _write(self, text: str) -> None:
         with self._lock:
-            data: Any = self._packer.compress(text.encode())
+            data = self._packer.compress(text.encode())
             self._unsynced = True
             with file_errors(self._path, "write"):
                 self._file.write(data)
+
+
+class _Unpacked:
+    """Stand-in for a compressor that leaves the bytes as they are."""
+
+    def compress(self, data: bytes) -> bytes:
+        """Return the bytes."""
+        return data
+
+    def flush(self, mode: int = zlib.Z_FINISH) -> bytes:
+        """Return nothing: no bytes are held."""
+        return b""
 
 
 class CutFileWarning(UserWarning):

@@ -17,7 +17,7 @@ import numpy as np
 from panoptic_ros.domain import DetectionSet, JointMap, JointState, Rig, TrackedPoseSet, ViewDetections
 from panoptic_ros.errors import CalibrationError, DataError, UserError, shown
 from panoptic_ros.io.documents import read_json
-from panoptic_ros.io.files import write_json
+from panoptic_ros.io.files import atomic_path, write_json
 from panoptic_ros.io.frame_stream import FrameStream, read_frames
 from panoptic_ros.io.known_keys import EACH, keys, tell_unknown
 from panoptic_ros.io.loading import parsing
@@ -72,12 +72,18 @@ class PlainDetections:
     frames: tuple[PlainFrame, ...]
 
     def sets(
-        self, rig: Rig, joint_map: JointMap, skeleton_hash: str, known: Iterable[str] = ()
+        self,
+        rig: Rig,
+        joint_map: JointMap,
+        skeleton_hash: str,
+        known: Iterable[str] = (),
+        any_order: bool = False,
     ) -> Iterator[DetectionSet]:
         """Yield detection sets in the working skeleton, for the cameras of the rig.
 
         Args:
             known: names of further cameras that may occur, in addition to `rig` and `rig.left_out`.
+            any_order: accept timestamps that decrease.
 
         Raises:
             CalibrationError: if a view's camera is neither in the rig nor in `known`.
@@ -86,7 +92,7 @@ class PlainDetections:
         allowed = {*rig.names, *rig.left_out, *known}
         last = -1
         for frame in self.frames:
-            if frame.stamp_ns < last:
+            if frame.stamp_ns < last and not any_order:
                 raise DataError(f"frame {frame.index}: stamp {frame.stamp_ns} is before the previous one")
             last = frame.stamp_ns
             for name in frame.views:
@@ -222,9 +228,17 @@ def read_skeletons(path: Path) -> PlainSkeletons:
 
 
 def write_skeletons(path: Path, joint_names: Iterable[str], sets: Iterable[TrackedPoseSet]) -> None:
-    """Write 3D poses; equal sets give equal bytes."""
-    frames = [skeletons_frame(item) for item in sets]
-    write_json(path, {"format": SKELETONS, "joint_names": list(joint_names), "frames": frames})
+    """Write 3D poses frame by frame, all or nothing; equal sets give equal bytes."""
+    path = Path(path)
+    with atomic_path(path) as temporary:
+        stream = SkeletonStream(temporary, joint_names, path.name.endswith(".gz"), path)
+        try:
+            for item in sets:
+                stream.take(item)
+            stream.close()
+        except BaseException:
+            stream.discard()
+            raise
 
 
 def skeletons_frame(item: TrackedPoseSet) -> dict[str, Any]:
@@ -342,14 +356,19 @@ def _joint_rows(
 
 
 class SkeletonStream(FrameStream):
-    """Writer of 3D poses frame by frame, in the format of `write_skeletons`, always gzipped.
+    """Writer of 3D poses frame by frame, in the format of `write_skeletons`.
+
+    Args:
+        packed, named: see `FrameStream`.
 
     Raises:
         EnvironmentProblem: if the file cannot be written.
     """
 
-    def __init__(self, path: Path, joint_names: Iterable[str]):
-        super().__init__(path, {"format": SKELETONS, "joint_names": list(joint_names)})
+    def __init__(
+        self, path: Path, joint_names: Iterable[str], packed: bool = True, named: Path | None = None
+    ):
+        super().__init__(path, {"format": SKELETONS, "joint_names": list(joint_names)}, packed, named)
 
     def take(self, item: TrackedPoseSet) -> None:
         """Append one frame."""

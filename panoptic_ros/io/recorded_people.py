@@ -37,19 +37,20 @@ class RecordedPeople:
         return [f"joints that are not in skeleton {self.skeleton.name} are left out: {joints}"]
 
 
-def read_people(detections: Path, rig: Rig, skeleton: str = AUTO) -> RecordedPeople:
+def read_people(detections: Path, rig: Rig, skeleton: str = AUTO, any_order: bool = False) -> RecordedPeople:
     """Read the 2D poses of a plain file.
 
     Args:
         rig: the cameras that are used; the cameras in `rig.left_out` may occur in the file.
         skeleton: name or YAML file, or `AUTO`.
+        any_order: accept timestamps that decrease.
 
     Raises:
         UserError: on any error that the user can correct.
     """
     people = read_detections(detections)
     model, joint_map = map_joints(_choose(people) if skeleton == AUTO else skeleton, people.joint_names)
-    sets = list(people.sets(rig, joint_map, model.hash))
+    sets = list(people.sets(rig, joint_map, model.hash, any_order=any_order))
     names = _own_names(people, model.joint_names) if skeleton == AUTO else model.joint_names
     used = {k for source in joint_map.sources for k in source}
     left_out = tuple(name for k, name in enumerate(people.joint_names) if k not in used)

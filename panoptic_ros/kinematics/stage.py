@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.domain import DetectionSet, TrackedPoseSet
+from panoptic_ros.domain import DetectionSet, TrackedPoseSet, ViewDetections
 from panoptic_ros.domain.bodies import BodySource, BodyStateSet, ImuSample
 from panoptic_ros.domain.segments import SegmentModel
 from panoptic_ros.domain.subjects import BodyState, Device, InstantViews, Subject, ViewPeople
@@ -243,15 +243,17 @@ class KinematicsStage(Stateful):
         self._check(item.skeleton_hash)
         notices = self._take_waiting(None)
         if item.index <= self._last_set:
-            self._last_set = item.index  # a recording that restarts: timestamps show what is old
-        views = tuple(
-            ViewObservations(self._allotment.camera(v.camera), v.stamp_ns, v.frame_number, v.points, v.scores)
-            for v in item.views
-        )
-        self._waiting = InstantObservations(item.index, views)
+            # The recording restarted. Old samples are then recognised by their timestamps, not by the index.
+            self._last_set = item.index
+        self._waiting = InstantObservations(item.index, tuple(self._observations(v) for v in item.views))
         if not self._tracks_come and len(self._allotment.cameras) < 2:
             notices += self._take_waiting(None)
         return notices
+
+    def _observations(self, view: ViewDetections) -> ViewObservations:
+        number = self._allotment.camera(view.camera)
+        stamp = view.stamp_ns + round(1e9 * self._rig.cameras[number].middle_s)
+        return ViewObservations(number, stamp, view.frame_number, view.points, view.scores)
 
     def _take_tracked(self, item: TrackedPoseSet) -> list[Notice]:
         self._check(item.skeleton_hash)

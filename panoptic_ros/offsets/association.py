@@ -28,7 +28,7 @@ class JointObservations:
     Args:
         track: (N,) row of `TrackInterpolation.ids`.
         joint, camera: (N,) indices.
-        stamp: (N,) s from the reference, on the camera's own clock.
+        stamp: (N,) s from the reference, on the camera's own clock, exposure of the row of the joint.
         scores: (N,) detection scores.
         rows, rights: (N, 2, 3) and (N, 2). The ray is rows @ X = rights, in m at the depth of the joint.
         depth: (N,) m, approximate depth in the camera.
@@ -63,11 +63,11 @@ def associate(
     mirror = np.array(skeleton.mirror)
     parts: list[tuple[Array, ...]] = []
     for frame, time, stamp in zip(frames, times, stamps):
-        rows, places = tracks.at(float(time))
+        rows, places = tracks.at(float(time + arrays.middles[frame.camera]))
         if len(rows) and len(frame.plane):
             for row, person, mirrored in _pairs(frame, places, arrays, mirror, scale):
                 part = _joints(frame, places[row], person, mirror if mirrored else None, arrays, scale)
-                parts.append((np.full(len(part[0]), rows[row]), *part, np.full(len(part[0]), stamp)))
+                parts.append((np.full(len(part[0]), rows[row]), *part[:-1], stamp + part[-1]))
     if not parts:
         empty = np.empty(0)
         none = np.empty(0, np.int64)
@@ -85,8 +85,8 @@ def _pairs(
     """Return the associations of one frame: (track, 2D pose, sides exchanged)."""
     c = frame.camera
     people = len(frame.plane)
-    cams = scene.Cameras(arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1))
-    seen = scene.Observations(
+    cams = scene.CameraPoses(arrays.rotations[c : c + 1], arrays.translations[c : c + 1], np.zeros(1))
+    seen = scene.SceneObservations(
         frame.plane,
         (frame.scores > 0.0).astype(np.float64),
         np.zeros(people, np.int64),
@@ -94,6 +94,7 @@ def _pairs(
         cams,
         arrays.lenses[c : c + 1],
         np.full(people, np.inf),
+        np.zeros(frame.scores.shape),
     )
     straight, mirrored, common = agreement_with_people(places, np.zeros_like(places), seen, mirror, scale)
     flipped = mirrored > MIRROR_MARGIN * straight
@@ -109,15 +110,20 @@ def _pairs(
 def _joints(
     frame: CameraFrame, place: Array, person: int, exchange: Array | None, arrays: RigArrays, scale: float
 ) -> tuple[Array, ...]:
-    """Return joint, camera, point, score and depth of the joints inside the gate about the track."""
-    plane, scores = frame.plane[person], frame.scores[person]
-    if exchange is not None:
-        plane, scores = plane[exchange], scores[exchange]
+    """Return the joints inside the gate about the track.
+
+    Returns:
+        joint, camera, point, score and depth, and the delay (s) of the image row after the timestamp.
+    """
     c = frame.camera
+    plane, scores, delays = frame.plane[person], frame.scores[person], frame.heights[person]
+    delays = arrays.line_delays[c] * delays
+    if exchange is not None:
+        plane, scores, delays = plane[exchange], scores[exchange], delays[exchange]
     local = place @ arrays.rotations[c].T + arrays.translations[c]
     depth = local[:, 2]
     front = depth > scene.MIN_DEPTH
     miss = local[:, :2] - plane * depth[:, None]
     near = (scores > 0.0) & front & (np.hypot(miss[:, 0], miss[:, 1]) < GATE * scale)
     joints = np.flatnonzero(near)
-    return joints, np.full(len(joints), c), plane[near], scores[near], depth[near]
+    return joints, np.full(len(joints), c), plane[near], scores[near], depth[near], delays[near]

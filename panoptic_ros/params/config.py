@@ -26,7 +26,7 @@ class Param:
     Args:
         ge, le: inclusive lower and upper limit; None = no limit.
         choices: permitted values of a text; () = any.
-        when: case in which a lab changes the parameter; "" = never, so the parameter is for experts.
+        when: reason for a lab to change the parameter; "" = none, so only experts change it.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Param:
     le: float | None
     choices: tuple[str, ...]
     doc: str
-    when: str  # case in which a lab changes it; "" = parameter for experts
+    when: str  # reason for a lab to change it; "" = only experts change it
 
     @property
     def expert(self) -> bool:

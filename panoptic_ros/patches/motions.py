@@ -74,7 +74,7 @@ class PartConnections:
 def _at(joint: Array, centre: Array, motion: Array) -> tuple[Array, Array]:
     """Return the displacement (3,) m of a joint (3,) m, and its derivative (3, 6) by the motion.
 
-    The derivative is by a rotation from the left and a translation.
+    The motion changes by a small rotation, multiplied from the left, and a translation.
     """
     rotation = np.empty((3, 3))
     rotation_of(motion[:3], rotation)

@@ -38,7 +38,7 @@ class PartSolution(NamedTuple):
     """Motions of M parts."""
 
     motions: Array  # (M, 6) rotation vector rad and translation m
-    covariances: Array  # (M, 6, 6) of rotation from the left and translation
+    covariances: Array  # (M, 6, 6) of a small world rotation, multiplied from the left, and translation
     agreeing: Array  # (M,) number of tracks that agree
     spreads: Array  # (M,) root mean square of their residuals, in standard deviations
 

@@ -8,8 +8,8 @@ from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.identity.bone_lengths import SHORTEST, distance, learn_lengths
 from panoptic_ros.kernels import njit
 from panoptic_ros.refinement import fading
-from panoptic_ros.refinement.joint_states import MISSING, Judged
-from panoptic_ros.refinement.records import Moment, People
+from panoptic_ros.refinement.joint_states import MISSING, SmoothedJoints
+from panoptic_ros.refinement.records import FilterState, PeopleStatistics
 
 Array = np.ndarray
 
@@ -18,12 +18,12 @@ OUTLIER = 3.0  # standard deviations, scale of the Cauchy weight of a bone's res
 
 
 def on_bones(
-    judged: Judged,
-    people: People,
+    judged: SmoothedJoints,
+    people: PeopleStatistics,
     bones: Array,
     config: tuple[float, int],
     lasting: Array | None,
-    target: Moment,
+    target: FilterState,
 ) -> None:
     """Learn bone lengths into `people`, then move the joints in `judged` towards these lengths.
 

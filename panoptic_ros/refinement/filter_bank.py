@@ -26,7 +26,7 @@ from panoptic_ros.geometry.rotations import rotation_of
 from panoptic_ros.refinement import fading
 from panoptic_ros.refinement.bones import on_bones
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.refinement.joint_states import FILLED, MEASURED, Judged, judge, take_measurements
+from panoptic_ros.refinement.joint_states import FILLED, MEASURED, SmoothedJoints, judge, take_measurements
 from panoptic_ros.refinement.kalman import (
     predict,
     smooth,
@@ -34,12 +34,12 @@ from panoptic_ros.refinement.kalman import (
     update,
     update_velocities,
 )
-from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
+from panoptic_ros.refinement.links import JointDisplacements, links_of, predict_linked, with_views
 from panoptic_ros.refinement.motion_model import MOVING, NINE, SIX, density, lasting_variance, transition
 from panoptic_ros.refinement.records import (
-    Moment,
-    Motion,
-    People,
+    FilterState,
+    MotionStates,
+    PeopleStatistics,
     new_people,
     padded,
     started,
@@ -60,7 +60,7 @@ STEADY = 1.0  # s, time constant of the covariances of persistent errors
 SPEED_MEMORY = 0.3  # s, decay time of a joint's largest recent speed
 
 
-class Limbs(NamedTuple):
+class TorsoAndLimbs(NamedTuple):
     """Torso and limbs of a skeleton.
 
     Args:
@@ -72,7 +72,7 @@ class Limbs(NamedTuple):
     kinds: tuple[tuple[int, ...], ...]
 
 
-def limbs_of(skeleton: SkeletonModel) -> Limbs:
+def limbs_of(skeleton: SkeletonModel) -> TorsoAndLimbs:
     """Return the torso and the limbs of a skeleton."""
     parts = rigid_parts(skeleton)
     torso = next((number for number, part in enumerate(parts) if part.name == "torso"), -1)
@@ -82,10 +82,10 @@ def limbs_of(skeleton: SkeletonModel) -> Limbs:
         if part.is_limb:
             outer = part.joints[1]
             kinds.setdefault(first_of.get(outer, outer), []).append(outer)
-    return Limbs(torso, tuple(tuple(joints) for joints in kinds.values()))
+    return TorsoAndLimbs(torso, tuple(tuple(joints) for joints in kinds.values()))
 
 
-def nothing_compared(limbs: Limbs) -> Array:
+def nothing_compared(limbs: TorsoAndLimbs) -> Array:
     """Return regression sums (K, 2) m^2 s of 0 for K kinds: surface times views, and surface squared."""
     return np.zeros((len(limbs.kinds), 2))
 
@@ -110,7 +110,7 @@ def with_torso(motions: PartMotions, torso: int, ids: Sequence[int], places: Arr
     return moved
 
 
-def learn_shortfall(sums: Array, people: People, kinds: Sequence[Sequence[int]], dt: float) -> None:
+def learn_shortfall(sums: Array, people: PeopleStatistics, kinds: Sequence[Sequence[int]], dt: float) -> None:
     """Add the recent motion of all people to the regression sums `sums` (K, 2) m^2 s.
 
     Args:
@@ -126,7 +126,7 @@ def learn_shortfall(sums: Array, people: People, kinds: Sequence[Sequence[int]],
         sums[k, 1] += (weights * np.square(surface).sum(axis=-1)).sum()
 
 
-def add_motions(people: People, surface: Array, views: Array, dt: float) -> None:
+def add_motions(people: PeopleStatistics, surface: Array, views: Array, dt: float) -> None:
     """Add displacements against the torso to the sums of recent motion in `people`.
 
     Older displacements decay with the time constant `SPAN`. Joints with NaN start again at 0.
@@ -145,13 +145,15 @@ def add_motions(people: People, surface: Array, views: Array, dt: float) -> None
 
 
 def gains_of(sums: Array) -> Array:
-    """Return the gains (K,) on the motion of limbs against the torso, from 1 to `MOST`."""
+    """Return the gains (K,) on the motion of limbs relative to the torso, from 1 to `MOST`."""
     gains: Array = np.clip((sums[:, 0] + PRIOR) / (sums[:, 1] + PRIOR), 1.0, MOST)
     return gains
 
 
-def in_full(links: Links, carried: Array, kinds: Sequence[Sequence[int]], gains: Array) -> Links:
-    """Return the links with gains on the motion of limbs against the torso.
+def in_full(
+    links: JointDisplacements, carried: Array, kinds: Sequence[Sequence[int]], gains: Array
+) -> JointDisplacements:
+    """Return the links with gains on the motion of limbs relative to the torso.
 
     Args:
         carried: (P, J, 3) m, displacements that joints would have with the torso.
@@ -179,7 +181,7 @@ class FilterBank:
         self._limbs = limbs_of(skeleton)
         self._joints, self._bones = len(skeleton), np.array(skeleton.bones, np.int64).reshape(-1, 2)
         self.memory = 0.0  # s, correlation time of accelerations; 0 = white
-        self.moments: list[Moment] = []
+        self.moments: list[FilterState] = []
         self.people = new_people([], len(skeleton), len(self._bones))
         self.departed: dict[int, tuple[Array, Array]] = {}  # bone lengths and frames of people who left
         self.lasting = nothing_lasting()
@@ -216,7 +218,7 @@ class FilterBank:
         for moment in self.moments[-1:]:
             self._at_random(moment.motion, moment.noise)
 
-    def _at_random(self, motion: Motion, noise: Array) -> None:
+    def _at_random(self, motion: MotionStates, noise: Array) -> None:
         """Set variances of unknown accelerations in `motion` to stationary ones under the noise m^2/s^3."""
         last = range(MOVING, len(self._sized))
         motion.covariances[..., last, last] = lasting_variance(noise, self.memory)[..., None]
@@ -262,7 +264,9 @@ class FilterBank:
         now.motion.states[...], now.motion.covariances[...] = now.predicted
         self.moments.append(now)
 
-    def _corrected(self, links: Links, motions: PartMotions, last: Moment, item: TrackedPoseSet) -> Links:
+    def _corrected(
+        self, links: JointDisplacements, motions: PartMotions, last: FilterState, item: TrackedPoseSet
+    ) -> JointDisplacements:
         """Return links with gains on limbs, combined with the displacements that views measured.
 
         Displacements of filled joints are excluded, because these joints depend on earlier estimates. Views
@@ -326,7 +330,7 @@ class FilterBank:
         for k in np.flatnonzero(new[rows].any(axis=1)).tolist() if new.any() else ():
             self._start(rows[k], new[rows[k]], points[k], None if shift is None else shift.rows([k]))
 
-    def _keep_lasting(self, now: Moment) -> None:
+    def _keep_lasting(self, now: FilterState) -> None:
         """Update the covariances of persistent errors in a moment, as running means over `STEADY`.
 
         These covariances change slowly, so that bones that depend on them do not shake. A measured joint adds
@@ -356,7 +360,7 @@ class FilterBank:
         for whole, part in zip(now.motion, begun):
             whole[row, new] = part[new]
 
-    def smoothed(self, index: int, ahead: float) -> Judged:
+    def smoothed(self, index: int, ahead: float) -> SmoothedJoints:
         """Return the joints of all people at a kept moment, smoothed with all later measurements.
 
         Args:
@@ -381,7 +385,7 @@ class FilterBank:
         self._fade(index, motion, 0.0 < ahead)
         return self._judged(target, motion, again)
 
-    def _fade(self, index: int, motion: Motion, between: bool) -> None:
+    def _fade(self, index: int, motion: MotionStates, between: bool) -> None:
         """Apply corrections of the previous moment gradually to the positions in `motion`.
 
         Later measurements correct the joints at both moments together. The output would jump, although the
@@ -407,13 +411,13 @@ class FilterBank:
         else:
             people.left[...], people.found[...] = 0.0, np.nan if between else motion.states[..., :MOVING]
 
-    def _ahead(self, motion: Motion, dt: float, noise: Array) -> Motion:
+    def _ahead(self, motion: MotionStates, dt: float, noise: Array) -> MotionStates:
         """Return the motion predicted by dt s under process noise (P, J) m^2/s^3."""
         moved = of_all(np.empty_like, motion)
         predict(self._sized, motion, transition(dt, self.memory), noise, moved)
         return moved
 
-    def _judged(self, target: Moment, motion: Motion, again: Array) -> Judged:
+    def _judged(self, target: FilterState, motion: MotionStates, again: Array) -> SmoothedJoints:
         """Return joints and their states, corrected by bone lengths; covariances include persistent errors.
 
         Bone lengths do not reduce the covariances of persistent errors, because learnt lengths have the same
@@ -425,10 +429,10 @@ class FilterBank:
         """
         config, measured, shape = self._config, target.measured, again.shape
         lasting = np.where(measured.joints, self._share, float(self._share > 0.0))
-        lasting[measured.filled] = 1.0  # bones and predictions, which place filled joints, err persistently
+        lasting[measured.filled] = 1.0  # filled by bone lengths and predictions, whose errors persist
         limits = config.max_sigma, config.max_prediction
         places, spreads, scores = np.empty((*shape, 3)), np.empty((*shape, 3, 3)), np.empty(shape)
-        judged = Judged(places, spreads, scores, np.empty(shape, np.uint8))
+        judged = SmoothedJoints(places, spreads, scores, np.empty(shape, np.uint8))
         judge(motion, measured, again, scales(self.people, self.lasting), lasting, limits, judged)
         if config.bone_sigma > 0.0:
             errs = measured.lasting if self._share > 0.0 else None

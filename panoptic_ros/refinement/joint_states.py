@@ -14,7 +14,7 @@ Array = np.ndarray
 MISSING, MEASURED, PREDICTED, FILLED = (int(state) for state in JointState)
 
 
-class Judged(NamedTuple):
+class SmoothedJoints(NamedTuple):
     """Joints of all people with their states."""
 
     positions: Array  # (P, J, 3) m
@@ -28,7 +28,7 @@ def take_measurements(measured, rows, points, covariances, scores, views):
     """Store points (R, J, 3) m in `measured`, as the latest measurements of the people in these rows.
 
     Args:
-        measured: `Measured` of the moment, updated.
+        measured: `JointMeasurements` of the moment, updated.
         rows: (R,) rows of the people.
         points: (R, J, 3) m, NaN = not measured.
         covariances: (R, J, 3, 3) m^2.
@@ -55,14 +55,14 @@ def judge(motion, measured, again, scales, lasting, limits, judged):
 
     Args:
         motion: Smoothed motion.
-        measured: `Measured` of the moment.
+        measured: `JointMeasurements` of the moment.
         again: (P, J) whether a joint is measured again later, without an interruption.
         scales: (P,) factors on the covariances.
         lasting: (P, J) share of the noise that smoothing does not remove; here it adds to the
             uncertainty, but the resulting covariances do not contain it.
         limits: (m, s) largest standard deviation of joints that are not measured, and largest age of
             predictions.
-        judged: `Judged`, output.
+        judged: `SmoothedJoints`, output.
     """
     for p, j in np.ndindex(again.shape):
         state, cov = motion.states[p, j], motion.covariances[p, j]

@@ -1,8 +1,8 @@
 """Kalman filter and Rauch-Tung-Striebel smoother for all joints of all people; compiled.
 
 The state of each joint has position m, velocity m/s and, in one of two models, acceleration m/s^2 (S = 6 or
-9), with a covariance (S, S). A `motion_model.Transition` propagates it, equally on each axis. The argument
-`sized` has length S, because kernels are compiled for each size.
+9), with a covariance (S, S). A `motion_model.StateTransition` propagates it, equally on each axis. The
+argument `sized` has length S, because kernels are compiled for each size.
 
 If views have different timestamps, measurements depend on the velocity V (see `domain.TimeShift`). The stated
 position is X + G (V - u) with the assumed velocity u. Callers add G u, so that the position measures X + G V.

@@ -16,7 +16,7 @@ SLACK = 0.1  # frame periods, tolerance of the lag, because timestamps jitter
 LONGER = 1.2  # largest growth factor of the expected period from one set to the next
 
 
-class Clock:
+class LagSchedule:
     """Timing of the sets that were received, from their timestamps alone."""
 
     def __init__(self, lag: float):

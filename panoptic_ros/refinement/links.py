@@ -27,14 +27,16 @@ from panoptic_ros.refinement.small_matrices import cholesky, solve, whiten, whit
 Array = np.ndarray
 
 
-class Links(NamedTuple):
+class JointDisplacements(NamedTuple):
     """Displacements of the joints of P people since the previous moment."""
 
     displacements: Array  # (P, J, 3) m, NaN = not measured
     spreads: Array  # (P, J, 3, 3) m^2, their covariances
 
 
-def links_of(motions: PartMotions, joints: list[list[int]], ids: Array, states: Array) -> Links | None:
+def links_of(
+    motions: PartMotions, joints: list[list[int]], ids: Array, states: Array
+) -> JointDisplacements | None:
     """Return the displacements of joints according to the motions of parts; None if there are none.
 
     Displacements of parts that share a joint are averaged with their information as weights.
@@ -74,13 +76,13 @@ def links_of(motions: PartMotions, joints: list[list[int]], ids: Array, states: 
     there = totals[..., 0, 0] > 0.0
     if not there.any():
         return None
-    found = Links(np.full(means.shape, np.nan), np.zeros(totals.shape))
+    found = JointDisplacements(np.full(means.shape, np.nan), np.zeros(totals.shape))
     found.spreads[there] = np.linalg.inv(totals[there])
     found.displacements[there] = np.einsum("nij,nj->ni", found.spreads[there], means[there])
     return found
 
 
-def with_views(links: Links, rows: Array, moved: Array, spreads: Array) -> Links:
+def with_views(links: JointDisplacements, rows: Array, moved: Array, spreads: Array) -> JointDisplacements:
     """Return the links combined with displacements from views.
 
     Such a displacement is the difference of two measurements of a joint. Errors of views persist for many
@@ -99,7 +101,7 @@ def with_views(links: Links, rows: Array, moved: Array, spreads: Array) -> Links
     own[there] = np.linalg.inv(surface + views)
     sums = surface @ displacements[there][..., None] + views @ moved[row, joint][..., None]
     displacements[there] = (own[there] @ sums)[..., 0]
-    return Links(displacements, own)
+    return JointDisplacements(displacements, own)
 
 
 @njit(cache=True, error_model="numpy")

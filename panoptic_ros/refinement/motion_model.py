@@ -20,7 +20,7 @@ SAME_AT = 8.0  # Hz, frequency at which every memory gives the same spectral den
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
-class Transition(NamedTuple):
+class StateTransition(NamedTuple):
     """Propagation of a state over some time, equal on each axis.
 
     The state has N orders: position, velocity and, for N = 3, acceleration.
@@ -45,11 +45,11 @@ def lasting_variance(noise: Array, memory: float) -> Array:
 
 
 @lru_cache(maxsize=64)
-def transition(dt: float, memory: float) -> Transition:
+def transition(dt: float, memory: float) -> StateTransition:
     """Return the transition over dt s for accelerations with this memory, s; 0 = white."""
     if memory <= 0.0:
         spread = np.array([[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]])
-        return Transition(np.array([[1.0, dt], [0.0, 1.0]]), spread)
+        return StateTransition(np.array([[1.0, dt], [0.0, 1.0]]), spread)
     share = dt / memory
     left = np.exp(-share)
     forward = np.array(
@@ -59,4 +59,4 @@ def transition(dt: float, memory: float) -> Transition:
     times = 0.5 * dt * (NODES + 1.0)
     gone = -np.expm1(-times / memory)
     response = np.stack([times - memory * gone, gone, (1.0 - gone) / memory])
-    return Transition(forward, (0.5 * dt * WEIGHTS * response) @ response.T)
+    return StateTransition(forward, (0.5 * dt * WEIGHTS * response) @ response.T)

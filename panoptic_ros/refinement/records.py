@@ -15,14 +15,14 @@ Array = np.ndarray
 PRIOR = 8.0  # weight of the initial level of a new person, in measurements
 
 
-class Motion(NamedTuple):
+class MotionStates(NamedTuple):
     """States of joints, and their covariances."""
 
     states: Array  # (P, J, S) m, m/s and in one model m/s^2, NaN = unknown
     covariances: Array  # (P, J, S, S)
 
 
-class Measured(NamedTuple):
+class JointMeasurements(NamedTuple):
     """Measurements up to an instant."""
 
     people: Array  # (P,) bool, whether the set of this instant contains the person
@@ -39,24 +39,24 @@ class Measured(NamedTuple):
     lasting: Array  # (P, J, 3, 3) m^2, recent covariance of persistent errors; filled joints are ignored
 
 
-class Moment(NamedTuple):
+class FilterState(NamedTuple):
     """State of all people at one instant."""
 
     stamp_ns: int
     dt: float  # s since the previous moment
     noise: Array  # (P, J) m^2/s^3, process noise since the previous moment
-    predicted: Motion  # from the previous moment
+    predicted: MotionStates  # from the previous moment
     gains: Array  # (P, J, S, S) of the smoother back to the previous moment, transposed
-    motion: Motion  # filtered: with the measurements of this instant
-    measured: Measured
+    motion: MotionStates  # filtered: with the measurements of this instant
+    measured: JointMeasurements
     linked: Array  # (P, J) bool, whether the surface showed the displacement since the previous moment
 
 
-class People(NamedTuple):
+class PeopleStatistics(NamedTuple):
     """People in the order of their arrival, with the values that are learnt for them."""
 
     ids: Array  # (P,)
-    speeds: Array  # (P, J) m/s against the body, largest recent speed
+    speeds: Array  # (P, J) m/s relative to the body, largest recent speed
     factors: Array  # (P, J) factors on the process noise
     levels: Array  # (P,) scale of the covariances
     weights: Array  # (P,) number of measurements of a whole person that the level averages, at most 100
@@ -73,12 +73,12 @@ class People(NamedTuple):
     squares: Array  # (P, B) m^2, mean squared deviations of single lengths from these means
 
 
-def unknown(stamp_ns: int, dt: float, people: int, joints: int, size: int = MOVING) -> Moment:
+def unknown(stamp_ns: int, dt: float, people: int, joints: int, size: int = MOVING) -> FilterState:
     """Return a moment of people with unknown states of length `size`."""
     shape = (people, joints)
-    nothing = Motion(np.full((*shape, size), np.nan), np.zeros((*shape, size, size)))
+    nothing = MotionStates(np.full((*shape, size), np.nan), np.zeros((*shape, size, size)))
     predicted, motion = (of_all(np.copy, nothing) for _ in range(2))
-    measured = Measured(
+    measured = JointMeasurements(
         np.zeros(people, bool),
         np.zeros(shape, bool),
         np.zeros(shape, np.int32),
@@ -93,10 +93,10 @@ def unknown(stamp_ns: int, dt: float, people: int, joints: int, size: int = MOVI
         np.zeros((*shape, 3, 3)),
     )
     noise, gains = np.zeros(shape), np.zeros((*shape, size, size))
-    return Moment(stamp_ns, dt, noise, predicted, gains, motion, measured, np.zeros(shape, bool))
+    return FilterState(stamp_ns, dt, noise, predicted, gains, motion, measured, np.zeros(shape, bool))
 
 
-def started(points: Array, noises: Array, delays: Array, speed: float) -> Motion:
+def started(points: Array, noises: Array, delays: Array, speed: float) -> MotionStates:
     """Return the states (J, 6) and covariances (J, 6, 6) of J new joints at rest, from points = X + G V.
 
     Args:
@@ -111,27 +111,27 @@ def started(points: Array, noises: Array, delays: Array, speed: float) -> Motion
     covariances[:, :3, :3] = noises + turned @ np.swapaxes(delays, 1, 2)
     covariances[:, :3, 3:], covariances[:, 3:, :3] = -turned, -np.swapaxes(turned, 1, 2)
     covariances[:, 3:, 3:] = speed**2 * np.eye(3)
-    return Motion(states, covariances)
+    return MotionStates(states, covariances)
 
 
-def padded(motion: Motion, size: int) -> Motion:
+def padded(motion: MotionStates, size: int) -> MotionStates:
     """Return the motion with longer states; added elements are 0 with covariance 0."""
     more = [(0, size - motion.states.shape[-1])]
     whole = [(0, 0)] * (motion.states.ndim - 1)
-    return Motion(np.pad(motion.states, whole + more), np.pad(motion.covariances, whole + more + more))
+    return MotionStates(np.pad(motion.states, whole + more), np.pad(motion.covariances, whole + more + more))
 
 
-def widened(moment: Moment, size: int) -> Moment:
+def widened(moment: FilterState, size: int) -> FilterState:
     """Return the moment with longer states."""
     more = [(0, 0), (0, 0), *[(0, size - moment.gains.shape[-1])] * 2]
     motion, predicted = padded(moment.motion, size), padded(moment.predicted, size)
     return moment._replace(motion=motion, predicted=predicted, gains=np.pad(moment.gains, more))
 
 
-def new_people(ids: list[int], joints: int, bones: int) -> People:
+def new_people(ids: list[int], joints: int, bones: int) -> PeopleStatistics:
     """Return the record of people who have just arrived."""
     count = len(ids)
-    return People(
+    return PeopleStatistics(
         np.array(ids, np.int64),
         np.zeros((count, joints)),
         np.ones((count, joints)),

@@ -40,9 +40,9 @@ from panoptic_ros.geometry.robust import growth
 from panoptic_ros.geometry.rotations import from_quaternions
 from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.refinement.filter_bank import FilterBank
-from panoptic_ros.refinement.joint_states import FILLED, MEASURED, MISSING, Judged
-from panoptic_ros.refinement.lag import Clock
-from panoptic_ros.refinement.records import Measured, Moment, Motion, People
+from panoptic_ros.refinement.joint_states import FILLED, MEASURED, MISSING, SmoothedJoints
+from panoptic_ros.refinement.lag import LagSchedule
+from panoptic_ros.refinement.records import FilterState, JointMeasurements, MotionStates, PeopleStatistics
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
@@ -57,7 +57,7 @@ FILLED_SCORE = 0.25  # score of a filled joint that no view sees
 Array = np.ndarray
 
 
-class Posed(NamedTuple):
+class InstantBodies(NamedTuple):
     """Bodies of one instant.
 
     Args:
@@ -77,7 +77,7 @@ class Posed(NamedTuple):
     hips: Array
 
 
-class Learnt(NamedTuple):
+class BodyJointOffsets(NamedTuple):
     """Learnt offsets of the skeleton joints of one person from the joints of the body.
 
     Args:
@@ -95,8 +95,8 @@ class BodyFill:
     """Recent bodies, and the learnt offsets of skeleton joints from these bodies."""
 
     def __init__(self) -> None:
-        self._kept: list[Posed] = []
-        self._learnt: dict[int, Learnt] = {}
+        self._kept: list[InstantBodies] = []
+        self._learnt: dict[int, BodyJointOffsets] = {}
 
     def take(self, item: BodyStateSet, biases: Array) -> None:
         """Add the bodies of one more instant; a timestamp that is not newer discards all earlier bodies.
@@ -109,12 +109,12 @@ class BodyFill:
             self._kept = []
         hips = from_quaternions(np.ascontiguousarray(item.orientations[:, 0]))
         points, spreads = item.keypoints, item.keypoint_covariances - biases
-        self._kept.append(Posed(item.stamp_ns, item.ids, item.devices, points, spreads, hips))
+        self._kept.append(InstantBodies(item.stamp_ns, item.ids, item.devices, points, spreads, hips))
         while self._kept[0].stamp_ns < item.stamp_ns - KEPT_NS:
             self._kept.pop(0)
 
     def fill(
-        self, stamp_ns: int, ids: Array, judged: Judged, views: Array, noises: Array, max_sigma: float
+        self, stamp_ns: int, ids: Array, judged: SmoothedJoints, views: Array, noises: Array, max_sigma: float
     ) -> None:
         """Learn offsets from joints that many views see, and correct all other joints in `judged`.
 
@@ -167,12 +167,12 @@ class BodyFill:
         return points, near.covariances[n], near.hips[n], bool(near.devices[n])
 
 
-def nothing_learnt(joints: int) -> Learnt:
+def nothing_learnt(joints: int) -> BodyJointOffsets:
     """Return the initial record of a person with this number of joints."""
-    return Learnt(np.zeros(joints), np.zeros((joints, 3)), np.full(joints, SPREAD**2))
+    return BodyJointOffsets(np.zeros(joints), np.zeros((joints, 3)), np.full(joints, SPREAD**2))
 
 
-def learn(learnt: Learnt, apart: Array, own: Array, well: Array) -> Learnt:
+def learn(learnt: BodyJointOffsets, apart: Array, own: Array, well: Array) -> BodyJointOffsets:
     """Return the record with one more observation of the joints that many views see.
 
     Args:
@@ -186,11 +186,17 @@ def learn(learnt: Learnt, apart: Array, own: Array, well: Array) -> Learnt:
     slow = well * np.maximum(1.0 / (looks + BELIEF), 1.0 / MEMORY)
     more = np.maximum((far**2).mean(axis=-1) - np.where(well, own, 0.0), 0.0)
     variances = learnt.variances + slow * (more - learnt.variances)
-    return Learnt(looks, learnt.offsets + gain[:, None] * far, variances)
+    return BodyJointOffsets(looks, learnt.offsets + gain[:, None] * far, variances)
 
 
 def _mend(
-    judged: Judged, row: int, placed: Array, noise: Array, measured: Array, asked: Array, max_sigma: float
+    judged: SmoothedJoints,
+    row: int,
+    placed: Array,
+    noise: Array,
+    measured: Array,
+    asked: Array,
+    max_sigma: float,
 ) -> None:
     """Fuse the joints of one person in `judged` with joints of the body, and fill missing joints from it.
 
@@ -230,19 +236,19 @@ class RefinementStage(Stateful):
         "_waiting _last_ns _clock _patches _bodies _bank.moments _bank.people _bank.departed _bank.lasting "
         "_bank.memory _bank.shortfall".split(),
         (
-            Posed,
-            Learnt,
+            InstantBodies,
+            BodyJointOffsets,
             Fields.named(BodyFill, "_kept _learnt"),
             TrackedPoseSet,
             TimeShift,
             ViewSources,
             PatchTrajectories,
             PartMotions,
-            Moment,
-            Motion,
-            Measured,
-            People,
-            Fields.named(Clock, "_lag_ns _period _newest _last"),
+            FilterState,
+            MotionStates,
+            JointMeasurements,
+            PeopleStatistics,
+            Fields.named(LagSchedule, "_lag_ns _period _newest _last"),
         ),
         same={"configuration": "_config", "skeleton": "_hash"},
     )
@@ -265,7 +271,7 @@ class RefinementStage(Stateful):
         """Discard all people, waiting sets and learnt values."""
         self._waiting: list[TrackedPoseSet] = []
         self._last_ns: int | None = None
-        self._clock = Clock(self._config.lag)
+        self._clock = LagSchedule(self._config.lag)
         self._patches: PatchTrajectories | None = None  # patches of the next set
         self._bodies = BodyFill()
         self._bank = FilterBank(self._config, self._skeleton, self._lasting_share)

@@ -15,11 +15,11 @@ from __future__ import annotations
 import numpy as np
 
 from panoptic_ros.kernels import njit
-from panoptic_ros.refinement.records import People
+from panoptic_ros.refinement.records import PeopleStatistics
 
 Array = np.ndarray
 
-TOP_SPEED = 3.0  # m/s against the body, upper limit: higher speeds are noise
+TOP_SPEED = 3.0  # m/s relative to the body, upper limit of a joint's speed: higher values are noise
 CLIP = 3.0  # standard deviations at which innovations are clipped
 FIRST = 4  # measurements of a person before process noise is learnt from positions
 SETTLED = 10  # measurements before the scale is learnt: earlier innovations depend on the velocity prior
@@ -44,13 +44,13 @@ def nothing_lasting() -> Array:
     return np.array([LASTING_PRIOR, 0.0])
 
 
-def scales(people: People, lasting: Array) -> Array:
+def scales(people: PeopleStatistics, lasting: Array) -> Array:
     """Return the factors (P,) on the covariances of filter and smoother."""
     scaled: Array = people.levels * (1.0 + LASTING_GAIN * max(0.0, -float(lasting[1]) - LASTING_FREE))
     return scaled
 
 
-def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> None:
+def learn(people: PeopleStatistics, seen: Array, innovations: Array, lasting: Array) -> None:
     """Update the learnt values in `people` and `lasting` from the whitened innovations of positions.
 
     If displacements of a joint were measured on the surface, `learn_turns` learns its process noise instead.
@@ -65,7 +65,7 @@ def learn(people: People, seen: Array, innovations: Array, lasting: Array) -> No
     _change(people, np.where(np.isfinite(people.turns[..., 0]), 0.0, changes[:, None]))
 
 
-def learn_turns(people: People, innovations: Array, dt: float) -> None:
+def learn_turns(people: PeopleStatistics, innovations: Array, dt: float) -> None:
     """Update the process noise in `people` from the whitened innovations of displacements.
 
     Innovations of displacements show the process noise more clearly than innovations of positions. Detector
@@ -87,7 +87,7 @@ def learn_turns(people: People, innovations: Array, dt: float) -> None:
     people.turns[:] = innovations
 
 
-def _change(people: People, changes: Array) -> None:
+def _change(people: PeopleStatistics, changes: Array) -> None:
     """Add changes (P, J) to the logarithms of the factors on the process noise in `people`."""
     people.factors[:] = np.minimum(np.maximum(people.factors * np.exp(changes), RANGE[0]), RANGE[1])
 
@@ -195,8 +195,8 @@ def process_noise(speeds, factors, states, least, growth, noise):
     """Write the process noise (P, J) m^2/s^3 to `noise`; limbs that swing have more than the trunk.
 
     Args:
-        speeds: (P, J) m/s, largest recent speeds; raised to the present speeds against the body, at most
-            `TOP_SPEED`. The velocity of the body is the median over its joints.
+        speeds: (P, J) m/s, largest recent speeds; raised to the present speeds relative to the body, at
+            most `TOP_SPEED`. The velocity of the body is the median over its joints.
         factors: (P, J) factors on the process noise.
         states: (P, J, S).
         least: m^2/s^3, process noise at rest for a factor of 1.

@@ -1,9 +1,10 @@
-"""Turns a file of 2D poses into motion as a function of time, without ROS."""
+"""Turns 2D poses of a file, bag or capture folder into motion as a function of time, without ROS."""
 
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +12,24 @@ import numpy as np
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.passes import ContinuousPass
-from panoptic_ros.errors import DataError
+from panoptic_ros.errors import DataError, UsageError, shown
+from panoptic_ros.evaluation.nobody import why_nobody
+from panoptic_ros.evaluation.rig_check import check_rig
+from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.recording import InMemoryRecording
+from panoptic_ros.io.bags import is_bag
+from panoptic_ros.io.detector_context import noise_only
 from panoptic_ros.io.loading import parsing, read_bytes
 from panoptic_ros.io.recorded_people import AUTO, read_people
+from panoptic_ros.running.grouping import grouped, views_in_order
 from panoptic_ros.running.plans.rig_files import read_rig_at
-from panoptic_ros.stage import Progress, StageContext
+from panoptic_ros.stage import Notice, Progress, StageContext, untold
+from panoptic_ros.sync.far_views import without_far_views
 
 Array = np.ndarray
 COLUMN = "stamp_ns"
+RESULT_BAG = "bag"  # name of the bag in the results of `panoptic run`
+DETECTION_FILES = ("detections.json.gz", "detections.json")  # files of 2D people in a capture folder
 
 
 @dataclass(frozen=True)
@@ -42,18 +52,63 @@ class ContinuousTask:
 
 
 def read_continuous_task(
-    rig: Path, detections: Path, config: ContinuousConfig, skeleton: str = AUTO
+    rig: Path | None,
+    detections: Path | None,
+    options: tuple[bool, bool, str] = (False, False, ""),
+    skeleton: str = AUTO,
+    *,
+    capture: Path | None = None,
+    bags: Sequence[Path] = (),
+    progress: Progress = untold,
 ) -> ContinuousTask:
-    """Read the input of the pass from files.
+    """Read the input of the pass: a file of 2D people, a capture folder, or bags.
+
+    Args:
+        rig: calibration; None = that of the capture or bag.
+        options: values of `ContinuousConfig`.
+        capture: folder with 2D people or images, or results of `panoptic run`. Images go through detection.
 
     Raises:
         UserError: on any input fault that the user can fix.
     """
+    config = ContinuousConfig(*options)
+    sources = {"--detections": detections, "a capture folder": capture, "--bag": bags}
+    given = [name for name, source in sources.items() if source]
+    if len(given) != 1:
+        raise UsageError(
+            "give one of: a capture folder, --bag BAG, --rig R --detections D; found "
+            f"{' and '.join(given) or 'none'}"
+        )
+    if capture is not None:
+        bags = [path for path in (capture, capture / RESULT_BAG) if is_bag(path)][:1]
+        files = [capture / name for name in DETECTION_FILES if (capture / name).is_file()]
+        if files and not bags:
+            rig, detections = rig or capture, files[0]
+    if detections is not None:
+        if rig is None:
+            raise UsageError("--detections needs --rig, the calibration of the cameras")
+        return _file_task(rig, detections, config, skeleton)
+    # imported here because plans load for half a second
+    from panoptic_ros.running.runs.recorded_views import plan_recording, recorded_views
+
+    plan = plan_recording(capture, bags, rig, "" if skeleton == AUTO else skeleton)
+    sets, told = recorded_views(plan, progress)
+    context = StageContext(plan.rig, plan.skeleton)
+    recording = InMemoryRecording({"detection_sets": sets})
+    usual = noise_only(plan.skeleton.bias_floors)  # a line that concerns every recording
+    told = [*(line for line in plan.notices if line not in usual), *told]
+    return ContinuousTask(context, recording, config, plan.joint_names, tuple(told))
+
+
+def _file_task(rig: Path, detections: Path, config: ContinuousConfig, skeleton: str) -> ContinuousTask:
     cameras = read_rig_at(rig)
-    people = read_people(detections, cameras, skeleton)
-    recording = InMemoryRecording({"detection_sets": people.sets})
-    told = (*cameras.notices, *people.told())
-    return ContinuousTask(StageContext(cameras, people.skeleton), recording, config, people.joint_names, told)
+    people = read_people(detections, cameras, skeleton, any_order=True)
+    sets, far = without_far_views(people.sets)
+    told = (*cameras.notices, *people.told(), *(notice.text for notice in far))
+    context = StageContext(cameras, people.skeleton)
+    return ContinuousTask(
+        context, InMemoryRecording({"detection_sets": sets}), config, people.joint_names, told
+    )
 
 
 def solve_continuous(task: ContinuousTask, progress: Progress) -> ContinuousMotion:
@@ -62,20 +117,54 @@ def solve_continuous(task: ContinuousTask, progress: Progress) -> ContinuousMoti
     Raises:
         UserError: if the rig or the recording cannot be used.
     """
-    return ContinuousPass(task.config, task.context).run(task.recording, progress)
+    motion = ContinuousPass(task.config, task.context).run(task.recording, progress)
+    return motion if motion.people else replace(motion, notices=(*motion.notices, *_why_nobody(task)))
+
+
+def _why_nobody(task: ContinuousTask) -> list[Notice]:
+    """Return a notice that explains why no person is found."""
+    views = views_in_order(task.recording.records("detection_sets"))
+    if not any(len(view.scores) for view in views):
+        return [Notice("result.nobody", "warning", f"none of the {len(views)} views has a 2D person")]
+    sets, _ = grouped(configure({}), task.context, views)
+    warnings = check_rig(task.context.rig, sets, task.context.skeleton).warnings
+    return why_nobody(sets, 0, warnings)
 
 
 def read_instants(path: Path) -> Array:
     """Return the instants (T,) ns of a CSV file with a column `stamp_ns`, in increasing order.
 
     Raises:
-        DataError: naming the file and the fault.
+        DataError: naming the file, the line and the fault.
     """
-    rows = csv.DictReader(read_bytes(path).decode("utf-8", "replace").splitlines())
+    rows = csv.DictReader(read_bytes(path).decode("utf-8-sig", "replace").splitlines())
     if COLUMN not in (rows.fieldnames or ()):
         raise DataError(f"{path} has no column {COLUMN}; the first line names the columns")
+    stamps = []
     with parsing(path):
-        stamps = np.array([int(row[COLUMN]) for row in rows], np.int64)
-    if not len(stamps):
+        for row in rows:
+            text = row[COLUMN]
+            try:
+                stamps.append(np.int64(int(text)))
+            except (TypeError, ValueError, OverflowError):
+                raise DataError(
+                    f"{path}, line {rows.line_num}: {COLUMN} = {shown(text)} is not an integer number of ns"
+                ) from None
+    if not stamps:
         raise DataError(f"{path} has no row; give one instant per row")
     return np.unique(stamps)
+
+
+def check_instants(stamps: Array, motion: ContinuousMotion) -> list[str]:
+    """Return a line about instants (T,) ns outside of the recording.
+
+    Raises:
+        DataError: if all of them are outside.
+    """
+    outside = int(((stamps < motion.first_ns) | (stamps > motion.last_ns)).sum())
+    span = f"of the recording, {motion.first_ns} to {motion.last_ns} ns"
+    if outside == len(stamps):
+        raise DataError(f"all {outside} instants of --at are outside {span}; are they of the same clock?")
+    return [f"{outside} of {len(stamps)} instants of --at are outside {span}: nobody is there"] * (
+        outside > 0
+    )

@@ -184,7 +184,8 @@ def view_series(rig: Rig, people: PlainDetections) -> dict[int, ViewSeries]:
             there = np.isfinite(view.points).all(-1)
             if there.any():
                 plane[there] = camera.intrinsics.undistort(view.points[there])
-            rows.setdefault(index[name], {})[view.stamp_ns] = ViewPeople(plane, view.scores)
+            stamp = view.stamp_ns + round(1e9 * camera.middle_s)
+            rows.setdefault(index[name], {})[stamp] = ViewPeople(plane, view.scores)
     return {
         camera: ViewSeries(np.array(sorted(found)), tuple(found[stamp] for stamp in sorted(found)))
         for camera, found in rows.items()

@@ -11,6 +11,7 @@ from typing import Any
 from panoptic_ros.assembly.config import AssemblyConfig
 from panoptic_ros.domain import DetectionSet, Rig, TrackedPoseSet
 from panoptic_ros.errors import UsageError
+from panoptic_ros.evaluation.free_running import free_running
 from panoptic_ros.evaluation.nobody import why_nobody
 from panoptic_ros.evaluation.rig_check import check_rig
 from panoptic_ros.evaluation.rig_up import assumed_up
@@ -20,6 +21,7 @@ from panoptic_ros.graph.pipeline import Pipeline
 from panoptic_ros.io.detector_context import bias_extras, noise_only
 from panoptic_ros.io.recorded_people import AUTO, read_people
 from panoptic_ros.params import Config, config_of
+from panoptic_ros.running.grouping import grouped, is_ungrouped, views_in_order
 from panoptic_ros.running.plans.parameters import with_occluders
 from panoptic_ros.running.plans.rig_files import read_rig_at
 from panoptic_ros.stage import Notice, StageContext
@@ -105,7 +107,12 @@ def task_of(
     configs = configure(parameters)
     table = config_of(configs, AssemblyConfig).bias_table
     context = StageContext(rig, people.skeleton, bias_extras(table, people.skeleton))
-    return SolveTask(context, configs, people.sets, people.joint_names, tuple(people.told()))
+    sets, told = people.sets, people.told()
+    if is_ungrouped(sets):
+        sets, notices = grouped(configs, context, views_in_order(sets))
+        told.append(f"views come one per frame in {detections}; they are grouped into {len(sets)} sets")
+        told += [notice.text for notice in notices if notice.severity != "info"]
+    return SolveTask(context, configs, sets, people.joint_names, tuple(told))
 
 
 def check(task: SolveTask) -> tuple[Notice, ...]:
@@ -138,4 +145,7 @@ def solve(task: SolveTask, warnings: Sequence[Notice] = ()) -> SolveResult:
         pipeline.push("detection_sets", item)
     pipeline.flush()
     notices += why_nobody(sets, sum(len(item.ids) for item in poses), warnings)
+    if (found := free_running(sets)) is not None:
+        text = f"{found}; use `panoptic continuous` with the same --rig and --detections"
+        notices.append(Notice("result.free_running", "warning", text))
     return SolveResult(poses, spent, notices)

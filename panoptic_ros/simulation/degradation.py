@@ -15,6 +15,7 @@ class Degradation:
     noise_px: float = 1.0  # standard deviation per axis of a visible joint of average quality
     size_px: float | None = None  # if set, noise scales with the diagonal of the person's box / size_px
     memory: float = 0.0  # correlation of the noise with that of the previous frame
+    memory_share: float = 1.0  # share of the noise variance with this correlation; the rest is white
     joint_miss: float = 0.0  # a visible joint is missing
     outlier: float = 0.0  # a joint is displaced by about `outlier_px`
     outlier_px: float = 40.0  # mean displacement of an outlier

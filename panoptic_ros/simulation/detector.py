@@ -358,11 +358,15 @@ class SimulatedDetector:
             sigmas = sigmas * np.clip(size / faults.size_px, 0.4, 3.0)[..., None]
         memory = faults.memory if index else 0.0
         self._noise = memory * self._noise + np.sqrt(1.0 - memory**2) * rng.standard_normal(points.shape)
+        noise = self._noise
+        if faults.memory_share < 1.0:
+            white = rng.standard_normal(points.shape)
+            noise = np.sqrt(faults.memory_share) * noise + np.sqrt(1.0 - faults.memory_share) * white
         outliers = rng.random(shape) < faults.outlier
         angle = rng.uniform(0.0, 2.0 * np.pi, shape)
         far = faults.outlier_px * rng.uniform(0.5, 1.5, shape)
         jump = far[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        points = points + np.where(outliers[..., None], jump, sigmas[..., None] * self._noise)
+        points = points + np.where(outliers[..., None], jump, sigmas[..., None] * noise)
         quality = np.where(outliers, 0.8 * quality, quality)
         scores = np.clip(quality + 0.05 * rng.standard_normal(shape), 0.02, 0.99)
         missed = rng.random(shape) < np.where(hidden, faults.hidden_miss, faults.joint_miss)

@@ -42,7 +42,7 @@ class ChannelDistortion:
         flutter, flutter_hz: A second sinusoidal speed error, with a phase drawn from the seed.
         jitter_s: Standard deviation of single edges, s.
         low_pass_hz: Cut-off of a symmetric low pass, Hz.
-        high_pass_hz: Cut-off of a first-order high pass, as of a coupling capacitor, Hz.
+        high_pass_hz: Cut-off of a first-order high pass, e.g. a coupling capacitor, Hz.
         echo_s: Time in which echoes decay by 60 dB, s.
         direct_db: Level of the direct sound relative to all echoes, dB.
         clip: Clipping level as a share of the peak, applied after noise.

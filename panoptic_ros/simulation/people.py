@@ -94,13 +94,20 @@ def draw_group(
 
 
 def keep_apart(
-    make: Callable[[], SimulatedPerson], others: Sequence[SimulatedPerson], gap: float
+    make: Callable[[], SimulatedPerson],
+    others: Sequence[SimulatedPerson],
+    gap: float,
+    times: Array = APART_UNTIL,
 ) -> SimulatedPerson:
-    """Return the first drawn person who stays `gap` m away from the others, or the best of `TRIES` draws."""
+    """Return the first drawn person who stays `gap` m away from the others, or the best of `TRIES` draws.
+
+    Args:
+        times: times (T,) s at which the distances are checked.
+    """
     best, best_distance = make(), -1.0
     for attempt in range(TRIES):
         person = best if attempt == 0 else make()
-        distance = _closest(person, others)
+        distance = _closest(person, others, times)
         if distance > best_distance:
             best, best_distance = person, distance
         if distance >= gap:
@@ -108,10 +115,10 @@ def keep_apart(
     return best
 
 
-def _closest(person: SimulatedPerson, others: Sequence[SimulatedPerson]) -> float:
-    """Return the smallest floor distance (m) between the person and any other."""
-    own = person.motion(APART_UNTIL, person.body).pelvis[:, :2]
-    tracks = [other.motion(APART_UNTIL, other.body).pelvis[:, :2] for other in others]
+def _closest(person: SimulatedPerson, others: Sequence[SimulatedPerson], times: Array) -> float:
+    """Return the smallest floor distance (m) between the person and any other at times (T,) s."""
+    own = person.motion(times, person.body).pelvis[:, :2]
+    tracks = [other.motion(times, other.body).pelvis[:, :2] for other in others]
     return min((float(np.linalg.norm(own - track, axis=1).min()) for track in tracks), default=np.inf)
 
 

@@ -264,15 +264,6 @@ SCENES: dict[str, SimulatedScene] = {
         frames=50,
         rendered=True,
     ),
-    "rendered-unsync-1p11v": SimulatedScene(
-        "images of a walker in eleven views of 6.4 Hz that are never exposed together",
-        ("walk",),
-        replace(_NEAR_RING, cameras=11, radius=3.9),
-        area=1.6,
-        timing=Timing(rate=70.0, camera_rates=(70.0 / 11.0,), phase=5.5 / 70.0),
-        frames=560,
-        rendered=True,
-    ),
     "rendered-6p8v": SimulatedScene(
         "images of a crowd in eight views",
         ("walk", "talk", "wave", "stand", "turn", "reach"),

@@ -104,7 +104,7 @@ def enter_leave(rng: np.random.Generator, stage: StagingArea) -> list[SimulatedP
     for number, visit in enumerate(visits):
 
         def make(number: int = number, visit: tuple[float, float] = visit) -> SimulatedPerson:
-            return _visitor(rng, number, visit, stage.area)
+            return visitor(rng, number, visit, stage.area)
 
         people.append(keep_apart(make, [stays, *people], gap=0.55))
     return [*people, stays]
@@ -175,7 +175,7 @@ STAGINGS: dict[str, Staging] = {
 }
 
 
-def _visitor(rng: np.random.Generator, number: int, visit: Sequence[float], area: float) -> SimulatedPerson:
+def visitor(rng: np.random.Generator, number: int, visit: Sequence[float], area: float) -> SimulatedPerson:
     """Return a person who walks straight through the area and is present during `visit` (from, until; s)."""
     stride, cadence = 1.0, 0.9
     enter, leave = visit

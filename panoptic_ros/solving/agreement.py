@@ -21,7 +21,7 @@ def agreement_with_people(positions, shifts, seen, mirror, scale):
     Args:
         positions: (P, J, 3) m, world, NaN = unknown.
         shifts: (P, J, 3) m/s, velocities of the joints.
-        seen: `Observations` with D 2D poses.
+        seen: `SceneObservations` with D 2D poses.
         mirror: (J,) joint on the other side.
         scale: m, standard deviation of the Gaussian.
 
@@ -44,7 +44,9 @@ def agreement_with_people(positions, shifts, seen, mirror, scale):
             if v != last:
                 last = v
                 for j in range(joints):
-                    u[j], w[j], z[j] = seen_at(seen.cams, v, positions[p, j], shifts[p, j])
+                    u[j], w[j], z[j] = seen_at(
+                        seen.cams, v, positions[p, j], shifts[p, j], seen.cams.delays[v]
+                    )
             own = other = 0.0
             count = 0
             for j in range(joints):
@@ -81,7 +83,7 @@ def agreement_of_pairs(chosen, seen, centres, scale):
 
     Args:
         chosen: (L,) rows of the 2D poses.
-        seen: `Observations`.
+        seen: `SceneObservations`.
         centres: (V, 3) m, optical centres of the views, world.
         scale: m, standard deviation of the Gaussian.
 

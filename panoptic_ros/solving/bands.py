@@ -49,6 +49,17 @@ def forward(lower, right):
 
 
 @njit(cache=True, error_model="numpy")
+def forward_vector(lower, right):
+    """Solve L x = right for right (n,), and write x to `right`."""
+    n, width = lower.shape
+    for i in range(n):
+        value = right[i]
+        for k in range(1, min(width, i + 1)):
+            value -= lower[i, k] * right[i - k]
+        right[i] = value / lower[i, 0]
+
+
+@njit(cache=True, error_model="numpy")
 def backward(lower, right):
     """Solve L^T x = right for right (n,), and write x to `right`."""
     n, width = lower.shape

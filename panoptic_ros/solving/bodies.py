@@ -23,7 +23,7 @@ from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.geometry.robust import noise_growth
 from panoptic_ros.geometry.symmetric import factor, solve_lower, solve_upper
 from panoptic_ros.kernels import njit
-from panoptic_ros.solving.scene import MIN_DEPTH, Observations, seen_at
+from panoptic_ros.solving.scene import MIN_DEPTH, SceneObservations, seen_at
 from panoptic_ros.solving.triangulation import SETTLED, intersect, viewing_ray
 
 Array = np.ndarray
@@ -36,7 +36,7 @@ STRETCH = 1.3  # bone lengths, largest distance at which a ray may pass the neig
 OUTWARDS = 2  # passes over the bones that start joints beside neighbours with a position
 
 
-class Body(NamedTuple):
+class SkeletonArrays(NamedTuple):
     """Bones and trunk of a skeleton, as arrays for kernels.
 
     Args:
@@ -50,7 +50,7 @@ class Body(NamedTuple):
     trunk: Array
 
     @classmethod
-    def of(cls, skeleton: SkeletonModel) -> Body:
+    def of(cls, skeleton: SkeletonModel) -> SkeletonArrays:
         """Return the arrays of a skeleton."""
         bones, mirror = list(skeleton.bones), skeleton.mirror
         pairs = [(mirror[a], mirror[b]) for a, b in bones]
@@ -61,7 +61,7 @@ class Body(NamedTuple):
         )
 
 
-class Known(NamedTuple):
+class PersonPrior(NamedTuple):
     """Prior knowledge about one person, without the images.
 
     Args:
@@ -88,7 +88,7 @@ class Known(NamedTuple):
     rise: float
 
 
-class Rays(NamedTuple):
+class PersonRays(NamedTuple):
     """Observations of one person's J joints in V views.
 
     Args:
@@ -103,7 +103,7 @@ class Rays(NamedTuple):
     source: Array
     shifts: Array
     growth: Array
-    seen: Observations
+    seen: SceneObservations
 
 
 @njit(cache=True, error_model="numpy")
@@ -122,9 +122,9 @@ def begin(known, rays, body, expected):
     about CLOSE.
 
     Args:
-        known: `Known`; positions, information and bone lengths are added.
-        rays: `Rays`; `growth` increases.
-        body: `Body`.
+        known: `PersonPrior`; positions, information and bone lengths are added.
+        rays: `PersonRays`; `growth` increases.
+        body: `SkeletonArrays`.
         expected: (J, 3) m, world, NaN = none.
     """
     views, joints = rays.source.shape
@@ -200,9 +200,9 @@ def estimate(known, rays, body):
     """Estimate all joints of one person by Gauss-Newton.
 
     Args:
-        known: `Known`, after `begin` if joints without a prior position shall be placed.
-        rays: `Rays`.
-        body: `Body`.
+        known: `PersonPrior`, after `begin` if joints without a prior position shall be placed.
+        rays: `PersonRays`.
+        body: `SkeletonArrays`.
 
     Returns:
         positions: (J, 3) m, world, NaN = unknown.
@@ -357,6 +357,6 @@ def _look(x, j, v, rays):
         u, w: projected point, on the plane at 1 m.
         depth: m.
     """
-    seen = rays.seen.plane[rays.member[v], rays.source[v, j]]
-    u, w, depth = seen_at(rays.seen.cams, v, x, rays.shifts[j])
-    return seen[0] - u, seen[1] - w, u, w, depth
+    d, s = rays.member[v], rays.source[v, j]
+    u, w, depth = seen_at(rays.seen.cams, v, x, rays.shifts[j], rays.seen.delays[d, s])
+    return rays.seen.plane[d, s, 0] - u, rays.seen.plane[d, s, 1] - w, u, w, depth

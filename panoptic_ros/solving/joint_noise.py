@@ -15,27 +15,39 @@ class JointNoiseModel:
     """Standard deviations of 2D joints on the normalised image plane, by score, camera and joint.
 
     All values come from medians of residuals, so outliers hardly affect them.
+
+    Args:
+        cameras, joints, scores: (N,) of the observations.
+        start: standard deviation before anything is learnt.
+        factors: factors by score bin, camera and joint that were learnt before.
     """
 
-    def __init__(self, cameras: Array, joints: Array, scores: Array, start: float):
+    def __init__(
+        self, cameras: Array, joints: Array, scores: Array, start: float, factors: list[Array] | None = None
+    ):
         self._groups = (np.minimum((scores * SCORE_BINS).astype(np.int64), SCORE_BINS - 1), cameras, joints)
         self._start = start
-        self._factors = [np.ones(int(group.max(initial=0)) + 1) for group in self._groups]
+        self.factors = factors or [np.ones(int(group.max(initial=0)) + 1) for group in self._groups]
 
     def sigmas(self) -> Array:
         """Return the standard deviations (N,) of the observations."""
         value = np.full(len(self._groups[0]), self._start)
-        for group, factors in zip(self._groups, self._factors):
+        for group, factors in zip(self._groups, self.factors):
             value *= factors[group]
         sigmas: Array = np.maximum(value, LEAST_NOISE)
         return sigmas
 
-    def learn(self, ratios: Array) -> None:
-        """Update the factors from residuals (N,) in units of `sigmas`, corrected for leverage."""
+    def learn(self, ratios: Array, usable: Array | None = None) -> None:
+        """Update the factors from residuals (N,) in units of `sigmas`, corrected for leverage.
+
+        Args:
+            usable: (N,) True for residuals that count; None = all.
+        """
         left = ratios.copy()
-        for group, factors in zip(self._groups, self._factors):
+        counted = np.ones(len(left), bool) if usable is None else usable
+        for group, factors in zip(self._groups, self.factors):
             for k in range(len(factors)):
-                own = left[group == k]
+                own = left[counted & (group == k)]
                 if len(own) >= LEAST_COUNT:
                     change = max(float(np.median(own)) / RAYLEIGH_MEDIAN, 1e-3)
                     factors[k] *= change

@@ -15,7 +15,7 @@ CHOICE_SPREAD = 0.03  # m, standard deviation of the prediction of a joint that 
 CHOICE_SPEED = 0.6  # m/s, growth of that standard deviation with the time since the measurement
 
 
-class Claims(NamedTuple):
+class JointAssignment(NamedTuple):
     """Assignment of 2D joints to the joints of P people in V views.
 
     Args:
@@ -29,7 +29,7 @@ class Claims(NamedTuple):
     owner: Array
 
 
-class Guides(NamedTuple):
+class JointPredictions(NamedTuple):
     """Predictions of the J joints of P people. They influence choices, but never positions.
 
     Args:
@@ -45,7 +45,7 @@ class Guides(NamedTuple):
     firm: Array
 
     @classmethod
-    def of_nobody_known(cls, people: int, joints: int, spread: float) -> Guides:
+    def of_nobody_known(cls, people: int, joints: int, spread: float) -> JointPredictions:
         """Return guides of people without predictions.
 
         Args:
@@ -57,7 +57,7 @@ class Guides(NamedTuple):
         )
 
 
-class Candidates(NamedTuple):
+class PersonCandidates(NamedTuple):
     """P people for the final solve.
 
     Args:
@@ -70,12 +70,12 @@ class Candidates(NamedTuple):
 
     member: Array
     source: Array
-    guide: Guides
+    guide: JointPredictions
     who: Array
     places: Array
 
     @classmethod
-    def of(cls, item: AssociationSet, mirror: Array) -> Candidates:
+    def of(cls, item: AssociationSet, mirror: Array) -> PersonCandidates:
         """Return the people of an association. People with a prediction are guided, new people are not.
 
         Args:
@@ -84,7 +84,7 @@ class Candidates(NamedTuple):
         return cls.new(item.groups, item.places, mirror)._replace(guide=guides_of(item), who=item.who)
 
     @classmethod
-    def new(cls, groups: Groups, places: Array, mirror: Array) -> Candidates:
+    def new(cls, groups: Groups, places: Array, mirror: Array) -> PersonCandidates:
         """Return new people, who have no prediction.
 
         Args:
@@ -94,7 +94,7 @@ class Candidates(NamedTuple):
         """
         member, mirrored = groups.member.copy(), groups.mirrored  # kernels need a writable array
         source = np.where(mirrored[..., None], mirror, np.arange(len(mirror))).astype(np.int64)
-        guide = Guides.of_nobody_known(len(places), places.shape[1], CHOICE_SPREAD)
+        guide = JointPredictions.of_nobody_known(len(places), places.shape[1], CHOICE_SPREAD)
         return cls(member, source, guide, np.full(len(member), -1), places)
 
 
@@ -132,10 +132,10 @@ class SolvedJoints(NamedTuple):
         return counts
 
 
-def guides_of(item: AssociationSet) -> Guides:
+def guides_of(item: AssociationSet) -> JointPredictions:
     """Return the predictions of the people of an association; new people have none."""
     known = item.who >= 0
-    guide = Guides.of_nobody_known(len(known), item.places.shape[1], CHOICE_SPREAD)
+    guide = JointPredictions.of_nobody_known(len(known), item.places.shape[1], CHOICE_SPREAD)
     rows, prediction = item.who[known], item.prediction
     guide.positions[known], guide.shifts[known] = prediction.positions[rows], prediction.velocities[rows]
     guide.spreads[known] += CHOICE_SPEED * prediction.ages[rows]
@@ -143,7 +143,7 @@ def guides_of(item: AssociationSet) -> Guides:
     return guide
 
 
-def observed_views(found: Candidates, precision: Array) -> Array:
+def observed_views(found: PersonCandidates, precision: Array) -> Array:
     """Return whether each person's 2D pose in each view shows each joint (P, V, J).
 
     Args:
@@ -157,7 +157,7 @@ def observed_views(found: Candidates, precision: Array) -> Array:
 
 
 def view_sources(
-    detections: DetectionSet, evidence: Evidence, found: Candidates, solved: SolvedJoints, kept: Array
+    detections: DetectionSet, evidence: Evidence, found: PersonCandidates, solved: SolvedJoints, kept: Array
 ) -> ViewSources:
     """Return the record of the views and 2D poses behind the people that were kept.
 

@@ -19,9 +19,16 @@ import numpy as np
 
 from panoptic_ros.geometry.robust import truncated
 from panoptic_ros.kernels import inlined, njit
-from panoptic_ros.solving.joint_records import Candidates, Claims, SolvedJoints
-from panoptic_ros.solving.scene import MIN_DEPTH, Observations, is_outside, seen_at
-from panoptic_ros.solving.triangulation import TABLE, Result, SolverRules, Steps, intersect, refine_point
+from panoptic_ros.solving.joint_records import JointAssignment, PersonCandidates, SolvedJoints
+from panoptic_ros.solving.scene import MIN_DEPTH, SceneObservations, is_outside, seen_at
+from panoptic_ros.solving.triangulation import (
+    TABLE,
+    IterationLimit,
+    PointSolution,
+    SolverRules,
+    intersect,
+    refine_point,
+)
 
 Array = np.ndarray
 
@@ -34,7 +41,7 @@ FITS = 4.0  # squared standard deviations, residual up to which a 2D joint is no
 GUIDED_STEPS, ROUGH_STEPS, LAST_STEPS = 3, 4, 6  # greatest numbers of Gauss-Newton steps
 
 
-class _Joint(NamedTuple):
+class _JointPrediction(NamedTuple):
     """One joint of one person, with its prediction.
 
     Args:
@@ -52,7 +59,7 @@ class _Joint(NamedTuple):
     shift: Array
 
 
-class _Room(NamedTuple):
+class _JointWorkspace(NamedTuple):
     """Work arrays for one joint.
 
     Args:
@@ -93,9 +100,9 @@ def pick_observations(x, joint, claims, seen, rules, picks):
 
     Args:
         x: (3,) m, world.
-        joint: `_Joint`.
-        claims: `Claims`.
-        seen: `Observations`.
+        joint: `_JointPrediction`.
+        claims: `JointAssignment`.
+        seen: `SceneObservations`.
         rules: `SolverRules`.
         picks: (V, 2) output, row of the 2D pose and index of its joint. The row is -1 where the view has
             none. It is also -1 where x projects outside the image and the view's own 2D joint is more likely
@@ -108,13 +115,17 @@ def pick_observations(x, joint, claims, seen, rules, picks):
     for v in range(len(picks)):
         picks[v, 0] = -1
         best = np.inf
-        u, w, depth = seen_at(seen.cams, v, x, joint.shift)
+        late = seen.cams.delays[v]
+        u, w, depth = seen_at(seen.cams, v, x, joint.shift, late)
         if depth <= MIN_DEPTH:
             continue
         own = member[p, v]
         if own >= 0:
             s = source[p, v, j]
             if precision[own, s] > 0.0 and (owner[own, s] < 0 or owner[own, s] == p):
+                if seen.delays[own, s] != late:
+                    late = seen.delays[own, s]
+                    u, w, _ = seen_at(seen.cams, v, x, joint.shift, late)
                 du, dw = u - plane[own, s, 0], w - plane[own, s, 1]
                 squared = du * du + dw * dw
                 best = squared * precision[own, s] ** 2
@@ -132,6 +143,9 @@ def pick_observations(x, joint, claims, seen, rules, picks):
         for d in range(seen.starts[v], seen.starts[v + 1]):
             if d == own or precision[d, j] <= 0.0 or (owner[d, j] >= 0 and owner[d, j] != p):
                 continue
+            if seen.delays[d, j] != late:
+                late = seen.delays[d, j]
+                u, w, _ = seen_at(seen.cams, v, x, joint.shift, late)
             du, dw = u - plane[d, j, 0], w - plane[d, j, 1]
             cost = (du * du + dw * dw) * precision[d, j] ** 2
             if cost < least:
@@ -156,7 +170,7 @@ def start_from_prediction(joint, claims, seen, rules, room, result):
     for i in range(3):
         x[i] = joint.expected[i]
     pick_observations(x, joint, claims, seen, rules, picks)
-    if refine_point(x, joint.shift, picks, seen, rules, Steps(GUIDED_STEPS, False), result) < 2:
+    if refine_point(x, joint.shift, picks, seen, rules, IterationLimit(GUIDED_STEPS, False), result) < 2:
         return np.inf
     cost = pick_observations(x, joint, claims, seen, rules, picks)
     return cost + _prior_cost(x, joint, rules.truncation**2)
@@ -217,17 +231,17 @@ def _prior_cost(x, joint, limit):
     return truncated(squared / (joint.spread * joint.spread), limit)
 
 
-def solve_joints(found: Candidates, seen: Observations, rules: SolverRules) -> SolvedJoints:
+def solve_joints(found: PersonCandidates, seen: SceneObservations, rules: SolverRules) -> SolvedJoints:
     """Solve all joints of all people, and assign each 2D joint to at most one person."""
     people, joints = found.guide.spreads.shape
     solved = SolvedJoints.nothing(people, joints, len(seen.starts) - 1)
-    claims = Claims(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
+    claims = JointAssignment(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
     _solve_and_settle(np.ones((people, joints), bool), found, claims, seen, rules, solved)
     return solved
 
 
 def solve_without(
-    wrong: Array, solved: SolvedJoints, found: Candidates, seen: Observations, rules: SolverRules
+    wrong: Array, solved: SolvedJoints, found: PersonCandidates, seen: SceneObservations, rules: SolverRules
 ) -> None:
     """Solve the joints that depend on wrong 2D joints again, and replace them in `solved`.
 
@@ -238,7 +252,7 @@ def solve_without(
         wrong: (D, J) bool, 2D joints to exclude.
     """
     seen.precision[wrong] = 0.0
-    claims = Claims(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
+    claims = JointAssignment(found.member, found.source, np.full(seen.precision.shape, -1, np.int64))
     todo = claim_right(wrong, claims, solved)
     _solve_and_settle(todo, found, claims, seen, rules, solved)
 
@@ -270,15 +284,15 @@ def claim_right(wrong, claims, solved):
 def compile_claims() -> None:
     """Compile `claim_right`, which runs only for people whom an image border cuts."""
     member, source = np.full((1, 1), -1, np.int64), np.zeros((1, 1, 1), np.int64)
-    claims = Claims(member, source, np.full((1, 1), -1, np.int64))
+    claims = JointAssignment(member, source, np.full((1, 1), -1, np.int64))
     claim_right(np.zeros((1, 1), bool), claims, SolvedJoints.nothing(1, 1, 1))
 
 
 def _solve_and_settle(
     todo: Array,
-    found: Candidates,
-    claims: Claims,
-    seen: Observations,
+    found: PersonCandidates,
+    claims: JointAssignment,
+    seen: SceneObservations,
     rules: SolverRules,
     solved: SolvedJoints,
 ) -> None:
@@ -306,16 +320,16 @@ def solve_again(todo, guides, claims, seen, rules, solved, claiming):
         for j in range(todo.shape[1]):
             if not todo[p, j]:
                 continue
-            joint = _Joint(p, j, guides.positions[p, j], guides.spreads[p, j], guides.shifts[p, j])
+            joint = _JointPrediction(p, j, guides.positions[p, j], guides.spreads[p, j], guides.shifts[p, j])
             pick = solved.picks[p, j]
-            room = _Room(x, pick, own, have, trial)
-            result = Result(solved.normals[p, j], solved.residuals[p, j], table)
+            room = _JointWorkspace(x, pick, own, have, trial)
+            result = PointSolution(solved.normals[p, j], solved.residuals[p, j], table)
             for i in range(3):
                 solved.positions[p, j, i] = np.nan
             if _start(joint, claims, seen, rules, room, result) == np.inf:
                 _forget(pick, result)
                 continue
-            count = refine_point(x, joint.shift, pick, seen, rules, Steps(LAST_STEPS, True), result)
+            count = refine_point(x, joint.shift, pick, seen, rules, IterationLimit(LAST_STEPS, True), result)
             firm = guides.firm[p, j]
             if count < 2 or (count == 2 and firm and _prior_cost(x, joint, np.inf) > DENIED * DENIED):
                 _forget(pick, result)
@@ -350,7 +364,7 @@ def _start(joint, claims, seen, rules, room, result):
     best = start_from_pairs(joint, claims, seen, rules, room, best)
     if best < np.inf:
         pick_observations(x, joint, claims, seen, rules, picks)
-        refine_point(x, joint.shift, picks, seen, rules, Steps(ROUGH_STEPS, False), result)
+        refine_point(x, joint.shift, picks, seen, rules, IterationLimit(ROUGH_STEPS, False), result)
         best = pick_observations(x, joint, claims, seen, rules, picks)
     return best
 
@@ -374,7 +388,7 @@ def settle(solved, claims, penalty):
 
     Args:
         solved: `SolvedJoints`.
-        claims: `Claims`; `owner` is updated.
+        claims: `JointAssignment`; `owner` is updated.
         penalty: Cost of a 2D joint of another person's 2D pose, in squared standard deviations.
 
     Returns:

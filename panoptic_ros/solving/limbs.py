@@ -76,7 +76,7 @@ def exchanged_views(source, observed, groups):
     return votes / np.maximum(sizes, 1.0)
 
 
-class Sides:
+class SideTest:
     """Anatomical test for exchanged sides: the nose is in front of the shoulders.
 
     Detectors exchange left and right, often for people seen from behind. Where half of the views do so, the
@@ -119,7 +119,7 @@ class Sides:
 
 @njit(cache=True, error_model="numpy")
 def sides_of_nose(positions, pairs, torso, head):
-    """Return the values (P, G) of `Sides.right_way`.
+    """Return the values (P, G) of `SideTest.right_way`.
 
     The forward direction is the cross product of the vectors from right to left and from hips to shoulders.
     The value is the distance of the nose in front of the shoulders in units of NOSE_AHEAD, clipped to -1..1.

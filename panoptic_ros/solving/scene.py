@@ -30,13 +30,13 @@ MIN_DEPTH = 0.05  # m, least depth of a point in front of a camera
 OUTSIDE, HIDDEN, SEEN = 0, 1, 2  # visibility of a position in a view
 
 
-class Cameras(NamedTuple):
+class CameraPoses(NamedTuple):
     """Poses and delays of V cameras.
 
     Args:
         rotations: (V, 3, 3) of cam_from_world.
         translations: (V, 3) m of cam_from_world.
-        delays: (V,) s, timestamp of the view minus that of the instant; 0 where motion in between is
+        delays: (V,) s, exposure of the image's middle row minus the instant; 0 where motion in between is
             neglected.
     """
 
@@ -45,7 +45,7 @@ class Cameras(NamedTuple):
     delays: Array
 
 
-class Observations(NamedTuple):
+class SceneObservations(NamedTuple):
     """All 2D joints of one instant: V views, D 2D poses ordered by view.
 
     Args:
@@ -58,18 +58,20 @@ class Observations(NamedTuple):
         sizes: (D,) sizes of the 2D poses: diagonals of their bounding boxes on the plane. Infinite where
             artefacts of image borders are excluded: 2D joints are then treated as observations even if
             the joint lies outside the image.
+        delays: (D, J) s, exposure of the row of each 2D joint minus the instant, see `CameraPoses`.
     """
 
     plane: Array
     precision: Array
     views: Array
     starts: Array
-    cams: Cameras
+    cams: CameraPoses
     lenses: Array
     sizes: Array
+    delays: Array
 
 
-class Sight(NamedTuple):
+class ViewVisibility(NamedTuple):
     """Fields of view and visibility limits of V views.
 
     Args:
@@ -93,23 +95,25 @@ class Scene:
         centres: (V, 3) m, world, optical centres.
         focals: (V,) px.
         sight: Fields of view and visibility limits.
-        sizes: (D,) sizes of the 2D poses, see `Observations`.
+        sizes: (D,) sizes of the 2D poses, see `SceneObservations`.
+        delays: (D, J) s of the 2D joints, see `SceneObservations`.
     """
 
     evidence: Evidence
     precision: Array
     mirror: Array
-    cams: Cameras
+    cams: CameraPoses
     centres: Array
     focals: Array
-    sight: Sight
+    sight: ViewVisibility
     sizes: Array
+    delays: Array
 
     @property
-    def observations(self) -> Observations:
+    def observations(self) -> SceneObservations:
         """Return the scene in the form that the joint solver's kernels take."""
         evidence = self.evidence
-        return Observations(
+        return SceneObservations(
             evidence.plane,
             self.precision,
             evidence.view,
@@ -117,6 +121,7 @@ class Scene:
             self.cams,
             self.sight.cameras,
             self.sizes,
+            self.delays,
         )
 
 
@@ -245,15 +250,31 @@ def scene_of(
     """
     rows, cams = evidence.cameras, cameras_of(evidence, arrays)
     views = [detections.views[slot] for slot in evidence.slots]
-    sight = Sight(arrays.lenses[rows], limits_of(views))
+    sight = ViewVisibility(arrays.lenses[rows], limits_of(views))
     sizes = box_sizes(evidence.plane, evidence.scores) if borders else np.full(len(evidence.view), np.inf)
-    return Scene(evidence, precision, mirror, cams, arrays.centres[rows], arrays.focals[rows], sight, sizes)
+    focals, delays = arrays.focals[rows], joint_delays(views, evidence, arrays)
+    return Scene(evidence, precision, mirror, cams, arrays.centres[rows], focals, sight, sizes, delays)
 
 
-def cameras_of(evidence: Evidence, arrays: RigArrays) -> Cameras:
+def cameras_of(evidence: Evidence, arrays: RigArrays) -> CameraPoses:
     """Return the poses and delays of the views."""
     rows = evidence.cameras
-    return Cameras(arrays.rotations[rows], arrays.translations[rows], evidence.delays)
+    delays = evidence.delays + arrays.middles[rows]
+    return CameraPoses(arrays.rotations[rows], arrays.translations[rows], delays)
+
+
+def joint_delays(views: Sequence[ViewDetections], evidence: Evidence, arrays: RigArrays) -> Array:
+    """Return the delays (D, J) s of the 2D joints, see `SceneObservations`.
+
+    Args:
+        views: the views of the evidence, in its order.
+    """
+    lines = arrays.line_delays[evidence.cameras]
+    delays = np.repeat(evidence.delays[evidence.view, None], evidence.scores.shape[1], axis=1)
+    for v in np.flatnonzero(lines).tolist():
+        own = slice(evidence.starts[v], evidence.starts[v + 1])
+        delays[own] += lines[v] * np.nan_to_num(views[v].points[evidence.rows[own], :, 1])
+    return delays
 
 
 @njit(cache=True, error_model="numpy")
@@ -363,18 +384,19 @@ def look(sight, v, x, y, depth):
 
 
 @inlined
-def seen_at(cams, v, x, shift):
-    """Project a moving point into view v, at the timestamp of the view.
+def seen_at(cams, v, x, shift, late):
+    """Project a moving point into view v.
 
     Args:
         x: (3,) m, world, position at the instant.
         shift: (3,) m/s, velocity.
+        late: s, exposure minus the instant.
 
     Returns:
         u, w: point on the plane at 1 m.
         depth: m; `MIN_DEPTH` for points that are unknown or not in front of the camera.
     """
-    r, t, late = cams.rotations, cams.translations, cams.delays[v]
+    r, t = cams.rotations, cams.translations
     a, b, c = x[0] + shift[0] * late, x[1] + shift[1] * late, x[2] + shift[2] * late
     z = r[v, 2, 0] * a + r[v, 2, 1] * b + r[v, 2, 2] * c + t[v, 2]
     z = z if z > MIN_DEPTH else MIN_DEPTH
@@ -397,7 +419,7 @@ def look_at(position, cams, sight):
     for v in range(len(found)):
         seen = hidden = 0
         for j in range(len(position)):
-            x, y, depth = seen_at(cams, v, position[j], still)
+            x, y, depth = seen_at(cams, v, position[j], still, 0.0)
             if depth > MIN_DEPTH:
                 state = look(sight, v, x, y, depth)
                 seen += state == SEEN

@@ -1,4 +1,4 @@
-"""Parts of a long recording that serve for estimates of what is constant."""
+"""Parts of a long recording that are used to estimate constant values."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class SolverRules(NamedTuple):
     max_pairs: int
 
 
-class Steps(NamedTuple):
+class IterationLimit(NamedTuple):
     """Limit of an iteration.
 
     Args:
@@ -58,7 +58,7 @@ class Steps(NamedTuple):
     gated: bool
 
 
-class Result(NamedTuple):
+class PointSolution(NamedTuple):
     """Arrays that `refine_point` writes.
 
     Args:
@@ -122,7 +122,7 @@ def triangulate_linear(member, mirrored, seen, mirror):
     Args:
         member: (V,) row of the 2D pose of each view, -1 = none.
         mirrored: (V,) whether left and right of that 2D pose are exchanged.
-        seen: `Observations`.
+        seen: `SceneObservations`.
         mirror: (J,) joint on the other side.
     """
     plane, precision, joints = seen.plane, seen.precision, len(mirror)
@@ -234,10 +234,10 @@ def refine_point(x, shift, picks, seen, rules, limit, result):
         x: (3,) m, world, start; becomes the refined point.
         shift: (3,) m/s, velocity of the point.
         picks: (V, 2) row of the 2D pose and index of its joint, -1 = none.
-        seen: `Observations`.
+        seen: `SceneObservations`.
         rules: `SolverRules`.
-        limit: `Steps`.
-        result: `Result`.
+        limit: `IterationLimit`.
+        result: `PointSolution`.
 
     Returns:
         the number of views in the last normal matrix.
@@ -302,7 +302,7 @@ def refine_point(x, shift, picks, seen, rules, limit, result):
 @njit(cache=True, error_model="numpy")
 def _tabulate(shift, picks, seen, residuals, table):
     """Write the picked observations to the rows of the table, and return their number."""
-    rotations, translations, delays = seen.cams
+    rotations, translations, _ = seen.cams
     used = 0
     for v in range(len(picks)):
         residuals[v] = -1.0
@@ -313,7 +313,7 @@ def _tabulate(shift, picks, seen, residuals, table):
             moved = translations[v, i]
             for k in range(3):
                 table[used, 3 * i + k] = rotations[v, i, k]
-                moved += rotations[v, i, k] * shift[k] * delays[v]
+                moved += rotations[v, i, k] * shift[k] * seen.delays[d, s]
             table[used, 9 + i] = moved
         table[used, X], table[used, Y] = seen.plane[d, s, 0], seen.plane[d, s, 1]
         table[used, INFORMATION] = seen.precision[d, s] ** 2

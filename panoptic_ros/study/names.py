@@ -48,6 +48,11 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "timing.clocks:Clocks",
         "timestamps corrected by timecode against the truth: an hour of mixed rates, and events",
     ),
+    "continuous": (
+        "continuous.continuous:Continuous",
+        "motion from cameras that were never synchronised, by the speed of joints (Elhayek et al. 2012, "
+        "Fig. 8)",
+    ),
     "detection": (
         "detection.detection:Detection",
         "processor time and accuracy of rationed detection, regions and propagation, beside detection at "
@@ -90,7 +95,7 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "bodies: processor time per solve and per instant",
     ),
     "live": (
-        "live.live:Live",
+        "live.live:LiveStudy",
         "live graph from cameras to skeletons, with recordings played as cameras: losses, latency, "
         "processor time",
     ),
@@ -123,7 +128,7 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "clocks from motion against the truth: errors, stated deviations, poses",
     ),
     "offsets-shifted": (
-        "timing.shifted_cameras:OffsetsShifted",
+        "timing.shifted_cameras:ShiftedOffsets",
         "clocks from motion on a recording whose cameras are shifted",
     ),
     "patches": (
@@ -131,11 +136,11 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "motion of the surface: time of every stage by the number of views",
     ),
     "recording": (
-        "live.recording:Recording",
+        "live.recording:RecorderMemory",
         "memory of a live run that records, with hours simulated in minutes",
     ),
     "refine": (
-        "surface.refine:Refine",
+        "surface.refine:RefinementStudy",
         "effect of the motion of the surface, on a capture with truth",
     ),
     "refine-faults": (
@@ -151,7 +156,7 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "a long live run in which cameras fail and return and processes are killed",
     ),
     "solve": (
-        "fusion.solve:Solve",
+        "fusion.solve:SolveStudy",
         "2D people to skeletons: time of every stage on one thread, and joints with large errors",
     ),
     "sound": (
@@ -171,7 +176,7 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "duration of each command in seconds",
     ),
     "steady": (
-        "surface.steady:Steady",
+        "surface.steady:SteadinessStudy",
         "limb lengths and accelerations of a capture without truth, without and with patches",
     ),
     "terms": (

@@ -16,7 +16,7 @@ FEWEST = 1  # lower limit of timed calls, even if they exceed the budget
 
 
 @dataclass(frozen=True)
-class Times:
+class CallTimes:
     """Milliseconds per call: wall time, and processor time of this process.
 
     Fields: number of calls, then median, 99th percentile and minimum over the calls.
@@ -31,7 +31,7 @@ class Times:
     peak_mb: float | None  # growth of the resident set during the calls; None = not measurable here
 
     @classmethod
-    def of(cls, wall_ms: np.ndarray, cpu_ms: np.ndarray, peak_mb: float | None) -> Times:
+    def of(cls, wall_ms: np.ndarray, cpu_ms: np.ndarray, peak_mb: float | None) -> CallTimes:
         """Compute the statistics from times (N,) in ms of N calls."""
         wall, cpu = (np.percentile(row, [50, 99]).tolist() for row in (wall_ms, cpu_ms))
         return cls(len(wall_ms), wall[0], wall[1], cpu[0], cpu[1], float(cpu_ms.min()), peak_mb)
@@ -43,7 +43,7 @@ class Times:
 
 def timed(
     call: Callable[[Any], Any], items: Iterable[Any], budget_s: float, warmed: bool = False
-) -> tuple[list[Any], Times]:
+) -> tuple[list[Any], CallTimes]:
     """Call with every item until the calls have used the budget of processor time.
 
     The first call is not timed, unless the kernels are `warmed` up already.
@@ -70,8 +70,8 @@ def timed(
     peak = None if before is None or after is None else max(after - before, 0.0)
     if not wall:
         nan = float("nan")
-        return results, Times(0, nan, nan, nan, nan, nan, peak)
-    return results, Times.of(np.array(wall), np.array(cpu), peak)
+        return results, CallTimes(0, nan, nan, nan, nan, nan, peak)
+    return results, CallTimes.of(np.array(wall), np.array(cpu), peak)
 
 
 def _reset_peak() -> float | None:

@@ -6,8 +6,9 @@ in time order. The order of arrival between cameras does not matter.
 1. Live: leave out and name a camera whose clock disagrees with the majority (`agreement`, `majority`).
 2. In recordings, and for cameras with clock models: drop frames with outlier timestamps, which are seconds
    off those before and after (`outliers`).
-3. Convert timestamps to master time with the clock model of the camera, if there is one (`correction`). If
-   frames show that the clock may have jumped, they wait for a model that covers the jump.
+3. Convert timestamps to master time with the clock model of the camera, if there is one
+   (`stamps.correction`). If frames show that the clock may have jumped, they wait for a model that covers the
+   jump.
 4. Choose the instants: those of the fastest camera, of a selected camera, or of a fixed grid (`instants`).
    They are predicted and updated with the frames of the master camera. They continue if the master camera
    drops frames.

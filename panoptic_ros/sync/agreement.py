@@ -1,8 +1,9 @@
 """Live: leave out and name the cameras whose clock disagrees with the majority.
 
 The accepted clock offset is that of the majority of cameras (see `majority`). Each camera also has a pending
-line with its frames that deviate from it. Three frames over 0.5 s decide on a pending line. If most cameras
-are on it, the accepted offset moves there. Otherwise the camera is left out until its frames agree again.
+line with its frames that deviate from it. A pending line is judged after three frames over 0.5 s. If most
+cameras are on it, the accepted offset moves there. Otherwise the camera is left out until its frames agree
+again.
 """
 
 from __future__ import annotations

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from fractions import Fraction
 
 import numpy as np
 
+from panoptic_ros.stamps.rates import exact_rate
 from panoptic_ros.sync.config import SyncConfig
 
 SECOND = 1_000_000_000
@@ -45,14 +45,6 @@ class PeriodEstimate:
         steps = np.array(self._steps, float)
         middle = float(np.sort(steps)[(len(steps) - 1) // 2])
         return float(steps[np.abs(steps - middle) <= 0.4 * middle].mean())
-
-
-def exact_rate(rate_hz: float) -> Fraction:
-    """Return the exact rate meant by a rounded one: 23.976, 29.97 and 59.94 are 24, 30 and 60 * 1000/1001."""
-    television = Fraction(round(rate_hz * 1.001) * 1000, 1001)
-    if abs(float(television) - rate_hz) < 1e-3:
-        return television
-    return Fraction(rate_hz).limit_denominator(10_000)
 
 
 class InstantGrid:

@@ -8,12 +8,12 @@ from itertools import pairwise
 
 from panoptic_ros.domain import ViewDetections
 from panoptic_ros.stage import Notice
+from panoptic_ros.stamps.correction import LATEST_NS
 
 SECOND = 1_000_000_000
 FAR_NS = 2 * SECOND  # ns, minimum step between frames of a camera that means a pause, a jump or an outlier
 PERIODS = 4  # the same limit for slow cameras, in frame periods
 SURE = 3  # number of consecutive frames that confirm a pause or a jump
-LATEST_NS = (2**31 - 1) * SECOND  # ns; ROS messages cannot hold later timestamps
 
 
 @dataclass

@@ -14,14 +14,17 @@ SLOWER = 1.05  # minimum ratio of a slower camera's period to the time between i
 
 @dataclass(frozen=True)
 class QueuedFrame:
-    """Queued frame, with the period of its camera when it was queued, ns (0: unknown)."""
+    """Queued frame.
+
+    Args:
+        view: the 2D poses.
+        period: (ns) period of its camera when it was queued, 0 = unknown.
+        stamp: (ns) exposure of its middle row.
+    """
 
     view: ViewDetections
     period: float
-
-    @property
-    def stamp(self) -> int:
-        return self.view.stamp_ns
+    stamp: int
 
 
 @dataclass(frozen=True)
@@ -43,10 +46,15 @@ class CameraQueue:
     """Queue of the frames of one camera, in timestamp order.
 
     The choice depends on timestamps alone, never on arrival times.
+
+    Args:
+        keeps_last: whether `last_given` is kept.
+        middle_ns: exposure of the middle row minus the timestamp.
     """
 
-    def __init__(self, keeps_last: bool = True) -> None:
+    def __init__(self, keeps_last: bool = True, middle_ns: int = 0) -> None:
         self._keeps_last = keeps_last
+        self.middle_ns = middle_ns
         self.frames: deque[QueuedFrame] = deque()
         self.pace = PeriodEstimate()
         self.ended = False
@@ -62,7 +70,8 @@ class CameraQueue:
         """Append a frame; return False if it is not later than the previous one."""
         if self.pace.newest is not None and view.stamp_ns <= self.pace.newest:
             return False
-        self.frames.append(QueuedFrame(view, self.pace.add(view.stamp_ns)))
+        stamp = view.stamp_ns + self.middle_ns
+        self.frames.append(QueuedFrame(view, self.pace.add(view.stamp_ns), stamp))
         return True
 
     def choose(self, instant: int, reach: float, spacing: float, over: bool) -> FrameChoice:

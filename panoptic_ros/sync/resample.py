@@ -43,7 +43,7 @@ class Neighbours:
 
 
 def interpolate(view: Neighbours, instant: int) -> ViewDetections:
-    """Return the 2D poses of the chosen frame, interpolated to the instant; score maps are dropped.
+    """Return the 2D poses of the chosen frame, interpolated to a timestamp `instant`; score maps are dropped.
 
     If both frames around the instant have a joint of a linked person, the joint is interpolated linearly. Its
     variance is (1-a)^2 + a^2 times that of one frame, which is smaller. Its score is the mean of both scores,
@@ -75,9 +75,9 @@ def interpolate(view: Neighbours, instant: int) -> ViewDetections:
 def _around(view: Neighbours, instant: int) -> tuple[ViewDetections, ViewDetections] | None:
     """Return the frames before and after the instant, if they are consecutive."""
     chosen = view.chosen
-    pair = (chosen, view.after) if chosen.stamp < instant else (view.before, chosen)
+    pair = (chosen, view.after) if chosen.view.stamp_ns < instant else (view.before, chosen)
     first, second = pair
-    if first is None or second is None or not first.stamp <= instant <= second.stamp:
+    if first is None or second is None or not first.view.stamp_ns <= instant <= second.view.stamp_ns:
         return None
     period = second.period or float(second.stamp - first.stamp)
     if second.stamp - first.stamp > LONGEST * period:

@@ -16,15 +16,15 @@ from panoptic_ros.domain import (
 )
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.stage import Notice, Severity, StageContext, StepResult
+from panoptic_ros.stamps.correction import HELD, LATEST_NS, CameraClock, StampCorrection
 from panoptic_ros.state import Fields, Stateful, StateLayout
 from panoptic_ros.sync.agreement import Agreement, PendingLine
 from panoptic_ros.sync.config import SyncConfig
-from panoptic_ros.sync.correction import CameraClock, StampCorrection
 from panoptic_ros.sync.instants import CameraInstants, InstantGrid, Instants, PeriodEstimate, choose_master
 from panoptic_ros.sync.jumps import GuardedCamera, SetBackGuard
 from panoptic_ros.sync.liveness import LiveCamera, Liveness
 from panoptic_ros.sync.majority import Majority, Vote
-from panoptic_ros.sync.outliers import LATEST_NS, StampGate, StampOutliers
+from panoptic_ros.sync.outliers import StampGate, StampOutliers
 from panoptic_ros.sync.overlap import Overlap
 from panoptic_ros.sync.queue import CameraQueue, QueuedFrame
 from panoptic_ros.sync.resample import Neighbours, interpolate
@@ -77,7 +77,7 @@ LAYOUT = StateLayout(
         Fields.named(Majority, "votes offset reach _periods _count"),
         Fields.named(Overlap, "_cameras _joined _apart _told started _begin"),
         Fields.named(SetBackGuard, "_cameras _shift"),
-        Fields.named(CameraQueue, "frames pace ended silent last_given _keeps_last"),
+        Fields.named(CameraQueue, "frames pace ended silent last_given middle_ns _keeps_last"),
         Fields.named(PeriodEstimate, "_steps newest"),
         Fields.named(InstantGrid, "_rate _phase period"),
         Fields.named(CameraInstants, "master period _same_rate _phases _last"),
@@ -114,8 +114,13 @@ class SyncStage(Stateful):
     def reset(self) -> None:
         """Drop all frames and clocks; the next set has index 0."""
         self._outliers = StampOutliers(self._rig.names)
-        self._correction = StampCorrection({c.name: c.clock for c in self._rig.cameras}, self._config)
         live, start_ns = self._deadline_ns > 0, START * self._deadline_ns
+        self._correction = StampCorrection(
+            {camera.name: camera.clock for camera in self._rig.cameras},
+            self._config.clocks,
+            self._config.delays_ms,
+            HELD if live else max(HELD, self._config.queue_limit),
+        )
         self._agreement: Agreement[ViewDetections] | None = None
         if live:
             self._agreement = Agreement(self._rig.names, start_ns)
@@ -123,7 +128,8 @@ class SyncStage(Stateful):
         self._guard = SetBackGuard(self._rig.names)
         self._came: tuple[int | None, int | None] = None, None  # arrival of the next record, see `arrived`
         self._liveness = Liveness(self._rig.names) if self._deadline_ns else None
-        self._queues = {name: CameraQueue(self._interpolates) for name in self._rig.names}
+        middles = {camera.name: round(1e9 * camera.middle_s) for camera in self._rig.cameras}
+        self._queues = {name: CameraQueue(self._interpolates, middles[name]) for name in self._rig.names}
         self._in_order = list(self._queues.values())
         self._current: int | None = None  # instant that waits for its frames
         self._decided = 0  # number of queues in `_in_order` with a decided choice for that instant
@@ -224,11 +230,12 @@ class SyncStage(Stateful):
                 queue.frames.pop()
                 notices.append(_dropped("sync.out_of_time", view, EARLY, "info"))
                 continue
+            stamp = queue.frames[-1].stamp
             if self._liveness is not None:
-                self._liveness.took(view.camera, view.stamp_ns)
-            if not self._is_overdue(view.stamp_ns):
+                self._liveness.took(view.camera, stamp)
+            if not self._is_overdue(stamp):
                 self._hear(view.camera, notices)
-            if self._is_late(view.stamp_ns):
+            if self._is_late(stamp):
                 queue.frames.pop()
                 notices.append(_dropped("sync.late_frame", view, "its set has been given already"))
             elif len(queue.frames) > self._config.queue_limit:
@@ -383,7 +390,8 @@ class SyncStage(Stateful):
                 why = "another frame of its camera is nearer to the set"
                 notices.append(_dropped("sync.surplus_frame", view, why, "info"))
             if choice.frame is not None and self._interpolates:
-                views.append(interpolate(Neighbours.of(queue, choice, self._rig.camera(name)), stamp))
+                neighbours = Neighbours.of(queue, choice, self._rig.camera(name))
+                views.append(interpolate(neighbours, stamp - queue.middle_ns))
             elif choice.frame is not None:
                 views.append(choice.frame.view)
             queue.take(choice)

@@ -6,8 +6,8 @@ robust:
 
 * All common joints count, each compared with a constant-velocity prediction and its uncertainty.
 * The assignment is optimal per frame (Hungarian) instead of nearest.
-* After a gap, position, bone lengths and clothes decide: at once within 2 s, later by the probabilities of
-  `identity.likeness`.
+* After a gap, a person is recognised by position, bone lengths and clothes: at once within 2 s, later by the
+  probabilities of `identity.likeness`.
 * A skeleton of few views gets an identity only after it was seen repeatedly.
 
 The parameter `tracking.method=head` selects the method of the paper.

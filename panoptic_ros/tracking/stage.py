@@ -12,13 +12,12 @@ from panoptic_ros.domain import PoseSet, SubjectSet, TrackedPoseSet, TrackSet, V
 from panoptic_ros.domain.checks import known_good
 from panoptic_ros.domain.of_all import joined, selected
 from panoptic_ros.errors import DataError
-from panoptic_ros.identity.appearance import Colours, colour_evidence, looks_at
+from panoptic_ros.identity.appearance import ClothingColours, colour_evidence, looks_at
 from panoptic_ros.identity.assignment import best_pairs
 from panoptic_ros.identity.likeness import (
     NEW,
-    SURE,
     WAIT,
-    Bones,
+    BoneLengths,
     bone_evidence,
     paired,
     place_evidence,
@@ -26,16 +25,14 @@ from panoptic_ros.identity.likeness import (
     seen_bones,
 )
 from panoptic_ros.identity.motion import JointMotion
-from panoptic_ros.identity.subjects import Seen, found_subjects, subjects_of
+from panoptic_ros.identity.returns import RETURN_S, returns_at_once
+from panoptic_ros.identity.subjects import VisibleTracks, found_subjects, subjects_of
 from panoptic_ros.solving.limbs import limbs_of
 from panoptic_ros.stage import Notice, StageContext, StepResult
 from panoptic_ros.state import Stateful, StateLayout
 from panoptic_ros.tracking.config import TrackingConfig
-from panoptic_ros.tracking.tracks import ALONE, Bodies, Tracks, head_distances, joint_distances
+from panoptic_ros.tracking.tracks import ALONE, TrackedBodies, Tracks, head_distances, joint_distances
 
-RETURN_S = 2.0  # s, absence up to which a similar person nearby is re-identified at once
-UNLIKE = -3.0  # log-odds below which no person is re-identified at once
-CLEAR = float(np.log(SURE / (1.0 - SURE)))  # log-odds by which one person must exceed all others
 Array = np.ndarray
 BLIND_S = (0.5, 15.0)  # s between two sets, limits of a pause: shorter = slow camera, longer = another scene
 KEPT = 16  # size of each camera's buffer of newest `ViewAppearance` records that wait for their instant
@@ -43,7 +40,7 @@ OF_INSTANT = ("index", "stamp_ns", "skeleton_hash", "newest_ns")
 OF_PEOPLE = ("positions", "covariances", "scores", "views", "states", "person_scores")
 
 
-class Arrivals(NamedTuple):
+class ReidentificationCues(NamedTuple):
     """P people who have appeared.
 
     Args:
@@ -53,11 +50,11 @@ class Arrivals(NamedTuple):
     """
 
     middles: Array
-    bones: Bones
-    clothes: Colours
+    bones: BoneLengths
+    clothes: ClothingColours
 
     @classmethod
-    def of_instant(cls, poses: PoseSet, rows: Array, looks: Array, bones: Array) -> Arrivals:
+    def of_instant(cls, poses: PoseSet, rows: Array, looks: Array, bones: Array) -> ReidentificationCues:
         """Return the record of some skeletons of an instant.
 
         Args:
@@ -67,15 +64,15 @@ class Arrivals(NamedTuple):
         """
         positions = poses.positions[rows]
         known = seen_bones(positions, poses.covariances[rows], bones)
-        return cls(np.nanmedian(positions, axis=1), known, Colours.of_looks(looks[rows]))
+        return cls(np.nanmedian(positions, axis=1), known, ClothingColours.of_looks(looks[rows]))
 
     @classmethod
-    def of_tracks(cls, tracks: Tracks) -> Arrivals:
+    def of_tracks(cls, tracks: Tracks) -> ReidentificationCues:
         """Return the record of people who were tracked since they appeared."""
         return cls(tracks.bodies.middles, tracks.bones, tracks.clothes)
 
 
-def return_odds(lost: Tracks, came: Arrivals, groups: Array) -> Array:
+def return_odds(lost: Tracks, came: ReidentificationCues, groups: Array) -> Array:
     """Return the log-odds (T, P) that T lost people are P new people, by bones, position and clothes.
 
     Args:
@@ -87,25 +84,22 @@ def return_odds(lost: Tracks, came: Arrivals, groups: Array) -> Array:
     return odds
 
 
-def returned_at_once(lost: Tracks, came: Arrivals, groups: Array, reach: Array) -> list[tuple[int, int]]:
+def returned_at_once(
+    lost: Tracks, came: ReidentificationCues, groups: Array, reach: Array
+) -> list[tuple[int, int]]:
     """Return pairs (lost, new) of people who were lost at most RETURN_S ago and have reappeared nearby.
 
-    The pairs are the optimal assignment by the log-odds. A person who may as well be one lost longer ago is
-    in no pair: that is decided after more observations.
+    See `identity.returns`.
 
     Args:
         groups: (B,) of bones, see `identity.likeness.paired`.
         reach: (T,) m, distance that each lost person may have moved.
     """
-    odds = return_odds(lost, came, groups)
-    soon = lost.missed <= RETURN_S
-    rival = odds[~soon].max(axis=0, initial=-np.inf)
     near = ground_distances(lost, came) <= reach[:, None]
-    can_be = near & soon[:, None] & (odds >= np.maximum(UNLIKE, rival + CLEAR))
-    return best_pairs(np.where(can_be, -odds, np.inf), -UNLIKE)
+    return returns_at_once(return_odds(lost, came, groups), lost.missed, near)
 
 
-def ground_distances(lost: Tracks, came: Arrivals) -> Array:
+def ground_distances(lost: Tracks, came: ReidentificationCues) -> Array:
     """Return the distances (T, P) m on the ground from predicted positions of lost people to new people."""
     distances: Array = np.linalg.norm((lost.bodies.middles[:, None] - came.middles[None])[..., :2], axis=-1)
     return distances
@@ -117,7 +111,7 @@ class TrackingStage(Stateful):
     LAYOUT = StateLayout(
         "tracking",
         ("_tracks", "_next", "_last_ns", "_subjects", "_begun_ns", "_clothes"),
-        (Tracks, JointMotion, Bodies, Colours, SubjectSet, ViewAppearance),
+        (Tracks, JointMotion, TrackedBodies, ClothingColours, SubjectSet, ViewAppearance),
         lasting=("_next", "_subjects"),
         same={"configuration": "_config", "skeleton": "_hash"},
     )
@@ -235,7 +229,7 @@ class TrackingStage(Stateful):
         if len(lost) and len(open_rows):  # a lost person may have reappeared
             gone = selected(tracks, lost)
             reach = config.return_distance + config.return_speed * gone.unseen
-            came = Arrivals.of_instant(item, open_rows, looks, self._bones)
+            came = ReidentificationCues.of_instant(item, open_rows, looks, self._bones)
             for t, p in returned_at_once(gone, came, self._pairs, reach):
                 owners[open_rows[p]] = lost[t]
         return owners
@@ -267,7 +261,7 @@ class TrackingStage(Stateful):
         lost = np.flatnonzero((tracks.ids >= 0) & (tracks.missed > 0.0) & away.any())
         if self._config.method == "head":  # this method uses the head alone
             lost = lost[:0]
-        came = Arrivals.of_tracks(selected(tracks, fresh))
+        came = ReidentificationCues.of_tracks(selected(tracks, fresh))
         odds = return_odds(selected(tracks, lost), came, self._pairs)
         found = recognised(odds, tracks.seconds[fresh], self._config.recognition_time)
         gone = []
@@ -326,7 +320,7 @@ class TrackingStage(Stateful):
         if len(rows) and self._begun_ns is None:
             self._begun_ns = stamp_ns
         if len(missing) and len(rows):
-            seen = Seen(tracks.ids[rows], tracks.bodies.middles[rows], tracks.bodies.drifts[rows])
+            seen = VisibleTracks(tracks.ids[rows], tracks.bodies.middles[rows], tracks.bodies.drifts[rows])
             chosen = found_subjects(subjects, missing, seen, stamp_ns, self._begun_ns or stamp_ns)
             found = {int(rows[row]): s for row, s in chosen.items()} | found
         for row, s in found.items():

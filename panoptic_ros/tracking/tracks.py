@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from panoptic_ros.domain import PoseSet, TrackSet
-from panoptic_ros.identity.appearance import Colours
+from panoptic_ros.identity.appearance import ClothingColours
 from panoptic_ros.identity.bone_lengths import learn_lengths
-from panoptic_ros.identity.likeness import Bones, learnt_bones
+from panoptic_ros.identity.likeness import BoneLengths, learnt_bones
 from panoptic_ros.identity.motion import JointMotion, predict, update_joints
 from panoptic_ros.kernels import njit
 from panoptic_ros.solving.limbs import Limbs
@@ -17,8 +17,9 @@ from panoptic_ros.solving.limbs import Limbs
 Array = np.ndarray
 
 KNOWN_AFTER = 10  # number of measurements of a bone from which its length is treated as known
-# Number of measurements over which a bone length is averaged. It is no time: a bone does not change, and the
-# certainty of the mean depends on the number of measurements. The limit lets errors of the first ones fade.
+# Number of measurements over which a bone length is averaged. It is a count and not a duration: bones do
+# not change, and the certainty of the mean depends on the number of measurements. The average is limited so
+# that errors of the first measurements fade.
 LENGTH_MEMORY = 60.0
 DRIFT_FADE_TIME = 0.5  # s, time constant with which the velocity of an unseen person decays
 BALANCE_TIME = 0.316  # s, time constant of the balance of exchanged and straight views: factor 0.9 per 1/30 s
@@ -29,7 +30,7 @@ WORST = 10.0  # standard deviations at which distances of joints are truncated
 ALONE = 11.0
 
 
-class Bodies(NamedTuple):
+class TrackedBodies(NamedTuple):
     """Bone lengths and body motion of T people.
 
     Args:
@@ -66,8 +67,8 @@ class Tracks(NamedTuple):
 
     ids: Array
     motion: JointMotion
-    bodies: Bodies
-    clothes: Colours
+    bodies: TrackedBodies
+    clothes: ClothingColours
     heads: Array
     unseen: Array
     missed: Array
@@ -82,8 +83,8 @@ class Tracks(NamedTuple):
         return cls(
             np.full(people, -1),
             JointMotion.of_new(people, joints),
-            Bodies(numbers[0] * np.nan, numbers[1], numbers[2], unknown[0], np.zeros((people, 3))),
-            Colours.of_new(people),
+            TrackedBodies(numbers[0] * np.nan, numbers[1], numbers[2], unknown[0], np.zeros((people, 3))),
+            ClothingColours.of_new(people),
             unknown[1],
             np.zeros(people),
             np.zeros(people),
@@ -93,7 +94,7 @@ class Tracks(NamedTuple):
         )
 
     @property
-    def bones(self) -> Bones:
+    def bones(self) -> BoneLengths:
         """Return the learnt bone lengths with their variances."""
         return learnt_bones(*self.bodies[:3])
 
@@ -225,8 +226,8 @@ def _distance(a, b):
 def joint_distances(states, variances, positions, covariances):
     """Return the mean distances (T, P) m of predicted and measured joints, and assignment costs (T, P).
 
-    Both are means over the common joints, infinite if there are none. The distance serves for gating. The
-    cost is the negative logarithm, up to a constant, of a density that falls off with the truncated
+    Both are means over the common joints, infinite if there are none. The distance is compared with a gate.
+    The cost is the negative logarithm, up to a constant, of a density that falls off with the truncated
     Mahalanobis distance. The cost grows with the uncertainty of the prediction. A person who was not seen for
     a while may be anywhere, and is less likely to be here.
 

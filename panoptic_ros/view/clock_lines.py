@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.offsets import CameraClocks
 from panoptic_ros.offsets.sound import SoundClockEstimate
 
@@ -102,3 +103,31 @@ def contradictions(sound: SoundClockEstimate, motion: CameraClocks) -> list[str]
         for c, name in enumerate(sound.clocks.cameras)
         if known[c] and abs(beside[c]) > AIR * both[c]
     ]
+
+
+def camera_time_lines(motion: ContinuousMotion, clocks: bool, lines: bool) -> list[str]:
+    """Return one line per camera: clock offset, drift and line delay with standard deviations.
+
+    Args:
+        clocks, lines: which of them were estimated.
+    """
+    texts = []
+    for c, name in enumerate(motion.cameras):
+        offset, drift, line = motion.clocks.values[:, c]
+        known, steady, rolled = motion.clocks.observable[:, c]
+        offset_sd, drift_sd, line_sd = motion.clocks.deviations[:, c]
+        parts = []
+        if clocks and known:
+            parts.append(f"{1e3 * offset:+.2f} ms +- {1e3 * offset_sd:.2f}")
+            drifting = f"{1e6 * drift:+.0f} ppm +- {1e6 * drift_sd:.0f}"
+            parts.append(drifting if steady else "drift not observable")
+        elif clocks:
+            parts.append("clock not observable, stamps kept")
+        if lines and rolled:
+            parts.append(f"{1e6 * line:.1f} us per row +- {1e6 * line_sd:.1f}")
+        elif lines:
+            parts.append("line delay not observable")
+        texts.append(f"{name}: {', '.join(parts)}")
+    if not motion.clocks.observable.all():
+        texts.append("not observable: too little motion in the views, or too short a recording")
+    return texts

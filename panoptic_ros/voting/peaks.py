@@ -40,7 +40,7 @@ class KnownNodes(NamedTuple):
     Args:
         nodes: The nodes.
         velocities: (N, 3) m/s.
-        delays: (V,) s, timestamp of each view minus the instant of the nodes.
+        delays: (V,) s, exposure of each view's middle row minus the instant of the nodes.
     """
 
     nodes: NodeProposals

@@ -97,7 +97,9 @@ class VotingStage(Stateful):
         if config.method == "exact":
             nodes = maxima(scene, self.volume, wanted)
         else:
-            delays = np.array([1e-9 * (view.stamp_ns - item.stamp_ns) for view in views])
+            middles = [camera.middle_s for camera in cameras]
+            since = [1e-9 * (view.stamp_ns - item.stamp_ns) for view in views]
+            delays = np.array(since) + np.array(middles)
             known = KnownNodes.of_nobody(delays)
             if config.explain_away:
                 known = self._known(scene, wanted, association, delays)

@@ -30,7 +30,7 @@ class PointMotion(NamedTuple):
 
     Args:
         velocities: (N, 3) m/s.
-        delays: (V,) s, timestamp of each view minus the instant of the points.
+        delays: (V,) s, exposure of each view's middle row minus the instant of the points.
         reach: (N,) m, distance from the assumed position within which a point may lie.
     """
 

@@ -5,8 +5,8 @@ import numpy as np
 from seen_views import observations
 
 from panoptic_ros.assembly.judgement import (
-    Joints,
-    Standards,
+    AcceptanceCriteria,
+    JointEstimates,
     in_capture_space,
     judge_joints,
     kept_people,
@@ -18,11 +18,11 @@ from panoptic_ros.assembly.residuals import residuals_to_learn
 from panoptic_ros.domain import Camera
 from panoptic_ros.geometry import Rigid
 from panoptic_ros.solving.joint_records import SolvedJoints
-from panoptic_ros.solving.scene import Cameras
+from panoptic_ros.solving.scene import CameraPoses
 
 PEOPLE, JOINTS, VIEWS, ROWS = 4, 6, 5, 9
 CAMERAS = captures.RIG.cameras
-STANDARDS = Standards(1.1, 0.8, 1e3, 0.5)
+STANDARDS = AcceptanceCriteria(1.1, 0.8, 1e3, 0.5)
 
 
 def solved(seed):
@@ -100,7 +100,7 @@ def test_people_need_a_joint_and_agreement():
     good[2, :1] = False
     places[~good] = np.nan
     places[3], good[3] = 30.0, False  # at nodes, without 2D poses
-    joints = Joints.nothing(4, 6)._replace(positions=places)
+    joints = JointEstimates.nothing(4, 6)._replace(positions=places)
     member, observed = np.zeros((4, 2), np.int64), np.full((4, 6), 3)
     member[3], observed[3] = -1, 0
     assert kept_people(joints, good, observed, member, STANDARDS).tolist() == [0, 2, 3]
@@ -121,19 +121,20 @@ def test_residuals_to_learn_have_leverage_taken_out():
     plane = rng.standard_normal((ROWS, JOINTS, 2))
     rotations, _ = np.linalg.qr(rng.standard_normal((VIEWS, 3, 3)))
     translations, focals = rng.uniform(3.0, 5.0, (VIEWS, 3)), rng.uniform(800.0, 900.0, VIEWS)
-    kept, delays = np.array([0, 2, 3]), rng.uniform(-0.02, 0.02, VIEWS)
+    kept, delays = np.array([0, 2, 3]), rng.uniform(-0.02, 0.02, (ROWS, JOINTS))
     shifts = rng.standard_normal(positions.shape)
+    seen = observations(
+        plane,
+        precision,
+        np.zeros(ROWS, int),
+        np.zeros(VIEWS + 1, int),
+        CameraPoses(rotations, translations, np.zeros(VIEWS)),
+    )
     rows, joints, pixels = residuals_to_learn(
         kept,
         SolvedJoints(positions, normals, residuals, picks),
         shifts,
-        observations(
-            plane,
-            precision,
-            np.zeros(ROWS, int),
-            np.zeros(VIEWS + 1, int),
-            Cameras(rotations, translations, delays),
-        ),
+        seen._replace(delays=delays),
         focals,
     )
     expected = []
@@ -141,7 +142,7 @@ def test_residuals_to_learn_have_leverage_taken_out():
         for j in np.flatnonzero(np.isfinite(positions[p, :, 0]) & ((residuals[p] >= 0.0).sum(-1) >= 3)):
             for v in np.flatnonzero(picks[p, j, :, 0] >= 0):
                 d, s = picks[p, j, v]
-                local = rotations[v] @ (positions[p, j] + delays[v] * shifts[p, j]) + translations[v]
+                local = rotations[v] @ (positions[p, j] + delays[d, s] * shifts[p, j]) + translations[v]
                 point = local[:2] / local[2]
                 jacobian = (rotations[v, :2] - point[:, None] * rotations[v, 2]) / local[2]
                 spread = jacobian @ np.linalg.inv(full(normals[p, j])) @ jacobian.T

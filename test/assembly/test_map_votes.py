@@ -3,7 +3,7 @@
 import numpy as np
 from fed_stages import unassociated
 
-from panoptic_ros.assembly.judgement import Joints
+from panoptic_ros.assembly.judgement import JointEstimates
 from panoptic_ros.assembly.map_votes import (
     VoteNoise,
     chosen_nodes,
@@ -58,7 +58,7 @@ def test_a_vote_counts_as_sure_as_it_is_against_the_triangulated_joint():
     own = np.array([1e-8, 4e-4, 9.0])[:, None, None] * np.eye(3)  # sure, as sure as the vote, not at all
     for covariance, moved in zip(own, (0.0, 0.015, 0.03)):
         covariances, ones = np.tile(covariance, (2, 2, 1, 1)), np.ones((2, 2))
-        joints = Joints(places.copy(), covariances.copy(), ones, np.full((2, 2), 3), 0.0 * ones)
+        joints = JointEstimates(places.copy(), covariances.copy(), ones, np.full((2, 2), 3), 0.0 * ones)
         item = proposals([[0.03, 0, 1]], [0])
         noise = VoteNoise(0.08, np.full(2, 0.02), 0.03)
         move_to_votes(joints, np.full_like(places, np.nan), item, PAIR, noise)

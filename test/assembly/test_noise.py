@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from standing_people import ring
 
-from panoptic_ros.assembly.noise import CARRIED_NOISE, Marks, NoiseTable, sizes_of
+from panoptic_ros.assembly.noise import CARRIED_NOISE, NoiseCovariates, NoiseTable, sizes_of
 from panoptic_ros.domain.rig_arrays import RigArrays
 
 RIG = replace(RigArrays.of(ring(2)), diagonals=np.array([2000.0, 1000.0]), focals=np.array([900.0, 800.0]))
@@ -18,7 +18,7 @@ def marks(scores, cameras, ages=None, zoom=1.0, kinds=0):
     ages = np.zeros(len(scores)) if ages is None else ages
     kinds = kinds + np.zeros(scores.shape, int)
     shown = plane, np.full(scores.shape, zoom), scores
-    return Marks(*shown, kinds, cameras, sizes_of(*shown), ages)
+    return NoiseCovariates(*shown, kinds, cameras, sizes_of(*shown), ages)
 
 
 def sizes_of_boxes(plane):

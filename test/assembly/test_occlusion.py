@@ -13,10 +13,10 @@ from panoptic_ros.assembly.occlusion import (
     hidden_joints,
     hidden_observations,
 )
-from panoptic_ros.solving.limbs import Sides, limbs_of
-from panoptic_ros.solving.scene import Cameras
+from panoptic_ros.solving.limbs import SideTest, limbs_of
+from panoptic_ros.solving.scene import CameraPoses
 
-EYE = Cameras(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1))  # a camera at the origin that looks along z
+EYE = CameraPoses(np.eye(3)[None], np.zeros((1, 3)), np.zeros(1))  # a camera at the origin that looks along z
 NO_BONES = np.zeros((0, 2), np.int64)
 
 
@@ -86,7 +86,7 @@ def test_equals_a_walk_along_the_line_of_sight(seed):
 def test_people_behind_one_another(scenes):
     skeleton = scenes.skeleton
     groups, _, _ = limbs_of(skeleton)
-    bones, radii = body_bones(skeleton, Sides(skeleton, groups).torso)
+    bones, radii = body_bones(skeleton, SideTest(skeleton, groups).torso)
     assert len(bones) == len(skeleton.bones) + 2
     rig = scenes.ring(4)
     stack = rig.stack()
@@ -99,7 +99,7 @@ def test_people_behind_one_another(scenes):
         np.ones((2, 4), bool),
         bones,
         radii,
-        Cameras(stack.rotations, stack.translations, np.zeros(4)),
+        CameraPoses(stack.rotations, stack.translations, np.zeros(4)),
     )
     assert hidden[1, 0].mean() > hidden[0, 0].mean()
     assert (hidden[1, 0] > 0).sum() >= 5

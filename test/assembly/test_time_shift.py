@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fed_stages import FedAssembly, seen_by
+from rolling import rolling_points, with_line_delays
 
 DELAYS = (-0.014, 0.009, -0.003, 0.012, 0.004)  # s, of the cameras
 VELOCITY = np.array([1.1, -0.6, 0.3])  # m/s
@@ -66,6 +67,26 @@ def test_equal_stamps_have_no_shift(scenes):
     sets, _ = moving(scenes, rig, 2, delays=(0.0, 0.0, 0.0))
     for pose in poses(scenes, rig, sets):
         assert pose.time_shift is None and pose.newest_ns == pose.stamp_ns
+
+
+@pytest.mark.parametrize("first_rows_s", [0.0, -0.5 * 959 * 30e-6])
+def test_rows_of_rolling_shutters_are_different_instants(scenes, first_rows_s):
+    """Also where the middle rows of all views are exposed at the instant of the set."""
+    rig, sets, truth = with_line_delays(scenes.ring(5), (30.0,)), [], []
+    for index in range(12):
+        whole = scenes.proposals(rig, [scenes.person()], index=index, rate=RATE)
+        truth.append(scenes.person() + VELOCITY * index / RATE)
+
+        def joints_at(seconds, now=truth[-1]):
+            return (now + VELOCITY * seconds)[None]
+
+        points = [rolling_points(camera, joints_at, first_rows_s) for camera in rig.cameras]
+        stamp = whole.stamp_ns + round(1e9 * first_rows_s)
+        views = [replace(v, stamp_ns=stamp, points=own) for v, own in zip(whole.detections.views, points)]
+        sets.append(seen_by(whole, views))
+    pose = poses(scenes, rig, sets)[-1]
+    assert np.abs(pose.time_shift.assumed[0] - VELOCITY).max() < 0.05
+    assert np.abs(pose.positions[0] - truth[-1]).max() < 1e-3
 
 
 def test_noise_of_joints_that_move_is_learnt_like_that_of_those_that_rest(scenes):

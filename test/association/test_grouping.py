@@ -9,7 +9,7 @@ from panoptic_ros.association.grouping import MIN_COMMON, MIRROR_MARGIN, assign,
 from panoptic_ros.domain import Evidence
 from panoptic_ros.domain.rig_arrays import CAMERA
 from panoptic_ros.solving.agreement import agreement_with_people
-from panoptic_ros.solving.scene import Cameras, Scene, Sight
+from panoptic_ros.solving.scene import CameraPoses, Scene, ViewVisibility
 
 JOINTS = 7
 MIRROR = np.array([0, 2, 1, 4, 3, 6, 5])
@@ -59,13 +59,14 @@ def scene_of(people, views=5, noise=0.001, keep=1.0, seed=0, swapped=()):
         scores,
         delays,
     )
-    cams = Cameras(rotations, translations, delays)
+    cams = CameraPoses(rotations, translations, delays)
     cameras = np.zeros(views, CAMERA)  # of images of x and y from -1 to 1
     for name, value in {"fx": 1, "fy": 1, "cx": 0.5, "cy": 0.5, "width": 2, "height": 2, "fold": 9}.items():
         cameras[name] = value
-    sight = Sight(cameras, np.zeros(3 * views))
+    sight = ViewVisibility(cameras, np.zeros(3 * views))
     precision, focals = np.full(plane.shape[:2], 500.0), np.full(views, 1000.0)
-    scene = Scene(evidence, precision, MIRROR, cams, centres, focals, sight, np.full(len(plane), np.inf))
+    sizes, late = np.full(len(plane), np.inf), np.zeros(scores.shape)
+    scene = Scene(evidence, precision, MIRROR, cams, centres, focals, sight, sizes, late)
     return scene, np.array(truth, int)
 
 

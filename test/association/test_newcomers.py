@@ -11,7 +11,7 @@ from panoptic_ros.association.grouping import (
     enough_support,
 )
 from panoptic_ros.domain.rig_arrays import CAMERA
-from panoptic_ros.solving.scene import HIDDEN, OUTSIDE, SEEN, Cameras, Sight, look_at
+from panoptic_ros.solving.scene import HIDDEN, OUTSIDE, SEEN, CameraPoses, ViewVisibility, look_at
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -27,16 +27,16 @@ def test_best_pairs_are_the_first_of_a_stable_sort(seed):
 
 
 def test_a_view_sees_whoever_has_half_of_the_known_joints_in_its_image():
-    cams = Cameras(np.eye(3)[None].repeat(3, 0), np.zeros((3, 3)), np.ones(3))
+    cams = CameraPoses(np.eye(3)[None].repeat(3, 0), np.zeros((3, 3)), np.ones(3))
     cameras = np.zeros(3, CAMERA)
     cameras["fy"], cameras["cy"], cameras["fold"] = 1.0, 0.5, 9.0
     cameras["width"] = cameras["height"] = 2.0
     cameras["fx"], cameras["cx"] = [1.0, 10.0, 2.0], [0.5, 0.5, -1.1]  # x of -1 to 1, -0.1 to 0.1, 0.3 to 1.3
     person = np.array([[0.0, 0, 2], [1.0, 0, 2], [np.nan] * 3, [0.0, 0, -2], [1.0, 0.2, 2]])
-    sight = Sight(cameras, np.zeros(9))
+    sight = ViewVisibility(cameras, np.zeros(9))
     assert look_at(person, cams, sight).tolist() == [SEEN, OUTSIDE, SEEN]
     wall = np.array([9.0, 2, 1, 0, 0, 0, 0, 0, 0, 1.9, 1.9])  # of the first view, nearer than the person
-    behind = look_at(person, cams, Sight(cameras, wall))
+    behind = look_at(person, cams, ViewVisibility(cameras, wall))
     assert behind.tolist() == [HIDDEN, OUTSIDE, SEEN]
 
 

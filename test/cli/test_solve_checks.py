@@ -113,17 +113,12 @@ def test_exchanged_lenses_are_named(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert capsys.readouterr().err == ""
 
 
-def alone(views: Views) -> Views:
-    """Every camera at instants of its own."""
+def alone(views: Views, apart_ns: int = 1_000_000_000) -> Views:
+    """Every camera at instants of its own, in frames of one view."""
     at = {name: k for k, name in enumerate(captures.RIG.names)}
-    return [
-        replace(
-            view,
-            frame_number=4 * view.frame_number + at[view.camera],
-            stamp_ns=view.stamp_ns + 1000 * at[view.camera],
-        )
-        for view in views
-    ]
+    moved = [replace(view, stamp_ns=view.stamp_ns + apart_ns * at[view.camera]) for view in views]
+    moved.sort(key=lambda view: view.stamp_ns)
+    return [replace(view, frame_number=k) for k, view in enumerate(moved)]
 
 
 def emptied(view: ViewDetections) -> ViewDetections:
@@ -165,20 +160,34 @@ def test_reasons_that_people_have(change: Callable[[ViewDetections], ViewDetecti
     assert why_nobody(sets, 2 * FRAMES, ()) == [] == why_nobody(sets[:1], 0, ())
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (alone, "every instant has one view only; are the stamps of all cameras of one clock"),
-        (in_turn, "no two views of an instant show people"),
-    ],
-)
-def test_nobody_out_of_many_names_the_reason(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], change: Callable[[Views], Views], says: str
-) -> None:
-    assert solve(tmp_path, captures.RIG, change(captures.views(FRAMES))) == 0
+def test_nobody_out_of_many_names_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    says = "no two views of an instant show people"
+    assert solve(tmp_path, captures.RIG, in_turn(captures.views(FRAMES))) == 0
     assert all(not len(frame.ids) for frame in read_skeletons(tmp_path / "s.json.gz").frames)
     error = capsys.readouterr().err
     assert "warning: no people were found in 3D although the views show" in error and says in error
+
+
+@pytest.mark.parametrize("apart_ns", [0, 2_000_000])
+def test_views_one_by_one_are_grouped(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], apart_ns: int
+) -> None:
+    assert solve(tmp_path, captures.RIG, alone(captures.views(FRAMES), apart_ns)) == 0
+    frames = read_skeletons(tmp_path / "s.json.gz").frames
+    assert [len(frame.ids) for frame in frames] == [2] * FRAMES
+    told = capsys.readouterr()
+    assert f"views come one per frame in {tmp_path / 'd.json'}; they are grouped into 12 sets" in told.out
+    assert told.err == ""
+
+
+def test_slow_cameras_that_never_expose_together_call_for_another_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert solve(tmp_path, captures.RIG, alone(captures.views(20, rate=10), apart_ns=25_000_000)) == 0
+    assert any(len(frame.ids) for frame in read_skeletons(tmp_path / "s.json.gz").frames)
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "continuous" in line]
+    assert line.startswith("warning: cameras of 10.0 Hz expose 75 ms apart")
+    assert line.endswith("use `panoptic continuous` with the same --rig and --detections")
 
 
 def test_a_rig_that_is_wrong_is_the_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

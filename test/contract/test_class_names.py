@@ -12,21 +12,6 @@ import panoptic_ros
 SOURCES = {
     name: path.read_text() for name, path in layers.modules(Path(panoptic_ros.__file__).parent).items()
 }
-# Names that exist twice in the folders of `OPEN`, or there and once elsewhere. Remove a name here when its
-# classes are renamed; add none.
-OPEN = ("assembly", "association", "identity", "refinement", "solving", "study", "tracking")
-LEFT = {
-    "Cameras",
-    "Case",
-    "Limbs",
-    "Motion",
-    "Outcome",
-    "People",
-    "Recording",
-    "Stage",
-    "_Kept",
-    "_Run",
-}
 
 
 def modules_by_class(sources):
@@ -43,19 +28,8 @@ def repeated(sources):
     return {name: modules for name, modules in modules_by_class(sources).items() if len(modules) > 1}
 
 
-def is_open(module):
-    return module.partition(".")[2].partition(".")[0] in OPEN
-
-
 def test_no_class_name_exists_twice():
-    found = repeated(SOURCES)
-    assert {name: modules for name, modules in found.items() if name not in LEFT} == {}
-    assert LEFT <= set(found), "these exist once now; remove them from LEFT"
-
-
-def test_names_that_are_left_are_those_of_folders_still_open():
-    closed = {name: source for name, source in SOURCES.items() if not is_open(name)}
-    assert repeated(closed) == {}
+    assert repeated(SOURCES) == {}
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from functools import cache
 import captures
 import numpy as np
 import pytest
-from stage_cases import NAMES, Case, cases, chain, content, views
+from stage_cases import NAMES, Case, cases, chain, content, free_views, views
 
 from panoptic_ros.domain import DetectionSet, EndOfStream, Rig
 from panoptic_ros.graph.build import config_class, configure, resolve
@@ -145,10 +145,13 @@ def shuffled_cases():
         "association": Case("association", {}, chain()["detection_sets"], ()),
         "sync": Case("sync", {"window_s": 0.005}, views(), ()),
         "sync-interpolated": Case("sync", {"resampling": "interpolate"}, views(), ()),
+        "continuous": Case("continuous", {"active": True}, free_views(), ()),
     }
 
 
-@pytest.mark.parametrize("name", ["timecode", "detection", *FUSION, "sync", "sync-interpolated"])
+@pytest.mark.parametrize(
+    "name", ["timecode", "detection", *FUSION, "sync", "sync-interpolated", "continuous"]
+)
 def test_the_order_of_arrival_does_not_matter(name):
     case = shuffled_cases()[name]
     expected = sorted(map(repr, map(content, hosted(case, 0))))

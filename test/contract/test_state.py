@@ -105,6 +105,7 @@ ANOTHER = {
     "clocks": {"window_s": 3.0},
     "detection": {"input_side": 128},
     "offsets": {"memory_s": 30.0},
+    "continuous": {"lag": 0.2},
     "sync": {"queue_limit": 99},
     "voting": {"explain_away": False},
     "association": {"track_memory": 0.7},

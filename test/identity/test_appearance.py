@@ -10,7 +10,7 @@ from panoptic_ros.identity.appearance import (
     LASTING,
     MISTAKEN,
     PEOPLE,
-    Colours,
+    ClothingColours,
     colour_evidence,
     looks_at,
 )
@@ -22,7 +22,7 @@ OTHER = SHIRT + PEOPLE
 
 def learnt(looks):
     """Colours of one person after looks (N, 2, 3)."""
-    colours = Colours.of_new(1)
+    colours = ClothingColours.of_new(1)
     for look in np.atleast_3d(looks):
         colours.learn(np.array([0]), look[None])
     return colours
@@ -61,13 +61,13 @@ def test_the_same_colours_tell_how_rare_they_are_and_others_are_not_taken_for_th
     assert -3.0 < odds(one, learnt(np.tile(half, (50, 1, 1)))) < 0.5
     light = SHIRT + [LASTING[0], 0.0, 0.0]
     assert odds(one, learnt(np.tile(light, (50, 1, 1)))) > 2.0
-    assert odds(one, Colours.of_new(1)) == 0.0
+    assert odds(one, ClothingColours.of_new(1)) == 0.0
     torso = np.where([[True], [False]], SHIRT, np.nan)
-    assert 0.0 < odds(one, Colours.of_looks(torso[None])) < -np.log(ALIKE[0])
+    assert 0.0 < odds(one, ClothingColours.of_looks(torso[None])) < -np.log(ALIKE[0])
 
 
 def test_who_returns_keeps_what_was_learnt_before():
-    both = Colours(
+    both = ClothingColours(
         *(
             np.concatenate(pair)
             for pair in zip(
@@ -77,7 +77,7 @@ def test_who_returns_keeps_what_was_learnt_before():
     )
     both.take_over(0, 1)
     assert np.allclose(both.means[1], SHIRT + 0.01) and (both.counts[1] == 40).all()
-    empty = Colours.of_new(2)
+    empty = ClothingColours.of_new(2)
     empty.take_over(0, 1)
     assert np.isnan(empty.means).all() and not empty.counts.any()
 

@@ -5,14 +5,21 @@ import pytest
 
 from panoptic_ros.domain import SubjectSet
 from panoptic_ros.errors import ConfigError, DataError
-from panoptic_ros.identity.subjects import REACH, WAIT, Seen, found_subjects, subject_word, subjects_of
+from panoptic_ros.identity.subjects import (
+    REACH,
+    WAIT,
+    VisibleTracks,
+    found_subjects,
+    subject_word,
+    subjects_of,
+)
 
 SECOND = 10**9
 
 
 def seen(*middles, drift=(0.0, 0.0, 0.0)):
     """People with the ids 0, 1, ... at these places."""
-    return Seen(np.arange(len(middles)), np.array(middles, float), np.tile(drift, (len(middles), 1)))
+    return VisibleTracks(np.arange(len(middles)), np.array(middles, float), np.tile(drift, (len(middles), 1)))
 
 
 def test_words_say_ids_and_places():

@@ -1,5 +1,7 @@
 """Skeletons written one by one are the same file as those written at once."""
 
+import gzip
+
 import pytest
 from stage_cases import cases
 
@@ -29,3 +31,19 @@ def test_the_bytes_are_the_same(poses, count, tmp_path):
     at_once, streamed = ((tmp_path / f"{name}.json.gz").read_bytes() for name in ("at_once", "stream"))
     assert streamed == at_once and stream.count == len(found)
     read_skeletons(tmp_path / "stream.json.gz")
+    write_skeletons(tmp_path / "plain.json", skeleton.joint_names, found)
+    assert (tmp_path / "plain.json").read_bytes() == gzip.decompress(at_once)
+
+
+def test_an_error_on_the_way_leaves_nothing(poses, tmp_path):
+    skeleton, found = poses
+
+    def cut():
+        yield found[0]
+        raise KeyboardInterrupt
+
+    (tmp_path / "s.json.gz").write_bytes(b"before")
+    with pytest.raises(KeyboardInterrupt):
+        write_skeletons(tmp_path / "s.json.gz", skeleton.joint_names, cut())
+    assert [path.name for path in tmp_path.iterdir()] == ["s.json.gz"]
+    assert (tmp_path / "s.json.gz").read_bytes() == b"before"

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rolling import with_line_delays
 from stage_cases import SECOND, cases, chain, imu_samples
 
 from panoptic_ros.domain import BodySource, ImuSample
@@ -320,3 +321,22 @@ def test_time_goes_on_where_most_devices_say_that_it_does_and_cameras_before_the
     assert [line.came(0, 500 * SECOND + k) for k in range(5)] == ["early"] * 4 + ["jump"]
     assert {line.came(name, 90 * SECOND + k) for k in range(50) for name in names} == {"early"}
     assert line.came(0, 501 * SECOND) == "" and line.came("arm", 91 * SECOND) == "odd"
+
+
+def test_views_of_rolling_shutters_count_at_their_middle_rows():
+    frames, case = chain(14), cases()["kinematics"]
+    rolling = replace(case.context, rig=with_line_delays(case.context.rig, (20.0,)))
+    middles = {camera.name: round(1e9 * camera.middle_s) for camera in rolling.rig.cameras}
+    bodies = []
+    for context, rolls in ((case.context, False), (rolling, True)):
+        stage = case.stage(context, rate_hz=30.0, lag=0.0)
+        found = []
+        for item, tracked in zip(frames["detection_sets"], frames["refinement"]):
+            views = [replace(v, stamp_ns=v.stamp_ns + SECOND - rolls * middles[v.camera]) for v in item.views]
+            for each in (replace(item, views=tuple(views), stamp_ns=item.stamp_ns + SECOND), tracked):
+                later = replace(each, stamp_ns=each.stamp_ns + SECOND) if each is tracked else each
+                found += stage.step(later).outputs
+        bodies.append(found)
+    assert len(bodies[0]) == len(bodies[1]) > 8
+    for one, other in zip(*bodies):
+        assert one.stamp_ns == other.stamp_ns and np.array_equal(one.keypoints, other.keypoints)

@@ -7,7 +7,9 @@ from dataclasses import replace
 import captures
 import numpy as np
 import pytest
+from free_cameras import FreeCapture
 from recordings import write_bag
+from rolling import rolling_points, with_line_delays
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.domain import Occluders, Rig, VisibilityLimit
@@ -48,6 +50,40 @@ def test_feedback_gives_the_same_bytes_in_one_process_and_in_one_node(tmp_path):
         assert main([*common, "--out", str(tmp_path / out), *more]) == 0
     assert json.loads((tmp_path / "process" / "offsets.json").read_text())
     assert skeletons(tmp_path / "node") == skeletons(tmp_path / "process")
+
+
+def test_instants_of_free_cameras_are_the_same_in_one_process_and_in_one_node(tmp_path):
+    """Cameras that expose one after the other; clocks of two of them are found meanwhile."""
+    capture = FreeCapture(seconds=2.5, offsets=[0.0, 0.03, 0.0, 0.0, -0.02, 0.0])
+    bag = write_bag(tmp_path / "bag", [item.views[0] for item in capture.sets], capture.rig)
+    settings = ["continuous.active=true", "offsets.active=true", "offsets.block_s=0.5"]
+    common = ["run", "--bag", str(bag), "--no-pictures", *(f"--set={text}" for text in settings)]
+    found = {}
+    for out, more in (("process", ["--in-process"]), ("node", [])):
+        assert main([*common, "--out", str(tmp_path / out), *more]) == 0
+        with BagReader(tmp_path / out / "bag") as bag_of_run:
+            found[out] = [str(message) for _, _, message in bag_of_run.messages("/skeletons_at")]
+    assert len(found["node"]) > 100 and found["node"] == found["process"]
+
+
+def test_rolling_shutters_give_the_same_bytes_with_and_without_ros(tmp_path):
+    """People in motion, of whom each image row shows another instant."""
+    rig, views = with_line_delays(captures.RIG, (30.0, 20.0, 40.0)), []
+    rng = np.random.default_rng(0)
+    for view in captures.views(20):
+        stamp = view.stamp_ns + 10**9
+        points = rolling_points(rig.camera(view.camera), captures.people, 1e-9 * stamp)
+        points = points + 0.2 * rng.standard_normal(points.shape)
+        points = np.where(view.scores[..., None] > 0.0, points, np.nan)
+        views.append(replace(view, stamp_ns=stamp, points=points))
+    bag = write_bag(tmp_path / "bag", views, rig)
+    for out, more in (("dds", []), ("process", ["--in-process"])):
+        assert main(["run", "--bag", str(bag), "--out", str(tmp_path / out), "--no-pictures", *more]) == 0
+    assert skeletons(tmp_path / "dds") == skeletons(tmp_path / "process")
+    for frame in read_skeletons(tmp_path / "process" / "skeletons.json.gz").frames[4:]:
+        truth = captures.people(1e-9 * frame.stamp_ns)
+        gaps = np.linalg.norm(frame.positions[:, None] - truth[None], axis=-1).max(-1)
+        assert gaps.min(axis=0).max() < 5e-3
 
 
 def test_people_are_right_and_nothing_is_lost(over_dds):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from rolling import rolling_points, with_line_delays
 
 from panoptic_ros.domain import DetectionSet, JointState, TrackedPoseSet, ViewDetections
 from panoptic_ros.simulation import simulate
@@ -16,9 +17,18 @@ OFFSETS = np.array([0.05, -0.02, 0.0, -0.045, 0.015])  # s, mean 0
 class Capture:
     """A ring of five cameras and the truth of two people, moving as much as `motion` says."""
 
-    def __init__(self, motion=1.0, noise_px=1.0, seconds=3.0, offsets=OFFSETS, drift=0.0, bias_px=0.0):
+    def __init__(
+        self,
+        motion=1.0,
+        noise_px=1.0,
+        seconds=3.0,
+        offsets=OFFSETS,
+        drift=0.0,
+        bias_px=0.0,
+        line_delays_us=(0.0,),
+    ):
         take = simulate(scene("clean-4p5v"), 1, 2)
-        self.rig, self.skeleton = take.rig, SKELETON
+        self.rig, self.skeleton = with_line_delays(take.rig, line_delays_us), SKELETON
         self.context = StageContext(self.rig, SKELETON)
         self.motion, self.offsets = motion, offsets
         self._shape = take.people[0].joints(np.zeros(1))[0]
@@ -41,7 +51,8 @@ class Capture:
         for c, camera in enumerate(self.rig.cameras):
             true = 1e-9 * (tick - START) + self.offsets[c]  # its stamp says `tick`
             true += drift * (c - 2) * (1e-9 * (tick - START) - 1.5)
-            points, seen = camera.project(self.joints(true))
+            _, seen = camera.project(self.joints(true))
+            points = rolling_points(camera, self.joints, true)
             points = points + self._bias[c] + noise_px * rng.standard_normal(points.shape)
             usable = seen & camera.contains(points)
             scores = np.where(usable, 0.8, 0.0)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rolling import with_line_delays
 
 from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import UsageError
@@ -11,7 +12,7 @@ from panoptic_ros.graph.clocks_from_motion import ClockCorrection, find_clocks
 from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.offsets import CameraClocks, MotionClocks, MotionClocksConfig, passes, regroup
 from panoptic_ros.solving.spans import WINDOW_S, WINDOWS, telling_spans
-from panoptic_ros.stage import untold
+from panoptic_ros.stage import StageContext, untold
 
 
 def found(capture, trusted="", sets=None, tracked=None):
@@ -60,6 +61,16 @@ def test_a_trusted_camera_keeps_its_stamps(make_capture):
     clocks = found(capture, capture.rig.names[0]).clocks
     assert clocks.offsets[0] == 0.0 and not clocks.applied[0]
     np.testing.assert_allclose(clocks.offsets, capture.offsets - capture.offsets[0], atol=1e-3)
+
+
+def test_rows_of_known_line_delays_are_no_clock_offsets(make_capture):
+    capture = make_capture(line_delays_us=(0.0, 30.0, 20.0), offsets=np.array([0.0, 0.02, 0.0, 0.0, -0.03]))
+    error = found(capture).clocks.offsets - capture.offsets
+    assert np.abs(error - error.mean()).max() < 1e-3
+    global_shutters = StageContext(with_line_delays(capture.rig, (0.0,)), capture.skeleton)
+    capture.context = global_shutters
+    wrong = found(capture).clocks.offsets - capture.offsets
+    assert np.abs(wrong - wrong.mean()).max() > 5e-3
 
 
 def test_where_nothing_moves_nothing_is_known_and_stamps_stay(make_capture):

@@ -187,7 +187,14 @@ def test_ros2_launch_starts_the_nodes_of_panoptic_run(
     }
 
 
-OFF = {"offsets", "kinematics", "flow", "patches", "appearance"}  # unless parameters say otherwise
+OFF = {
+    "offsets",
+    "continuous",
+    "kinematics",
+    "flow",
+    "patches",
+    "appearance",
+}  # unless parameters say otherwise
 
 
 def test_devices_start_every_stage(launch_file: dict[str, Any], rig_file: Path) -> None:
@@ -211,8 +218,9 @@ def test_parameters_of_a_file_reach_their_stage(
     assert "tracking.max_distance" not in nodes["detection_0"]["parameters"]
     assert "timecode" not in nodes["fusion"]["stages"]  # nobody named an audio device
     assert "offsets" not in nodes
-    (tmp_path / "parameters.yaml").write_text("offsets: {active: true}\n")
-    assert _nodes(launch_file, **given)["offsets"]["parameters"]["active"]
+    for stage in ("offsets", "continuous"):
+        (tmp_path / "parameters.yaml").write_text(f"{stage}: {{active: true}}\n")
+        assert _nodes(launch_file, **given)[stage]["parameters"]["active"]
 
 
 def test_a_capture_folder_is_replayed(launch_file: dict[str, Any], rig_file: Path) -> None:

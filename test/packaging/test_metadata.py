@@ -137,7 +137,7 @@ def test_package_xml_names_the_ros_packages_that_are_used() -> None:
 
 def test_message_dependencies_are_the_same_in_all_three_builds() -> None:
     folder = ROOT / "msg_defs"
-    text = "\n".join(path.read_text() for path in (folder / "msg").glob("*.msg"))
+    text = "\n".join(path.read_text() for path in folder.glob("???/*.???") if path.suffix in (".msg", ".srv"))
     used = set(re.findall(r"^([a-z_]+)/[A-Z]", text, re.MULTILINE))
     built = _texts(_package(folder), "depend")  # setup.py reads them there
     assert used <= built

@@ -8,7 +8,7 @@ import pytest
 from panoptic_ros.domain import JointState
 from panoptic_ros.domain.bodies import BodyStateSet
 from panoptic_ros.geometry.rotations import to_quaternions, turn_about_z
-from panoptic_ros.refinement.joint_states import Judged
+from panoptic_ros.refinement.joint_states import SmoothedJoints
 from panoptic_ros.refinement.stage import BodyFill
 
 PERIOD = 20_000_000
@@ -59,7 +59,7 @@ NO_BIASES = np.zeros((3, 3, 3))
 
 def judged(stamp_ns, error, states, sigma=0.03):
     there = np.array(states)[:, None] != JointState.MISSING
-    return Judged(
+    return SmoothedJoints(
         np.where(there, seen_at(stamp_ns) + error, np.nan)[None],
         np.where(there[..., None], sigma**2 * np.eye(3), np.nan)[None],
         0.8 * there[None, :, 0],

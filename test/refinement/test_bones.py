@@ -5,7 +5,7 @@ import numpy as np
 from panoptic_ros.domain import JointState, SkeletonModel, TrackedPoseSet
 from panoptic_ros.refinement.bones import on_bones, pull_bones
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.refinement.joint_states import Judged
+from panoptic_ros.refinement.joint_states import SmoothedJoints
 from panoptic_ros.refinement.records import new_people, unknown
 from panoptic_ros.refinement.stage import RefinementStage
 from panoptic_ros.stage import StageContext
@@ -103,7 +103,7 @@ def shaken(linked, dt=0.02, frames=20):
         moment.linked[:] = linked
         at_once = places.copy()
         pull_bones(at_once, 401.0 * small, states, bones, people.lengths.copy(), 0.01)
-        judged = Judged(places, small.copy(), np.ones((1, 2)), states)
+        judged = SmoothedJoints(places, small.copy(), np.ones((1, 2)), states)
         on_bones(judged, people, bones, (0.01, 10), 400.0 * small, moment)
         told.append((places[0], at_once[0]))
     return np.array(told).swapaxes(0, 1)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from panoptic_ros.domain import JointState
-from panoptic_ros.refinement.joint_states import Judged, judge, take_measurements
-from panoptic_ros.refinement.records import Motion, unknown
+from panoptic_ros.refinement.joint_states import SmoothedJoints, judge, take_measurements
+from panoptic_ros.refinement.records import MotionStates, unknown
 
 LIMITS = (0.2, 0.1)  # m and s
 
@@ -45,9 +45,11 @@ def test_gaps_that_are_long_or_uncertain_are_missing(change, state):
     measured = unknown(0, 0.0, 1, 1).measured
     measured.people[0], measured.joints[0], measured.ages[0] = case["people"], case["joints"], case["ages"]
     measured.scores[0], measured.noises[0, 0] = 0.8, case["noise"] ** 2 * np.eye(3)
-    motion = Motion(np.ones((1, 1, 6)), 0.25 * case["sigma"] ** 2 * np.eye(6)[None, None])
+    motion = MotionStates(np.ones((1, 1, 6)), 0.25 * case["sigma"] ** 2 * np.eye(6)[None, None])
     motion.states[...] = 1.0 if case["known"] else np.nan
-    judged = Judged(np.empty((1, 1, 3)), np.empty((1, 1, 3, 3)), np.empty((1, 1)), np.empty((1, 1), np.uint8))
+    judged = SmoothedJoints(
+        np.empty((1, 1, 3)), np.empty((1, 1, 3, 3)), np.empty((1, 1)), np.empty((1, 1), np.uint8)
+    )
     judge(motion, measured, np.array([[case["again"]]]), np.array([4.0]), np.ones((1, 1)), LIMITS, judged)
     assert judged.states[0, 0] == state
     if state == JointState.MISSING:

@@ -7,7 +7,7 @@ from gaussians import conditioned, positive
 from panoptic_ros.domain.of_all import of_all
 from panoptic_ros.refinement.kalman import predict, smooth, smoother_gains, update, update_velocities
 from panoptic_ros.refinement.motion_model import NINE, SIX, transition
-from panoptic_ros.refinement.records import Motion
+from panoptic_ros.refinement.records import MotionStates
 
 FOREVER = 1e9  # Cauchy scale: plain Gaussian
 FIRST = np.array([0])  # row of the only person
@@ -16,7 +16,7 @@ AT_ONCE = np.zeros((0, 1, 3, 3))  # delays of views that have one stamp
 
 def motion_of(state, covariance):
     """Of one joint of one person."""
-    return Motion(state[None, None].astype(float), covariance[None, None].astype(float))
+    return MotionStates(state[None, None].astype(float), covariance[None, None].astype(float))
 
 
 def sized(motion):
@@ -129,7 +129,7 @@ def test_people_are_updated_by_row():
     rng = np.random.default_rng(2)
     state, covariance, points = rng.standard_normal((3, 2, 6)), np.eye(6), rng.standard_normal((2, 2, 3))
     points[1, 0] = np.nan
-    motion = Motion(state.copy(), np.tile(covariance, (3, 2, 1, 1)))
+    motion = MotionStates(state.copy(), np.tile(covariance, (3, 2, 1, 1)))
     noises, innovations = np.tile(0.1 * np.eye(3), (3, 2, 1, 1)), np.full((3, 2, 3), np.nan)
     measured = points, noises, np.zeros((0, 2, 3, 3))
     update(SIX, motion, np.array([2, 0]), measured, 3.0, innovations)
@@ -160,7 +160,7 @@ def scene(seed):
 
 def test_a_position_in_motion_is_one_measurement():
     _, state, covariance, point, noise, delays = scene(0)
-    motion = Motion(one(state), one(covariance))
+    motion = MotionStates(one(state), one(covariance))
     measured = one(point), one(noise), one(delays)
     update(SIX, motion, FIRST, measured, FOREVER, np.empty((1, 1, 3)))
     expected = conditioned(state, covariance, np.hstack([np.eye(3), delays]), point, noise)
@@ -169,7 +169,7 @@ def test_a_position_in_motion_is_one_measurement():
 
 def test_without_delays_it_is_a_position():
     _, state, covariance, point, noise, delays = scene(1)
-    still, moving = (Motion(one(state), one(covariance)) for _ in range(2))
+    still, moving = (MotionStates(one(state), one(covariance)) for _ in range(2))
     update(SIX, still, FIRST, (one(point), one(noise), AT_ONCE), 3.0, np.empty((1, 1, 3)))
     update(SIX, moving, FIRST, (one(point), one(noise), one(0.0 * delays)), 3.0, np.empty((1, 1, 3)))
     assert np.allclose(still.states, moving.states) and np.allclose(still.covariances, moving.covariances)
@@ -177,7 +177,7 @@ def test_without_delays_it_is_a_position():
 
 def test_velocities_with_singular_information():
     rng, state, covariance, velocity, _, _ = scene(3)
-    axis, motion = rng.standard_normal(3), Motion(one(state), one(covariance))
+    axis, motion = rng.standard_normal(3), MotionStates(one(state), one(covariance))
     update_velocities(SIX, motion, FIRST, one(velocity), one(np.outer(axis, axis)), FOREVER)
     row = np.concatenate([np.zeros(3), axis])[None]
     expected = conditioned(state, covariance, row, np.array([axis @ velocity]), np.eye(1))

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from panoptic_ros.refinement.lag import Clock
+from panoptic_ros.refinement.lag import LagSchedule
 
 
 def results(stamps, newest, lag):
     """(index of the set, index of the last set used, instant) for all that are due while sets come, ns."""
-    clock, waiting, given = Clock(lag), [], []
+    clock, waiting, given = LagSchedule(lag), [], []
     for last, (stamp, new) in enumerate(zip(stamps, newest)):
         item = SimpleNamespace(stamp_ns=int(stamp), newest_ns=int(new), index=last)
         clock.take(item)

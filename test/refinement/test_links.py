@@ -12,9 +12,9 @@ from panoptic_ros.domain.of_all import of_all
 from panoptic_ros.domain.parts import rigid_parts
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.refinement import fading
-from panoptic_ros.refinement.links import Links, links_of, predict_linked, with_views
+from panoptic_ros.refinement.links import JointDisplacements, links_of, predict_linked, with_views
 from panoptic_ros.refinement.motion_model import NINE, SIX, transition
-from panoptic_ros.refinement.records import Motion
+from panoptic_ros.refinement.records import MotionStates
 
 DT, NOISE = 0.04, 3.0
 PARTS = [list(part.joints) for part in rigid_parts(captures.SKELETON)]
@@ -31,9 +31,9 @@ def test_a_displacement_conditions_both_states_exactly(memory):
     rng = np.random.default_rng(1)
     state, cov = rng.normal(size=size), spread(rng, size, 1e-3)
     moved, own = DT * state[3:6] + 0.01 * rng.normal(size=3), spread(rng, 3, 1e-5)
-    motion = Motion(state[None, None].copy(), cov[None, None].copy())
+    motion = MotionStates(state[None, None].copy(), cov[None, None].copy())
     ahead, gains = of_all(np.zeros_like, motion), np.zeros_like(motion.covariances)
-    links = Links(moved[None, None], own[None, None])
+    links = JointDisplacements(moved[None, None], own[None, None])
     sized = NINE if memory else SIX
     predict_linked(sized, motion, step, np.full((1, 1), NOISE), links, 1e9, ahead, gains, np.empty((1, 1, 3)))
     forward = np.kron(step.forward, np.eye(3))
@@ -111,7 +111,7 @@ def test_nothing_is_said_of_strangers():
 
 def test_differences_of_measurements_are_averaged_with_links_by_their_information():
     rng = np.random.default_rng(5)
-    links = Links(rng.normal(size=(3, 2, 3)), np.array([[spread(rng, 3, 1e-6)] * 2] * 3))
+    links = JointDisplacements(rng.normal(size=(3, 2, 3)), np.array([[spread(rng, 3, 1e-6)] * 2] * 3))
     links.displacements[2, 0] = np.nan
     moved, spreads = rng.normal(size=(2, 2, 3)), np.array([[spread(rng, 3, 1e-5)] * 2] * 2)
     moved[0, 1] = np.nan

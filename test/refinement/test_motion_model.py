@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.refinement.motion_model import density, lasting_variance, transition
-from panoptic_ros.refinement.records import Motion, padded, unknown, widened
+from panoptic_ros.refinement.records import MotionStates, padded, unknown, widened
 
 
 @pytest.mark.parametrize("memory", [0.01, 0.05, 1.0])
@@ -38,5 +38,5 @@ def test_a_moment_is_widened_by_what_is_known_to_be_zero():
     assert wide.motion.states.shape == (2, 4, 9) and wide.gains.shape == (2, 4, 9, 9)
     assert (wide.motion.states[..., :6] == 1.0).all() and not wide.motion.states[..., 6:].any()
     assert (wide.gains[..., :6, :6] == 2.0).all() and wide.gains.sum() == moment.gains.sum()
-    one = Motion(np.ones((4, 6)), np.ones((4, 6, 6)))
+    one = MotionStates(np.ones((4, 6)), np.ones((4, 6, 6)))
     assert padded(one, 9).covariances.sum() == one.covariances.sum()

@@ -18,7 +18,7 @@ from panoptic_ros.refinement.filter_bank import (
     nothing_compared,
     with_torso,
 )
-from panoptic_ros.refinement.links import Links
+from panoptic_ros.refinement.links import JointDisplacements
 from panoptic_ros.refinement.records import new_people
 
 DT = 0.04
@@ -104,7 +104,7 @@ def test_places_move_with_the_torso_as_it_does():
 
 def test_limbs_move_against_the_torso_by_their_gain_and_the_rest_stays():
     rng = np.random.default_rng(5)
-    links = Links(rng.normal(size=(2, JOINTS, 3)), np.tile(np.eye(3), (2, JOINTS, 1, 1)))
+    links = JointDisplacements(rng.normal(size=(2, JOINTS, 3)), np.tile(np.eye(3), (2, JOINTS, 1, 1)))
     carried = rng.normal(size=(2, JOINTS, 3))
     carried[1] = np.nan  # a torso without a motion
     links.displacements[0, LIMBS.kinds[1][0]] = np.nan

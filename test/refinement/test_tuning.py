@@ -5,9 +5,9 @@ import pytest
 
 from panoptic_ros.domain import SkeletonModel, TrackedPoseSet
 from panoptic_ros.refinement.config import RefinementConfig
-from panoptic_ros.refinement.links import Links, predict_linked
+from panoptic_ros.refinement.links import JointDisplacements, predict_linked
 from panoptic_ros.refinement.motion_model import SIX, transition
-from panoptic_ros.refinement.records import Motion, new_people
+from panoptic_ros.refinement.records import MotionStates, new_people
 from panoptic_ros.refinement.stage import RefinementStage
 from panoptic_ros.refinement.tuning import (
     innovation_sums,
@@ -137,13 +137,13 @@ def test_process_noise_is_learnt_from_displacements_as_their_true_noise_asks(pro
     step = np.linalg.cholesky(process * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]))
     people, speeds = new_people([7], JOINTS, 0), np.zeros((JOINTS, 3))
     shape, factors = (1, JOINTS), []
-    motion = Motion(np.zeros((*shape, 6)), np.tile(0.1 * np.eye(6), (*shape, 1, 1)))
+    motion = MotionStates(np.zeros((*shape, 6)), np.tile(0.1 * np.eye(6), (*shape, 1, 1)))
     for _ in range(300):
         kick = (step @ rng.standard_normal((2, 3 * JOINTS))).reshape(2, JOINTS, 3)
         moved = dt * speeds + kick[0] + sigma * rng.standard_normal((JOINTS, 3))
         speeds = 0.98 * speeds + kick[1]
-        links = Links(moved[None], np.tile(stated**2 * np.eye(3), (*shape, 1, 1)))
-        ahead = Motion(np.empty_like(motion.states), np.empty_like(motion.covariances))
+        links = JointDisplacements(moved[None], np.tile(stated**2 * np.eye(3), (*shape, 1, 1)))
+        ahead = MotionStates(np.empty_like(motion.states), np.empty_like(motion.covariances))
         turns, gains = np.full((*shape, 3), np.nan), np.empty((*shape, 6, 6))
         noise = 0.1 * people.factors
         predict_linked(SIX, motion, transition(dt, 0.0), noise, links, 1e9, ahead, gains, turns)

@@ -138,8 +138,9 @@ def test_faults_that_are_held_last():
 
 
 def test_correlated_noise_remembers():
-    def steps(memory):
-        take, views = sightings(Degradation(noise_px=3.0, hidden_miss=1.0, memory=memory), 12)
+    def steps(memory, share=1.0):
+        faults = Degradation(noise_px=3.0, hidden_miss=1.0, memory=memory, memory_share=share)
+        take, views = sightings(faults, 12)
         found = {}
         for i, c, v in views:
             truth = true_points(take, i, c)
@@ -152,6 +153,7 @@ def test_correlated_noise_remembers():
         return np.corrcoef(first, second)[0, 1]
 
     assert abs(steps(0.0)) < 0.05 and steps(0.8) == pytest.approx(0.8, abs=0.05)
+    assert steps(0.8, 0.5) == pytest.approx(0.4, abs=0.07)
 
 
 def test_noise_can_grow_with_size():

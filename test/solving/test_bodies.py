@@ -6,11 +6,11 @@ from seen_views import observations
 
 from panoptic_ros.domain import SkeletonModel
 from panoptic_ros.simulation.rigs import looking_at
-from panoptic_ros.solving.bodies import Body, Known, Rays, begin, estimate
-from panoptic_ros.solving.scene import Cameras
+from panoptic_ros.solving.bodies import PersonPrior, PersonRays, SkeletonArrays, begin, estimate
+from panoptic_ros.solving.scene import CameraPoses
 
 MODEL = SkeletonModel("chain", ("root", "left", "right", "top"), 0, ((0, 1), (0, 2), (0, 3)), 3, ((1, 2),))
-BODY = Body.of(MODEL)
+BODY = SkeletonArrays.of(MODEL)
 TRUTH = np.array([[0.0, 0.0, 1.0], [0.0, 0.3, 1.0], [0.0, -0.3, 1.0], [0.0, 0.0, 1.6]])
 UP = np.array([0.0, 0.0, 1.0])
 LENGTHS = np.array([0.3, 0.3, 0.6])
@@ -23,14 +23,14 @@ def known(places, sigma=0.3, slack=0.02, rise=10.0, bone=0.005):
     vectors = places[BODY.bones[:, 1]] - places[BODY.bones[:, 0]]
     information = np.tile(np.eye(3) / sigma**2, (4, 1, 1))
     slacks, spreads = np.full(3, slack), np.full(3, bone)
-    return Known(places, information, vectors, slacks, LENGTHS.copy(), spreads, TRUTH.copy(), UP, rise)
+    return PersonPrior(places, information, vectors, slacks, LENGTHS.copy(), spreads, TRUTH.copy(), UP, rise)
 
 
 def solved(joints, lengths):
     """Of somebody of whom two views have solved these joints, and bones of these lengths are known."""
     places, information = NOTHING.copy(), np.zeros((4, 3, 3))
     places[joints], information[joints] = TRUTH[joints], 1e4 * np.eye(3)
-    return Known(
+    return PersonPrior(
         places,
         information,
         np.zeros((3, 3)),
@@ -51,11 +51,13 @@ def rays(*joints, precision=500.0, places=TRUTH):
     for row, own in zip(shown, joints):
         row[own] = precision
     views = np.arange(len(poses))
-    cams = Cameras(
+    cams = CameraPoses(
         np.stack([p.rotation for p in poses]), np.stack([p.translation for p in poses]), np.zeros(len(poses))
     )
     shown_joints = observations(seen[..., :2] / seen[..., 2:], shown, views, np.arange(len(poses) + 1), cams)
-    return Rays(views, np.tile(np.arange(4), (len(poses), 1)), np.zeros((4, 3)), np.ones(4), shown_joints)
+    return PersonRays(
+        views, np.tile(np.arange(4), (len(poses), 1)), np.zeros((4, 3)), np.ones(4), shown_joints
+    )
 
 
 def test_bones_tell_the_depth_of_what_one_view_shows():

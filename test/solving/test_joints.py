@@ -8,10 +8,22 @@ from seen_views import observations
 
 from panoptic_ros.geometry import triangulate_robust
 from panoptic_ros.solving.agreement import agreement_of_pairs, agreement_with_people
-from panoptic_ros.solving.joint_records import Candidates, Claims, Guides, SolvedJoints
+from panoptic_ros.solving.joint_records import (
+    JointAssignment,
+    JointPredictions,
+    PersonCandidates,
+    SolvedJoints,
+)
 from panoptic_ros.solving.joints import settle, solve_joints, solve_without
-from panoptic_ros.solving.scene import Cameras
-from panoptic_ros.solving.triangulation import FEW_FACTOR, TABLE, Result, SolverRules, Steps, refine_point
+from panoptic_ros.solving.scene import CameraPoses
+from panoptic_ros.solving.triangulation import (
+    FEW_FACTOR,
+    TABLE,
+    IterationLimit,
+    PointSolution,
+    SolverRules,
+    refine_point,
+)
 
 
 def single_person(scenes, views=6, noise=2.0, seed=0):
@@ -28,13 +40,13 @@ def only_person(views, guides):
     """One person, whom each view shows as its only 2D person."""
     joints = guides.spreads.shape[1]
     source = np.tile(np.arange(joints), (1, views, 1))
-    return Candidates(np.arange(views)[None], source, guides, np.array([-1]), guides.positions)
+    return PersonCandidates(np.arange(views)[None], source, guides, np.array([-1]), guides.positions)
 
 
 def seen(stack, plane):
     """2D joints (V, J, 2) of 2 px noise at a focal length of 1000 px, all at once."""
     views = len(plane)
-    cams = Cameras(stack.rotations, stack.translations, np.zeros(views))
+    cams = CameraPoses(stack.rotations, stack.translations, np.zeros(views))
     precision = np.full(plane.shape[:2], 1000.0 / 2.0)
     return observations(plane, precision, np.arange(views), np.arange(views + 1), cams)
 
@@ -44,7 +56,7 @@ def test_final_step_equals_the_reference(scenes):
         rig, plane = single_person(scenes, seed=seed)
         stack = rig.stack()
         views, joints = plane.shape[:2]
-        nothing = Guides.of_nobody_known(1, joints, 1.0)
+        nothing = JointPredictions.of_nobody_known(1, joints, 1.0)
         rules = SolverRules(4.0, 3.0, 5.0, 4.0, 45)
         positions, normals, *_ = solve_joints(only_person(views, nothing), seen(stack, plane), rules)
         reference = triangulate_robust(
@@ -62,7 +74,7 @@ def test_two_views_that_deny_a_firm_place_are_not_believed(scenes):
     plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])
 
     def solved(expected, firm):
-        guides = Guides(
+        guides = JointPredictions(
             expected[None], np.full((1, joints), 0.05), np.zeros((1, joints, 3)), np.full((1, joints), firm)
         )
         rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
@@ -117,8 +129,8 @@ def test_the_gate_is_wider_where_few_views_are_left(scenes):
             picks,
             seen(stack, plane),
             SolverRules(4.0, 3.0, gate, 4.0, 45),
-            Steps(6, True),
-            Result(np.zeros((3, 3)), found, np.empty((views, TABLE))),
+            IterationLimit(6, True),
+            PointSolution(np.zeros((3, 3)), found, np.empty((views, TABLE))),
         )
         return found
 
@@ -135,7 +147,7 @@ def test_wild_views_do_not_pull(scenes, seed, views, start):
     plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras])
     wild = rng.choice(views, 2 if views > 5 else 1, replace=False)
     plane[wild] += rng.choice([-1.0, 1.0], (len(wild), 1, 2)) * rng.uniform(0.15, 0.3, (len(wild), 1, 2))
-    guides = Guides.of_nobody_known(1, 1, 0.03)
+    guides = JointPredictions.of_nobody_known(1, 1, 0.03)
     if start:
         guides.positions[0] = truth + 0.02
     rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
@@ -150,7 +162,7 @@ def test_views_that_do_not_meet_give_no_joint(scenes):
     observations = seen(rig.stack(), plane)
     observations.precision[2] = 0.0
     rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
-    found = solve_joints(only_person(3, Guides.of_nobody_known(1, 1, 0.03)), observations, rules)
+    found = solve_joints(only_person(3, JointPredictions.of_nobody_known(1, 1, 0.03)), observations, rules)
     assert np.isnan(found.positions).all()
 
 
@@ -160,7 +172,7 @@ def test_every_observation_goes_to_whom_it_fits_best():
     for member, penalty, winner in (([0, 0, 0], 4.0, 0), ([1, 0, 0], 4.0, 2)):
         owner = np.full((2, 1), -1)
         solved = SolvedJoints(np.zeros((3, 1, 3)), np.zeros((3, 1, 3, 3)), residuals, picks)
-        claims = Claims(np.array(member)[:, None], np.zeros((3, 1, 1), np.int64), owner)
+        claims = JointAssignment(np.array(member)[:, None], np.zeros((3, 1, 1), np.int64), owner)
         losers = settle(solved, claims, penalty)
         assert owner[0, 0] == winner and owner[1, 0] == -1
         assert losers[:, 0].tolist() == [p != winner for p in range(3)]
@@ -175,11 +187,11 @@ def test_solved_without_wrong_2d_joints_equals_solved_anew(scenes, seed, count):
     plane = np.stack([c.intrinsics.undistort(c.project(truth)[0]) for c in rig.cameras for truth in people])
     plane += 2e-3 * rng.standard_normal(plane.shape)
     joints, stack = plane.shape[1], rig.stack()
-    cams, starts = Cameras(stack.rotations, stack.translations, np.zeros(5)), 2 * np.arange(6)
+    cams, starts = CameraPoses(stack.rotations, stack.translations, np.zeros(5)), 2 * np.arange(6)
     member = np.arange(10).reshape(5, 2).T.copy()
     source = np.tile(np.arange(joints), (2, 5, 1))
-    nothing = Guides.of_nobody_known(2, joints, 1.0)
-    found = Candidates(member, source, nothing, np.array([-1, -1]), nothing.positions)
+    nothing = JointPredictions.of_nobody_known(2, joints, 1.0)
+    found = PersonCandidates(member, source, nothing, np.array([-1, -1]), nothing.positions)
     rules = SolverRules(4.0, 3.0, 5.0, 4.0, 45)
     wrong = np.zeros(plane.shape[:2], bool)
     wrong[rng.choice(member[1], count), rng.integers(0, joints, count)] = True
@@ -214,12 +226,12 @@ def crowd(scenes, seed):
             member[:, v] = rng.permutation(member[:, v])
     member[rng.random(member.shape) < 0.2] = -1
     joints, stack = plane.shape[1], rig.stack()
-    cams = Cameras(stack.rotations, stack.translations, np.zeros(views))
+    cams = CameraPoses(stack.rotations, stack.translations, np.zeros(views))
     starts = people * np.arange(views + 1)
-    guides = Guides.of_nobody_known(people, joints, 0.1)
+    guides = JointPredictions.of_nobody_known(people, joints, 0.1)
     guides.positions[...] = np.stack(truths) + 0.03 * rng.standard_normal((people, joints, 3))
     source = np.tile(np.arange(joints), (people, views, 1))
-    found = Candidates(member, source, guides, np.full(people, -1), guides.positions)
+    found = PersonCandidates(member, source, guides, np.full(people, -1), guides.positions)
     return found, observations(plane, precision, np.repeat(np.arange(views), people), starts, cams)
 
 

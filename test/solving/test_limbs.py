@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from panoptic_ros.io.skeletons import load_skeleton, skeleton_names
-from panoptic_ros.solving.limbs import Sides, exchanged_views, limbs_of
+from panoptic_ros.solving.limbs import SideTest, exchanged_views, limbs_of
 
 
 @pytest.mark.parametrize("name", skeleton_names())
@@ -23,7 +23,7 @@ def test_partners_share_a_limb_and_arms_are_no_legs(name):
 
 def test_sides_follow_the_nose(scenes):
     groups, _, count = limbs_of(scenes.skeleton)
-    sides = Sides(scenes.skeleton, groups)
+    sides = SideTest(scenes.skeleton, groups)
     right = scenes.person(1.0, 2.0, turn=0.7)
     wrong = right[list(scenes.skeleton.mirror)]
     values = sides.right_way(np.stack([right, wrong]))
@@ -35,7 +35,7 @@ def test_sides_follow_the_nose(scenes):
 
 def test_joints_that_one_view_placed_do_not_turn_the_body_round(scenes):
     groups, _, _ = limbs_of(scenes.skeleton)
-    sides = Sides(scenes.skeleton, groups)
+    sides = SideTest(scenes.skeleton, groups)
     names = list(scenes.skeleton.joint_names)
     body, views = scenes.person(), np.full((1, 19), 2)
     body[names.index("lShoulder")] += [0.4, -0.2, 0.0]  # on its ray, in front of the nose

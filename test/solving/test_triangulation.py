@@ -3,12 +3,12 @@
 import numpy as np
 from seen_views import observations
 
-from panoptic_ros.solving.scene import Cameras
+from panoptic_ros.solving.scene import CameraPoses
 from panoptic_ros.solving.triangulation import (
     TABLE,
-    Result,
+    IterationLimit,
+    PointSolution,
     SolverRules,
-    Steps,
     refine_point,
     triangulate_linear,
 )
@@ -23,7 +23,7 @@ def eyes(count, rng):
         right = np.cross(forward, [0, 0, 1.0])
         right /= np.linalg.norm(right)
         rotations.append([right, np.cross(forward, right), forward])
-    return Cameras(np.array(rotations), np.tile([0.0, 0.0, 4.0], (count, 1)), np.zeros(count))
+    return CameraPoses(np.array(rotations), np.tile([0.0, 0.0, 4.0], (count, 1)), np.zeros(count))
 
 
 def minimum(x, plane, precision, cams, cauchy):
@@ -50,8 +50,8 @@ def test_finds_the_minimum_of_the_cauchy_cost():
         x, normal, residuals = truth + 0.05, np.empty((3, 3)), np.empty(views)
         rules = SolverRules(4.0, 3.0, 4.0, 4.0, 45)
         seen = observations(plane, precision, np.arange(views), np.arange(views + 1), cams)
-        result = Result(normal, residuals, np.empty((views, TABLE)))
-        count = refine_point(x, np.zeros(3), picks, seen, rules, Steps(30, False), result)
+        result = PointSolution(normal, residuals, np.empty((views, TABLE)))
+        count = refine_point(x, np.zeros(3), picks, seen, rules, IterationLimit(30, False), result)
         assert count == views
         assert np.abs(x - minimum(truth, plane[:, 0], 500.0, cams, 3.0)).max() < 2e-5
 
@@ -64,7 +64,7 @@ def test_linear_triangulation_is_least_squares(scenes):
     plane[2] = plane[2][mirror]
     weight = np.random.default_rng(1).uniform(0.0, 500.0, plane.shape[:2])
     member, mirrored = np.array([0, -1, 2, 3]), np.array([False, False, True, False])
-    cams = Cameras(stack.rotations, stack.translations, np.zeros(4))
+    cams = CameraPoses(stack.rotations, stack.translations, np.zeros(4))
     seen = observations(plane, weight, np.arange(4), np.arange(5), cams)
     points = triangulate_linear(member, mirrored, seen, mirror)
     for j in range(len(truth)):

@@ -19,6 +19,7 @@ STAGES = (
     "patches",
     "refinement",
     "kinematics",
+    "continuous",
     "simulation",
     "evaluation",
 )
@@ -32,6 +33,7 @@ RANKS: dict[str, int] = {
     "stage": 3,
     "solving": 3,
     "identity": 3,
+    "stamps": 3,
     **{stage: 4 for stage in STAGES},
     "io": 5,
     "capture": 5,
@@ -54,6 +56,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     **{name: {"numpy", "scipy", "cv2"} for name in STAGES},
     "solving": {"numpy"},
     "identity": {"numpy", "scipy"},
+    "stamps": {"numpy"},
     "graph": {"numpy"},
     "io": {"numpy", "scipy", "cv2", "yaml", "rosbags", "onnx", "tomli", "backports", "compression"},
     "capture": {"numpy", "cv2", "av"},
@@ -91,7 +94,8 @@ NEED_ROS = {f"panoptic_ros.running.{name}" for name in _NEED} | {
 # no stage, no graph and no arrays.
 THIN = {"errors", "domain", "stage", "io", "view", "running", "study"}
 LONGEST_VERB = 100  # statements of a module of cli, which parses and prints only
-SAME_RANK_ALLOWED = {("capture", "io")}  # a capture folder holds files that io reads, not the reverse
+# a capture folder holds files that io reads, and the correction of timestamps tells notices; not the reverse
+SAME_RANK_ALLOWED = {("capture", "io"), ("stamps", "stage")}
 # Rooms inside of a room: each imports itself and those before it. Modules beside them import all.
 INNER_ROOMS = {
     "timecode": ("config", "signal", "word", "label", "follow"),

@@ -152,6 +152,27 @@ def offsets() -> set[tuple[str, str, str]]:
     return kernels() - before
 
 
+def continuous() -> set[tuple[str, str, str]]:
+    """Free-running cameras: people who come, go and return, odd stamps, a clock that is known later."""
+    from free_cameras import FreeCapture
+    from stage_cases import cases
+
+    found: set[tuple[str, str, str]] = set()
+    captures = [
+        FreeCapture(seconds=3.0, there=lambda person, time: person == 0 or not 1.2 < time < 2.0),
+        FreeCapture(cameras=2, rate=60.0, seconds=1.0, noise_px=2.0),
+    ]
+    for capture in captures:
+        config = configure({"continuous": {"active": True}})["continuous"]
+        stage = make_stage("continuous", config, capture.context)
+        before = kernels()
+        given = passed([stage], [item.views[0] for item in capture.sets])
+        assert any(len(item.ids) for item in given), "nobody was found"
+        passed([stage], cases()["continuous"].items if len(capture.rig) > 2 else [])
+        found |= kernels() - before
+    return found
+
+
 def timecode() -> set[tuple[str, str, str]]:
     """Sound with all that a line does to it."""
     context = StageContext(simulate(SimulatedScene("test", ("walk",), Ring(2)), 3, 1).rig, SKELETON)
@@ -235,6 +256,7 @@ def detection() -> set[tuple[str, str, str]]:
 PROGRAMS: dict[str, Callable[..., set[tuple[str, str, str]]]] = {
     "chain": chain,
     "offsets": offsets,
+    "continuous": continuous,
     "timecode": timecode,
     "surface": surface,
     "bodies": bodies,

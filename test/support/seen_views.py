@@ -3,7 +3,7 @@
 import numpy as np
 
 from panoptic_ros.domain.rig_arrays import CAMERA
-from panoptic_ros.solving.scene import Observations
+from panoptic_ros.solving.scene import SceneObservations
 
 
 def observations(plane, precision, views, starts, cams):
@@ -13,4 +13,7 @@ def observations(plane, precision, views, starts, cams):
     lenses["fold"] = np.inf
     lenses["width"] = lenses["height"] = 2e9
     lenses["cx"] = lenses["cy"] = 1e9
-    return Observations(plane, precision, views, starts, cams, lenses, np.full(len(plane), np.inf))
+    delays = np.repeat(cams.delays[views, None], precision.shape[1], axis=1)
+    return SceneObservations(
+        plane, precision, views, starts, cams, lenses, np.full(len(plane), np.inf), delays
+    )

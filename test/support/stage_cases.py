@@ -181,6 +181,26 @@ def motion(start=0, instants=11):
     return items
 
 
+def free_views(frames=16, start=0):
+    """Views of two people by cameras that expose one after the other."""
+    return [
+        captures.view(camera, start + i, SECOND + (4 * (start + i) + c) * SECOND // 60)
+        for i in range(frames)
+        for c, camera in enumerate(captures.RIG.cameras)
+    ]
+
+
+def odd_free_views():
+    """The same with a clock model, a stamp far off, one that repeats, a late view, and one without people."""
+    items = free_views()
+    items[21] = only(items[21], [])
+    items[30] = replace(items[30], stamp_ns=items[30].stamp_ns + 9 * SECOND)
+    items[35] = replace(items[35], stamp_ns=items[31].stamp_ns)
+    items.insert(46, items.pop(41))
+    items.insert(25, clock("cam2", 2_000_000, 2 * SECOND))
+    return items
+
+
 def readings(first=1000, devices=("left", "right"), words=44):
     """Two devices, one of which jumps; the timecode jumps, too; another device falls silent."""
     rate, rng = timecode_rate("25"), np.random.default_rng([5, first])
@@ -488,6 +508,9 @@ def cases():
             watched(("third", "left"), 9, 50),
             watcher(),
         ),
+        "continuous": lambda: Case(
+            "continuous", {"active": True, "rate_hz": 20.0}, odd_free_views(), free_views(9, 300)
+        ),
         "offsets": lambda: Case("offsets", {"active": True, "block_s": 0.5}, motion(), motion(20)),
         **{
             f"sync-{kind}": lambda values=values: Case("sync", values, disturbed(), views(9, start=300)[::-1])
@@ -548,6 +571,7 @@ NAMES = (
     "clocks-named",
     "detection",
     "detection-looks",
+    "continuous",
     "offsets",
     "sync-replay",
     "sync-live",

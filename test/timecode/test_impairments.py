@@ -10,9 +10,9 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.simulation.ltc_signal import encode_ltc, timecode_rate
 from panoptic_ros.study.timing.ltc_robustness import (
     CHANGES,
+    ClipOutcome,
     Decode,
-    Impaired,
-    Outcome,
+    ImpairedClip,
     impaired_clip,
     judged,
     live,
@@ -40,7 +40,7 @@ def test_clips_are_the_same_each_time_and_differ_by_their_seed() -> None:
 def test_every_impairment_keeps_the_clip_and_its_truth_in_step() -> None:
     signal = encode_ltc(Timecode.from_frame_count(90, timecode_rate("25")), 20, RATE)
     lengths = np.full(20, RATE / 25.0)
-    clean = Impaired(signal.samples.astype(np.float64), RATE, signal.labels, signal.starts, lengths, ())
+    clean = ImpairedClip(signal.samples.astype(np.float64), RATE, signal.labels, signal.starts, lengths, ())
     for name, (_, change) in CHANGES.items():
         clip = change(clean, np.random.default_rng(1))
         assert np.isfinite(clip.samples).all() and len(clip.starts) == len(clip.labels) == 20, name
@@ -53,10 +53,10 @@ def _reading(label: Timecode, start: float, std: float = 0.1) -> TimecodeReading
 def test_what_counts_as_right_wrong_and_unusable() -> None:
     first, second, third = (Timecode.from_frame_count(n, timecode_rate("25")) for n in (10, 11, 12))
     starts, lengths = np.array([0.0, 1920.0]), np.full(2, 1920.0)
-    clip = Impaired(np.zeros(4000), RATE, (first, second), starts, lengths, (), faint=(third,))
+    clip = ImpairedClip(np.zeros(4000), RATE, (first, second), starts, lengths, (), faint=(third,))
     heard = [(first, 3.0), (second, 900.0), (third, 1920.0), (second, 1921.0)]
     readings = [_reading(label, start) for label, start in heard]
-    assert judged(clip, readings) == Outcome(sent=2, right=2, wrong=1)
+    assert judged(clip, readings) == ClipOutcome(sent=2, right=2, wrong=1)
     assert outcome(clip, lambda samples, rate: 1 / 0).error.startswith("ZeroDivisionError")
 
 

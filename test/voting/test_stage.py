@@ -1,12 +1,16 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from fed_stages import FedVoting
+from fed_stages import FedVoting, associated
+from rolling import with_line_delays
 
-from panoptic_ros.domain import DetectionSet, Rig, ViewDetections
+from panoptic_ros.domain import DetectionSet, Prediction, Rig, ViewDetections
 from panoptic_ros.errors import ConfigError, DataError
 from panoptic_ros.stage import Stage, StageContext
 from panoptic_ros.voting.config import VotingConfig
 from panoptic_ros.voting.proposals import distinct
+from panoptic_ros.voting.stage import VotingStage
 
 BOX = (-1.0, -1.0, 0.0, 1.0, 1.0, 2.0)
 
@@ -175,3 +179,24 @@ def test_of_nodes_that_are_close_the_best_stays():
     nodes = np.array([[0.0, 0, 0], [0.01, 0, 0], [0.02, 0, 0], [0.5, 0, 0], [0.0, 0, 0]])
     kept = distinct(nodes, np.array([1, 1, 1, 1, 2]), np.array([0.2, 0.3, 0.1, 0.2, 0.1]), 0.015)
     assert kept.tolist() == [1, 3, 4]
+
+
+def test_views_of_rolling_shutters_vote_at_their_middle_rows(scenes):
+    """A person in motion, whom the views show 10 ms after the instant of the set."""
+    rig, late, velocity = scenes.ring(6), 0.01, np.array([4.0, -3.0, 1.0])
+    item = scenes.detect(rig, [scenes.person(0.3, 0.2) + late * velocity], "merged")
+    found = associated(item, StageContext(rig, scenes.skeleton))
+    place, ones = found.places - late * velocity, np.ones((1, 19))
+    motion = Prediction(place, np.tile(velocity, (1, 19, 1)), 0.03 * ones, np.ones((1, 19, 3)), ones > 0)
+    found = replace(found, places=place, who=np.zeros(1, np.int64), prediction=motion)
+    line = 1e6 * late / (0.5 * (rig.cameras[0].image_size[1] - 1))
+    nodes = []
+    for rolls in (True, False):
+        own = with_line_delays(rig, (line,)) if rolls else rig
+        stamp = item.stamp_ns + (0 if rolls else round(1e9 * late))
+        views = tuple(replace(view, stamp_ns=stamp) for view in item.views)
+        given = replace(found, detections=replace(item, views=views))
+        stage = VotingStage(VotingConfig(), StageContext(own, scenes.skeleton))
+        nodes.append(stage.step(given).outputs[0])
+    assert len(nodes[0].nodes) and not missed(nodes[0], [scenes.person(0.3, 0.2)], 0.015)
+    assert np.allclose(nodes[0].nodes, nodes[1].nodes, atol=1e-9)

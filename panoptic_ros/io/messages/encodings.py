@@ -58,7 +58,7 @@ _FROM_YUV = np.array(
 # Thresholds of the test for YUYV or UYVY, on mean steps between bytes (levels of 255). Luma of two neighbours
 # differs no more than that of pixels two apart. Chroma bytes alternate between U and V, which differ more, or
 # hardly differ.
-_LEAST_STEP = 0.5  # below this step, an image has no details that could decide
+_LEAST_STEP = 0.5  # below this step, an image has too few details to tell its encoding
 # ratio of the step to the neighbour and the step to the next but one
 _LIKE_BRIGHTNESS, _LIKE_COLOUR = 1.25, 1.5
 _FLAT = 0.25  # fraction of the steps of the other bytes

@@ -45,7 +45,9 @@ BETTER = 0.6  # maximum fraction of the deviation from a constant mounting that 
 WRONG, RIGHT = 0.7, 0.5
 GRAVITY = np.array([0.0, 0.0, 9.81])
 LOOK_S = 0.2  # time between two observations of the mountings
-IN_TURN = 4  # number of people who are observed in turn, as an observation takes half the time of an instant
+# number of phases over which the observations of different people are spread; one observation takes half
+# the processing time of an instant
+IN_TURN = 4
 LOOK_ITERATIONS = 10
 # m: minimum length of a limb, and maximum distance of a joint that is considered on the limb's axis
 LEAST_BONE, ON_AXIS = 0.15, 0.07

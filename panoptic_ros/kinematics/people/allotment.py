@@ -27,7 +27,7 @@ class ViewObservations(NamedTuple):
     """2D poses of one camera that wait for the tracking result.
 
     Attributes:
-        camera, stamp_ns, frame: Index, timestamp in ns, and frame number.
+        camera, stamp_ns, frame: Index, exposure of the middle row in ns, and frame number.
         points, scores: (P, J, 2) px and (P, J).
     """
 

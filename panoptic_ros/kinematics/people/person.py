@@ -192,7 +192,7 @@ class PersonState:
         self.behind, self._without, self._unseen = {}, 0, 0
 
     def at_rest(self) -> PersonState:
-        """Return a copy that continues after a pause."""
+        """Return a copy without the motion so far, to continue after a pause."""
         found = copy.copy(self)
         found.fitting, found.behind, found._alone = self.fitting.at_rest(), {}, None
         found.tracker = None if self.tracker is None else self.tracker.at_rest()

@@ -15,7 +15,7 @@ RIDGE = 1e-9  # regularisation of unobserved degrees of freedom, as in `solve`
 def segment_covariances(chain: Chain, pose: Pose, covariance: Array) -> Array:
     """Return the covariances (S, 6, 6) of segment positions (m) and small rotations (rad).
 
-    Both are in the world frame. A small rotation is applied from the left.
+    Both are in the world frame. The matrix of the small rotation is multiplied from the left.
 
     Args:
         covariance: (3 + 3 S, 3 + 3 S) of the pose increment, upper triangle. The lower triangle is filled in

@@ -3,10 +3,10 @@
 Symmetric matrices are read along rows instead of columns, because rows are contiguous in memory.
 
 Measurements that relate three instants become the normal equations of one pose. The Jacobian hardly changes
-between instants, so the Jacobian J of one pose serves all three. For a second difference x0 - 2 x1 + x2,
-instants a and b share the matrix c_a c_b J^T W J, with c = (1, -2, 1). A first difference has the same with c
-= (-1, 1). One sum over the segments therefore serves all blocks. Where the later time step is r times the
-earlier one, c = (r, -1 - r, 1).
+between instants, so the Jacobian J of one pose is used for all three. For a second difference x0 - 2 x1 + x2,
+instants a and b share the matrix c_a c_b J^T W J, with c = (1, -2, 1). A first difference has the same form,
+with c = (-1, 1). One sum over the segments therefore gives all blocks. Where the later time step is r times
+the earlier one, c = (r, -1 - r, 1).
 """
 
 from __future__ import annotations

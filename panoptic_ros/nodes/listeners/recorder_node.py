@@ -1,6 +1,6 @@
 """Node that records raw messages of selected topics.
 
-It also subscribes to topics that appear later.
+The node also subscribes to topics that appear later.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from panoptic_ros.nodes.stages.kept_states import StateKeeper
 class StaticsNode(Node):
     """Node that publishes rig, skeleton model and, if tf2_msgs is installed, /tf_static.
 
-    It also keeps the states of stages and publishes the health of the whole graph on /diagnostics.
+    The node also keeps the states of stages and publishes the health of the whole graph on /diagnostics.
     """
 
     fault = None

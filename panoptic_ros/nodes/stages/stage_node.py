@@ -228,6 +228,8 @@ class StageNode(GatheringNode):
 
     def close(self) -> None:
         """Stop the worker and the camera readers."""
+        if self._work is not None:
+            self._work.close()
         self._reading.close()
         self._worker.stop()
         self._compilation.close()

@@ -11,6 +11,7 @@ import gc
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 from rclpy.node import Node
@@ -39,6 +40,7 @@ from panoptic_ros.nodes.middleware.streams import StreamEnds
 from panoptic_ros.nodes.middleware.worker import Worker
 from panoptic_ros.nodes.stages.facts import FactsSubscriber
 from panoptic_ros.nodes.stages.inputs import Input, InputChoice, MessageValidator, subscribe
+from panoptic_ros.nodes.stages.instant_service import InstantService
 from panoptic_ros.nodes.stages.kept_states import StateExchange
 from panoptic_ros.nodes.stages.own_cameras import OwnCameraReader, OwnInput
 from panoptic_ros.params import Config
@@ -269,6 +271,7 @@ class StageWork:
         self._logger = around.node.get_logger()
         self._inputs: dict[str, Input] = {}  # by full name
         self._companions = Companions((), ())
+        self._services: dict[str, InstantService] = {}  # by stage
         self._times = AlignedTimes(context.rig.names)
         # Timestamps of named clocks agree only after sync has corrected them.
         named = any(camera.clock for camera in context.rig.cameras) or "clocks" in chosen.everywhere
@@ -318,6 +321,7 @@ class StageWork:
         if self._live:
             self._companions = Companions([port for port in ports if port.patience_ns], present)
         around.worker.start(queue_for(self.pipeline.wiring, around.flow, present, self._full))
+        self._open_services()
         self._subscribe()
         around.reading.start(self._rig, self._take_own, failed)
         gc.freeze()  # existing objects stay alive; scanning them takes longer than a camera period
@@ -331,6 +335,24 @@ class StageWork:
             for owner in around.choice.owners(topic, self._rig):
                 outputs.open(topic, owner)
         return outputs
+
+    def _open_services(self) -> None:
+        """Open the services of stages that give records of requested instants."""
+        for spec in self.pipeline.wiring.specs:
+            if spec.service:
+                self._services[spec.name] = InstantService(
+                    self._around.node,
+                    spec.service,
+                    TOPICS[spec.outputs[0]].of(),
+                    partial(self.pipeline.stage, spec.name),
+                    self._around.worker.urge,
+                    lambda: self._around.facts.rig.frame_id,
+                )
+
+    def close(self) -> None:
+        """Stop answering requests."""
+        for service in self._services.values():
+            service.close()
 
     def _in_order(self, owners: Mapping[str, Sequence[str]]) -> ReplayDelivery:
         chosen, outputs, clock_of = self._chosen, self._outputs, self._around.facts.rig.clock_of
@@ -458,6 +480,8 @@ class StageWork:
 
     def _stepped(self, stage: str, duration_ns: int) -> None:
         self._around.tally.stepped(stage, self._around.reading.duration_ns(stage, duration_ns))
+        if stage in self._services:
+            self._services[stage].look()
 
     # ---------------------------------------------------------------- changes and end
 

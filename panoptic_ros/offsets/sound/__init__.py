@@ -1,8 +1,8 @@
 """Estimate the clocks of cameras from the sound of their microphones, without timecode.
 
 The method follows Elhayek et al. 2012, 3. Input: the sound of every device on its own clock. Output: an
-offset and a drift per camera with standard deviations, as `CameraClocks`, as from motion. No initial guess is
-needed: offsets of minutes are found as well as offsets of milliseconds. Known microphone positions reduce the
+offset and a drift per camera with standard deviations, as `CameraClocks`. No initial guess is needed:
+offsets of minutes are found as well as offsets of milliseconds. Known microphone positions reduce the
 standard deviations.
 
 Limits: sound travels 3 ms per metre, and the positions of its sources are unknown. The standard deviations

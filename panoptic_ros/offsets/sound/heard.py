@@ -41,7 +41,8 @@ class SoundClockEstimate:
     """Clocks of cameras from the sound of their devices.
 
     Args:
-        clocks: camera clocks, as from motion. A clock is known if sound gives it, for any standard deviation.
+        clocks: camera clocks, in the same form as from motion. A clock is known if sound gives it, for any
+            standard deviation.
         pairs: pairs of devices.
         unknown: {camera: reason why its clock is unknown}.
         apart_s: (s) travel time of sound over the largest distance of two linked devices.

@@ -315,7 +315,10 @@ class SoundClocks:
 
 
 def _confirmed(lines: SoundClockLines, arrived: Array) -> tuple[SoundClockLines, Array]:
-    """Return lines and arrivals without the devices that too few windows confirm."""
+    """Set the lines and arrivals of devices that arrive in fewer than `LEAST_CLEAR` windows to NaN.
+
+    If fewer than two devices remain, the lines of all devices are NaN.
+    """
     heard = np.isfinite(arrived).sum(axis=1) >= LEAST_CLEAR
     offsets = np.where(heard, lines.offsets, np.nan)
     drifts = np.where(heard, lines.drifts, np.nan)

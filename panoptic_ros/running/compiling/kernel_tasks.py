@@ -18,16 +18,19 @@ from functools import lru_cache, partial
 import numpy as np
 
 from panoptic_ros.association.known_occluders import occluded_depths
+from panoptic_ros.continuous.config import ContinuousConfig
+from panoptic_ros.continuous.passes import ContinuousPass
 from panoptic_ros.detection.stage import warm_up as detection
 from panoptic_ros.domain import Occluders
 from panoptic_ros.geometry.symmetric import largest_eigenvalue
 from panoptic_ros.graph.build import configure, make_stage, resolve
 from panoptic_ros.graph.nodes import NODES
+from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.io.body_context import body_extras
 from panoptic_ros.kernels import on_compilation
 from panoptic_ros.simulation import SKELETON, Ring, SimulatedScene, Simulation, simulate
 from panoptic_ros.simulation.rendering import Studio
-from panoptic_ros.stage import StageContext
+from panoptic_ros.stage import StageContext, untold
 
 
 def _stage(name: str, **parameters: object) -> None:
@@ -42,6 +45,15 @@ def _kinematics() -> None:
     config = configure({"kinematics": {"everybody": True}})["kinematics"]
     extras = body_extras((), "", "")
     make_stage("kinematics", config, StageContext(take.rig, SKELETON, extras))
+
+
+def _continuous() -> None:
+    """Compile the kernels of motion as a function of time."""
+    _stage("continuous", active=True)
+    take = simulate(SimulatedScene("to compile", ("walk",), Ring(3), frames=25), 0, 25)
+    context = StageContext(take.rig, SKELETON)
+    recording = InMemoryRecording({"detection_sets": tuple(take.detection_sets())})
+    ContinuousPass(ContinuousConfig(clocks=True, rolling_shutter=True), context).run(recording, untold)
 
 
 def _occluders() -> None:
@@ -74,6 +86,7 @@ TASKS: dict[str, Callable[[], None]] = {
     "exact votes": partial(_stage, "voting", method="exact", parts=True),
     "tracking": partial(_stage, "tracking"),
     "kinematics": _kinematics,
+    "continuous": _continuous,
     "patches": partial(_stage, "patches", active=True),
     "flow": partial(_stage, "flow"),
     "occluders": _occluders,

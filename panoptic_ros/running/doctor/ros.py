@@ -70,7 +70,7 @@ def check_rclpy() -> Finding:
 
 
 def check_messages() -> Finding:
-    """Check that panoptic_msgs is installed, loads, and was built from the .msg files of this repository."""
+    """Check that panoptic_msgs is installed, loads, and was built from the definitions of this repository."""
     found = importlib.util.find_spec("panoptic_msgs")
     remedy = "./run setup, or python -m pip install ./msg_defs, or colcon build --base-paths . msg_defs"
     if found is None or found.origin is None:
@@ -112,8 +112,12 @@ def _from_wheels() -> bool:
 
 
 def _differences(one: Path, other: Path) -> list[str]:
-    """Return the names of definitions that exist in only one folder or differ between both."""
-    texts = [{path.name: path.read_bytes() for path in folder.glob("*.msg")} for folder in (one, other)]
+    """Return the names of definitions that exist in only one folder or differ between both.
+
+    Services are in the folder `srv` beside the folder of the messages.
+    """
+    files = [[*folder.glob("*.msg"), *folder.parent.glob("srv/*.srv")] for folder in (one, other)]
+    texts = [{path.name: path.read_bytes() for path in paths} for paths in files]
     return sorted(
         name for name in texts[0].keys() | texts[1].keys() if texts[0].get(name) != texts[1].get(name)
     )

@@ -24,7 +24,7 @@ from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.designated import with_bodies, with_subjects
 from panoptic_ros.running.plans.parameters import Parameters, with_occluders
 from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.plans.saved_offsets import saved_lines, saved_offsets
+from panoptic_ros.running.plans.saved_clocks import saved_clocks, saved_lines, with_line_delays
 from panoptic_ros.sync.config import SyncConfig
 
 
@@ -83,8 +83,8 @@ class RunOptions:
             UserError: if a file cannot be used, or the plan already has delays of cameras.
         """
         check_names(plan.rig.names)
-        rig = with_occluders(plan.rig, self.occluders)
         plan = plan if self.offsets is None else _with_offsets(plan, self.offsets)
+        rig = with_occluders(plan.rig, self.occluders)
         if self.imus is not None and self.subjects:
             plan = replace(plan, imus=dict.fromkeys(imu_devices(self.imus), self.imus))
         plan = with_bodies(with_subjects(plan, self.subjects))
@@ -119,23 +119,25 @@ SECOND = 1_000_000_000
 
 
 def _with_offsets(plan: Plan, path: Path) -> Plan:
-    """Return the plan with known clock offsets as delays of the cameras."""
+    """Return the plan with known clock offsets as delays of the cameras, and with known line delays."""
     sync, offsets = config_of(plan.configs, SyncConfig), config_of(plan.configs, OffsetsConfig)
     if sync.delays_ms:
         raise UsageError("--offsets and sync.delays_ms both state the delays of stamps; give one of them")
-    saved = saved_offsets(path, plan.rig.names)
+    saved = saved_clocks(path, plan.rig.names)
     delays = tuple(f"{name}={1e3 * offset.offset_s:.4f}" for name, offset in saved.items())
     configs = {
         **plan.configs,
         "sync": replace(sync, delays_ms=delays),
         "offsets": replace(offsets, delays_ms=delays),
     }
-    told = tuple(line.strip() for line in saved_lines(saved, plan.rig.names))
+    told = tuple(line.strip() for line in saved_lines(saved, plan.rig.names, False))
     # offsets may be seconds, so the streams are aligned by their corrected timestamps
     more = {name: round(SECOND * offset.offset_s) for name, offset in saved.items()}
     streams = tuple(replace(s, shift_ns=s.shift_ns + more.get(s.camera, 0)) for s in plan.streams)
     shifts = {name: plan.shifts.get(name, 0) + more.get(name, 0) for name in (*plan.shifts, *more)}
-    return replace(plan, configs=configs, streams=streams, shifts=shifts, notices=(*plan.notices, *told))
+    notices = (*plan.notices, *told)
+    rig = with_line_delays(plan.rig, saved)
+    return replace(plan, rig=rig, configs=configs, streams=streams, shifts=shifts, notices=notices)
 
 
 def _with_upright_images(plan: Plan) -> Plan:

@@ -15,6 +15,7 @@ from panoptic_ros.io.bag_streams import IMU_KEY, SOUND_KEY, BagStream
 from panoptic_ros.params import Config
 
 BODIES = "kinematics"  # the stage that needs no camera
+VIEWS = ("detection", "sync")  # the stages that single views pass
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class Plan:
         depth_cameras: Cameras whose images come with depth maps.
         maps: Depth maps of separate depth sensors in a capture folder.
         stage: First stage of the run, detection or sync.
+        views_only: Whether no stage runs after sync.
         extras: Additional input of detection and assembly; empty if there is none.
         frame_count: Total number of frames of all cameras; None if unknown.
         instants: Number of frames of the longest camera; None if unknown.
@@ -63,6 +65,7 @@ class Plan:
     depth_cameras: tuple[str, ...] = ()
     maps: tuple[DepthSensorSource, ...] = ()
     stage: str = "detection"
+    views_only: bool = False
     extras: Mapping[str, Any] = field(default_factory=dict)
     frame_count: int | None = None
     instants: int | None = None
@@ -89,7 +92,9 @@ class Plan:
         """
         if not self.rig.cameras:
             return (BODIES,)
-        return (*(SOUND if self.devices else ()), *CHAIN[CHAIN.index(self.stage) :])
+        sound = SOUND if self.devices else ()
+        later = CHAIN[CHAIN.index(self.stage) :]
+        return (*sound, *(name for name in later if name in VIEWS or not self.views_only))
 
     @property
     def devices(self) -> tuple[str, ...]:

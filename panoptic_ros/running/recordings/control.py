@@ -25,12 +25,13 @@ AGAIN_S = 3.0  # s without an answer before a request is repeated
 def ask_all(start: bool, patience_s: float = 3.0) -> list[tuple[str, bool, str]]:
     """Ask the recorders of all hosts to start or to stop.
 
-    A host that does not answer is asked again. A recorder answers the same to a request that is fulfilled
-    already.
+    A recorder that does not answer is asked again. This is safe: a recorder that is already in the requested
+    state also reports success.
 
     Args:
         start: True = start, False = stop.
-        patience_s: time to look for more hosts, s. The first host and all answers may take `ANSWER_S` more.
+        patience_s: time to search for recorders, s. The search takes up to `ANSWER_S` longer while no
+            recorder has been found or an answer is missing.
 
     Returns:
         (node, success, message) of every recorder.

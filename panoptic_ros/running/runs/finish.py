@@ -1,6 +1,6 @@
 """Makes the report of a run, and its pictures, video and plot.
 
-It also explains to a waiting user why no skeletons have arrived yet.
+This module also explains to a waiting user why no skeletons have arrived yet.
 """
 
 from __future__ import annotations

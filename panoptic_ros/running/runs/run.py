@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import ContractError, PanopticError
+from panoptic_ros.evaluation.free_running import free_running
 from panoptic_ros.io.folders import MARK
 from panoptic_ros.io.interruption import first_request_told, interrupted, requests_held
 from panoptic_ros.running.plans.duration import ended_after
@@ -23,7 +25,7 @@ from panoptic_ros.running.runs.finish import draw, finish, grouped_views
 from panoptic_ros.running.runs.in_process import OfflineResults, run_in_process
 from panoptic_ros.running.runs.launch import without_patch_inputs
 from panoptic_ros.running.runs.result_folder import LiveFolder, files_below, open_live_folder, result_folder
-from panoptic_ros.running.runs.results import MADE, Results
+from panoptic_ros.running.runs.results import BAG, MADE, Results
 from panoptic_ros.running.runs.startup_check import StartupCheck
 from panoptic_ros.stage import Notice
 from panoptic_ros.view.report import RunReport
@@ -124,6 +126,7 @@ def run(
         notices = (*told, *watch.check.judge())
         elapsed_s = time.monotonic() - started
         sets = grouped_views(plan, results)
+        notices += _hint(sets, Path(out))
         report = finish(plan, results, counted, notices, sets, elapsed_s=elapsed_s)
         if pictures:
             draw(plan, results, sets, observer.drew)
@@ -275,6 +278,7 @@ def _report_live(
         notices = (*told, *watch.check.judge())
         elapsed_s = time.monotonic() - started
         sets = grouped_views(plan, results)
+        notices += _hint(sets, results.folder)
         report = finish(plan, results, counted, notices, sets, elapsed_s=elapsed_s)
         report.write(results.folder / MARK)
         if how.pictures:
@@ -288,6 +292,19 @@ def _report_live(
     except Exception as error:
         troubles.append(f"the {doing} could not be made ({_in_short(error)}); the take is whole")
     return report, troubles
+
+
+def _hint(sets: Sequence[DetectionSet], out: Path) -> tuple[Notice, ...]:
+    """Return a notice if another command suits the cameras better.
+
+    Args:
+        out: folder of the results.
+    """
+    found = free_running(sets)
+    if found is None:
+        return ()
+    command = f"panoptic continuous --bag {out / BAG} --out {out / 'continuous.json.gz'}"
+    return (Notice("run.free_running", "warning", f"{found}; use `{command}`"),)
 
 
 def _told(error: BaseException) -> PanopticError | None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from panoptic_ros.domain import ClockModel, DetectionSet, ViewDetections
 from panoptic_ros.evaluation.rig_check import check_rig
-from panoptic_ros.graph.build import make_stage
+from panoptic_ros.running.grouping import grouped
 from panoptic_ros.running.plans.plan import Plan
 from panoptic_ros.stage import Notice, StageContext
 
@@ -23,10 +23,9 @@ def regrouped(
     Args:
         clocks: at most one model per clock.
     """
-    stage = make_stage("sync", plan.configs["sync"], StageContext(plan.rig, plan.skeleton))
     side_by_side = sorted(views, key=lambda view: plan.at(view.camera, view.stamp_ns))
-    steps = [stage.step(item) for item in (*clocks, *side_by_side)]
-    return [item for result in (*steps, stage.flush()) for item in result.outputs]
+    sets, _ = grouped(plan.configs, StageContext(plan.rig, plan.skeleton), (*clocks, *side_by_side))
+    return sets
 
 
 INSTANTS = 30  # instants used for the check; about 1 s of a capture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,10 +9,10 @@ import numpy as np
 
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.clocks_from_motion import find_clocks
-from panoptic_ros.io.clock_offsets import write_clocks
+from panoptic_ros.io.clock_files import write_clocks
 from panoptic_ros.offsets import regroup
 from panoptic_ros.offsets.sound.passes import APART
-from panoptic_ros.running.plans.saved_offsets import saved_lines, saved_offsets
+from panoptic_ros.running.plans.saved_clocks import RecordingClocks, with_line_delays
 from panoptic_ros.running.solve import SolveTask
 from panoptic_ros.running.sound.clocks import clocks_from_sound, recorded_sound
 from panoptic_ros.stage import Progress, part_of, untold
@@ -25,7 +24,7 @@ class Correction:
     """Options of the correction of camera clocks. By default, nothing is corrected.
 
     Args:
-        saved: File with known clock offsets, which are added to the timestamps.
+        saved: File with known clocks, which correct the timestamps, and line delays.
         from_sound: Capture folder or bag with the cameras' sound, from which offsets and drifts are
             estimated.
         apart: Maximum distance between microphones, m, see `offsets.sound.SoundClocksConfig`.
@@ -66,6 +65,7 @@ def corrected(
     """
     told: list[str] = []
     heard = None
+    first_ns = min((view.stamp_ns for item in task.sets for view in item.views), default=0)
     if correction.from_sound is not None:
         share = part_of(progress, 0.0, 0.3 if correction.from_motion else 1.0)
         recorders, _ = recorded_sound(correction.from_sound)
@@ -89,7 +89,7 @@ def corrected(
             clocks = heard.clocks.then(found.clocks)
     if correction.from_motion or heard:
         if correction.out:
-            write_clocks(correction.out, clocks)
+            write_clocks(correction.out, clocks, first_ns)
         return task, told
     if correction.saved:
         return _moved(task, correction.saved)
@@ -97,12 +97,13 @@ def corrected(
 
 
 def _moved(task: SolveTask, path: Path) -> tuple[SolveTask, list[str]]:
-    """Return the task with saved offsets added to its timestamps, and lines about the offsets."""
-    names = task.context.rig.names
-    saved = saved_offsets(path, names)
-    frames = Counter(view.camera for item in task.sets for view in item.views)
-    corrections = {
-        name: np.full(count, 1e9 * saved[name].offset_s if name in saved else 0.0)
-        for name, count in frames.items()
-    }
-    return replace(task, sets=regroup(task.sets, corrections)), saved_lines(saved, names)
+    """Return the task with saved clocks and line delays, and lines about them."""
+    rig = task.context.rig
+    clocks = RecordingClocks.of(path, rig.names, task.sets)
+    shifts: dict[str, list[int]] = {}
+    for view in (view for item in task.sets for view in item.views):
+        moved = clocks.corrected(view.camera, view.stamp_ns)
+        shifts.setdefault(view.camera, []).append(moved - view.stamp_ns)
+    corrections = {name: np.array(own, float) for name, own in shifts.items()}
+    context = replace(task.context, rig=with_line_delays(rig, clocks.saved))
+    return replace(task, context=context, sets=regroup(task.sets, corrections)), clocks.told(rig.names)

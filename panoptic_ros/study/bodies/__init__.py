@@ -1,1 +1,1 @@
-"""Studies of bodies from cameras and IMUs, next to the solver of Malleson et al. 2020."""
+"""Studies of bodies from cameras and IMUs, compared with the solver of Malleson et al. 2020."""

@@ -1,6 +1,6 @@
 """The study `alignment`: estimate injected heading and clock offsets of IMUs from seconds of motion.
 
-It also estimates the segment lengths of bodies.
+The study also estimates the segment lengths of bodies.
 """
 
 from __future__ import annotations

@@ -50,7 +50,7 @@ MOUNTING_DEG = {"stated": 2.5, "T 2.5": 2.5, "T 4": 4.0}  # standard deviation p
 
 
 @dataclass(frozen=True)
-class Drawn:
+class CaptureSetup:
     """Randomly drawn setup of a capture.
 
     Args:
@@ -85,13 +85,13 @@ class Drawn:
         return f"{text} {known}{unknown}"
 
 
-def draw(rng: np.random.Generator) -> Drawn:
+def draw(rng: np.random.Generator) -> CaptureSetup:
     """Draw the setup of one capture."""
 
     def pick(*values: Any) -> Any:
         return values[int(rng.integers(len(values)))]
 
-    drawn = Drawn(
+    drawn = CaptureSetup(
         pick(*BODY_SCENES, *OTHER_BODY_SCENES),
         pick(8, 8, 4, 4, 2),
         pick(13, 13, 13, 6, 0),
@@ -139,7 +139,7 @@ def drawn_case(seed: int) -> BodyCase:
     return replace(case, recording=recording, subjects=subjects, truth=truth, strangers=strangers)
 
 
-def _scene(drawn: Drawn) -> BodyScene:
+def _scene(drawn: CaptureSetup) -> BodyScene:
     scene = body_scene(drawn.scene)
     seconds = LEAVES_SECONDS if scene.path else SECONDS
     known = drawn.mounting == "stated"
@@ -185,7 +185,7 @@ def _side(name: str) -> str:
     return name[1:] if name[0] in "lr" and name[1].isupper() else name
 
 
-def _stated(subject: Subject, drawn: Drawn, model: SegmentModel) -> Subject:
+def _stated(subject: Subject, drawn: CaptureSetup, model: SegmentModel) -> Subject:
     """Return the subject with only the data that its file states."""
     names, body = model.names, subject.body
     usual = model.body(subject.stature)

@@ -51,7 +51,7 @@ KINDS = ("good", WHOLE, "mounting", "swapped", "strap", "heading")
 LONGER_S = 60.0  # longer than any capture
 
 
-class Spoilt(NamedTuple):
+class FaultyCapture(NamedTuple):
     """Capture with a fault: the kind, the affected segments, and the begin (s)."""
 
     capture: BodyCapture
@@ -104,7 +104,7 @@ class Devices(Study):
         statistics = prior_without(scene.clips, clips, model)
         for kind in each(KINDS, len(KINDS), progress, "faults"):
             if kind == WHOLE:
-                spoilt = Spoilt(simulate_body(whole, seed, model, clips), kind, (), LONGER_S)
+                spoilt = FaultyCapture(simulate_body(whole, seed, model, clips), kind, (), LONGER_S)
             else:
                 spoilt = spoil(capture, kind, seed * len(SCENES) + n)
             yield {"scene": name, "seed": seed} | _trial(spoilt, config, statistics)
@@ -129,7 +129,7 @@ class Devices(Study):
             )
 
 
-def spoil(capture: BodyCapture, kind: str, number: int) -> Spoilt:
+def spoil(capture: BodyCapture, kind: str, number: int) -> FaultyCapture:
     """Return the capture with a fault; the number selects the device and the error."""
     rng = np.random.default_rng([number, 7])
     names, worn = capture.subject.body.model.names, list(capture.subject.devices)
@@ -142,7 +142,7 @@ def spoil(capture: BodyCapture, kind: str, number: int) -> Spoilt:
         assert mount is not None
         worn[k] = replace(worn[k], mount=_powered(turn, WRONG_DEG) @ mount)
         subject = replace(capture.subject, devices=tuple(worn))
-        return Spoilt(replace(capture, subject=subject), kind, (segment,), 0.0)
+        return FaultyCapture(replace(capture, subject=subject), kind, (segment,), 0.0)
     if kind == "swapped":
         by_place = {names[d.segment]: d.name for d in worn}
         limbs = [name[1:] for name in by_place if name[0] == "l" and "r" + name[1:] in by_place]
@@ -151,7 +151,7 @@ def spoil(capture: BodyCapture, kind: str, number: int) -> Spoilt:
         samples = {left: capture.devices[right], right: capture.devices[left]}
         there = {left: capture.mounts[right], right: capture.mounts[left]}
         swapped = replace(capture, devices=capture.devices | samples, mounts=capture.mounts | there)
-        return Spoilt(swapped, kind, tuple(segments), 0.0)
+        return FaultyCapture(swapped, kind, tuple(segments), 0.0)
     if kind == "strap":
         series, slip = capture.devices[device], _powered(turn, SLIP_DEG)
         turned = from_quaternions(series.quaternions)
@@ -165,15 +165,15 @@ def spoil(capture: BodyCapture, kind: str, number: int) -> Spoilt:
             devices=capture.devices | {device: slipped},
             mounts=capture.mounts | {device: capture.mounts[device] @ slip},
         )
-        return Spoilt(found, kind, (segment,), SLIPS_S)
+        return FaultyCapture(found, kind, (segment,), SLIPS_S)
     if kind == "heading":
         off = np.radians(HEADING_DEG)
         turned_all = {name: unknown_heading(series, off) for name, series in capture.devices.items()}
-        return Spoilt(replace(capture, devices=turned_all), kind, (), 0.0)
-    return Spoilt(capture, kind, (), 0.0)
+        return FaultyCapture(replace(capture, devices=turned_all), kind, (), 0.0)
+    return FaultyCapture(capture, kind, (), 0.0)
 
 
-def _trial(spoilt: Spoilt, config: KinematicsConfig, statistics: PoseStatistics) -> dict[str, Any]:
+def _trial(spoilt: FaultyCapture, config: KinematicsConfig, statistics: PoseStatistics) -> dict[str, Any]:
     """Run a trial and return report delay, false alarms, and remaining mounting and heading errors."""
     tracker, instants = tracker_of(spoilt.capture, config, statistics)
     end = instants[0].stamp_ns + round(1e9 * (spoilt.begin_s + TOLD_S))
@@ -213,7 +213,7 @@ def _trial(spoilt: Spoilt, config: KinematicsConfig, statistics: PoseStatistics)
     }
 
 
-def _off(tracker: SubjectTracker, spoilt: Spoilt) -> dict[str, float]:
+def _off(tracker: SubjectTracker, spoilt: FaultyCapture) -> dict[str, float]:
     """Return the mounting error (deg) of each device, by the segment to which the tracker assigns it."""
     found = {}
     capture, worn = spoilt.capture, tracker.devices

@@ -48,7 +48,7 @@ def run_fed_bodies(feed: BodyFeed, seconds: float, lag: float) -> dict[str, Any]
         UserError: with the output of a node that ended.
         EnvironmentProblem: if another graph runs in this ROS domain, or no skeletons arrive.
     """
-    found: dict[str, Any] = played(feed, False, lambda: _Run(feed, seconds), _with_bodies(feed, lag))
+    found: dict[str, Any] = played(feed, False, lambda: _BodyPlayer(feed, seconds), _with_bodies(feed, lag))
     return found
 
 
@@ -63,14 +63,14 @@ def _with_bodies(feed: BodyFeed, lag: float) -> Callable[[Plan, Path], Plan]:
     return change
 
 
-class _Used(NamedTuple):
+class _ProcessUsage(NamedTuple):
     """Resource usage of the processes at a time, and the drop counts of the kinematics node by cause."""
 
     usage: dict[str, Usage]
     dropped: Counter[str]
 
 
-class _Run(Player):
+class _BodyPlayer(Player):
     """Player that also publishes IMU samples and receives bodies."""
 
     def __init__(self, feed: BodyFeed, seconds: float):
@@ -93,7 +93,7 @@ class _Run(Player):
             for number in range(count)
         ]
         self._all = [
-            sorted([*super(_Run, self).messages(number), *samples[number]], key=lambda row: row[0])
+            sorted([*super(_BodyPlayer, self).messages(number), *samples[number]], key=lambda row: row[0])
             for number in range(count)
         ]
 
@@ -130,13 +130,15 @@ class _Run(Player):
         self.spin_until(time.monotonic_ns() + round(1e9 * LAST_WORDS_S))
         return self._figures(before, after)
 
-    def _used(self, processes: Processes) -> _Used:
+    def _used(self, processes: Processes) -> _ProcessUsage:
         told = self.node.diagnostics.get("kinematics", {})
         counts = {key.removeprefix(DROPPED): int(n) for key, n in told.items() if key.startswith(DROPPED)}
         dropped = Counter(counts)
-        return _Used({name: usage_of([pid]) for name, pid in zip(processes.names, processes.ids)}, dropped)
+        return _ProcessUsage(
+            {name: usage_of([pid]) for name, pid in zip(processes.names, processes.ids)}, dropped
+        )
 
-    def _figures(self, before: _Used, after: _Used) -> dict[str, Any]:
+    def _figures(self, before: _ProcessUsage, after: _ProcessUsage) -> dict[str, Any]:
         begin, end = (next(iter(used.usage.values())).at_ns for used in (before, after))
         passed = 1e-9 * (end - begin)
         rows = [row for row in self._bodies if begin <= row[1] <= end]

@@ -20,7 +20,7 @@ from panoptic_ros.simulation.bodies.capture import BodyCapture
 from panoptic_ros.study.bodies.cases import recording_of
 
 
-class Given(NamedTuple):
+class TimeStepMeasurements(NamedTuple):
     """All data of a time step: 2D poses by camera, and the measurements of the subject's devices."""
 
     stamp_ns: int
@@ -33,7 +33,7 @@ def tracker_of(
     config: KinematicsConfig,
     statistics: PoseStatistics,
     kind: type[SubjectTracker] = SubjectTracker,
-) -> tuple[Any, list[Given]]:
+) -> tuple[Any, list[TimeStepMeasurements]]:
     """Return a tracker in its initial state, and all time steps of the capture.
 
     Each time step has the nearest image of every camera. Heading and clock are as stated.
@@ -51,14 +51,18 @@ def tracker_of(
         for camera, view in recording.views.items()
     }
     given = [
-        Given(stamp, {c: recording.views[c].people[rows[k]] for c, rows in images.items()}, measured[k])
+        TimeStepMeasurements(
+            stamp, {c: recording.views[c].people[rows[k]] for c, rows in images.items()}, measured[k]
+        )
         for k, stamp in enumerate(stamps.tolist())
     ]
     mounts, _ = t_pose_mounts(subject, stamps, felt, 0.0)
     return kind(config, subject, weighing, mounts, 0.0), given
 
 
-def follow(tracker: SubjectTracker, instants: Sequence[Given], gate: float) -> Iterator[Given]:
+def follow(
+    tracker: SubjectTracker, instants: Sequence[TimeStepMeasurements], gate: float
+) -> Iterator[TimeStepMeasurements]:
     """Yield each time step after the tracker has processed it."""
     weighing = tracker.weighing
     for given in instants:

@@ -1,6 +1,6 @@
-"""The study `kinematics-inputs`: errors by numbers of cameras and IMUs, next to the paper's solver.
+"""The study `kinematics-inputs`: errors by numbers of cameras and IMUs, compared with the paper's solver.
 
-It repeats Fig. 7 of Malleson et al. 2020.
+The study repeats Fig. 7 of Malleson et al. 2020.
 """
 
 from __future__ import annotations

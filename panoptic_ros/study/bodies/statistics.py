@@ -11,14 +11,14 @@ Rows = Sequence[Mapping[str, Any]]
 STATISTICS = {"mean": "", "med": "_median", "std": "_std", "MAD": "_mad"}
 
 
-class Kinds(NamedTuple):
+class ErrorTable(NamedTuple):
     """Errors in one table: title with the unit, and their keys in the rows."""
 
     title: str
     keys: Mapping[str, str]
 
 
-POSITIONS = Kinds(
+POSITIONS = ErrorTable(
     "joints, mm",
     {
         "global": "mm",
@@ -27,7 +27,7 @@ POSITIONS = Kinds(
         "less constant offsets": "aligned_mm",
     },
 )
-ORIENTATIONS = Kinds(
+ORIENTATIONS = ErrorTable(
     "segments, deg",
     {
         "global": "deg",
@@ -39,7 +39,7 @@ ORIENTATIONS = Kinds(
 )
 
 
-def statistic_lines(kinds: Kinds, groups: Mapping[str, Rows], label: str) -> Iterator[str]:
+def statistic_lines(kinds: ErrorTable, groups: Mapping[str, Rows], label: str) -> Iterator[str]:
     """Yield the table: two header lines, and one line per group with the means over its rows.
 
     Args:

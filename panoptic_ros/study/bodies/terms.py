@@ -1,6 +1,6 @@
-"""The study `terms`: leave out one term or input at a time, next to the paper's solver.
+"""The study `terms`: leave out one term or input at a time, compared with the paper's solver.
 
-It repeats Table 3 of Malleson et al. 2020, and varies the weight of accelerations (Fig. 9).
+The study repeats Table 3 of Malleson et al. 2020, and varies the weight of accelerations (Fig. 9).
 """
 
 from __future__ import annotations

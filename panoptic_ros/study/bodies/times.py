@@ -181,7 +181,7 @@ def _ms(value: float | None) -> str:
     return "-" if value is None else f"{value:.1f}"
 
 
-class _Asked(SubjectTracker):
+class _RecordingTracker(SubjectTracker):
     """Tracker that stores the initial pose and the evidence of every solve."""
 
     def __init__(self, *args: Any) -> None:
@@ -207,7 +207,7 @@ def _solves(capture: BodyCapture, config: KinematicsConfig, statistics: PoseStat
 
     Each solve starts from the pose of the previous time step.
     """
-    tracker, instants = tracker_of(capture, config, statistics, _Asked)
+    tracker, instants = tracker_of(capture, config, statistics, _RecordingTracker)
     for _ in follow(tracker, instants, config.gate):
         pass
     chain, times, iterations = capture.subject.body.chain, [], []

@@ -53,7 +53,7 @@ IMAGES = tuple(TOPIC.format(name) for name in ("cam0", "cam1"))
 
 
 @dataclass
-class Outcome:
+class AccidentOutcome:
     """Outcome of an accident.
 
     Args:
@@ -71,7 +71,7 @@ class Outcome:
 
 
 @dataclass
-class Stage:
+class AccidentEnvironment:
     """Environment of the accidents: stand-in drivers, a rig, and a folder for takes.
 
     Args:
@@ -110,7 +110,7 @@ class Take:
         how: further arguments of `subprocess.Popen`.
     """
 
-    def __init__(self, stage: Stage, verb: str, out: Path, *more: str, **how: Any):
+    def __init__(self, stage: AccidentEnvironment, verb: str, out: Path, *more: str, **how: Any):
         self.out, self.verb = out, verb
         self.log = stage.folder / f"{out.name}.log"
         if "stdout" not in how:
@@ -197,7 +197,9 @@ def newest_saved(take: Take, folder: Path) -> int:
 Codes = tuple[int | None, ...]
 
 
-def _judged(stage: Stage, take: Take, outcome: Outcome, when_ns: int, codes: Codes) -> Outcome:
+def _judged(
+    stage: AccidentEnvironment, take: Take, outcome: AccidentOutcome, when_ns: int, codes: Codes
+) -> AccidentOutcome:
     """Fill in the outcome: compare the saved data with the accident time, and check the exit code."""
     outcome.said = take.said()
     try:
@@ -214,22 +216,24 @@ def _judged(stage: Stage, take: Take, outcome: Outcome, when_ns: int, codes: Cod
     return outcome
 
 
-def _asked_to_end(stage: Stage, take: Take, outcome: Outcome, number: int = signal.SIGINT) -> Outcome:
+def _asked_to_end(
+    stage: AccidentEnvironment, take: Take, outcome: AccidentOutcome, number: int = signal.SIGINT
+) -> AccidentOutcome:
     """End a take by a signal; it must close with exit code 0."""
     when = time.time_ns()
     outcome.code = take.end(number)
     return _judged(stage, take, outcome, when, (0,))
 
 
-Accident = Callable[[Stage, Outcome, str, Path], Outcome]
+Accident = Callable[[AccidentEnvironment, AccidentOutcome, str, Path], AccidentOutcome]
 
 
-def _moment(stage: Stage) -> float:
+def _moment(stage: AccidentEnvironment) -> float:
     return stage.rng.uniform(1.5, 5.0)
 
 
 def _signalled(*numbers: int, codes: Codes = (0,), apart_s: float = 0.0) -> Accident:
-    def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+    def happen(stage: AccidentEnvironment, outcome: AccidentOutcome, verb: str, out: Path) -> AccidentOutcome:
         take = Take(stage, verb, out)
         take.wait(_moment(stage))
         when = time.time_ns()
@@ -242,7 +246,9 @@ def _signalled(*numbers: int, codes: Codes = (0,), apart_s: float = 0.0) -> Acci
     return happen
 
 
-def _terminal_closed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+def _terminal_closed(
+    stage: AccidentEnvironment, outcome: AccidentOutcome, verb: str, out: Path
+) -> AccidentOutcome:
     """Close the terminal; the take must continue until SIGTERM."""
     master, slave = os.openpty()
     take = Take(stage, verb, out, stdout=slave, stderr=slave)
@@ -253,7 +259,9 @@ def _terminal_closed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Ou
     return _asked_to_end(stage, take, outcome, signal.SIGTERM)
 
 
-def _reader_ended(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+def _reader_ended(
+    stage: AccidentEnvironment, outcome: AccidentOutcome, verb: str, out: Path
+) -> AccidentOutcome:
     """Close the reading end of `... 2>&1 | tee log`, then send Ctrl-C."""
     reader, writer = os.pipe()
     take = Take(stage, verb, out, stdout=writer, stderr=writer)
@@ -264,7 +272,7 @@ def _reader_ended(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outco
 
 
 def _foreign(what: str) -> Accident:
-    def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+    def happen(stage: AccidentEnvironment, outcome: AccidentOutcome, verb: str, out: Path) -> AccidentOutcome:
         take = Take(stage, verb, out)
         take.wait(1.0)
         for _ in range(5):
@@ -280,7 +288,7 @@ def _foreign(what: str) -> Accident:
     return happen
 
 
-def _file_full(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+def _file_full(stage: AccidentEnvironment, outcome: AccidentOutcome, verb: str, out: Path) -> AccidentOutcome:
     """Limit the file size of the process, which acts like a full disk."""
     take = Take(stage, verb, out)
     take.wait(_moment(stage))
@@ -299,7 +307,7 @@ def _mounted(size: str | None, ends: bool) -> Accident:
         ends: fill up the disk during the take.
     """
 
-    def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+    def happen(stage: AccidentEnvironment, outcome: AccidentOutcome, verb: str, out: Path) -> AccidentOutcome:
         place = out.with_name(f"{out.name}-disk")
         place.mkdir()
         words = ["mount", "-t", "tmpfs", "-o", f"size={size or '64m'}", "none", str(place)]
@@ -330,7 +338,7 @@ def _told_before(prepare: Callable[[Path], None], kept: Callable[[Path], bool]) 
     The process must print one line and exit with code 2. Everything at the path must stay.
     """
 
-    def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+    def happen(stage: AccidentEnvironment, outcome: AccidentOutcome, verb: str, out: Path) -> AccidentOutcome:
         prepare(out)
         take = Take(stage, verb, out)
         outcome.code = take.end()
@@ -343,7 +351,7 @@ def _told_before(prepare: Callable[[Path], None], kept: Callable[[Path], bool]) 
     return happen
 
 
-def _twice(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+def _twice(stage: AccidentEnvironment, outcome: AccidentOutcome, verb: str, out: Path) -> AccidentOutcome:
     """Run the same command twice; the second must be refused and the first take must stay."""
     take = Take(stage, verb, out)
     take.wait(_moment(stage))
@@ -357,7 +365,7 @@ def _twice(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
 
 
 def _with_variables(**variables: str) -> Accident:
-    def happen(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+    def happen(stage: AccidentEnvironment, outcome: AccidentOutcome, verb: str, out: Path) -> AccidentOutcome:
         take = Take(stage, verb, out, variables=variables)
         take.wait(_moment(stage))
         return _asked_to_end(stage, take, outcome)
@@ -365,7 +373,9 @@ def _with_variables(**variables: str) -> Accident:
     return happen
 
 
-def _node_killed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+def _node_killed(
+    stage: AccidentEnvironment, outcome: AccidentOutcome, verb: str, out: Path
+) -> AccidentOutcome:
     """Kill a node of the graph; the take must continue."""
     take = Take(stage, verb, out)
     take.wait(2.0)
@@ -382,7 +392,7 @@ def _node_killed(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcom
     return outcome
 
 
-def _says_when(stage: Stage, outcome: Outcome, verb: str, out: Path) -> Outcome:
+def _says_when(stage: AccidentEnvironment, outcome: AccidentOutcome, verb: str, out: Path) -> AccidentOutcome:
     """Compare the time of the output line "recording PATH" with the timestamp of the first message."""
     reader, writer = os.pipe()
     take = Take(stage, verb, out, stdout=writer, stderr=writer)
@@ -461,7 +471,7 @@ ACCIDENTS: dict[str, tuple[str, Accident]] = {
 }
 
 
-def stage_accidents(seed: int, wanted: str = "", progress: Progress = untold) -> list[Outcome]:
+def stage_accidents(seed: int, wanted: str = "", progress: Progress = untold) -> list[AccidentOutcome]:
     """Run every accident once, at random moments from this seed.
 
     Args:
@@ -484,7 +494,7 @@ def stage_accidents(seed: int, wanted: str = "", progress: Progress = untold) ->
         for number, name in enumerate(names):
             progress(number / len(names), name)
             verb, accident = ACCIDENTS[name]
-            outcome = Outcome(name)
+            outcome = AccidentOutcome(name)
             try:
                 outcomes.append(accident(stage, outcome, verb, stage.folder / f"take{number}"))
             except (OSError, PanopticError) as error:
@@ -494,7 +504,7 @@ def stage_accidents(seed: int, wanted: str = "", progress: Progress = untold) ->
 
 
 @contextmanager
-def _staged(folder: Path, seed: int) -> Iterator[Stage]:
+def _staged(folder: Path, seed: int) -> Iterator[AccidentEnvironment]:
     rig, topics, state = folder / "rig.json", folder / "drivers.yaml", folder / "state"
     write_rig(rig, _rig())
     write_json(topics, {name: {"image": TOPIC.format(name)} for name in ("cam0", "cam1")})
@@ -513,7 +523,7 @@ def _staged(folder: Path, seed: int) -> Iterator[Stage]:
         env={**os.environ, **environment},
     )
     try:
-        yield Stage(folder, rig, topics, drivers, random.Random(seed), environment)
+        yield AccidentEnvironment(folder, rig, topics, drivers, random.Random(seed), environment)
     finally:
         assert drivers.stdin is not None
         drivers.stdin.close()

@@ -13,7 +13,7 @@ from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.biases import read_bias_table
 from panoptic_ros.io.body_files import read_bodies
 from panoptic_ros.io.body_models import read_body_model
-from panoptic_ros.io.clock_offsets import read_offsets
+from panoptic_ros.io.clock_files import read_clocks
 from panoptic_ros.io.compared_skeletons import read_sequence
 from panoptic_ros.io.driver_topics import read_driver_topics
 from panoptic_ros.io.joint_offsets import read_joint_offsets
@@ -170,7 +170,8 @@ FORMATS: dict[str, Format] = {
     "subject.json": Format(samples.subject, lambda path: read_subject(path, _model())),
     "imu.csv": Format(samples.imus, read_imus),
     "timestamps.csv": Format(samples.timestamps, _timestamps),
-    "offsets.json": Format(samples.offsets, read_offsets),
+    "clocks.json": Format(samples.clocks, read_clocks),
+    "offsets.json": Format(samples.offsets, read_clocks),
     "synctables": Format(samples.synctables, _sync_tables),
     "parameters": Format(samples.parameters, lambda path: read_parameters(path, ())),
     "preset": Format(samples.preset, lambda path: read_preset(str(path))),

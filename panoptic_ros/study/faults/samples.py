@@ -220,8 +220,17 @@ def timestamps(folder: Path) -> Path:
     return _text(folder, "timestamps.csv", "camera,frame,stamp_ns\n" + "".join(rows))
 
 
+def clocks(folder: Path) -> Path:
+    """Write clocks and line delays of two cameras."""
+    clock = {"offset_s": 0.01, "offset_sd_s": 1e-3, "drift_ppm": 20.0, "drift_sd_ppm": 9.0}
+    line = {"line_delay_us": 15.0, "line_delay_sd_us": 0.5}
+    cameras = {name: {**clock, **line, "observable": True} for name in ("cam00", "cam01")}
+    document = {"format": "panoptic-clocks-1", "reference_ns": 0, "cameras": cameras}
+    return _json(folder, "clocks.json", document)
+
+
 def offsets(folder: Path) -> Path:
-    """Write clock offsets of two cameras."""
+    """Write clock offsets of two cameras in the older format."""
     rows = [
         {
             "name": name,

@@ -25,7 +25,7 @@ LONGEST_S = 5.0  # time limit of a reader per copy
 LONGEST_LINE = 2000  # limit of an error message, characters
 
 
-class TookTooLong(BaseException):
+class ReaderTimeout(BaseException):
     """Raised when a reader exceeds its time limit; a `BaseException`, so that no reader catches it."""
 
 
@@ -91,7 +91,7 @@ def outcome(name: str, path: Path) -> str:
             line = str(error)
             short = "\n" not in line and len(line) < LONGEST_LINE
             told = "refused" if short else "the error is no short line"
-        except TookTooLong:
+        except ReaderTimeout:
             told = f"took more than {LONGEST_S:g} s"
         except (Exception, MemoryError) as error:
             told = f"{type(error).__name__}: {one_line(error, 120)} ({_place(error)})"
@@ -112,10 +112,10 @@ def _place(error: BaseException) -> str:
 
 @contextmanager
 def _alarm() -> Iterator[None]:
-    """Raise `TookTooLong` after `LONGEST_S`."""
+    """Raise `ReaderTimeout` after `LONGEST_S`."""
 
     def over(number: int, frame: FrameType | None) -> None:
-        raise TookTooLong
+        raise ReaderTimeout
 
     before = signal.signal(signal.SIGALRM, over)
     signal.setitimer(signal.ITIMER_REAL, LONGEST_S)

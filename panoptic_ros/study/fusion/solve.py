@@ -28,7 +28,7 @@ STAGES = ("association", "voting", "assembly", "tracking", "refinement")
 PASSES = 3  # the fastest pass counts, because other processes slow down the rest
 
 
-class Solve(Study):
+class SolveStudy(Study):
     """Every case is solved in a process of one thread."""
 
     columns = (

@@ -43,7 +43,7 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class Soaked:
+class SoakObservations:
     """Observations of one run.
 
     Args:
@@ -70,7 +70,7 @@ class Soaked:
     counted: Sequence[tuple[int, str]] = ()
 
 
-def soak_figures(run: Soaked) -> dict[str, Any]:
+def soak_figures(run: SoakObservations) -> dict[str, Any]:
     """Return the figures of a run, for JSON."""
     lost: Counter[str] = Counter()
     stamps = np.sort(np.array(run.stamps, np.int64))
@@ -93,7 +93,7 @@ def soak_figures(run: Soaked) -> dict[str, Any]:
     }
 
 
-def _cause(when_ns: int, run: Soaked) -> str:
+def _cause(when_ns: int, run: SoakObservations) -> str:
     """Return the newest failure that can explain a lost time step, else the drop counts that rose then."""
     for failure in reversed(run.failures):
         if failure.begun_ns - SECOND // 10 <= when_ns <= failure.begun_ns + AFTER_NS:
@@ -117,11 +117,13 @@ def run_soak(
         UserError: with the output of a node that ended.
         EnvironmentProblem: as `player.played`.
     """
-    run: Soaked = played(feed, node_per_stage, lambda: _Soak(feed, seconds, kill_s, away_s, progress))
+    run: SoakObservations = played(
+        feed, node_per_stage, lambda: _SoakPlayer(feed, seconds, kill_s, away_s, progress)
+    )
     return soak_figures(run)
 
 
-class _Soak(Player):
+class _SoakPlayer(Player):
     def __init__(self, feed: Feed, seconds: float, kill_s: float, away_s: float, progress: Progress):
         super().__init__(feed, revived=True)
         self._seconds, self._progress = seconds, progress
@@ -140,7 +142,7 @@ class _Soak(Player):
             self._end(self._killed[1], when_ns)
             self._killed = None
 
-    def do(self, processes: Processes) -> Soaked:
+    def do(self, processes: Processes) -> SoakObservations:
         """See `Player`."""
         while not self.is_settled():
             self.play()
@@ -170,7 +172,7 @@ class _Soak(Player):
         _, at_end = self.newest
         self.spin_until(time.monotonic_ns() + round(LAST_WORDS_S * SECOND))
         stamps = [stamp for stamp, _ in self.received]
-        return Soaked(
+        return SoakObservations(
             self.sent[first:counted],
             stamps,
             self.feed.period_ns,

@@ -16,7 +16,7 @@ from panoptic_ros.graph.topics import TOPICS
 from panoptic_ros.running.processes.children import Processes, child_environment
 from panoptic_ros.running.processes.usage import Usage, usage_of
 from panoptic_ros.study.live.graph_feed import Feed
-from panoptic_ros.study.live.graph_figures import Flooded, Observation, Restart, figures_of
+from panoptic_ros.study.live.graph_figures import FloodRecord, Observation, Restart, figures_of
 from panoptic_ros.study.live.player import LAST_WORDS_S, SETTLE_NS, Player, played
 
 RESTART_PATIENCE_S = 60.0  # timeout for skeletons after a process was killed
@@ -119,12 +119,12 @@ def run_fed_graph(
     """
     floods = floods_of(feed.rig.names[0], node_per_stage) if flood_s else []
     observation: Observation = played(
-        feed, node_per_stage, lambda: _Run(feed, seconds, kill, floods, flood_s)
+        feed, node_per_stage, lambda: _FaultPlayer(feed, seconds, kill, floods, flood_s)
     )
     return figures_of(observation)
 
 
-class _Run(Player):
+class _FaultPlayer(Player):
     """Player that then kills processes and floods topics on request."""
 
     def __init__(self, feed: Feed, seconds: float, kill: bool, floods: Sequence[Flood], flood_s: float):
@@ -178,7 +178,7 @@ class _Run(Player):
         silence_s = 1e-9 * (min(came) - killed) if came else None
         return Restart(name, silence_s, before, self.newest[1])
 
-    def _flood(self, processes: Processes, flood: Flood) -> Flooded:
+    def _flood(self, processes: Processes, flood: Flood) -> FloodRecord:
         """Play during a flood of bad messages."""
         self.play_until(time.monotonic_ns() + SETTLE_NS)
         begun = time.monotonic_ns()
@@ -190,4 +190,4 @@ class _Run(Player):
             messages = flooder.sent()
         ended = self.sent[-1][1]
         self.play_until(time.monotonic_ns() + SETTLE_NS)
-        return Flooded(flood.title, messages, begun, ended)
+        return FloodRecord(flood.title, messages, begun, ended)

@@ -28,7 +28,7 @@ class Restart:
 
 
 @dataclass(frozen=True)
-class Flooded:
+class FloodRecord:
     """A flood of bad messages.
 
     Args:
@@ -68,7 +68,7 @@ class Observation:
     after: Usage
     stages: Mapping[str, Mapping[str, str]]
     restarts: Sequence[Restart] = ()
-    floods: Sequence[Flooded] = ()
+    floods: Sequence[FloodRecord] = ()
 
 
 def figures_of(seen: Observation) -> dict[str, Any]:
@@ -110,7 +110,7 @@ def figures_of(seen: Observation) -> dict[str, Any]:
     }
 
 
-def _flood_figures(flood: Flooded, seen: Observation, came: Mapping[int, int]) -> dict[str, Any]:
+def _flood_figures(flood: FloodRecord, seen: Observation, came: Mapping[int, int]) -> dict[str, Any]:
     """Return the cost of a flood.
 
     It consists of time steps without skeletons, the longest time without any, and timestamps far from every

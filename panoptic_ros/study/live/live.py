@@ -19,7 +19,7 @@ from panoptic_ros.study.options import add_capture, add_settings
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 
 
-class Live(Study):
+class LiveStudy(Study):
     """Recordings are played as cameras to a live graph of its own."""
 
     columns = (

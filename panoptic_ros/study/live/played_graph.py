@@ -32,7 +32,7 @@ LAST_WORDS_S = 1.5  # wait for the last skeletons, and for diagnostics, which ar
 
 
 @dataclass(frozen=True)
-class _Measured:
+class _UsageSample:
     """Resource usage at a time: of all processes, and processor time (s) by stage and camera."""
 
     usage: Usage
@@ -114,12 +114,12 @@ class _Listener:
                 look = now + LOOK_S
             self._executor.spin_once(timeout_sec=min(0.1, end - now))
 
-    def _measure(self, processes: Processes) -> _Measured:
+    def _measure(self, processes: Processes) -> _UsageSample:
         told = self._node.diagnostics
         used = {name: float(values["cpu_s"]) for name, values in told.items() if "cpu_s" in values}
-        return _Measured(usage_of(processes.ids), used, time.time_ns())
+        return _UsageSample(usage_of(processes.ids), used, time.time_ns())
 
-    def _figures(self, started: int, before: _Measured, after: _Measured) -> dict[str, Any]:
+    def _figures(self, started: int, before: _UsageSample, after: _UsageSample) -> dict[str, Any]:
         own = next(iter(self._plan.sources.values()))
         begin, period = int(own["start_ns"]), 1e9 / float(own["rate_hz"])
         first, last = ((moment - begin) / period for moment in (before.at_ns, after.at_ns))

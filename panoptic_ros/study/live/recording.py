@@ -27,7 +27,7 @@ LOOKS = 10  # memory measurements per run
 BEGIN_NS = 1_700_000_000_000_000_000
 
 
-class Recording(Study):
+class RecorderMemory(Study):
     """A live run's recorder gets the data of so many minutes as fast as it takes them.
 
     Each row has the memory after a part of the data.

@@ -41,11 +41,11 @@ def run_viewed_graph(
         UserError: with the output of a node that ended.
         EnvironmentProblem: if another graph runs in this ROS domain, or it or the viewer does not start.
     """
-    phases: list[Phase] = played(feed, False, lambda: _Viewed(feed, seconds, audiences, progress))
+    phases: list[Phase] = played(feed, False, lambda: _PreviewPlayer(feed, seconds, audiences, progress))
     return phases
 
 
-class _Viewed(Player):
+class _PreviewPlayer(Player):
     """Player that also publishes preview images at every third time step."""
 
     def __init__(self, feed: Feed, seconds: float, audiences: Sequence[Audience], progress: Progress):

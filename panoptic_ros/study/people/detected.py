@@ -36,7 +36,7 @@ TRUTH, DETECTIONS, BAG = "truth.json.gz", "detections.json.gz", "bag"
 
 
 @dataclass(frozen=True)
-class Detected:
+class DetectedCapture:
     """Inputs of the stages, and the ground truth."""
 
     context: StageContext
@@ -47,7 +47,7 @@ class Detected:
     truth: SkeletonSequence | None
 
 
-class _Kept:
+class _DetectionSetSink:
     """Sink of a run that keeps its detection sets."""
 
     def __init__(self) -> None:
@@ -59,7 +59,9 @@ class _Kept:
             self.sets.append(item)
 
 
-def detected(folder: Path, cameras: Sequence[str], settings: Parameters, truth: Path | None) -> Detected:
+def detected(
+    folder: Path, cameras: Sequence[str], settings: Parameters, truth: Path | None
+) -> DetectedCapture:
     """Read the 2D poses of a capture, or run the detector on it.
 
     Args:
@@ -91,7 +93,7 @@ def detected(folder: Path, cameras: Sequence[str], settings: Parameters, truth: 
             plan = plan_bags([folder / BAG], RunOptions(settings), choice=BagChoice(cameras=chosen))
         else:
             plan = plan_capture(folder, RunOptions(settings), cameras=chosen, depth=False)
-        kept = _Kept()
+        kept = _DetectionSetSink()
         run_in_process(plan, kept, lambda: False)
         context, sets = StageContext(plan.rig, plan.skeleton, plan.extras), kept.sets
         configs = dict(plan.configs)
@@ -102,7 +104,7 @@ def detected(folder: Path, cameras: Sequence[str], settings: Parameters, truth: 
     joints = None
     if truth is not None:
         joints = _truth_of(truth, subjects, names) if subjects else read_sequence(truth)
-    return Detected(context, configs, sets, subjects, imu_file(folder) if subjects else None, joints)
+    return DetectedCapture(context, configs, sets, subjects, imu_file(folder) if subjects else None, joints)
 
 
 def _truth_of(path: Path, subjects: Sequence[Subject], names: Sequence[str]) -> SkeletonSequence:

@@ -30,7 +30,7 @@ from panoptic_ros.refinement.config import RefinementConfig
 from panoptic_ros.running.plans.parameters import read_parameters
 from panoptic_ros.stage import Progress, StageContext
 from panoptic_ros.study.options import add_capture, add_settings
-from panoptic_ros.study.people.detected import Detected, detected
+from panoptic_ros.study.people.detected import DetectedCapture, detected
 from panoptic_ros.study.study import Case, Column, Result, Row, Study, grouped, table
 
 REACH_NS = 60_000_000  # limit of the time from a skeleton to the bodies before and after it
@@ -226,7 +226,7 @@ def _only(truth: SkeletonSequence | None, people: Sequence[int]) -> SkeletonSequ
     return SkeletonSequence(truth.joint_names, tuple(frames))
 
 
-def _solved(capture: Detected, bodies: bool) -> tuple[list[RefinedPoseSet], list[BodyStateSet]]:
+def _solved(capture: DetectedCapture, bodies: bool) -> tuple[list[RefinedPoseSet], list[BodyStateSet]]:
     """Return `/skeletons` and `/bodies` from the stages after sync."""
     found: dict[str, list[Any]] = {"skeletons": [], "bodies": []}
     refinement = replace(config_of(capture.configs, RefinementConfig), bodies=bodies)
@@ -244,14 +244,14 @@ def _solved(capture: Detected, bodies: bool) -> tuple[list[RefinedPoseSet], list
     return found["skeletons"], found["bodies"]
 
 
-def _pairs(capture: Detected, items: Sequence[TrackedPoseSet]) -> list[FramePair]:
+def _pairs(capture: DetectedCapture, items: Sequence[TrackedPoseSet]) -> list[FramePair]:
     assert capture.truth is not None
     frames = tuple(SkeletonFrame(i.stamp_ns, i.ids, i.positions, views=i.views) for i in items)
     return pair_sequences(capture.truth, SkeletonSequence(capture.context.skeleton.joint_names, frames))
 
 
 def _scores(
-    capture: Detected, plain: Sequence[TrackedPoseSet], filled: Sequence[TrackedPoseSet]
+    capture: DetectedCapture, plain: Sequence[TrackedPoseSet], filled: Sequence[TrackedPoseSet]
 ) -> list[dict[str, Any]]:
     """Score joints by the number of views that measured them without bodies.
 

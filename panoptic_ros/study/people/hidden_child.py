@@ -87,7 +87,7 @@ class Huddle:
 
 
 @dataclass(frozen=True)
-class Bending:
+class BendMotion:
     """Motion that bends the trunk forward; the feet stay in place."""
 
     standing: StandMotion
@@ -152,7 +152,7 @@ def _draw_people(
         if doing == "crouch":
             motion = replace(standing, crouch=down)
         elif doing == "bend":
-            motion = Bending(standing, down)
+            motion = BendMotion(standing, down)
         tall = rng.uniform(*(kind.child if number == CHILD else kind.adult))
         gesture = draw_gesture(rng, str(rng.choice(["reach", "talk"])) if doing == "stand" else "reach")
         yield SimulatedPerson(number, BodyLengths.draw(rng, tall), motion, gesture)

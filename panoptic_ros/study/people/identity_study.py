@@ -1,9 +1,9 @@
 """The study `identity`: persons who are hidden, cross, come and go, or are seen by few views.
 
-It also measures how often a bystander takes the id of a designated person, one of five who come and go. A
-last part adds the colours of clothes to bone lengths and positions. Its images are small and rendered at
-every third time step, which is enough for colours. Its 2D poses come from a simulated detector with misses,
-errors and merged persons.
+The study also measures how often a bystander takes the id of a designated person, one of five who come and
+go. A last part adds the colours of clothes to bone lengths and positions. Its images are small and rendered
+at every third time step, which is enough for colours. Its 2D poses come from a simulated detector with
+misses, errors and merged persons.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ FEWEST = 3  # lower limit of cameras, of which two are drawn
 
 
 @dataclass(frozen=True)
-class Leaving:
+class WalkOutTake:
     """2D poses of a take and its ground truth.
 
     Args:
@@ -55,8 +55,8 @@ class Leaving:
 class Walkout(Study):
     """Errors and ellipsoids by phase and by how many views see a joint, over all takes.
 
-    It also scores bodies if `kinematics.everybody` is set. In a capture, all persons are limited to two
-    cameras after a third of the time, and to one of these after two thirds.
+    The study also scores bodies if `kinematics.everybody` is set. In a capture, all persons are limited to
+    two cameras after a third of the time, and to one of these after two thirds.
     """
 
     columns = (
@@ -99,7 +99,7 @@ class Walkout(Study):
             else:
                 assert capture.truth is not None
                 context, configs = capture.context, capture.configs
-                take = thinned(Leaving(context, configs, capture.sets, {}, capture.truth), seed)
+                take = thinned(WalkOutTake(context, configs, capture.sets, {}, capture.truth), seed)
             skeletons, bodies = solved(take, everybody)
             tally(take, skeletons, of_skeletons)
             tally(take, bodies, of_bodies)
@@ -117,7 +117,7 @@ class Walkout(Study):
             yield from ("", name, *table(rows, self.columns))
 
 
-def simulated(take: Simulation, settings: Parameters) -> Leaving:
+def simulated(take: Simulation, settings: Parameters) -> WalkOutTake:
     """Return a take of the scene with its phases."""
     ticks = take.schedule.ticks
     stamps = [take.master_ns(tick) for tick in ticks]
@@ -128,7 +128,7 @@ def simulated(take: Simulation, settings: Parameters) -> Leaving:
     ids = np.array([person.id for person in take.people])
     frames = tuple(SkeletonFrame(stamp, ids, own) for stamp, own in zip(stamps, joints))
     context = StageContext(take.rig, SKELETON, body_extras(()))
-    return Leaving(
+    return WalkOutTake(
         context,
         configure(settings),
         list(take.detection_sets()),
@@ -138,7 +138,7 @@ def simulated(take: Simulation, settings: Parameters) -> Leaving:
     )
 
 
-def thinned(take: Leaving, seed: int) -> Leaving:
+def thinned(take: WalkOutTake, seed: int) -> WalkOutTake:
     """Keep two cameras in the second third of a take, and one of these in the last third."""
     names, count = take.context.rig.names, len(take.sets)
     drawn = np.random.default_rng([seed, 81]).choice(len(names), 2, replace=False)
@@ -167,7 +167,7 @@ def thinned(take: Leaving, seed: int) -> Leaving:
     return replace(take, sets=sets, phases=phases)
 
 
-def solved(take: Leaving, everybody: bool = False) -> tuple[list[SkeletonFrame], list[SkeletonFrame]]:
+def solved(take: WalkOutTake, everybody: bool = False) -> tuple[list[SkeletonFrame], list[SkeletonFrame]]:
     """Return `/skeletons` of a take and, if all persons have bodies, the joints of `/bodies`.
 
     The joints of bodies have the view counts of their skeletons.
@@ -199,12 +199,12 @@ def solved(take: Leaving, everybody: bool = False) -> tuple[list[SkeletonFrame],
     return skeletons, bodies
 
 
-def nearest_instant(take: Leaving, stamp_ns: int) -> int:
+def nearest_instant(take: WalkOutTake, stamp_ns: int) -> int:
     """Return the timestamp of the set nearest to a timestamp."""
     return min(take.phases, key=lambda stamp: abs(stamp - stamp_ns))
 
 
-def tally(take: Leaving, frames: Sequence[SkeletonFrame], tallies: Mapping[str, EllipsoidTally]) -> None:
+def tally(take: WalkOutTake, frames: Sequence[SkeletonFrame], tallies: Mapping[str, EllipsoidTally]) -> None:
     """Add the results of a take to the tallies of its phases."""
     names = take.context.skeleton.joint_names
     for pair in pair_sequences(take.truth, SkeletonSequence(names, tuple(frames))):

@@ -57,7 +57,7 @@ class Method:
 
 
 @dataclass(frozen=True)
-class Solved:
+class MethodResult:
     """Result of a method on a recording.
 
     Args:
@@ -69,7 +69,7 @@ class Solved:
     seconds: Mapping[str, float]
 
 
-def solve(method: Method, rig: Rig, skeleton: SkeletonModel, sets: Iterable[DetectionSet]) -> Solved:
+def solve(method: Method, rig: Rig, skeleton: SkeletonModel, sets: Iterable[DetectionSet]) -> MethodResult:
     """Solve the skeletons from the views of the cameras in `rig`.
 
     Args:
@@ -97,7 +97,7 @@ def solve(method: Method, rig: Rig, skeleton: SkeletonModel, sets: Iterable[Dete
         seen = replace(item, views=tuple(view for view in item.views if view.camera in names))
         pipeline.push("detection_sets", change(seen))
     seconds = {stage: 1e-9 * float(np.mean(times[_skipped(len(times)) :])) for stage, times in spent.items()}
-    return Solved(SkeletonSequence(working.joint_names, tuple(frames)), seconds)
+    return MethodResult(SkeletonSequence(working.joint_names, tuple(frames)), seconds)
 
 
 def _working(

@@ -1,6 +1,6 @@
 """Worlds with other skeletons, for the growth of time with the number of joints.
 
-It also maps recordings to skeletons that lack some of the recorded joints.
+This module also maps recordings to skeletons that lack some of the recorded joints.
 """
 
 from __future__ import annotations

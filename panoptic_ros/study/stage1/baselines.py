@@ -22,7 +22,7 @@ from panoptic_ros.geometry import triangulate_linear, triangulate_robust
 from panoptic_ros.study.child import ONE_THREAD, answer_of
 from panoptic_ros.study.stage1 import aniposelib_child
 from panoptic_ros.study.stage1.rows import Rows, of_points
-from panoptic_ros.study.stopwatch import Times
+from panoptic_ros.study.stopwatch import CallTimes
 
 MOST_VIEWS = 31  # limit of views; larger rigs use every n-th view
 LARGEST_GAP = 0.06  # m, limit of the median ray distance between two 2D poses of one person
@@ -209,7 +209,7 @@ def _anipose_row(rows: Rows, python: str | None) -> None:
         )
         with np.load(outputs) as found:
             positions, wall, cpu = found["positions"], found["wall_ms"], found["cpu_ms"]
-    times = Times.of(wall, cpu, None)
+    times = CallTimes.of(wall, cpu, None)
     results = [
         _numbered((item.stamp_ns, points.reshape(people, joints, 3)))
         for item, points in zip(world.sets, positions)

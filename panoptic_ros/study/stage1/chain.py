@@ -80,7 +80,7 @@ class WatchedVoting(VotingStage):
         return super().unexplained(*given)
 
 
-class Fed:
+class FeedbackChain:
     """Association, voting and assembly of one set, with feedback from tracking.
 
     Args:
@@ -125,7 +125,7 @@ def people_rows(rows: Rows) -> None:
 
 def _assemble(rows: Rows, method: str, settings: Settings, maps: bool = False, note: str = "") -> list[Any]:
     """Add a row of association and assembly, or of all stage one with score maps; return its results."""
-    fed = Fed(rows, settings, maps)
+    fed = FeedbackChain(rows, settings, maps)
     step = "whole stage" if maps else "assembly"
     return rows.run(step, method, fed, fed.following(rows.world.sets), of_poses, note)
 

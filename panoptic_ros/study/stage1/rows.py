@@ -11,7 +11,7 @@ from panoptic_ros.domain import PoseSet, TrackedPoseSet
 from panoptic_ros.evaluation import SkeletonFrame, SkeletonSequence, evaluate
 from panoptic_ros.graph.build import configure, make_stage
 from panoptic_ros.stage import Stage, StageContext
-from panoptic_ros.study.stopwatch import Times, timed
+from panoptic_ros.study.stopwatch import CallTimes, timed
 from panoptic_ros.study.world import World
 
 Array = np.ndarray
@@ -60,7 +60,7 @@ class Rows:
         self,
         step: str,
         method: str,
-        times: Times | None,
+        times: CallTimes | None,
         frames: Sequence[SkeletonFrame] | None,
         note: str = "",
     ) -> None:

@@ -19,7 +19,15 @@ from panoptic_ros.stage import Progress, StageContext, part_of
 from panoptic_ros.study.options import add_capture, add_seeds, add_settings
 from panoptic_ros.study.study import Case, Column, Result, Row, Study
 from panoptic_ros.study.surface.refine_depth import free_space, transforms
-from panoptic_ros.study.surface.refine_ways import FILTERS, Played, Posed, offline, paper, play, smoothed
+from panoptic_ros.study.surface.refine_ways import (
+    FILTERS,
+    PoseSequence,
+    RefinementInputs,
+    offline,
+    paper,
+    play,
+    smoothed,
+)
 
 LAGS = (0.0, 0.12, 1.0)  # s, of the smoother
 
@@ -41,14 +49,14 @@ class SurfaceStudy(Study):
         add_seeds(parser, "0")
         add_settings(parser)
 
-    def played(self, progress: Progress) -> Played:
+    def played(self, progress: Progress) -> RefinementInputs:
         """Run the capture; the first seed draws the noise of the depth sensors."""
         given = self.options
         settings, seed = read_parameters(None, given.settings), given.seeds.start
         return play(given.capture, given.cameras, settings, given.depth, seed, part_of(progress, 0.0, 0.9))
 
 
-class Refine(SurfaceStudy):
+class RefinementStudy(SurfaceStudy):
     """A capture is run once and smoothed in every way; rows go without depth maps unless they say so.
 
     Rows with depth maps have "depth" in their names.
@@ -70,7 +78,7 @@ class Refine(SurfaceStudy):
         folder, sensed = self.options.capture, self.played(progress)
         played = sensed.without_maps()
         patches = played.patches()
-        ways: dict[str, tuple[Played, Sequence[PatchTrajectories]]] = {
+        ways: dict[str, tuple[RefinementInputs, Sequence[PatchTrajectories]]] = {
             "smoother": (played, ()),
             "smoother, patches": (played, patches),
         }
@@ -125,7 +133,9 @@ def lag_shown(lag: float | None) -> str:
     return "all" if lag is None else f"{lag:.2f}"
 
 
-def patch_scores(folder: Path, played: Played, patches: Sequence[PatchTrajectories]) -> dict[str, float]:
+def patch_scores(
+    folder: Path, played: RefinementInputs, patches: Sequence[PatchTrajectories]
+) -> dict[str, float]:
     """Score the motions of body parts, and the association of patches if the folder has the true surface.
 
     The motions are scored on the true joints that they propagate.
@@ -136,6 +146,6 @@ def patch_scores(folder: Path, played: Played, patches: Sequence[PatchTrajectori
     return found if surface is None else found | association_scores(patches, pairs, surface, played.skeleton)
 
 
-def _row(method: str, lag: float | None, items: Posed, played: Played) -> dict[str, Any]:
+def _row(method: str, lag: float | None, items: PoseSequence, played: RefinementInputs) -> dict[str, Any]:
     scores = refinement_scores(played.pairs(items), played.truth.joint_names)
     return {"method": method, "lag_s": lag, "lag": lag_shown(lag), **scores}

@@ -1,6 +1,6 @@
-"""Depth maps of a capture folder as separate sensors, for the studies of refinement.
+"""Use the depth maps of a capture folder as separate sensors, in the studies of refinement.
 
-It also scores the free-space test of depth maps and the propagation of joints by patches.
+This module also scores the free-space test of depth maps and the propagation of joints by patches.
 """
 
 from __future__ import annotations

@@ -21,7 +21,14 @@ from panoptic_ros.simulation.skeleton_faults import FaultyJoints, with_faults
 from panoptic_ros.stage import Progress, each, part_of
 from panoptic_ros.study.study import Case, Column, Result, Row
 from panoptic_ros.study.surface.refine import SurfaceStudy, lag_shown
-from panoptic_ros.study.surface.refine_ways import FILTERS, Played, Posed, offline, paper, smoothed
+from panoptic_ros.study.surface.refine_ways import (
+    FILTERS,
+    PoseSequence,
+    RefinementInputs,
+    offline,
+    paper,
+    smoothed,
+)
 
 Array = np.ndarray
 LAGS = (0, 2, 5)  # frames
@@ -62,13 +69,13 @@ class RefineFaults(SurfaceStudy):
         )
 
 
-def _one(played: Played, seed: int, kind: str, rows: Rows) -> None:
+def _one(played: RefinementInputs, seed: int, kind: str, rows: Rows) -> None:
     """Add the figures of a seed to the rows."""
     faulty, played = _with_faults(played, seed)
     patches = played.patches()
     period = 1e-9 * float(np.median(np.diff([item.stamp_ns for item in played.raw])))
 
-    def add(method: str, lag: float | None, items: Posed) -> None:
+    def add(method: str, lag: float | None, items: PoseSequence) -> None:
         rows[method, lag] = _scores(played, faulty, items)
 
     if kind == "images":
@@ -83,7 +90,7 @@ def _one(played: Played, seed: int, kind: str, rows: Rows) -> None:
     add(f"offline, {kind}", None, offline(played))
 
 
-def _with_faults(played: Played, seed: int) -> tuple[FaultyJoints, Played]:
+def _with_faults(played: RefinementInputs, seed: int) -> tuple[FaultyJoints, RefinementInputs]:
     """Return joints with simulated faults, and the run with these joints instead of the measured joints."""
     pairs, order = {pair.stamp_ns: pair for pair in played.pairs(played.raw)}, played.truth_order
     truth: list[Mapping[int, Array]] = []
@@ -121,7 +128,7 @@ def _posed(item: TrackedPoseSet, joints: Mapping[int, Array], covariance: Array)
     )
 
 
-def _scores(played: Played, faulty: FaultyJoints, items: Posed) -> dict[str, float | None]:
+def _scores(played: RefinementInputs, faulty: FaultyJoints, items: PoseSequence) -> dict[str, float | None]:
     """Score the joints of the body, and those in gaps separately.
 
     Returns:

@@ -37,11 +37,11 @@ from panoptic_ros.study.surface.refine_depth import depth_frames, with_sensors
 TRUTHS = ("truth.json.gz", "truth.json")
 UNKNOWN = 0.1**2  # m^2, variance of joints that averaging filled in, because averaging states none
 Array = np.ndarray
-Posed = Sequence[TrackedPoseSet | SkeletonFrame]
+PoseSequence = Sequence[TrackedPoseSet | SkeletonFrame]
 
 
 @dataclass
-class Played:
+class RefinementInputs:
     """Inputs of refinement from a run, and its ground truth.
 
     Args:
@@ -66,11 +66,11 @@ class Played:
         """Return the truth's index of each joint of the skeleton."""
         return [list(self.truth.joint_names).index(name) for name in self.skeleton.joint_names]
 
-    def without_maps(self) -> Played:
+    def without_maps(self) -> RefinementInputs:
         """Return the run without depth maps."""
         return replace(self, rig=self.plan.rig, maps=[])
 
-    def pairs(self, items: Posed) -> list[FramePair]:
+    def pairs(self, items: PoseSequence) -> list[FramePair]:
         """Match skeletons with those of the truth."""
         frames = tuple(SkeletonFrame(item.stamp_ns, item.ids, item.positions) for item in items)
         return pair_sequences(self.truth, SkeletonSequence(self.skeleton.joint_names, frames))
@@ -99,7 +99,7 @@ class Played:
 
 def play(
     folder: Path, cameras: Sequence[str], settings: Parameters, depth: str, seed: int, progress: Progress
-) -> Played:
+) -> RefinementInputs:
     """Run a capture and keep the inputs of refinement.
 
     Args:
@@ -124,21 +124,21 @@ def play(
 
 def played_on(
     plan: Plan, rig: Rig, truth: SkeletonSequence, progress: Progress
-) -> tuple[Played, dict[tuple[str, int], int]]:
+) -> tuple[RefinementInputs, dict[tuple[str, int], int]]:
     """Run a plan.
 
     Returns:
         the inputs of refinement, and the timestamps (ns) of the images by camera and frame number.
     """
-    kept = _Kept(Played(plan, rig, truth), progress, plan.instants or 1)
+    kept = _RefinementInputSink(RefinementInputs(plan, rig, truth), progress, plan.instants or 1)
     run_in_process(plan, kept, lambda: False)
     return kept.played, kept.stamps
 
 
-class _Kept:
+class _RefinementInputSink:
     """Sink of a run that keeps the inputs of refinement and the timestamps of images."""
 
-    def __init__(self, played: Played, progress: Progress, instants: int):
+    def __init__(self, played: RefinementInputs, progress: Progress, instants: int):
         self.played, self.stamps = played, dict[tuple[str, int], int]()
         self._progress, self._instants = progress, instants
 
@@ -153,7 +153,9 @@ class _Kept:
             self._progress(min(0.8, 0.8 * len(self.played.raw) / self._instants), "solving")
 
 
-def smoothed(played: Played, lag: float, patches: Sequence[PatchTrajectories]) -> list[RefinedPoseSet]:
+def smoothed(
+    played: RefinementInputs, lag: float, patches: Sequence[PatchTrajectories]
+) -> list[RefinedPoseSet]:
     """Run the online smoother with this lag (s)."""
     config = replace(config_of(played.plan.configs, RefinementConfig), lag=lag)
     stage = make_stage("refinement", config, StageContext(played.rig, played.skeleton))
@@ -164,7 +166,7 @@ def smoothed(played: Played, lag: float, patches: Sequence[PatchTrajectories]) -
     return [*given, *stage.flush().outputs]
 
 
-def offline(played: Played) -> list[RefinedPoseSet]:
+def offline(played: RefinementInputs) -> list[RefinedPoseSet]:
     """Refine the whole recording at once; patches are associated again."""
     configs: Mapping[str, Config] = played.plan.configs
     refinement = OfflineRefinement(configs, StageContext(played.rig, played.skeleton))
@@ -172,7 +174,7 @@ def offline(played: Played) -> list[RefinedPoseSet]:
     return [*found, *refinement.flush()]
 
 
-def paper(played: Played) -> tuple[list[RefinedPoseSet], int]:
+def paper(played: RefinementInputs) -> tuple[list[RefinedPoseSet], int]:
     """Run the paper's averaging after its free-space test.
 
     Returns:

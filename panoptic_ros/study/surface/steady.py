@@ -21,7 +21,7 @@ from panoptic_ros.running.plans.planning import plan_capture
 from panoptic_ros.stage import Progress
 from panoptic_ros.study.options import add_capture, add_settings
 from panoptic_ros.study.study import Case, Column, Row, Study
-from panoptic_ros.study.surface.refine_ways import Played, played_on, smoothed
+from panoptic_ros.study.surface.refine_ways import RefinementInputs, played_on, smoothed
 
 Array = np.ndarray
 DEMOS = {"demo": "multi", "demo-single": "single"}
@@ -29,7 +29,7 @@ LAGS = (0.0, 0.12)  # s, of the smoother
 STEADIEST = 1.0  # s, lag of the tracks whose low-pass filtered motion is the reference
 
 
-class Steady(Study):
+class SteadinessStudy(Study):
     """Figures of everybody without and with patches, in a capture without truth.
 
     Each person has one row per lag and method: length variation of limbs, acceleration and its noise.
@@ -79,7 +79,7 @@ def with_changes(rows: list[Row]) -> list[Row]:
     return found
 
 
-def steady_rows(played: Played) -> list[dict[str, Any]]:
+def steady_rows(played: RefinementInputs) -> list[dict[str, Any]]:
     """Return a row per person, lag and method, for persons with at least `FEWEST` time steps."""
     patches = played.patches()
     reference = tracks_of(smoothed(played, STEADIEST, patches))

@@ -47,7 +47,7 @@ WRONG_S = 1e-3  # s, a timestamp with a larger error is treated as wrong
 
 
 @dataclass
-class Outcome:
+class SyncOutcome:
     """Result of the clocks and sync stages on a simulated world.
 
     Args:
@@ -69,9 +69,9 @@ class Outcome:
     notices: list[Notice] = field(default_factory=list)
 
 
-def run_world(world: ClockWorld, deadline_s: float = 1.5) -> Outcome:
+def run_world(world: ClockWorld, deadline_s: float = 1.5) -> SyncOutcome:
     """Run timecode readings through the clocks stage, then its models and all frames through sync."""
-    outcome = Outcome()
+    outcome = SyncOutcome()
     truth: dict[tuple[str, int], int] = {}
     used: set[tuple[str, int]] = set()
     names = [camera.name for camera in world.cameras]
@@ -267,7 +267,7 @@ class Clocks(Study):
             yield f"real audio, {rate} fps, 20 dB: largest error of the clock models {error:.2f} us"
 
 
-def _row(outcome: Outcome) -> dict[str, Any]:
+def _row(outcome: SyncOutcome) -> dict[str, Any]:
     errors = np.abs(outcome.errors_s)
     codes = [n.code for n in outcome.notices if n.severity == "warning" or n.code in TELLING]
     told = {code: codes.count(code) for code in sorted(set(codes))}
@@ -286,7 +286,7 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def recovery_s(outcome: Outcome, event_s: float = 20.0) -> float:
+def recovery_s(outcome: SyncOutcome, event_s: float = 20.0) -> float:
     """Return the time (s) from the event to the end of the last gap above 0.5 s of any camera."""
     longest = 0.0
     ages, cameras = np.array(outcome.ages_s), np.array(outcome.cameras)

@@ -1,9 +1,9 @@
-"""The studies of timecode: recall, wrong labels, start errors, latency and speed, next to libltc.
+"""The studies of timecode: recall, errors of labels and word starts, latency and speed, compared with libltc.
 
-The clips have exact ground truth (`simulation.ltc_channel`). Times are in microseconds unless named
-otherwise. `bound` is the Cramer-Rao bound for one word with known bits and the noise of the clip. `honest` is
-the standard deviation of errors divided by stated deviations. It excludes the mean error, which a delay
-common to all words causes.
+The clips have exact ground truth (`simulation.ltc_channel`). Times are in microseconds unless a column names
+another unit. `bound` is the Cramer-Rao bound for one word with known bits, at the noise of the clip. `honest`
+is the RMS of (error - mean error of the clip) / stated standard deviation; 1 = the stated values are right.
+The mean error is subtracted because a delay common to all words causes it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ LINE_WORDS = 600  # words, 20 s
 
 
 class Ltc(Study):
-    """Recall, wrong labels, errors of the starts, latency and speed under each condition, beside libltc."""
+    """Recall, wrong labels, start errors, latency and speed under each condition, compared with libltc."""
 
     columns = (
         Column("condition", "condition"),

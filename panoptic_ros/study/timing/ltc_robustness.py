@@ -33,7 +33,7 @@ LABELS = 2_000_000  # frames, range of the first label: less than a day at 24 fr
 NO_TIMECODE = 0.15  # share of the clips without timecode
 LEVEL = 0.25  # peak of a piece before its impairments; full scale is 1
 SILENCE_SECONDS = 0.1  # s, around a sound without timecode
-Change = Callable[["Impaired", np.random.Generator], "Impaired"]
+Change = Callable[["ImpairedClip", np.random.Generator], "ImpairedClip"]
 Array = np.ndarray
 # arguments: samples (N,) float32, sample rate in Hz
 Decode = Callable[[Array, int], Sequence[TimecodeReading]]
@@ -43,7 +43,7 @@ COUNTS = ("clips", "exceptions", "unusable", "wrong", "right", "sent")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Impaired:
+class ImpairedClip:
     """A clip with its ground truth.
 
     Args:
@@ -65,7 +65,7 @@ class Impaired:
     faint: tuple[Timecode, ...] = ()
 
 
-def impaired_clip(seed: int, seconds: float = 4.0) -> Impaired:
+def impaired_clip(seed: int, seconds: float = 4.0) -> ImpairedClip:
     """Make one clip; the seed determines all choices.
 
     Args:
@@ -85,7 +85,7 @@ def impaired_clip(seed: int, seconds: float = 4.0) -> Impaired:
     return clip
 
 
-def _piece(rng: np.random.Generator, sample_rate: int, seconds: float) -> Impaired:
+def _piece(rng: np.random.Generator, sample_rate: int, seconds: float) -> ImpairedClip:
     """Play a piece of tape through a separate channel."""
     rate = timecode_rate(str(rng.choice(FRAME_RATES)))
     kinds = [f"{sample_rate} Hz"]
@@ -124,10 +124,10 @@ def _piece(rng: np.random.Generator, sample_rate: int, seconds: float) -> Impair
         kinds.append("played backwards")
         samples, starts = samples[::-1], len(samples) - 1.0 - starts
     lengths = np.append(lengths, lengths[-1])
-    return Impaired(samples, sample_rate, signal.labels, starts, lengths, tuple(kinds))
+    return ImpairedClip(samples, sample_rate, signal.labels, starts, lengths, tuple(kinds))
 
 
-def _sound(rng: np.random.Generator, rate: int, seconds: float) -> Impaired:
+def _sound(rng: np.random.Generator, rate: int, seconds: float) -> ImpairedClip:
     """Make a sound without timecode, or silence."""
     count = int(seconds * rate)
     time = np.arange(count) / rate
@@ -138,10 +138,10 @@ def _sound(rng: np.random.Generator, rate: int, seconds: float) -> Impaired:
     samples = LEVEL * samples / max(1e-9, float(np.abs(samples).max()))
     quiet = np.zeros(int(SILENCE_SECONDS * rate))
     samples = np.concatenate([quiet, samples, quiet])
-    return Impaired(samples, rate, (), np.empty(0), np.empty(0), (f"{rate} Hz", name))
+    return ImpairedClip(samples, rate, (), np.empty(0), np.empty(0), (f"{rate} Hz", name))
 
 
-def _joined(pieces: list[Impaired], rng: np.random.Generator) -> Impaired:
+def _joined(pieces: list[ImpairedClip], rng: np.random.Generator) -> ImpairedClip:
     """Join pieces; the splice is inside a word, at the end of the piece, or after silence."""
     parts: list[Array] = []
     starts: list[Array] = []
@@ -158,7 +158,7 @@ def _joined(pieces: list[Impaired], rng: np.random.Generator) -> Impaired:
         parts.append(samples)
         starts.append(piece.starts + place)
         place += len(samples)
-    clip = Impaired(
+    clip = ImpairedClip(
         np.concatenate(parts),
         pieces[0].sample_rate,
         tuple(label for piece in pieces for label in piece.labels),
@@ -173,17 +173,17 @@ def _rms(samples: Array) -> float:
     return max(1e-6, float(np.sqrt(np.mean(samples**2))) if len(samples) else 0.0)
 
 
-def _with(clip: Impaired, samples: Array) -> Impaired:
+def _with(clip: ImpairedClip, samples: Array) -> ImpairedClip:
     return replace(clip, samples=samples)
 
 
-def _noise(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _noise(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Add white noise 0 to 40 dB below the signal."""
     level = _rms(clip.samples) * 10.0 ** (-rng.uniform(0.0, 40.0) / 20.0)
     return _with(clip, clip.samples + level * rng.standard_normal(len(clip.samples)))
 
 
-def _hum(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _hum(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Add mains hum with harmonics, -20 to +6 dB relative to the signal."""
     time = np.arange(len(clip.samples)) / clip.sample_rate
     level = _rms(clip.samples) * 10.0 ** (rng.uniform(-20.0, 6.0) / 20.0)
@@ -192,7 +192,7 @@ def _hum(clip: Impaired, rng: np.random.Generator) -> Impaired:
     return _with(clip, clip.samples + level * np.asarray(hum))
 
 
-def _dropouts(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _dropouts(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Attenuate sections of 1 to 300 ms, fully or partly."""
     samples = clip.samples.copy()
     for _ in range(int(rng.integers(1, 9))):
@@ -202,21 +202,21 @@ def _dropouts(clip: Impaired, rng: np.random.Generator) -> Impaired:
     return _with(clip, samples)
 
 
-def _gain(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _gain(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Vary the gain like a pumping gain control, up to 12 dB either way, 0.2 to 8 Hz."""
     time = np.arange(len(clip.samples)) / clip.sample_rate
     swing = rng.uniform(0.0, 12.0) * np.sin(2.0 * np.pi * rng.uniform(0.2, 8.0) * time)
     return _with(clip, clip.samples * 10.0 ** (swing / 20.0))
 
 
-def _crosstalk(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _crosstalk(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Add another timecode, 12 to 40 dB below."""
     other = _piece(rng, clip.sample_rate, len(clip.samples) / clip.sample_rate)
     faint = np.resize(other.samples, len(clip.samples)) * 10.0 ** (-rng.uniform(12.0, 40.0) / 20.0)
     return replace(clip, samples=clip.samples + faint, faint=other.labels)
 
 
-def _clicks(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _clicks(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Add bursts of a few samples."""
     samples = clip.samples.copy()
     for at in rng.integers(0, max(1, len(samples)), int(rng.integers(1, 60))):
@@ -224,7 +224,7 @@ def _clicks(clip: Impaired, rng: np.random.Generator) -> Impaired:
     return _with(clip, samples)
 
 
-def _lost(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _lost(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Delete one to three blocks of 1 to 4000 samples, like a recorder that drops samples."""
     for _ in range(int(rng.integers(1, 4))):
         if len(clip.samples) < 10_000:
@@ -236,7 +236,7 @@ def _lost(clip: Impaired, rng: np.random.Generator) -> Impaired:
     return clip
 
 
-def _converted(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _converted(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Convert to another sample rate, with or without conversion back."""
     factor = rng.choice([(1, 2), (2, 1), (147, 160), (160, 147), (2, 3), (3, 2)])
     up, down = int(factor[0]), int(factor[1])
@@ -250,39 +250,39 @@ def _converted(clip: Impaired, rng: np.random.Generator) -> Impaired:
     )
 
 
-def _level(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _level(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Change the level by -60 to +20 dB."""
     return _with(clip, clip.samples * 10.0 ** (rng.uniform(-60.0, 20.0) / 20.0))
 
 
-def _offset(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _offset(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Add a constant offset of up to the peak, either sign."""
     return _with(clip, clip.samples + rng.uniform(-1.0, 1.0) * float(np.abs(clip.samples).max(initial=0.0)))
 
 
-def _inverted(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _inverted(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Invert the polarity."""
     return _with(clip, -clip.samples)
 
 
-def _clipped(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _clipped(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Clip at 3 to 90 % of the peak."""
     limit = rng.uniform(0.03, 0.9) * float(np.abs(clip.samples).max(initial=0.0))
     return _with(clip, np.clip(clip.samples, -limit, limit))
 
 
-def _square(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _square(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Keep only the signs, so that edges lie at whole samples."""
     return _with(clip, LEVEL * np.sign(clip.samples))
 
 
-def _resolution(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _resolution(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Quantise to 8, 16 or 24 bits and clip at full scale."""
     scale = 2.0 ** (int(rng.choice([8, 8, 16, 24])) - 1)
     return _with(clip, np.clip(np.round(clip.samples * scale), -scale, scale - 1.0) / scale)
 
 
-def _cut(clip: Impaired, rng: np.random.Generator) -> Impaired:
+def _cut(clip: ImpairedClip, rng: np.random.Generator) -> ImpairedClip:
     """Cut off both ends, so that the first and last words are incomplete."""
     count = len(clip.samples)
     first, last = int(rng.uniform(0.0, 0.4) * count), int(rng.uniform(0.6, 1.0) * count)
@@ -309,7 +309,7 @@ CHANGES: dict[str, tuple[float, Change]] = {  # value: (share of the clips, impa
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ClipOutcome:
     """Readings of one clip compared with its ground truth.
 
     Args:
@@ -347,18 +347,18 @@ def live(samples: Array, rate: int) -> Sequence[TimecodeReading]:
 WAYS: dict[str, Decode] = {"recorded": recorded, "live": live}
 
 
-def outcome(clip: Impaired, decode: Decode) -> Outcome:
+def outcome(clip: ImpairedClip, decode: Decode) -> ClipOutcome:
     """Decode a clip and compare its readings with the truth; an exception is part of the outcome."""
     try:
         readings = decode(clip.samples.astype(np.float32), clip.sample_rate)
     except Exception as error:  # any exception is a finding here
         place = traceback.extract_tb(error.__traceback__)[-1]
         told = f"{type(error).__name__}: {error} ({place.filename.rpartition('/')[2]}:{place.lineno})"
-        return Outcome(len(clip.labels), error=told)
+        return ClipOutcome(len(clip.labels), error=told)
     return judged(clip, readings)
 
 
-def judged(clip: Impaired, readings: Iterable[TimecodeReading]) -> Outcome:
+def judged(clip: ImpairedClip, readings: Iterable[TimecodeReading]) -> ClipOutcome:
     """Compare readings with the ground truth of their clip."""
     labels = [_plain(label) for label in clip.labels]
     faint = {_plain(label) for label in clip.faint}
@@ -371,7 +371,7 @@ def judged(clip: Impaired, readings: Iterable[TimecodeReading]) -> Outcome:
         same = [int(k) for k in near if labels[k] == _plain(reading.timecode)]
         right |= set(same[:1])
         wrong += not same and _plain(reading.timecode) not in faint
-    return Outcome(len(labels), len(right), wrong, unusable)
+    return ClipOutcome(len(labels), len(right), wrong, unusable)
 
 
 def _plain(label: object) -> str:

@@ -22,7 +22,7 @@ FRAMES = (0.0, 0.5, 1.0, 2.0, 4.0)  # shifts of cameras, frames
 REACH = 4  # limit of the shift of views, frames in either direction
 
 
-class OffsetsShifted(Study):
+class ShiftedOffsets(Study):
     """Offsets of a recording as it is, and of shifted ones less the shifts and the offsets as it is.
 
     The last column is the error of a found offset: offset plus shift, relative to the mean over the cameras,

@@ -75,7 +75,7 @@ def _nothing(rng: Rng, seconds: float) -> list[DrySound]:
 
 
 @dataclass(frozen=True)
-class Case:
+class SoundCase:
     """Sound source of a room.
 
     Args:
@@ -91,20 +91,20 @@ class Case:
 
 
 CASES = {
-    "talker": Case("one talks where he stands", _talkers(1)),
-    "talkers": Case("three talk in turn", _talkers(3)),
-    "claps": Case("two clap in turn, ten times in all", _claps),
-    "other-rooms": Case("talk in a room of its own for each", _talkers(2), False, True),
-    "other-claps": Case("ten claps in a room of its own for each", _claps, False, True),
-    "ticks": Case("one tick again and again, evenly", _ticks, False),
-    "loop": Case("music of two seconds again and again", _loop, False),
-    "hum": Case("mains hum with its overtones", _hum, False),
-    "silence": Case("nothing but noise", _nothing, False),
+    "talker": SoundCase("one talks where he stands", _talkers(1)),
+    "talkers": SoundCase("three talk in turn", _talkers(3)),
+    "claps": SoundCase("two clap in turn, ten times in all", _claps),
+    "other-rooms": SoundCase("talk in a room of its own for each", _talkers(2), False, True),
+    "other-claps": SoundCase("ten claps in a room of its own for each", _claps, False, True),
+    "ticks": SoundCase("one tick again and again, evenly", _ticks, False),
+    "loop": SoundCase("music of two seconds again and again", _loop, False),
+    "hum": SoundCase("mains hum with its overtones", _hum, False),
+    "silence": SoundCase("nothing but noise", _nothing, False),
 }
 
 
 @dataclass(frozen=True, eq=False)
-class Heard:
+class RoomRecording:
     """Recording and ground truth of its devices.
 
     Args:
@@ -135,7 +135,7 @@ class Heard:
         return other.stamp_s(true) - 1e-9 * stamp_ns
 
 
-def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: float) -> Heard:
+def make_room(case: SoundCase, microphones: int, seed: int, seconds: float, snr_db: float) -> RoomRecording:
     """Simulate recordings that begin up to 5 s apart, with clock differences of up to 100 s."""
     rng = np.random.default_rng([seed, microphones, 11])
     room = AcousticRoom(SIZE, float(rng.uniform(*REVERBERATION)))
@@ -171,7 +171,7 @@ def make_room(case: Case, microphones: int, seed: int, seconds: float, snr_db: f
         name = f"mic{k}"
         recorders[name], lengths[name] = recorder, length
         records["audio", name] = _blocks(name, recorder, record(room, sounds, recorder, length, (seed, k)))
-    return Heard(InMemoryRecording(records), recorders, lengths)
+    return RoomRecording(InMemoryRecording(records), recorders, lengths)
 
 
 def _blocks(name: str, recorder: SimulatedRecorder, samples: Array) -> list[AudioBlock]:

@@ -29,7 +29,7 @@ class WordReading:
 def find_break(
     device: str, sample_rate: int, last: WordReading, new: WordReading
 ) -> tuple[Notice, ...] | None:
-    """Return the notices on a break between two words of a device; None if the next word must decide.
+    """Return the notices on a break between two words of a device; None if the next word is needed.
 
     Audio lost inside a word shifts the start of the word, but not its timestamp yet.
     """

@@ -104,10 +104,12 @@ class SignalTracker:
         return few[-1] > WAVERS or (len(few) == FEW and sum(few) > OFTEN_WAVERS * FEW)
 
     def miss(self, ticks: Array | None) -> None:
-        """Advance past a word that could not be read; the next word is predicted from its expected position.
+        """Advance past a word that could not be read.
+
+        The position of the next word is predicted from the expected position of the missed word.
 
         Args:
-            ticks: (193,) recorded samples, if the word was tracked.
+            ticks: (193,) positions of the word's ticks in recorded samples, if the word was tracked.
         """
         if self.early:
             self.labels.begin()

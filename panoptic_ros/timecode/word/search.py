@@ -44,7 +44,10 @@ def best_grid(
 
 @_jit
 def scan_lengths(sums: Array, begin: float, span: float, halves: Array, phases: int) -> Array:
-    """Return, per half-cell length, the maximum mean square level over the phases and its edge (H, 2)."""
+    """Return, for each half-cell length, the maximum mean square level over the phases and a position (H, 2).
+
+    The position is that of the first half-cell edge at the phase of the maximum.
+    """
     rows = np.empty((len(halves), 2))
     for i, half in enumerate(halves):
         count = int(span / half) - 1

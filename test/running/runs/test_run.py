@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from recordings import write_bag
 
+from panoptic_ros.cli.main import main
 from panoptic_ros.domain import ViewFrame
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.topics import TOPICS
@@ -91,3 +92,24 @@ def test_results_keep_previews_of_images(bag, tmp_path):
         topic = "/" + TOPICS["preview"].of(captures.RIG.names[0])
         previews = [from_message(message, "Preview") for _, _, message in kept.messages(topic)]
     assert len(previews) == 10 and {preview.camera for preview in previews} == {captures.RIG.names[0]}
+
+
+def test_slow_cameras_in_turn_are_told_the_command_once(tmp_path, capfd):
+    views = []
+    for k in range(15):
+        for c, camera in enumerate(captures.RIG.cameras):
+            views.append(captures.view(camera, k, round(1e8 * (k + 0.25 * c))))
+    bag = write_bag(tmp_path / "bag", views)
+    outcome = run(plan_bags([bag]), tmp_path / "out", in_process=True, pictures=False)
+    (text,) = [notice.text for notice in outcome.report.notices if "continuous" in notice.text]
+    out = tmp_path / "out"
+    assert text.startswith("cameras of 10.0 Hz expose 75 ms apart")
+    assert text.endswith(f"`panoptic continuous --bag {out}/bag --out {out}/continuous.json.gz`")
+    assert outcome.report.table().count("panoptic continuous") == 1 and capfd.readouterr() == ("", "")
+    command = ["continuous", "--bag", str(out / "bag"), "--out", str(out / "continuous.json.gz")]
+    assert main(command) == 0
+
+
+def test_fast_cameras_are_not(bag, tmp_path):
+    outcome = run(plan_bags([bag]), tmp_path / "out", in_process=True, pictures=False)
+    assert not any("continuous" in notice.text for notice in outcome.report.notices)

@@ -7,7 +7,7 @@ import pytest
 
 from panoptic_ros.cli.main import main
 from panoptic_ros.io.bag_streams import BagStream
-from panoptic_ros.io.clock_offsets import read_offsets
+from panoptic_ros.io.clock_files import read_clocks
 from panoptic_ros.running.plans.bag_plan import plan_bags
 from panoptic_ros.running.plans.options import RunOptions
 from panoptic_ros.running.plans.planning import plan_capture
@@ -48,10 +48,11 @@ def test_offsets_of_whole_seconds_are_found_in_files_and_bags_alike(capture, tmp
     out = tmp_path / "offsets.json"
     code, text, _ = run(capsys, "sync", "sound", *given, "--out", out)
     assert code == 0 and "its stamps are kept" in text and "cam00 and cam01: agree" in text
-    found, true = read_offsets(out), behind(take)
-    assert found.keys() == true.keys() - {"cam00"}
+    found, true = read_clocks(out), behind(take)
+    assert found.keys() == true.keys() and found["cam00"].offset_s == 0.0
+    del found["cam00"]
     for name, offset in found.items():
-        assert abs(offset.offset_s - true[name]) < min(0.02, 4.0 * offset.offset_std_s)
+        assert abs(offset.offset_s - true[name]) < min(0.02, 4.0 * offset.offset_sd_s)
     assert min(offset.offset_s for offset in found.values()) > 0.4
     if source == "bag":  # streams of a run are kept side by side
         plan = plan_bags([folder / "bag"], RunOptions(offsets=out))
@@ -81,7 +82,7 @@ def test_motion_after_sound_gives_skeletons_as_with_right_stamps(capture, tmp_pa
     )
     assert code == 0 and "clocks from sound" in text and "clocks from motion" in text
     assert "off that from sound" not in text
-    found, true = read_offsets(offsets), behind(take)
+    found, true = read_clocks(offsets), behind(take)
     error = np.array([(found[name].offset_s if name in found else 0.0) - true[name] for name in true])
     assert np.abs(error - error.mean()).max() < 0.002
     _, text, _ = run(capsys, "evaluate", folder / "truth.json.gz", out, "--json")

@@ -5,7 +5,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from panoptic_ros.study.live.graph_figures import Flooded, Observation, Usage, figures_of
+from panoptic_ros.study.live.graph_figures import FloodRecord, Observation, Usage, figures_of
 
 MS = 1_000_000
 FROM = 100_000 * MS  # stamps are on another clock
@@ -60,7 +60,7 @@ def test_a_flood_costs_instants_and_moves_stamps():
     received = [(stamp, when + 8 * MS) for k, (stamp, when) in enumerate(sent) if k not in (4, 5)]
     received.append((FROM + 9000 * MS, 200 * MS))
     usage = Usage(0, 1.0, 80.0)
-    floods = [Flooded("cam00", 99, 60 * MS, 215 * MS)]
+    floods = [FloodRecord("cam00", 99, 60 * MS, 215 * MS)]
     observation = Observation(
         sent,
         sorted(received, key=lambda pair: pair[1]),

@@ -1,6 +1,6 @@
 """Instants without skeletons are put down to the failure that they fall into."""
 
-from panoptic_ros.study.live.failures import SECOND, Failure, Soaked, soak_figures
+from panoptic_ros.study.live.failures import SECOND, Failure, SoakObservations, soak_figures
 
 PERIOD = SECOND // 10
 FROM = 5000 * SECOND
@@ -15,7 +15,7 @@ def test_lost_instants_have_causes_and_identities_are_compared():
     ]
     stamps = [stamp + PERIOD // 3 for k, (stamp, _) in enumerate(sent) if k not in missing]
     found = soak_figures(
-        Soaked(
+        SoakObservations(
             sent,
             stamps,
             PERIOD,

@@ -14,7 +14,7 @@ from panoptic_ros.study.people.walk_out import (
     EVERY,
     ONE,
     TWO,
-    Leaving,
+    WalkOutTake,
     simulated,
     thinned,
 )
@@ -29,7 +29,7 @@ def test_a_capture_is_left_with_two_cameras_and_then_with_one_of_them():
     what = simulate(scene("clean-4p5v"), 5, 9)
     sets = list(what.detection_sets())
     whole = simulated(what, {})
-    take = Leaving(StageContext(what.rig, SKELETON), configure({}), sets, {}, whole.truth)
+    take = WalkOutTake(StageContext(what.rig, SKELETON), configure({}), sets, {}, whole.truth)
     drawn = set()
     for seed in range(4):
         found = thinned(take, seed)

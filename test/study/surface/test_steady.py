@@ -12,8 +12,8 @@ from panoptic_ros.domain import TrackedPoseSet
 from panoptic_ros.evaluation import SkeletonSequence
 from panoptic_ros.graph.build import configure
 from panoptic_ros.study.study import table
-from panoptic_ros.study.surface.refine_ways import Played
-from panoptic_ros.study.surface.steady import Steady, steady_rows, tracks_of, with_changes
+from panoptic_ros.study.surface.refine_ways import RefinementInputs
+from panoptic_ros.study.surface.steady import SteadinessStudy, steady_rows, tracks_of, with_changes
 
 
 def played(items):
@@ -22,7 +22,9 @@ def played(items):
     plan = SimpleNamespace(rig=captures.RIG, skeleton=captures.SKELETON, configs=configs)
     raw = [item for item in items if isinstance(item, TrackedPoseSet)]
     others = [item for item in items if not isinstance(item, TrackedPoseSet)]
-    return Played(plan, captures.RIG, SkeletonSequence(captures.SKELETON.joint_names, ()), raw, others)
+    return RefinementInputs(
+        plan, captures.RIG, SkeletonSequence(captures.SKELETON.joint_names, ()), raw, others
+    )
 
 
 def test_a_capture_is_asked_for(tmp_path, capsys):
@@ -44,7 +46,7 @@ def test_patches_steady_somebody_who_is_measured_with_noise():
     for without, with_patches in (rows[:2], rows[2:]):
         assert without["instants"] == with_patches["instants"] == 60
         assert with_patches["noise"] < 0.7 * without["noise"]
-    lines = table(with_changes(rows), Steady.columns)
+    lines = table(with_changes(rows), SteadinessStudy.columns)
     change = rows[1]["noise"] / rows[0]["noise"] - 1.0
     assert len(lines) == 5 and f"{change:+.0%}" in lines[2] and "%" not in lines[1]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -13,12 +13,11 @@ from panoptic_ros.domain import ClockModel, ViewDetections
 from panoptic_ros.params import named_numbers, named_words, of_name
 from panoptic_ros.params.named import ALL
 from panoptic_ros.stage import Notice, Severity
-from panoptic_ros.sync.config import SyncConfig
-from panoptic_ros.sync.outliers import LATEST_NS
 
 SECOND = 1_000_000_000
+LATEST_NS = (2**31 - 1) * SECOND  # ns; ROS messages cannot hold later timestamps
 FOREVER = 2**63 - 1  # ns, `until_ns` of a model that stays valid without observations
-HELD = 64  # live: maximum number of frames per camera that wait for a clock
+HELD = 64  # default maximum number of frames per camera that wait for a clock
 UNHEARD_S = 2.0  # s of waiting frames after which a clock without any model is reported
 SILENT_S = 3.0  # s without observations of a clock, after which the clock is reported as silent
 FAR_S = 600.0  # s, maximum distance of a camera's first frame from the observations of its clock
@@ -41,7 +40,7 @@ class CameraClock:
         held: frames after an irregular step, which wait for a model that covers the step.
         newest: (ns) timestamp of the newest frame that is not held.
         steps: (ns) newest regular steps between frames.
-        told: True once a step back has been reported.
+        reported: True once a step back has been reported.
     """
 
     model: ClockModel | None = None
@@ -49,7 +48,7 @@ class CameraClock:
     held: deque[ViewDetections] = field(default_factory=deque)
     newest: int | None = None  # timestamp of the newest frame that is not held
     steps: deque[int] = field(default_factory=lambda: deque(maxlen=RECENT))
-    told: bool = False
+    reported: bool = False
 
 
 class StampCorrection:
@@ -61,16 +60,24 @@ class StampCorrection:
     the step. Therefore no frame gets a wrong time.
 
     Args:
-        clocks: by camera, the name of its clock in the rig; "" = none.
-        config: parameters of the stage.
+        clocks: By camera, the name of its clock in the rig; "" = none.
+        devices: Value of `sync.clocks`. Frames of its cameras wait for models of these clocks.
+        delays_ms: Value of `sync.delays_ms`.
+        most_held: Maximum number of frames per camera that wait for a clock.
     """
 
-    def __init__(self, clocks: Mapping[str, str], config: SyncConfig):
-        self._device = named_words("SyncConfig.clocks", config.clocks)
-        self._delays = named_numbers("SyncConfig.delays_ms", config.delays_ms)
+    def __init__(
+        self,
+        clocks: Mapping[str, str],
+        devices: Sequence[str] = (),
+        delays_ms: Sequence[str] = (),
+        most_held: int = HELD,
+    ):
+        self._device = named_words("clocks", devices)
+        self._delays = named_numbers("delays_ms", delays_ms)
         self._clocks = dict(clocks)
         self._cameras = {name: CameraClock() for name in clocks}
-        self._most_held = HELD if config.deadline_s else max(HELD, config.queue_limit)
+        self._most_held = most_held
         # clocks with models; True once the clock has been reported as silent
         self._heard: dict[str, bool] = {}
         self._told: set[str] = set()  # clocks reported as having no model, or as far from the frames
@@ -220,10 +227,10 @@ class StampCorrection:
     def _hold(self, camera: CameraClock, view: ViewDetections) -> tuple[Notice, ...]:
         notices = []
         back = (camera.newest - view.stamp_ns) / SECOND if camera.newest is not None else 0.0
-        if back > 0.0 and not camera.held and not camera.told:
+        if back > 0.0 and not camera.held and not camera.reported:
             text = f"stamps of camera {view.camera} went back by {back:.4g} s; frames wait for its model"
             notices.append(Notice("sync.clock_odd", "info", text, {"camera": view.camera}))
-            camera.told = True
+            camera.reported = True
         camera.held.append(view)
         notices += self._unheard(camera, view.camera)
         if len(camera.held) > self._most_held:
@@ -250,7 +257,7 @@ class StampCorrection:
         for view in views:
             self._follow(camera, view.stamp_ns)
         camera.held.clear()
-        camera.told = False
+        camera.reported = False
         return self._moved(views, camera.model, notices)
 
     def _drop_unknown(self, camera: CameraClock, notices: list[Notice]) -> None:

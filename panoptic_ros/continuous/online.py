@@ -1,0 +1,311 @@
+"""Motion as a function of time while the views arrive: each instant from the views up to a lag later."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.continuous.bones import (
+    LearntLengths,
+    PairDistances,
+    learn_lengths,
+    pair_distances,
+    rigid_pairs,
+)
+from panoptic_ros.continuous.curves import ORDER, KnotGrid
+from panoptic_ros.continuous.follow import ViewTrack, ViewTracker, pairing_time_of
+from panoptic_ros.continuous.instant import CameraRows, InstantFit, fit_instant, window_rays
+from panoptic_ros.continuous.motion import JointFilters, predict
+from panoptic_ros.continuous.problem import (
+    CAUCHY,
+    FIRST_NOISE,
+    LEAST_DEPTH,
+    MEMORY_S,
+    STEP_S,
+    CurveProblem,
+    LearntNoise,
+    TrackRays,
+)
+from panoptic_ros.continuous.reports import JointReport, RayEvidence, joint_report, was_seen
+from panoptic_ros.continuous.returns import ReturnSearch, SeenPerson
+from panoptic_ros.continuous.seen_views import SeenViews
+from panoptic_ros.domain import JointState, SkeletonModel
+from panoptic_ros.domain.of_all import joined
+from panoptic_ros.domain.rig_arrays import RigArrays
+from panoptic_ros.geometry.splines import control_points
+from panoptic_ros.identity.returns import RETURN_S
+from panoptic_ros.solving.frames import CameraFrame
+from panoptic_ros.solving.joint_noise import JointNoiseModel
+
+Array = np.ndarray
+BEFORE_S, AFTER_S = 0.3, 0.25  # s before and after an instant of views from which it is computed
+# s of views that are kept, and number of newest views from which noise, stiffness and lengths are learnt
+LEARNING_S, LEARNING_VIEWS = 1.6, 120
+LEARN_EVERY_S = 0.15  # s between two times of learning
+# iterations of learning: of a new person, while a person has fewer views than LEARNING_S, and later
+FIRST_ROUNDS, EARLY_ROUNDS, ROUNDS = 8, 3, 1
+KEPT_DISTANCES = 500  # number of newest measurements of lengths that are kept
+LEAST_DISTANCES = 25  # minimum number of measurements from which lengths are used
+KEPT_STEPS = 9  # number of newest times between frames whose median is the period of a camera
+LONGEST_STEP_S = 1.0  # s; a longer time between frames is a pause
+USUAL_PERIOD_S = 0.1  # s, period before any camera has given two frames
+NO_PAIRS = np.zeros((0, 2), np.int64)
+NO_LENGTHS = LearntLengths(np.zeros(0), np.zeros(0))
+
+
+class PersonInstant(NamedTuple):
+    """One person at one instant.
+
+    Args:
+        id: the same number is the same person.
+        report: joints, each array without the axis of instants.
+        velocities: (J, 3) m/s, also of missing joints.
+    """
+
+    id: int
+    report: JointReport
+    velocities: Array
+
+
+class CameraPeriods:
+    """Times between the frames of each camera, from the newest ones."""
+
+    def __init__(self) -> None:
+        self._last: dict[int, float] = {}  # s, by camera
+        self._steps: dict[int, deque[float]] = {}  # s, by camera
+        self._periods: dict[int, float] = {}  # s, by camera: their median
+
+    def take(self, camera: int, time: float) -> None:
+        """Add the time (s) of a frame; times of a camera increase."""
+        last = self._last.get(camera)
+        self._last[camera] = time
+        if last is None or time - last > LONGEST_STEP_S:
+            return
+        steps = self._steps.setdefault(camera, deque(maxlen=KEPT_STEPS))
+        steps.append(time - last)
+        self._periods[camera] = sorted(steps)[len(steps) // 2]
+
+    @property
+    def pairing_time(self) -> float:
+        """Return the time (s) between two views that may start a person."""
+        return pairing_time_of(self._periods.values())
+
+    @property
+    def typical(self) -> float:
+        """Return the typical period (s) of a camera."""
+        periods = sorted(self._periods.values())
+        return periods[len(periods) // 2] if periods else USUAL_PERIOD_S
+
+
+@dataclass(eq=False)
+class OnlinePerson:
+    """Person who is followed online.
+
+    Args:
+        id: Number of the person, from confirmation on.
+        track: Filters, and the 2D people of the kept views.
+        seen: The same views as arrays.
+        learnt_at: Time of the newest learning, s.
+        noise: Learnt noise and stiffness. None before the first learning.
+        distances: Newest measurements of the lengths.
+        bones: Learnt lengths. None before there are enough measurements.
+    """
+
+    id: int
+    track: ViewTrack
+    seen: SeenViews
+    learnt_at: float = -np.inf
+    noise: LearntNoise | None = None
+    distances: PairDistances | None = None
+    bones: LearntLengths | None = None
+
+
+class OnlineMotion:
+    """Follows people through views in order of time, and gives their motion at recent instants.
+
+    Args:
+        arrays: cameras.
+    """
+
+    def __init__(self, arrays: RigArrays, skeleton: SkeletonModel):
+        self._arrays, self._mirror = arrays, np.array(skeleton.mirror)
+        self._pairs, self._derived = rigid_pairs(skeleton), skeleton.derived
+        self._search = ReturnSearch(skeleton, self._pairs)
+        self._cameras = CameraRows(
+            arrays.rotations,
+            arrays.translations,
+            np.array([1e-6 * camera.line_delay_us for camera in arrays.cameras]),
+            np.array([0.5 * camera.image_size[1] for camera in arrays.cameras]),
+        )
+        self._tracker = ViewTracker(arrays, self._mirror)
+        self._periods = CameraPeriods()
+        self._frames: dict[int, CameraFrame] = {}  # kept views, by number
+        self._times: dict[int, float] = {}  # s, of the kept views
+        self._number = 0  # number of the next view
+        self._people: dict[int, OnlinePerson] = {}  # by number of the track
+        self._lost: dict[int, SeenPerson] = {}  # people who may return, by id
+        self.ids = 0  # id of the next person
+
+    def middle_delay(self, camera: int) -> float:
+        """Return the time (s) from the timestamp of a camera's view to the exposure of its middle row."""
+        return float(self._cameras.lines[camera] * self._cameras.middles[camera])
+
+    def take(self, frame: CameraFrame, time: float) -> None:
+        """Take one view; times (s), those of the middle rows, must not decrease."""
+        self._periods.take(frame.camera, time)
+        self._tracker.pair_s = self._periods.pairing_time
+        self._frames[self._number], self._times[self._number] = frame, time
+        self._tracker.step(self._number, frame, time)
+        self._number += 1
+        oldest = next(iter(self._frames))
+        while self._times[oldest] < time - LEARNING_S:
+            del self._frames[oldest], self._times[oldest]
+            oldest += 1
+        self._lose(time)
+        for track in list(self._tracker.active):
+            track.keep(oldest)
+            if track.confirmed:
+                if track.number not in self._people:
+                    self._people[track.number] = self._new_person(track, time)
+                self._update(self._people[track.number], oldest)
+
+    def settle(self) -> None:
+        """Learn from the newest views of one person, if that is due."""
+        due = [p for p in self._people.values() if p.track.last - p.learnt_at >= LEARN_EVERY_S]
+        if due:
+            self._learn(min(due, key=lambda person: person.learnt_at))
+
+    def at(self, time: float) -> list[PersonInstant]:
+        """Return the people at a time (s), by id, from the views that were taken. Nothing is changed.
+
+        People whose noise is not known yet are left out.
+        """
+        period = self._periods.typical
+        found = []
+        for person in self._people.values():
+            if person.noise is not None and was_seen(np.array([time]), person.seen.times)[0]:
+                fit = self._fit(person, person.noise, time)
+                rays = fit.rays.weighted
+                evidence = RayEvidence.of(
+                    rays.starts, rays.times, fit.rays.cameras, fit.rays.scores / rays.growths
+                )
+                report = joint_report(
+                    np.array([time]),
+                    fit.positions[None],
+                    fit.covariances[None],
+                    evidence,
+                    period,
+                    self._derived,
+                ).at(0)
+                if (report.states != JointState.MISSING).any():
+                    found.append(PersonInstant(person.id, report, fit.velocities))
+        return sorted(found, key=lambda one: one.id)
+
+    def _lose(self, time: float) -> None:
+        """Move people whose tracks have ended to those who may return, at a time (s)."""
+        for track in self._tracker.ended:
+            person = self._people.pop(track.number, None)
+            if person is not None:
+                self._lost[person.id] = self._lost_person(person)
+        self._tracker.ended.clear()
+        self._lost = {number: lost for number, lost in self._lost.items() if time - lost.time <= RETURN_S}
+
+    def _lost_person(self, person: OnlinePerson) -> SeenPerson:
+        """Return a person as last seen."""
+        filters = person.track.filters.copy()
+        predict(filters, person.track.last - person.track.time)
+        lengths = self._search.bone_lengths(person.bones)
+        return SeenPerson(person.track.last, _place(filters), lengths)
+
+    def _new_person(self, track: ViewTrack, time: float) -> OnlinePerson:
+        """Return the person of a new track: one who was lost, or a new one.
+
+        The track of a person who was not seen since the new track began ends.
+        """
+        begin = self._times[track.entries[0].frame]
+        unseen = {p.id: p for p in self._people.values() if p.track.last < begin}
+        lost = self._lost | {number: self._lost_person(person) for number, person in unseen.items()}
+        new = SeenPerson(time, _place(track.filters), self._search.bone_lengths(None))
+        row = self._search.returned(list(lost.values()), new)
+        seen = self._seen(track, 0)
+        if row is None:
+            self.ids += 1
+            return OnlinePerson(self.ids - 1, track, seen)
+        number = list(lost)[row]
+        self._lost.pop(number, None)
+        if number in unseen:
+            earlier = unseen[number].track
+            self._tracker.active.remove(earlier)
+            del self._people[earlier.number]
+        return OnlinePerson(number, track, seen)
+
+    def _seen(self, track: ViewTrack, first: int) -> SeenViews:
+        """Return the views of a track from frame number `first` on."""
+        entries = [entry for entry in track.entries if entry.frame >= first]
+        return SeenViews.of(entries, self._frames, self._times, self._mirror)
+
+    def _update(self, person: OnlinePerson, oldest: int) -> None:
+        """Add the newest view of a person, and remove views before frame number `oldest`."""
+        seen = person.seen.part(int(np.searchsorted(person.seen.frames, oldest)))
+        first, last = person.track.entries[0], person.track.entries[-1]
+        if not len(seen.frames) or first.mirrored != seen.mirrored[0]:  # left and right were exchanged
+            seen = self._seen(person.track, 0)
+        elif last.frame > seen.frames[-1]:
+            seen = joined(seen, self._seen(person.track, last.frame))
+        person.seen = seen
+
+    def _learn(self, person: OnlinePerson) -> None:
+        """Learn noise, stiffness and lengths from the newest views of a person."""
+        rays = TrackRays.of_views(person.seen.part(-LEARNING_VIEWS), self._arrays)
+        cameras = self._cameras
+        times = rays.stamps + cameras.lines[rays.cameras] * (rays.heights - cameras.middles[rays.cameras])
+        origin, last = float(times.min()), float(times.max())
+        grid = KnotGrid(origin, STEP_S, control_points(origin, last + STEP_S, STEP_S))
+        problem = CurveProblem(rays, times, self._arrays, grid, person.noise)
+        if person.noise is None:
+            fit = problem.solve(FIRST_ROUNDS)
+        else:
+            early = person.seen.times[0] > person.track.last - 0.9 * LEARNING_S
+            for _ in range(EARLY_ROUNDS if early else ROUNDS):
+                fit = problem.fit()
+                problem.learn(fit, problem.compare(fit))
+        person.noise = problem.learnt
+        new = pair_distances(problem, fit, self._pairs, max(person.learnt_at, origin))
+        if person.distances is not None:
+            new = PairDistances(*(np.concatenate(both, axis=1) for both in zip(person.distances, new)))
+        person.distances = PairDistances(*(part[:, -KEPT_DISTANCES:] for part in new))
+        person.learnt_at = person.track.last
+        if person.distances.lengths.shape[1] >= LEAST_DISTANCES:
+            person.bones = learn_lengths(person.distances)
+
+    def _fit(self, person: OnlinePerson, noise: LearntNoise, time: float) -> InstantFit:
+        """Return the joints of a person at a time (s)."""
+        times = person.seen.times
+        begin = min(time, float(times[-1])) - BEFORE_S
+        first, last = np.searchsorted(times, [begin, time + AFTER_S])
+        seen = person.seen.part(int(first), int(last))
+        views, joints = seen.scores.shape
+        cameras = np.repeat(seen.cameras, joints)
+        model = JointNoiseModel(
+            cameras, np.tile(np.arange(joints), views), seen.scores.ravel(), FIRST_NOISE, noise.factors
+        )
+        noises = model.sigmas().reshape(views, joints)
+        rays = window_rays(seen, noises, self._cameras, CAUCHY, noise.persistent, MEMORY_S)
+        stamps = rays.weighted.times
+        origin, newest = float(stamps.min()), max(float(stamps.max()), time)
+        grid = KnotGrid(origin, STEP_S, control_points(origin, newest + STEP_S, STEP_S))
+        stiffness = np.repeat(noise.stiffness[:, None], grid.number - ORDER, axis=1)
+        lengths = (NO_PAIRS, NO_LENGTHS) if person.bones is None else (self._pairs, person.bones)
+        fit: InstantFit = fit_instant(
+            rays, grid, stiffness, self._cameras, LEAST_DEPTH, CAUCHY, time, *lengths
+        )
+        return fit
+
+
+def _place(filters: JointFilters) -> Array:
+    """Return the place (2,) m of a person on the ground."""
+    place: Array = np.nanmedian(filters.states[:, 0, :2], axis=0)
+    return place

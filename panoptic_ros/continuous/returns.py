@@ -1,0 +1,109 @@
+"""Identities of people who were lost for a short time: they get the same id when they reappear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from panoptic_ros.continuous.bones import LearntLengths
+from panoptic_ros.continuous.person import PersonCurve
+from panoptic_ros.domain import SkeletonModel
+from panoptic_ros.identity.likeness import BoneLengths, bone_evidence, paired, place_evidence
+from panoptic_ros.identity.returns import RETURN_S, returns_at_once
+
+Array = np.ndarray
+DISTANCE, SPEED = 0.6, 1.2  # m and m/s: reach of a lost person, as in tracking
+BONE_SIGMA = 0.01  # m, standard deviation of a learnt length
+
+
+class SeenPerson(NamedTuple):
+    """Person at the end or the beginning of a track.
+
+    Args:
+        time: (s) of the last or the first view.
+        place: (2,) m on the ground at that time.
+        lengths: (B,) m of the bones, NaN = unknown.
+    """
+
+    time: float
+    place: Array
+    lengths: Array
+
+
+class ReturnSearch:
+    """Search for the lost person who a new one is.
+
+    Args:
+        pairs: (P, 2) joints of the learnt lengths.
+    """
+
+    def __init__(self, skeleton: SkeletonModel, pairs: Array):
+        bones = np.array(skeleton.bones, np.int64).reshape(-1, 2)
+        known = {tuple(pair): k for k, pair in enumerate(np.sort(pairs, axis=1).tolist())}
+        self._groups = paired(bones, np.array(skeleton.mirror))
+        self._rows = [known[tuple(bone)] for bone in np.sort(bones, axis=1).tolist()]
+
+    def bone_lengths(self, learnt: LearntLengths | None) -> Array:
+        """Return the lengths (B,) m of the bones, NaN where a length is unknown or not constant."""
+        if learnt is None:
+            return np.full(len(self._rows), np.nan)
+        lengths: Array = np.where(learnt.weights[self._rows] > 0.0, learnt.lengths[self._rows], np.nan)
+        return lengths
+
+    def returned(self, lost: Sequence[SeenPerson], new: SeenPerson) -> int | None:
+        """Return the index of the lost person who a new one is; None if it is none of them."""
+        rows = [k for k, person in enumerate(lost) if 0.0 <= new.time - person.time <= RETURN_S]
+        if not rows:
+            return None
+        missed = np.array([new.time - lost[k].time for k in rows])
+        distances = np.array([np.linalg.norm(lost[k].place - new.place) for k in rows])[:, None]
+        odds = bone_evidence(
+            _known_lengths([lost[k] for k in rows]), _known_lengths([new]), self._groups
+        ) + place_evidence(distances, missed)
+        near = distances <= (DISTANCE + SPEED * missed)[:, None]
+        found = returns_at_once(odds, missed, near)
+        return rows[found[0][0]] if found else None
+
+
+def _known_lengths(people: Sequence[SeenPerson]) -> BoneLengths:
+    lengths = np.stack([person.lengths for person in people])
+    return BoneLengths(lengths, np.full(lengths.shape, BONE_SIGMA**2))
+
+
+def with_identities(
+    people: Sequence[PersonCurve], skeleton: SkeletonModel, pairs: Array
+) -> list[PersonCurve]:
+    """Return the curves in the order of their starts, numbered by person.
+
+    Args:
+        pairs: (P, 2) joints of the learnt lengths.
+    """
+    search = ReturnSearch(skeleton, pairs)
+    found = sorted(people, key=lambda person: float(person.seen[0]))
+    ids = 0
+    lost: dict[int, SeenPerson] = {}  # ends of the curves that no curve continues, by index
+    for k, person in enumerate(found):
+        first, last = (
+            SeenPerson(time, _place(person, time), search.bone_lengths(person.bones))
+            for time in (float(person.seen[0]), float(person.seen[-1]))
+        )
+        row = search.returned(list(lost.values()), first)
+        if row is None:
+            found[k] = replace(person, id=ids)
+            ids += 1
+        else:
+            earlier = list(lost)[row]
+            found[earlier] = replace(found[earlier], until=first.time)
+            found[k] = replace(person, id=found[earlier].id)
+            del lost[earlier]
+        lost[k] = last
+    return found
+
+
+def _place(person: PersonCurve, time: float) -> Array:
+    """Return the place (2,) m of a person on the ground."""
+    place: Array = np.nanmedian(person.at(np.array([time]))[0], axis=0)[:2]
+    return place

@@ -1,0 +1,1 @@
+"""The study of motion from cameras that were never synchronised."""

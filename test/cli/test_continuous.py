@@ -1,0 +1,238 @@
+"""`panoptic continuous` on files, folders and bags, good and bad."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import captures
+import numpy as np
+import pytest
+from free_cameras import START_NS, FreeCapture
+
+from panoptic_ros.cli.main import main
+from panoptic_ros.domain import DetectionSet, Rig
+from panoptic_ros.io.bags import BagWriter
+from panoptic_ros.io.messages import bag_messages, to_message
+from panoptic_ros.io.plain_formats import read_skeletons, write_detections
+from panoptic_ros.io.rigs import write_rig
+
+SECONDS = 2.5
+
+
+@pytest.fixture(scope="module")
+def capture() -> FreeCapture:
+    return FreeCapture(cameras=4, seconds=SECONDS)
+
+
+def write(folder: Path, rig: Rig, sets: list[DetectionSet], names=captures.SKELETON.joint_names) -> Path:
+    folder.mkdir(exist_ok=True)
+    write_rig(folder / "rig.json", rig)
+    write_detections(folder / "detections.json.gz", names, sets)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(capture: FreeCapture, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write(tmp_path_factory.mktemp("capture"), capture.rig, capture.sets)
+
+
+def run(tmp_path: Path, *words: object) -> int:
+    return main(["continuous", *map(str, words), "--out", str(tmp_path / "s.json.gz")])
+
+
+def only(sets: list[DetectionSet], *cameras: str) -> list[DetectionSet]:
+    return [item for item in sets if item.views[0].camera in cameras]
+
+
+def test_folder_file_and_bag_give_the_same_bytes(
+    capture: FreeCapture, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with BagWriter(tmp_path / "bag") as bag:
+        for topic, record in (("/rig", capture.rig), ("/skeleton_model", captures.SKELETON)):
+            bag.write(topic, START_NS, to_message(record, bag_messages(), capture.rig.frame_id))
+        for item in capture.sets:
+            (view,) = item.views
+            message = to_message(view, bag_messages(), capture.rig.frame_id)
+            bag.write(f"/{view.camera}/detections", view.stamp_ns, message)
+    files = ("--rig", folder, "--detections", folder / "detections.json.gz")
+    found = []
+    for source in (files, (folder,), ("--bag", tmp_path / "bag"), (tmp_path / "bag",), (tmp_path,)):
+        assert run(tmp_path, *source, "--rate", 50) == 0
+        assert capsys.readouterr().err == ""
+        found.append((tmp_path / "s.json.gz").read_bytes())
+    assert len(set(found)) == 1
+    frames = read_skeletons(tmp_path / "s.json.gz").frames
+    assert np.diff([frame.stamp_ns for frame in frames]).tolist() == [20_000_000] * (len(frames) - 1)
+    assert np.mean([len(frame.ids) for frame in frames]) > 1.9
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ([], "give one of: a capture folder, --bag BAG, --rig R --detections D; found none"),
+        (["FOLDER", "--bag", "FOLDER"], "found a capture folder and --bag"),
+        (["--detections", "FOLDER/detections.json.gz"], "--detections needs --rig"),
+        (["--rig", "FOLDER"], "found none"),
+        (["FOLDER/none"], "none"),
+        (["--bag", "FOLDER"], "FOLDER"),
+        (["FOLDER", "--rate", "0"], "0"),
+        (["FOLDER", "--rate", "1e9"], "1e9"),
+        (["FOLDER", "--rate", "fast"], "fast"),
+        (["FOLDER", "--rate", "100", "--at", "FOLDER/rig.json"], "not allowed with"),
+        (["FOLDER", "--at", "FOLDER/none.csv"], "none.csv"),
+        (["FOLDER", "--trusted-camera", "front"], "'front' is not in the rig; it has cam0"),
+        (["FOLDER", "--skeleton", "octopus"], "octopus"),
+    ],
+)
+def test_bad_options_are_one_line_and_exit_2(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], says: str
+) -> None:
+    assert run(tmp_path, *(word.replace("FOLDER", str(folder)) for word in words)) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("panoptic continuous: ") and says.replace("FOLDER", str(folder)) in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_images_go_through_the_detector_or_name_what_is_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "empty").mkdir()
+    assert run(tmp_path, tmp_path / "empty") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert str(tmp_path / "empty") in line
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("time\n1\n", "has no column stamp_ns"),
+        ("stamp_ns\n", "has no row"),
+        ("stamp_ns\n12\n1.5\n", "line 3: stamp_ns = '1.5' is not an integer number of ns"),
+        ("stamp_ns\nnoon\n", "line 2: stamp_ns = 'noon'"),
+        ("a,stamp_ns\n1,2\n3\n", "line 3: stamp_ns = None"),
+        (f"stamp_ns\n{10**30}\n", "line 2: stamp_ns = '1000"),
+        ("stamp_ns\n1\n2\n", "all 2 instants of --at are outside of the recording, 10000125"),
+    ],
+)
+def test_bad_instants_are_one_line(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, says: str
+) -> None:
+    (tmp_path / "at.csv").write_text(text)
+    assert run(tmp_path, folder, "--at", tmp_path / "at.csv") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert says in line and not (tmp_path / "s.json.gz").exists()
+
+
+def test_instants_of_another_device(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stamps = [START_NS + round(1e9 * t) for t in (1.5, 1.0, 1.0, -7.0)]
+    (tmp_path / "at.csv").write_text("\ufeffdevice,stamp_ns\n" + "".join(f"plate,{s}\n" for s in stamps))
+    assert run(tmp_path, folder, "--at", tmp_path / "at.csv") == 0
+    assert "1 of 3 instants of --at are outside of the recording" in capsys.readouterr().err
+    frames = read_skeletons(tmp_path / "s.json.gz").frames
+    assert [frame.stamp_ns for frame in frames] == sorted(set(stamps))
+    assert [len(frame.ids) for frame in frames] == [0, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("cameras", "empty", "code", "says"),
+    [
+        (("cam0",), False, 2, "all 25 views are of camera cam0, which is not enough for 3D"),
+        ((), False, 2, "the recording has no view"),
+        (("cam0", "cam1"), True, 0, "none of the 50 views has a 2D person"),
+    ],
+)
+def test_too_few_views_are_one_line(
+    capture: FreeCapture,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    cameras: tuple[str, ...],
+    empty: bool,
+    code: int,
+    says: str,
+) -> None:
+    sets = only(capture.sets, *cameras)
+    if empty:
+        sets = [replace(s, views=tuple(_without_people(v) for v in s.views)) for s in sets]
+    assert run(tmp_path, write(tmp_path / "c", capture.rig, sets)) == code
+    (line,) = capsys.readouterr().err.splitlines()
+    assert says in line
+    if code == 0:
+        assert all(len(frame.ids) == 0 for frame in read_skeletons(tmp_path / "s.json.gz").frames)
+
+
+def _without_people(view):
+    return replace(view, points=view.points[:0], scores=view.scores[:0], person_scores=view.person_scores[:0])
+
+
+def test_cameras_without_a_common_time_find_nobody_and_say_why(
+    capture: FreeCapture, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    later = []
+    for item in only(capture.sets, "cam1"):
+        (view,) = item.views
+        stamp = view.stamp_ns + 20_000_000_000
+        later.append(replace(item, stamp_ns=stamp, views=(replace(view, stamp_ns=stamp),)))
+    sets = [*only(capture.sets, "cam0"), *later]
+    assert run(tmp_path, write(tmp_path / "c", capture.rig, sets)) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert sum("no people were found" in line for line in lines) == 1 and "one view only" in lines[-1]
+
+
+def test_a_rig_that_does_not_fit_is_named(
+    capture: FreeCapture, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fewer = replace(capture.rig, cameras=capture.rig.cameras[:3])
+    assert run(tmp_path, write(tmp_path / "c", fewer, capture.sets)) == 2
+    assert "the detections have a camera 'cam3' that the rig lacks" in capsys.readouterr().err
+    names = [f"joint{k}" for k in range(19)]
+    assert run(tmp_path, write(tmp_path / "c", capture.rig, capture.sets, names)) == 2
+    assert "none of the joints joint0" in capsys.readouterr().err
+
+
+def test_frames_that_run_backwards_are_used(
+    capture: FreeCapture, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sets = list(capture.sets)
+    sets[40], sets[44] = sets[44], sets[40]  # of one camera
+    assert sets[40].views[0].camera == sets[44].views[0].camera
+    assert run(tmp_path, write(tmp_path / "c", capture.rig, sets)) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "1 of 100 views come after later ones" in line
+
+
+def test_clocks_of_people_who_stand_are_not_observable(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    still = FreeCapture(cameras=3, rate=15.0, seconds=2.0, speed=0.0)
+    folder = write(tmp_path / "c", still.rig, still.sets)
+    assert run(tmp_path, folder, "--clocks", "--clocks-out", tmp_path / "clocks.json") == 0
+    told = capsys.readouterr()
+    assert told.out.count("clock not observable, stamps kept") == 3
+    document = json.loads((tmp_path / "clocks.json").read_text())
+    assert all(row["offset_s"] == 0.0 and row["offset_sd_s"] > 0.012 for row in document["cameras"].values())
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_pass_leaves_nothing(folder: Path, tmp_path: Path, number: int) -> None:
+    words = ["continuous", str(folder), "--rate", "10000", "--out", str(tmp_path / "s.json.gz")]
+    words += ["--clocks-out", str(tmp_path / "c.json"), "--curves", str(tmp_path / "c.npz")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "panoptic_ros.cli.main", *words],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    limit = time.monotonic() + 120.0
+    while not list(tmp_path.glob(".s*")) and time.monotonic() < limit and process.poll() is None:
+        time.sleep(0.01)  # until the file is being written
+    process.send_signal(number)
+    _, told = process.communicate(timeout=60.0)
+    assert process.returncode == 2 and told.splitlines()[-1] == "panoptic continuous: interrupted"
+    assert list(tmp_path.iterdir()) == []
