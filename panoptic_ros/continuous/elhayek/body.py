@@ -1,4 +1,4 @@
-"""Skeleton of one person, and poses at single instants, from joint positions.
+"""HingeSkeleton of one person, and poses at single instants, from joint positions.
 
 The paper estimates the skeleton of an actor beforehand. Here the lengths of the default skeleton are scaled
 to the person, then each bone is fitted to positions of the joint curves at some instants.
@@ -7,10 +7,11 @@ to the person, then each bone is fitted to positions of the joint curves at some
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from panoptic_ros.continuous.elhayek.skeleton import Skeleton, skeleton_of
+from panoptic_ros.continuous.elhayek.skeleton import HingeSkeleton, skeleton_of
 from panoptic_ros.domain.segments import SHORTEST, TALLEST, SegmentModel
 from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.torso import torso_frames
@@ -28,44 +29,46 @@ USUAL_STATURE = 1.7  # m
 LEAST_JOINTS = 8  # minimum number of joints of an instant that serves
 
 
-def skeleton_from(
-    model: SegmentModel, joint_names: Sequence[str], joints: Array
-) -> tuple[Skeleton, Array]:
-    """Return the skeleton of a person, and the variances (J,) m^2 per axis of the joints about it.
-
-    The variances state what constant bones and few degrees of freedom cannot follow.
+def skeleton_from(model: SegmentModel, names: Sequence[str], joints: Array) -> HingeSkeleton:
+    """Return the skeleton of a person.
 
     Args:
-        joints: (T, J, 3) m at some instants, NaN = missing.
-
-    Raises:
-        DataError: if no instant has shoulders, hips and `LEAST_JOINTS` joints.
+        names: (J) names of the detector's joints.
+        joints: (T, J, 3) m at usable instants, NaN = missing.
     """
-    names = list(joint_names)
     skeleton = skeleton_of(model.body(_stature(model, names, joints)), names)
-    chosen = joints[usable(joints, names, skeleton)]
-    if not len(chosen):
-        raise DataError("the preset needs shoulders and hips of each person, and no instant shows them")
-    chosen = chosen[np.linspace(0, len(chosen) - 1, min(INSTANTS, len(chosen))).round().astype(int)]
+    chosen = joints[np.linspace(0, len(joints) - 1, min(INSTANTS, len(joints))).round().astype(int)]
     freedoms = first_poses(skeleton, names, chosen)
     for _ in range(ROUNDS):
         skeleton = _with_fitted_lengths(skeleton, freedoms, chosen)
         freedoms = fit_poses(skeleton, freedoms, chosen, ROUND_STEPS)
-    gaps = np.linalg.norm(skeleton.joints(freedoms) - chosen, axis=-1)
+    return skeleton
+
+
+def misfits_of(skeleton: HingeSkeleton, names: Sequence[str], joints: Array) -> Array:
+    """Return the variances (J,) m^2 per axis of joints (T, J, 3) m about the skeleton at usable instants.
+
+    They state what constant bones and few degrees of freedom cannot follow.
+    """
+    gaps = np.linalg.norm(skeleton.joints(first_poses(skeleton, names, joints)) - joints, axis=-1)
     known = np.isfinite(gaps).any(axis=0)
     misfits = np.zeros(len(names))
     misfits[known] = (np.nanmedian(gaps[:, known], axis=0) / MAXWELL_MEDIAN) ** 2
-    return skeleton, misfits
+    return misfits
 
 
-def usable(joints: Array, names: Sequence[str], skeleton: Skeleton) -> Array:
-    """Return whether instants (T,) show enough of a person to start from."""
+def usable(joints: Array, names: Sequence[str]) -> Array:
+    """Return whether instants (T,) of joints (T, J, 3) m show enough of a person to start from.
+
+    Raises:
+        DataError: if the detector has no shoulders or hips.
+    """
     known = np.isfinite(joints).all(-1)
-    found: Array = known[:, _corners(names)].all(1) & (known[:, skeleton.seen].sum(1) >= LEAST_JOINTS)
+    found: Array = known[:, _corners(names)].all(1) & (known.sum(1) >= LEAST_JOINTS)
     return found
 
 
-def first_poses(skeleton: Skeleton, names: Sequence[str], joints: Array) -> Array:
+def first_poses(skeleton: HingeSkeleton, names: Sequence[str], joints: Array) -> Array:
     """Return degrees of freedom (T, D) that fit joints (T, J, 3) m best, without a previous pose.
 
     Args:
@@ -92,15 +95,13 @@ def first_poses(skeleton: Skeleton, names: Sequence[str], joints: Array) -> Arra
     return best
 
 
-def fit_poses(skeleton: Skeleton, start: Array, joints: Array, steps: int = STEPS) -> Array:
+def fit_poses(skeleton: HingeSkeleton, start: Array, joints: Array, steps: int = STEPS) -> Array:
     """Return degrees of freedom (T, D) near `start` (T, D) that fit joints (T, J, 3) m, NaN = missing."""
     found = start.copy()
     eye = PULL * np.eye(skeleton.freedoms)
     seen = skeleton.seen
     for _ in range(steps):
-        placed = skeleton.place(found)
-        points = skeleton.points(placed, skeleton.site_segments[seen], skeleton.site_offsets[seen])
-        slopes = skeleton.slopes(placed, skeleton.site_segments[seen], points)
+        points, slopes = skeleton.moved(found, skeleton.site_segments[seen], skeleton.site_offsets[seen])
         gaps = joints[:, seen] - points
         weights = 1.0 / (1.0 + (np.nan_to_num(gaps) ** 2).sum(-1) / SIGMA**2) * np.isfinite(gaps).all(-1)
         flat = slopes.reshape(len(found), -1, skeleton.freedoms)
@@ -113,7 +114,7 @@ def fit_poses(skeleton: Skeleton, start: Array, joints: Array, steps: int = STEP
     return found
 
 
-def _costs(skeleton: Skeleton, freedoms: Array, joints: Array) -> Array:
+def _costs(skeleton: HingeSkeleton, freedoms: Array, joints: Array) -> Array:
     """Return the robust costs (T,) of poses, with those of angles beyond their limits."""
     gaps = skeleton.joints(freedoms) - joints
     beyond = np.maximum(skeleton.limits[:, 0] - freedoms, 0.0) + np.maximum(
@@ -123,7 +124,7 @@ def _costs(skeleton: Skeleton, freedoms: Array, joints: Array) -> Array:
     return costs
 
 
-def _with_fitted_lengths(skeleton: Skeleton, freedoms: Array, joints: Array) -> Skeleton:
+def _with_fitted_lengths(skeleton: HingeSkeleton, freedoms: Array, joints: Array) -> HingeSkeleton:
     """Return the skeleton with each bone fitted to the joints (T, J, 3) m, as a median over instants.
 
     A joint at the origin of a segment determines that origin in the frame of the parent. Another joint
@@ -140,7 +141,7 @@ def _with_fitted_lengths(skeleton: Skeleton, freedoms: Array, joints: Array) -> 
         known = local[np.isfinite(local).all(1)]
         if len(known):
             (offsets if origin else sites)[s if origin else j] = np.median(known, axis=0)
-    return skeleton.with_lengths(offsets, sites)
+    return replace(skeleton, offsets=offsets, site_offsets=sites)
 
 
 def _stature(model: SegmentModel, names: Sequence[str], joints: Array) -> float:
@@ -167,6 +168,3 @@ def _corners(names: Sequence[str]) -> list[int]:
     if missing:
         raise DataError(f"the preset needs the joints {', '.join(CORNERS)}; the file lacks {missing[0]}")
     return [list(names).index(name) for name in CORNERS]
-
-
-

@@ -12,14 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from panoptic_ros.continuous.elhayek.energy import PoseSums, PoseTerm
-from panoptic_ros.continuous.elhayek.skeleton import Skeleton
-from panoptic_ros.continuous.problem import LEAST_DEPTH, PersonRays
+from panoptic_ros.continuous.elhayek.skeleton import HingeSkeleton
+from panoptic_ros.continuous.person import PersonCurve
+from panoptic_ros.continuous.problem import FIRST_NOISE, LEAST_DEPTH
 from panoptic_ros.domain.rig_arrays import RigArrays
+from panoptic_ros.solving.joint_noise import JointNoiseModel
 
 Array = np.ndarray
-# standard deviations of the Gaussians, in units of the noise of a 2D joint: wide enough for the error of an
-# extrapolation first; the last one has the efficiency of Cauchy weights with 3
+# Standard deviations of the Gaussians, in units of the noise of a 2D joint: wide enough for the error of an
+# extrapolation at first. The last one has the efficiency of Cauchy weights with 3.
 WIDTHS = (60.0, 15.0, 3.0)
+LEAST_LEFT = 0.1  # minimum share of the misses that counts as noise and not as fitted
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +32,7 @@ class Keypoints:
     Args:
         times: (N,) s.
         joints: (N,) index of the detector's joint.
-        rows, rights: (N, 2, 3) and (N, 2), see `curves.Rays`.
+        rows, rights: (N, 2, 3) and (N, 2), see `curves.WeightedRays`.
         depth_rows, depth_offsets: (N, 3) and (N,); the depth is depth_rows @ X + depth_offsets.
         sigmas: (N,) standard deviation on the normalised image plane.
     """
@@ -43,32 +46,28 @@ class Keypoints:
     sigmas: Array
 
     @classmethod
-    def of(
-        cls, rays: PersonRays, times: Array, sigmas: Array, arrays: RigArrays, skeleton: Skeleton
-    ) -> Keypoints:
-        """Return the 2D joints of a person that are part of the skeleton.
-
-        Args:
-            times: (N,) s, corrected times of the rays.
-            sigmas: (N,) standard deviations on the normalised image plane.
-        """
-        order = np.argsort(times, kind="stable")
-        order = order[np.isin(rays.joints[order], skeleton.seen)]
+    def of(cls, person: PersonCurve, arrays: RigArrays) -> Keypoints:
+        """Return the 2D joints of a person. Their noise follows from residuals of its joint curves."""
+        rays, order = person.rays, np.argsort(person.times, kind="stable")
         cameras = rays.cameras[order]
-        return cls(
-            times[order],
+        found = cls(
+            person.times[order],
             rays.joints[order],
             rays.rows[order],
             rays.rights[order],
             arrays.rotations[cameras, 2],
             arrays.translations[cameras, 2],
-            sigmas[order],
+            np.ones(len(order)),
         )
+        noise = JointNoiseModel(cameras, found.joints, rays.scores[order], FIRST_NOISE)
+        misses, _ = found.misses(person.at(found.times)[np.arange(len(order)), found.joints])
+        noise.learn(np.linalg.norm(misses, axis=1) / FIRST_NOISE)
+        found.sigmas[:] = noise.sigmas()
+        return found
 
-    def between(self, first: float, last: float) -> Keypoints:
-        """Return the 2D joints from `first` to `last` (s)."""
-        low, high = np.searchsorted(self.times, (first, last))
-        return Keypoints(*(getattr(self, name)[low:high] for name in self.__dataclass_fields__))
+    def chosen(self, which: Array | slice) -> Keypoints:
+        """Return some of the 2D joints."""
+        return Keypoints(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
     def misses(self, points: Array) -> tuple[Array, Array]:
         """Return the misses (N, 2) of points (N, 3) m in units of the noise, and their depths (N,) m."""
@@ -86,7 +85,7 @@ class KeypointTerm:
         width: standard deviation of the Gaussians, in units of the noise.
     """
 
-    def __init__(self, keypoints: Keypoints, skeleton: Skeleton, width: float):
+    def __init__(self, keypoints: Keypoints, skeleton: HingeSkeleton, width: float):
         self._keypoints, self._skeleton, self._width = keypoints, skeleton, width
         self.times, self._starts, self._at = np.unique(
             keypoints.times, return_index=True, return_inverse=True
@@ -94,11 +93,10 @@ class KeypointTerm:
 
     def sums(self, freedoms: Array) -> PoseSums:
         """Return the energy of degrees of freedom (T, D)."""
-        slopes, misses = self.residuals(freedoms)
+        misses, slopes = self._residuals(freedoms)
         similar = np.exp(-0.5 * (misses**2).sum(1) / self._width**2) / len(misses)
-        weights = similar / self._width**2
-        gradients = np.einsum("ned,ne,n->nd", slopes, misses, weights)
-        weighted = slopes * weights[:, None, None]
+        weighted = slopes * (similar / self._width**2)[:, None, None]
+        gradients = np.einsum("ned,ne->nd", weighted, misses)
         matrices = weighted.swapaxes(1, 2) @ slopes
         return PoseSums(
             -float(similar.sum()),
@@ -107,34 +105,36 @@ class KeypointTerm:
         )
 
     def precision(self, freedoms: Array, spent: int) -> float:
-        """Return N c^2 for the width c, over the variance of the misses: what polynomials cannot follow counts."""
-        _, misses = self.residuals(freedoms)
-        squares = (misses**2).sum(1)
-        weights = np.exp(-0.5 * squares / self._width**2)
-        left = max(2.0 * weights.sum() - spent, 0.1 * len(misses))
-        return len(misses) * self._width**2 / max(float((weights * squares).sum() / left), 1.0)
+        """Return the factor from the matrices of `sums` to the information of the 2D joints.
 
-    def residuals(self, freedoms: Array) -> tuple[Array, Array]:
-        """Return misses (N, 2) in units of the noise, and their derivatives (N, 2, D), derivatives first."""
+        Misses beyond the noise, which the polynomials cannot follow, count as noise.
+        """
+        squares = (self._residuals(freedoms)[0] ** 2).sum(1)
+        weights = np.exp(-0.5 * squares / self._width**2)
+        left = max(2.0 * weights.sum() - spent, LEAST_LEFT * len(squares))
+        return len(squares) * self._width**2 / max(float(weights @ squares) / left, 1.0)
+
+    def _residuals(self, freedoms: Array) -> tuple[Array, Array]:
+        """Return the misses (N, 2) in units of the noise, and their derivatives (N, 2, D)."""
         data, skeleton = self._keypoints, self._skeleton
-        placed = skeleton.place(freedoms)
-        sites = skeleton.points(placed, skeleton.site_segments, skeleton.site_offsets)
-        by_freedom = skeleton.slopes(placed, skeleton.site_segments, sites)[self._at, data.joints]
+        sites, slopes = skeleton.moved(freedoms, skeleton.site_segments, skeleton.site_offsets)
         misses, depths = data.misses(sites[self._at, data.joints])
-        slopes = data.rows @ by_freedom / (depths * data.sigmas)[:, None, None]
-        nearer = data.depth_rows[:, None] @ by_freedom / depths[:, None, None]
-        return slopes - misses[:, :, None] * nearer, misses
+        of_place = (data.rows / data.sigmas[:, None, None] - misses[:, :, None] * data.depth_rows[:, None]) / (
+            depths[:, None, None]
+        )
+        return misses, of_place @ slopes[self._at, data.joints]
 
 
 class KeypointMeasurements:
-    """2D joints of a person as `tracking.Measurements`: a term per width and segment."""
+    """2D joints of a person as `tracking.Measurements`: narrower Gaussians in each fit of a segment."""
 
     fits = len(WIDTHS)
 
-    def __init__(self, keypoints: Keypoints, skeleton: Skeleton):
-        self._keypoints, self._skeleton = keypoints, skeleton
+    def __init__(self, keypoints: Keypoints, skeleton: HingeSkeleton):
+        self._keypoints = keypoints.chosen(np.isin(keypoints.joints, skeleton.seen))
+        self._skeleton = skeleton
 
-    def term(self, fit: int, segment: Array, start: Callable[[Array], Array]) -> PoseTerm | None:
+    def term(self, fit: int, segment: Array, poses: Callable[[Array], Array]) -> PoseTerm | None:
         """Return the term of a fit of a segment (2,) s, None = no 2D joint lies in it."""
-        own = self._keypoints.between(*segment)
+        own = self._keypoints.chosen(slice(*np.searchsorted(self._keypoints.times, segment)))
         return KeypointTerm(own, self._skeleton, WIDTHS[fit]) if len(own.times) else None

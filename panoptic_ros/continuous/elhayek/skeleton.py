@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from panoptic_ros.domain.segments import SegmentedBody, SegmentModel
 from panoptic_ros.errors import UsageError
+from panoptic_ros.geometry.rotations import rotations_of
 
 Array = np.ndarray
 X, Y, Z = np.eye(3)
@@ -38,8 +39,8 @@ class Freedom(NamedTuple):
     elevates: bool = False
 
 
-class Placed(NamedTuple):
-    """Skeleton at T instants.
+class PlacedSkeleton(NamedTuple):
+    """HingeSkeleton at T instants.
 
     Args:
         places: (T, S, 3) m, joints.
@@ -51,10 +52,15 @@ class Placed(NamedTuple):
     frames: Array
     axes: Array
 
+    def points(self, segments: Array, offsets: Array) -> Array:
+        """Return the world positions (T, N, 3) m of points on segments (N,) at offsets (N, 3) m."""
+        found: Array = self.places[:, segments] + (self.frames[:, segments] @ offsets[:, :, None])[..., 0]
+        return found
+
 
 @dataclass(frozen=True, eq=False)
-class Skeleton:
-    """Skeleton of one person: D degrees of freedom, P joint parameters, S segments, J detected joints.
+class HingeSkeleton:
+    """HingeSkeleton of one person: D degrees of freedom, P joint parameters, S segments, J detected joints.
 
     Args:
         parents: (S,), parents first, -1 = root.
@@ -91,14 +97,11 @@ class Skeleton:
         found: Array = np.flatnonzero(self.site_segments >= 0)
         return found
 
-    def with_lengths(self, offsets: Array, site_offsets: Array) -> Skeleton:
-        """Return the skeleton with other bones."""
-        return replace(self, offsets=offsets, site_offsets=site_offsets)
-
-    def place(self, freedoms: Array) -> Placed:
+    def place(self, freedoms: Array) -> PlacedSkeleton:
         """Return the skeleton for degrees of freedom (T, D)."""
         count = len(freedoms)
-        turns = _rotations(self.axes, freedoms[:, 3:] @ self.mapping.T)
+        turns = (freedoms[:, 3:] @ self.mapping.T)[..., None] * self.axes
+        turned = rotations_of(turns.reshape(-1, 3)).reshape(*turns.shape, 3)
         places = np.empty((count, len(self.parents), 3))
         frames = np.empty((count, len(self.parents), 3, 3))
         axes = np.empty((count, len(self.axes), 3))
@@ -110,35 +113,33 @@ class Skeleton:
                 places[:, s] = places[:, parent] + frame @ self.offsets[s]
             for p in np.flatnonzero(self.turned == s):
                 axes[:, p] = frame @ self.axes[p]
-                frame = frame @ turns[:, p]
+                frame = frame @ turned[:, p]
             frames[:, s] = frame
-        return Placed(places, frames, axes)
+        return PlacedSkeleton(places, frames, axes)
 
-    def points(self, placed: Placed, segments: Array, offsets: Array) -> Array:
-        """Return the world positions (T, N, 3) m of points on segments (N,) at offsets (N, 3) m."""
-        found: Array = (
-            placed.places[:, segments] + (placed.frames[:, segments] @ offsets[:, :, None])[..., 0]
-        )
-        return found
+    def moved(self, freedoms: Array, segments: Array, offsets: Array) -> tuple[Array, Array]:
+        """Return points on segments (N,) at offsets (N, 3) m for degrees of freedom (T, D).
 
-    def slopes(self, placed: Placed, segments: Array, points: Array) -> Array:
-        """Return the derivatives (T, N, 3, D) of world points (T, N, 3) by the degrees of freedom."""
-        origins = placed.places[:, self.turned]  # (T, P, 3)
-        arms = points[:, :, None] - origins[:, None]
-        moved = np.cross(placed.axes[:, None], arms) * self.above[segments][None, :, :, None]
-        found = np.empty((*points.shape, self.freedoms))
-        found[..., :3] = np.eye(3)
-        found[..., 3:] = moved.swapaxes(-1, -2) @ self.mapping
-        return found
+        Returns:
+            world positions (T, N, 3) m, and their derivatives (T, N, 3, D) by the degrees of freedom.
+        """
+        placed = self.place(freedoms)
+        points = placed.points(segments, offsets)
+        arms = points[:, :, None] - placed.places[:, None, self.turned]  # (T, N, P, 3)
+        turning = np.cross(placed.axes[:, None], arms) * self.above[segments][None, :, :, None]
+        slopes = np.empty((*points.shape, self.freedoms))
+        slopes[..., :3] = np.eye(3)
+        slopes[..., 3:] = turning.swapaxes(-1, -2) @ self.mapping
+        return points, slopes
 
     def joints(self, freedoms: Array) -> Array:
         """Return the detector's joints (T, J, 3) m for degrees of freedom (T, D); NaN for those without."""
-        found = self.points(self.place(freedoms), self.site_segments, self.site_offsets)
+        found = self.place(freedoms).points(self.site_segments, self.site_offsets)
         found[:, self.site_segments < 0] = np.nan
         return found
 
 
-def skeleton_of(body: SegmentedBody, joint_names: Iterable[str]) -> Skeleton:
+def skeleton_of(body: SegmentedBody, joint_names: Iterable[str]) -> HingeSkeleton:
     """Return the skeleton of a body for the joints of a detector.
 
     A rotation that moves no detected joint is left out: nothing determines it.
@@ -163,7 +164,7 @@ def skeleton_of(body: SegmentedBody, joint_names: Iterable[str]) -> Skeleton:
         if parent >= 0:
             above[s] |= above[parent]
     limits = [(-FREE, FREE)] * 3 + [row.limits or _model_limits(model, row) for row in rows]
-    return Skeleton(
+    return HingeSkeleton(
         model.parents,
         body.offsets,
         turned,
@@ -239,14 +240,3 @@ def _model_limits(model: SegmentModel, row: Freedom) -> tuple[float, float]:
     at = [model.index(name) for name in row.segments]
     share = 1.0 / len(at)
     return float(model.lower[at, axis].max() / share), float(model.upper[at, axis].min() / share)
-
-
-def _rotations(axes: Array, angles: Array) -> Array:
-    """Return the rotations (T, P, 3, 3) about axes (P, 3) by angles (T, P) rad, by Rodrigues' formula."""
-    cross = np.zeros((len(axes), 3, 3))
-    x, y, z = axes.T
-    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -z, y, -x
-    cross[:, 1, 0], cross[:, 2, 0], cross[:, 2, 1] = z, -y, x
-    sine, cosine = np.sin(angles)[..., None, None], np.cos(angles)[..., None, None]
-    found: Array = np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)
-    return found

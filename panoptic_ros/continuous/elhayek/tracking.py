@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
-from panoptic_ros.continuous.elhayek.energy import PoseTerm, SegmentEnergy, minimise
-from panoptic_ros.continuous.elhayek.polynomials import (
-    DEGREE,
-    MotionFunction,
-    basis,
-    extrapolated,
-    held,
-    place,
-)
-from panoptic_ros.continuous.elhayek.skeleton import Skeleton
+from panoptic_ros.continuous.elhayek.energy import VAGUE, PoseTerm, SegmentEnergy, minimise
+from panoptic_ros.continuous.elhayek.polynomials import MotionFunction, basis, extrapolated
+from panoptic_ros.continuous.elhayek.skeleton import HingeSkeleton
 
 Array = np.ndarray
 
@@ -30,65 +23,60 @@ class Measurements(Protocol):
 
     fits: int
 
-    def term(self, fit: int, segment: Array, start: Callable[[Array], Array]) -> PoseTerm | None:
+    def term(self, fit: int, segment: Array, poses: Callable[[Array], Array]) -> PoseTerm | None:
         """Return the term of a fit of a segment (2,) s, None = no measurement lies in it.
 
         Args:
-            start: gives degrees of freedom (T, D) at times (T,) s, from which the fit starts.
+            poses: gives degrees of freedom (T, D) at times (T,) s, from which the fit starts.
         """
         ...
 
 
 def track(
-    skeleton: Skeleton,
+    skeleton: HingeSkeleton,
     segments: Array,
-    pose: Array,
-    measured: Sequence[Measurements],
-    degree: int = DEGREE,
-    progress: Callable[[float], None] = lambda share: None,
+    known: Callable[[float], Array],
+    measured: Measurements,
+    degree: int,
+    progress: Callable[[float], None],
 ) -> tuple[MotionFunction, Array]:
-    """Return the motion function of a person, and the covariances (G, D L, D L) of its coefficients.
+    """Return the motion function of a person, and the covariances (G, D, L, D, L) of its coefficients.
 
-    The first segment has a constant pose. Each following one starts from the linear extrapolation of the
-    previous one, and keeps it where no measurement lies in the segment. The slope of a short segment with few
-    views is mostly noise: if the pose held has less energy, it is the start.
+    The first segment has a constant pose, near a known one. Each following one starts from the linear
+    extrapolation of the previous one. A segment without measurement keeps a known pose, and the next one starts
+    from it.
 
     Args:
         segments: (G, 2) s.
-        pose: (D,) known pose in the first segment.
+        known: gives a known pose (D,) near a time (s).
         degree: of the polynomials.
         progress: is told the share that is done.
     """
-    coefficients = np.zeros((len(segments), skeleton.freedoms, degree + 1))
-    covariances = []
+    shape = (skeleton.freedoms, degree + 1)
+    coefficients = np.zeros((len(segments), *shape))
+    covariances = np.zeros((len(segments), *shape, *shape))
+    followed = False
     for g, segment in enumerate(segments):
         progress(g / len(segments))
-        starts = [np.column_stack([pose, np.zeros((len(pose), degree))])]
-        if g:
-            starts = [f(coefficients[g - 1], segments[g - 1], segment) for f in (extrapolated, held)]
-        coefficients[g], covariance = _fit(skeleton, segment, starts, measured, degree + 1 if g else 1)
-        covariances.append(covariance)
-    return MotionFunction(segments, coefficients), np.stack(covariances)
+        if followed:
+            start = extrapolated(coefficients[g - 1], segments[g - 1], segment)
+        else:
+            start = np.zeros(shape)
+            start[:, 0] = known(float(segment.mean()))
+        found, followed = start, False
+        for fit in range(measured.fits):
 
+            def poses(times: Array, found: Array = found, segment: Array = segment) -> Array:
+                return basis(times, segment, degree + 1) @ found.T
 
-def _fit(
-    skeleton: Skeleton, segment: Array, starts: Sequence[Array], measured: Sequence[Measurements], order: int
-) -> tuple[Array, Array]:
-    """Return the coefficients (D, L) of a segment and their covariance (D L, D L).
-
-    Args:
-        starts: (D, L) each; the first fit starts from that of least energy.
-        order: see `minimise`.
-    """
-    found = starts[0]
-    for k in range(max(one.fits for one in measured)):
-
-        def poses(times: Array) -> Array:
-            return basis(place(times, *segment), found.shape[1]) @ found.T
-
-        terms = [one.term(min(k, one.fits - 1), segment, poses) for one in measured]
-        energy = SegmentEnergy(segment, [t for t in terms if t is not None], skeleton.limits, starts[0])
-        if k == 0:
-            found = min(starts, key=lambda start: energy.sums(start).energy)
-        found = minimise(energy, found, order)
-    return found, energy.covariance(found)
+            term = measured.term(fit, segment, poses)
+            if term is not None:
+                energy, followed = SegmentEnergy(segment, term, skeleton.limits, start), True
+                found = minimise(energy, found, degree + 1 if g else 1)
+        coefficients[g] = found
+        covariances[g] = (
+            energy.covariance(found)
+            if followed
+            else (np.eye(start.size) / VAGUE).reshape(covariances[g].shape)
+        )
+    return MotionFunction(segments, coefficients), covariances

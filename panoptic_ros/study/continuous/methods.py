@@ -11,6 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from panoptic_ros.continuous.config import ContinuousConfig
+from panoptic_ros.continuous.elhayek.passes import ElhayekPass
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.passes import ContinuousPass
 from panoptic_ros.domain import DetectionSet, ViewDetections
@@ -19,12 +20,13 @@ from panoptic_ros.geometry.triangulation import triangulate_robust
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.pipeline import records_of
 from panoptic_ros.graph.recording import InMemoryRecording
+from panoptic_ros.io.body_models import read_body_model
 from panoptic_ros.running.continuous import ContinuousTask
 from panoptic_ros.running.continuous_online import solve_online
 from panoptic_ros.simulation.detector import Sightings
 from panoptic_ros.simulation.free_running import START_NS, FreeRunningCapture, TimedView, owners_of
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
-from panoptic_ros.stage import StageContext, untold
+from panoptic_ros.stage import Pass, StageContext, untold
 
 Array = np.ndarray
 REFERENCE_HZ = 70.0  # rate of the synchronous reference in the paper
@@ -136,15 +138,13 @@ def grouped(case: CaptureUnderTest) -> MotionResult:
 
 def continuous(case: CaptureUnderTest) -> MotionResult:
     """Fit curves to the whole recording, as `panoptic continuous` does."""
-    capture = case.capture
-    recording = InMemoryRecording({"detection_sets": list(capture.sets())})
-    begin = time.process_time()
-    motion = ContinuousPass(case.config, StageContext(capture.rig, SKELETON)).run(recording, untold)
-    stamps = START_NS + np.round(1e9 * case.times).astype(np.int64)
-    frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions, r.covariances) for r in motion.sets(stamps)]
-    spent = time.process_time() - begin
-    wrong = wrong_share(capture, motion)
-    return MotionResult(frames, spent, wrong, *clock_errors(capture, motion, case.config))
+    return _whole(case, ContinuousPass(case.config, StageContext(case.capture.rig, SKELETON)))
+
+
+def elhayek(case: CaptureUnderTest) -> MotionResult:
+    """Fit polynomials of joint angles to 2D joints, as `panoptic continuous --preset elhayek-2012` does."""
+    context = StageContext(case.capture.rig, SKELETON, extras={"segments": read_body_model()})
+    return _whole(case, ElhayekPass(case.config, context))
 
 
 def online(case: CaptureUnderTest, lag: float) -> MotionResult:
@@ -167,6 +167,10 @@ METHODS: dict[str, Callable[[CaptureUnderTest], MotionResult]] = {
     "continuous": continuous,
     **{f"lag {lag:g} s": partial(online, lag=lag) for lag in LAGS},
 }
+
+
+PRESETS: dict[str, Callable[[CaptureUnderTest], MotionResult]] = {"elhayek": elhayek}
+OF_CASE = {"faster": METHODS | PRESETS}  # methods by case; the others have `METHODS`
 
 
 def wrong_share(capture: FreeRunningCapture, motion: ContinuousMotion) -> float:
@@ -207,6 +211,19 @@ def clock_errors(
     offset_error = float(np.sqrt(np.mean((found[0] - offsets)[1:] ** 2))) if config.clocks else np.nan
     line_error = float(np.sqrt(np.mean((found[2] - lines) ** 2))) if config.rolling_shutter else np.nan
     return offset_error, line_error
+
+
+def _whole(case: CaptureUnderTest, work: Pass[ContinuousMotion]) -> MotionResult:
+    """Return the people that a pass over the whole capture gives at the instants of a case."""
+    capture = case.capture
+    recording = InMemoryRecording({"detection_sets": list(capture.sets())})
+    begin = time.process_time()
+    motion = work.run(recording, untold)
+    stamps = START_NS + np.round(1e9 * case.times).astype(np.int64)
+    frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions, r.covariances) for r in motion.sets(stamps)]
+    spent = time.process_time() - begin
+    wrong = wrong_share(capture, motion)
+    return MotionResult(frames, spent, wrong, *clock_errors(capture, motion, case.config))
 
 
 def _triangulated(
