@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--preset",
         choices=("elhayek-2012",),
-        help="method: polynomials of joint angles in overlapping segments (Elhayek et al. 2012), a reference; "
+        help="method of a paper: polynomials of joint angles in overlapping segments (Elhayek et al. 2012); "
         "default: curves of joints",
     )
     parser.add_argument(

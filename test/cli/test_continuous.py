@@ -89,6 +89,10 @@ def test_folder_file_and_bag_give_the_same_bytes(
         (["FOLDER", "--at", "FOLDER/none.csv"], "none.csv"),
         (["FOLDER", "--trusted-camera", "front"], "'front' is not in the rig; it has cam0"),
         (["FOLDER", "--skeleton", "octopus"], "octopus"),
+        (["FOLDER", "--preset", "fast"], "'fast' (choose from 'elhayek-2012')"),
+        (["FOLDER", "--subject", "FOLDER/rig.json"], "--subject needs --preset elhayek-2012"),
+        (["FOLDER", "--preset", "elhayek-2012", "--subject", "FOLDER/rig.json"], "is no panoptic-subject-1"),
+        (["FOLDER", "--preset", "elhayek-2012", "--lag", "0.1"], "--lag does not go with --preset"),
     ],
 )
 def test_bad_options_are_one_line_and_exit_2(

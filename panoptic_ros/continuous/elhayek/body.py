@@ -17,14 +17,13 @@ from panoptic_ros.errors import DataError
 from panoptic_ros.geometry.torso import torso_frames
 
 Array = np.ndarray
-INSTANTS = 80  # number of instants that determine the lengths
-ROUNDS = 40  # number of fits of poses and lengths in turn
-STEPS, ROUND_STEPS = 12, 3  # Gauss-Newton steps of a pose fit, alone and in a round
+INSTANTS = 50  # number of instants that determine the lengths
+ROUNDS = 30  # number of fits of poses and lengths in turn
+STEPS, ROUND_STEPS = 40, 2  # Gauss-Newton steps of a pose fit, alone and in a round
 SIGMA = 0.02  # m, scale of the robust weights
 PULL = 1e-3  # 1/rad^2 relative to a lever of 1 m: keeps undetermined angles near those of the start
 ARMS_DEG = (0.0, 60.0, -60.0)  # elevations of the upper arms at which a pose fit starts
 CORNERS = ("lShoulder", "rShoulder", "lHip", "rHip")
-MAXWELL_MEDIAN = 1.538  # median length of a 3D error with standard deviation 1 per axis
 USUAL_STATURE = 1.7  # m
 LEAST_JOINTS = 8  # minimum number of joints of an instant that serves
 
@@ -37,7 +36,7 @@ def skeleton_from(model: SegmentModel, names: Sequence[str], joints: Array) -> H
         joints: (T, J, 3) m at usable instants, NaN = missing.
     """
     skeleton = skeleton_of(model.body(_stature(model, names, joints)), names)
-    chosen = joints[np.linspace(0, len(joints) - 1, min(INSTANTS, len(joints))).round().astype(int)]
+    chosen = _some(joints)
     freedoms = first_poses(skeleton, names, chosen)
     for _ in range(ROUNDS):
         skeleton = _with_fitted_lengths(skeleton, freedoms, chosen)
@@ -50,11 +49,18 @@ def misfits_of(skeleton: HingeSkeleton, names: Sequence[str], joints: Array) -> 
 
     They state what constant bones and few degrees of freedom cannot follow.
     """
-    gaps = np.linalg.norm(skeleton.joints(first_poses(skeleton, names, joints)) - joints, axis=-1)
+    chosen = _some(joints)
+    gaps = np.linalg.norm(skeleton.joints(first_poses(skeleton, names, chosen)) - chosen, axis=-1)
     known = np.isfinite(gaps).any(axis=0)
     misfits = np.zeros(len(names))
-    misfits[known] = (np.nanmedian(gaps[:, known], axis=0) / MAXWELL_MEDIAN) ** 2
+    misfits[known] = np.nanmean(gaps[:, known] ** 2, axis=0) / 3.0
     return misfits
+
+
+def _some(joints: Array) -> Array:
+    """Return up to `INSTANTS` of the instants of joints (T, J, 3)."""
+    chosen: Array = np.linspace(0, len(joints) - 1, min(INSTANTS, len(joints))).round().astype(int)
+    return joints[chosen]
 
 
 def usable(joints: Array, names: Sequence[str]) -> Array:
@@ -87,7 +93,7 @@ def first_poses(skeleton: HingeSkeleton, names: Sequence[str], joints: Array) ->
     for elevation in ARMS_DEG:
         tried = start.copy()
         tried[:, skeleton.elevations] = np.radians(elevation)
-        tried = fit_poses(skeleton, tried, joints, 4 * STEPS)
+        tried = fit_poses(skeleton, tried, joints, STEPS)
         cost = _costs(skeleton, tried, joints)
         better = cost < least
         best = np.where(better[:, None], tried, best)
@@ -146,8 +152,11 @@ def _with_fitted_lengths(skeleton: HingeSkeleton, freedoms: Array, joints: Array
 
 def _stature(model: SegmentModel, names: Sequence[str], joints: Array) -> float:
     """Return the stature (m) that the lengths of limbs indicate; the default where there is none."""
-    at = {segment: names.index(name) for name, (segment, share) in model.keypoints.items()
-          if name in names and not share.any()}
+    at = {
+        segment: names.index(name)
+        for name, (segment, share) in model.keypoints.items()
+        if name in names and not share.any()
+    }
     ratios = []
     for segment, j in at.items():
         parent = model.names[model.parents[model.index(segment)]]

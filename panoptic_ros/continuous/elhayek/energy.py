@@ -16,7 +16,7 @@ from panoptic_ros.continuous.elhayek.polynomials import basis
 
 Array = np.ndarray
 LIMIT_WEIGHT = 0.1  # alpha (paper, 5); its unit follows from areas in rad times frames of the slowest camera
-POINTS = 8  # Gauss points of the integrals over a segment; their weights add up to 2, its length in frames
+POINTS = 16  # Gauss points of the integrals over a segment; their weights add up to 2, its length in frames
 REST = 1e-3  # 1/rad^2 or 1/m^2, keeps what nothing determines near the start, as the twist of a straight arm
 VAGUE = 10.0  # 1/rad^2 or 1/m^2, information about what nothing determines: standard deviation 0.3
 ITERATIONS = 15  # maximum number of steps

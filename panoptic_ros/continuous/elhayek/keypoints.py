@@ -61,7 +61,8 @@ class Keypoints:
         )
         noise = JointNoiseModel(cameras, found.joints, rays.scores[order], FIRST_NOISE)
         misses, _ = found.misses(person.at(found.times)[np.arange(len(order)), found.joints])
-        noise.learn(np.linalg.norm(misses, axis=1) / FIRST_NOISE)
+        ratios = np.linalg.norm(misses, axis=1) / FIRST_NOISE
+        noise.learn(ratios, np.isfinite(ratios))
         found.sigmas[:] = noise.sigmas()
         return found
 
@@ -112,16 +113,15 @@ class KeypointTerm:
         squares = (self._residuals(freedoms)[0] ** 2).sum(1)
         weights = np.exp(-0.5 * squares / self._width**2)
         left = max(2.0 * weights.sum() - spent, LEAST_LEFT * len(squares))
-        return len(squares) * self._width**2 / max(float(weights @ squares) / left, 1.0)
+        return float(len(squares) * self._width**2 / max(weights @ squares / left, 1.0))
 
     def _residuals(self, freedoms: Array) -> tuple[Array, Array]:
         """Return the misses (N, 2) in units of the noise, and their derivatives (N, 2, D)."""
         data, skeleton = self._keypoints, self._skeleton
         sites, slopes = skeleton.moved(freedoms, skeleton.site_segments, skeleton.site_offsets)
         misses, depths = data.misses(sites[self._at, data.joints])
-        of_place = (data.rows / data.sigmas[:, None, None] - misses[:, :, None] * data.depth_rows[:, None]) / (
-            depths[:, None, None]
-        )
+        scaled = data.rows / data.sigmas[:, None, None] - misses[:, :, None] * data.depth_rows[:, None]
+        of_place = scaled / depths[:, None, None]
         return misses, of_place @ slopes[self._at, data.joints]
 
 

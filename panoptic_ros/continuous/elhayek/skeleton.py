@@ -89,7 +89,7 @@ class HingeSkeleton:
     @property
     def freedoms(self) -> int:
         """Return the number of degrees of freedom."""
-        return 3 + self.mapping.shape[1]
+        return 3 + int(self.mapping.shape[1])
 
     @property
     def seen(self) -> Array:
@@ -125,8 +125,12 @@ class HingeSkeleton:
         """
         placed = self.place(freedoms)
         points = placed.points(segments, offsets)
-        arms = points[:, :, None] - placed.places[:, None, self.turned]  # (T, N, P, 3)
-        turning = np.cross(placed.axes[:, None], arms) * self.above[segments][None, :, :, None]
+        # axis x (point - origin), with the matrix of each axis
+        crosses = np.cross(placed.axes[:, :, None], np.eye(3)).swapaxes(1, 2)
+        turning = points @ crosses.reshape(len(freedoms), 3, -1)
+        turning = turning.reshape(*points.shape[:2], -1, 3)
+        turning -= np.cross(placed.axes, placed.places[:, self.turned])[:, None]
+        turning *= self.above[segments][:, :, None]
         slopes = np.empty((*points.shape, self.freedoms))
         slopes[..., :3] = np.eye(3)
         slopes[..., 3:] = turning.swapaxes(-1, -2) @ self.mapping

@@ -43,14 +43,14 @@ def track(
     """Return the motion function of a person, and the covariances (G, D, L, D, L) of its coefficients.
 
     The first segment has a constant pose, near a known one. Each following one starts from the linear
-    extrapolation of the previous one. A segment without measurement keeps a known pose, and the next one starts
-    from it.
+    extrapolation of the previous one. A segment without measurement has a known pose, and so has the start of
+    the next one.
 
     Args:
         segments: (G, 2) s.
         known: gives a known pose (D,) near a time (s).
         degree: of the polynomials.
-        progress: is told the share that is done.
+        progress: receives the share of segments that are fitted.
     """
     shape = (skeleton.freedoms, degree + 1)
     coefficients = np.zeros((len(segments), *shape))
@@ -67,7 +67,8 @@ def track(
         for fit in range(measured.fits):
 
             def poses(times: Array, found: Array = found, segment: Array = segment) -> Array:
-                return basis(times, segment, degree + 1) @ found.T
+                values: Array = basis(times, segment, degree + 1) @ found.T
+                return values
 
             term = measured.term(fit, segment, poses)
             if term is not None:
