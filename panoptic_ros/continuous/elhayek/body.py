@@ -59,8 +59,8 @@ def misfits_of(skeleton: HingeSkeleton, names: Sequence[str], joints: Array) -> 
 
 def _some(joints: Array) -> Array:
     """Return up to `INSTANTS` of the instants of joints (T, J, 3)."""
-    chosen: Array = np.linspace(0, len(joints) - 1, min(INSTANTS, len(joints))).round().astype(int)
-    return joints[chosen]
+    chosen: Array = joints[np.linspace(0, len(joints) - 1, min(INSTANTS, len(joints))).round().astype(int)]
+    return chosen
 
 
 def usable(joints: Array, names: Sequence[str]) -> Array:
