@@ -72,6 +72,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="with --preset: subject.json with the skeleton of a person; default: one fitted to each person",
     )
+    parser.add_argument(
+        "--images",
+        type=Path,
+        metavar="FOLDER",
+        help="with --preset: capture folder whose images are fitted, as in the paper, instead of 2D joints",
+    )
     parser.add_argument("--skeleton", default="auto", help="skeleton model; auto: that of the file's joints")
     parser.add_argument(
         "--clocks-out", type=output_file, metavar="FILE", help="file for clocks and line delays, as JSON"
@@ -130,7 +136,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     with PassBar("continuous") as bar:
         if args.preset:
-            motion = solve_preset(task, args.subject, bar.show)
+            motion = solve_preset(task, args.subject, args.images, bar.show)
         else:
             motion = solve_continuous(task, bar.show)
     motion = motion if known is None else whole_clocks(motion, known)

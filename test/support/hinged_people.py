@@ -1,11 +1,14 @@
 """Two people of the default skeleton who swing their limbs on circles, before free-running cameras."""
 
 import captures
+import cv2
 import numpy as np
-from free_cameras import FreeCapture
+from free_cameras import START_NS, FreeCapture
 
+from panoptic_ros.continuous.elhayek.body_blobs import body_blobs
 from panoptic_ros.continuous.elhayek.skeleton import skeleton_of
-from panoptic_ros.io.body_models import read_body_model
+from panoptic_ros.domain import ViewFrame
+from panoptic_ros.io.body_models import read_body_model, read_body_shape
 
 MODEL = read_body_model()
 NAMES = captures.SKELETON.joint_names
@@ -39,3 +42,26 @@ class HingedCapture(FreeCapture):
 
     def joints(self, time_s):
         return np.concatenate([s.joints(freedoms([time_s], p)) for p, s in enumerate(SKELETONS)])
+
+
+def painted(capture):
+    """Yield images of all views, camera by camera: discs of the body's blobs before a grey wall."""
+    shape = read_body_shape(MODEL)
+    bodies = [body_blobs(skeleton, shape) for skeleton in SKELETONS]
+    for number, camera in enumerate(capture.rig.cameras):
+        own = [view for item in capture.sets for view in item.views if view.camera == camera.name]
+        for k, view in enumerate(own):
+            image = np.full((*camera.image_size[::-1], 3), 110 + number, np.uint8)
+            time, discs = 1e-9 * (view.stamp_ns - START_NS), []
+            for person, (skeleton, body) in enumerate(zip(SKELETONS, bodies)):
+                (points,) = skeleton.place(freedoms([time], person)).points(body.segments, body.offsets)
+                depths = camera.cam_from_world.apply(points)[:, 2]
+                for segment, depth, pixel, radius in zip(
+                    body.segments, depths, camera.project(points)[0], body.radii
+                ):
+                    hue = (40 * int(segment) + 90 * person) % 180
+                    discs.append((depth, pixel, 800.0 * radius / depth, (hue, 220, 200 - 60 * person)))
+            for _, pixel, radius, colour in sorted(discs, key=lambda disc: -disc[0]):
+                bgr = cv2.cvtColor(np.array([[colour]], np.uint8), cv2.COLOR_HSV2BGR)[0, 0].tolist()
+                cv2.circle(image, np.rint(pixel).astype(int).tolist(), max(1, round(radius)), bgr, -1)
+            yield ViewFrame(camera.name, view.stamp_ns, k, image)

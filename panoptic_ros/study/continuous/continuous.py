@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from panoptic_ros.continuous.config import ContinuousConfig
-from panoptic_ros.continuous.elhayek.passes import DEGREE
+from panoptic_ros.continuous.elhayek.passes import DEGREE, IMAGE_DEGREE
 from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation.free_running import simulate_free_running
 from panoptic_ros.simulation.free_running_scenes import FREE_RUNNING_SCENES
@@ -34,7 +34,7 @@ CONFIGS = {  # unknowns of the continuous pass; other cases have none
     "shutter": ContinuousConfig(rolling_shutter=True, trusted_camera=EXACT),
 }
 # seconds of a case and seed, measured
-COSTS = {"faster": 25.0, "free": 8.0, "clocks": 13.0, "shutter": 16.0, "visitors": 40.0}
+COSTS = {"faster": 25.0, "free": 8.0, "clocks": 13.0, "shutter": 16.0, "visitors": 40.0, "rendered": 60.0}
 SPEED_KEYS = tuple(f"speed_{low:g}_{high:g}_m" for low, high in pairwise(SPEEDS))
 
 
@@ -147,6 +147,7 @@ class Continuous(Study):
             "`lag`: the stage `continuous` at 50 Hz, each instant from the views up to the lag later.\n"
             "`elhayek`: `panoptic continuous --preset elhayek-2012`, polynomials of degree "
             f"{DEGREE} of joint angles.\n"
+            f"`images`: with --images, degree {IMAGE_DEGREE}: blobs of images instead of 2D joints.\n"
             "Unknown clocks and line delays (cases `clocks`, `shutter`) are estimated by `continuous` only.\n"
             "Ids per person; ids that follow two people; longest time without a person who is there, of all "
             "seeds;\nperson-seconds of false people; processor time per person-second."
