@@ -57,8 +57,8 @@ def image_blobs(image: Array, camera: Camera) -> ImageBlobs:
 def colours_of(image: Array) -> Array:
     """Return the colours (..., 3) of an image (H, W, 3) uint8, BGR, as points of the HSV cylinder.
 
-    The points are (s cos h, s sin h, v) with s and v 0..1: the Euclidean distance of two hues then neither
-    depends on where the circle of hues begins, nor counts for grey. Shading changes v alone.
+    The points are (s cos h, s sin h, v) with s and v 0..1. Their distance does not depend on where the circle
+    of hues begins, and the hue of grey does not count. Shading changes v alone.
     """
     pixels = image.astype(np.float32) / 255.0
     hue, saturation, value = np.moveaxis(cv2.cvtColor(pixels, cv2.COLOR_BGR2HSV), -1, 0)

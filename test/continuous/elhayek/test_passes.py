@@ -15,9 +15,9 @@ from panoptic_ros.stage import untold
 TIMES = np.arange(0.3, 1.3, 0.013)  # between the samples of all cameras
 
 
-def solved(capture, subject=None):
+def solved(capture, subject=None, progress=untold):
     context = replace(capture.context, extras={"segments": MODEL})
-    return ElhayekPass(ContinuousConfig(), context, subject).run(capture.recording, untold)
+    return ElhayekPass(ContinuousConfig(), context, subject).run(capture.recording, progress)
 
 
 def length(person, one, other):
@@ -51,6 +51,12 @@ def test_bones_keep_their_length(motion):
     for person in motion.people:
         assert np.ptp(length(person, "lShoulder", "lElbow")) < 1e-3
         assert np.ptp(length(person, "rKnee", "rAnkle")) < 1e-3
+
+
+def test_progress_never_goes_back_and_ends_at_1():
+    shares = []
+    solved(HingedCapture(seconds=0.8), progress=lambda share, doing: shares.append(share))
+    assert shares == sorted(shares) and shares[-1] == 1.0 and len(shares) > 10
 
 
 def test_a_known_skeleton_is_that_of_the_subject_alone(capture):
