@@ -22,7 +22,7 @@ INTERVAL_S = 0.02  # s between two measurements of a length
 SIGMA = 5e-3  # m, standard deviation of one of these measurements
 # m, spread of a distance beyond its noise: up to the first the pair is rigid, from the second on it is free
 RIGID, FREE = 6e-3, 5e-2
-CORRELATION_S = 0.2  # s, correlation time of the spread of a pair that is not rigid
+CORRELATION_S = 0.2  # s, correlation time of a distance
 LEAST_CERTAIN = 0.1  # m, greatest standard deviation of a distance from which a length is learnt
 STEPS = 2  # Gauss-Newton steps
 SHORTEST = 1e-3  # m, length below which a pair has no direction
@@ -46,10 +46,12 @@ class LearntLengths(NamedTuple):
     Args:
         lengths: (P,) m.
         weights: (P,) 1/m^2 of one measurement, 0 = the pair is free.
+        variances: (P,) m^2 of the lengths, as those of a person: spread, and noise of the mean.
     """
 
     lengths: Array
     weights: Array
+    variances: Array
 
 
 def rigid_pairs(skeleton: SkeletonModel) -> Array:
@@ -97,7 +99,7 @@ def learn_lengths(distances: PairDistances) -> LearntLengths:
     """Return the lengths of pairs as medians of the certain half of their distances.
 
     A pair whose distances spread more than their noise is not rigid. Its weight then states that spread. A
-    pair with a joint that no view shows is free.
+    pair with a joint that no view shows is free. Averaging reduces the noise, not the spread.
     """
     usual = np.median(distances.variances, axis=1, keepdims=True)
     shown = (usual[:, 0] < LEAST_CERTAIN**2) & (distances.lengths > 0.0).any(axis=1)
@@ -105,10 +107,16 @@ def learn_lengths(distances: PairDistances) -> LearntLengths:
     lengths = np.where(certain, distances.lengths, np.nan)
     middle = np.nanmedian(lengths, axis=1)
     spread = (1.4826 * np.nanmedian(np.abs(lengths - middle[:, None]), axis=1)) ** 2
-    spread -= np.nanmedian(np.where(certain, distances.variances, np.nan), axis=1)
+    noise = np.nanmedian(np.where(certain, distances.variances, np.nan), axis=1)
+    spread -= noise
     soft = INTERVAL_S / (2.0 * CORRELATION_S) / np.maximum(spread, RIGID**2)
     weights = np.where(spread > RIGID**2, soft, SIGMA**-2.0)
-    return LearntLengths(np.where(shown, middle, 0.0), np.where((spread > FREE**2) | ~shown, 0.0, weights))
+    independent = np.maximum(certain.sum(axis=1) * INTERVAL_S / (2.0 * CORRELATION_S), 1.0)
+    return LearntLengths(
+        np.where(shown, middle, 0.0),
+        np.where((spread > FREE**2) | ~shown, 0.0, weights),
+        np.maximum(spread, 0.0) + noise / independent,
+    )
 
 
 def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt: LearntLengths) -> CurveFit:
