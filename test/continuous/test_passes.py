@@ -57,6 +57,18 @@ def test_views_that_lie_do_no_harm():
     assert np.isfinite(errors).all() and errors.mean() < 0.006 and np.quantile(errors, 0.99) < 0.03
 
 
+def test_a_joint_that_two_cameras_see_elsewhere_for_long_is_where_the_others_see_it():
+    wrist = free_cameras.captures.SKELETON.joint_names.index("lWrist")
+    wrong = {2: (-34.0, -20.0), 4: (3.0, -40.0)}  # px
+
+    def spoil(pixels, rng, camera):
+        pixels[:, wrist] += wrong.get(camera, (0.0, 0.0))
+
+    capture = FreeCapture(rate=25.0, seconds=2.0, spoil=spoil)
+    errors = capture.errors(solved(capture), TIMES[TIMES < 1.7])
+    assert errors[:, :, wrist].mean() < 0.005
+
+
 def test_sides_that_a_camera_exchanges_are_exchanged_back():
     mirror = np.array(free_cameras.captures.SKELETON.mirror)
 
