@@ -159,8 +159,9 @@ def step_with_lengths(
 
 
 def instants(problem: CurveProblem) -> Array:
-    """Return the instants (T,) s at which lengths are measured."""
-    return np.arange(float(problem.times.min()), float(problem.times.max()), INTERVAL_S)
+    """Return the instants (T,) s, at least one, at which lengths are measured."""
+    first, last = float(problem.times.min()), float(problem.times.max())
+    return first + INTERVAL_S * np.arange(int((last - first) / INTERVAL_S) + 1)
 
 
 def _gaps(problem: CurveProblem, points: Array, pairs: Array, times: Array) -> Array:
