@@ -51,7 +51,7 @@ def border_odds(found: PersonCandidates, seen: SceneObservations, scores: Array)
 
 @njit(cache=True, error_model="numpy")
 def odds_of(places, shifts, member, seen, scores):
-    """Return the odds (D, J) of `border_odds`.
+    """Compute the odds (D, J) that `border_odds` returns, compiled.
 
     Args:
         places: (P, J, 3) m, world, joints of the people.

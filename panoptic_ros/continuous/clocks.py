@@ -103,7 +103,7 @@ class CameraTimes:
         return found
 
     def applicable(self, start: CameraTimes) -> CameraTimes:
-        """Return the times with the values of `start` where they are not observable."""
+        """Return a copy in which each value that is not observable is replaced by the value of `start`."""
         return CameraTimes(np.where(self.observable, self.values, start.values), self.covariance)
 
 

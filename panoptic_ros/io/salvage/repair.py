@@ -102,7 +102,7 @@ def _messages(path: Path, losses: Losses, scratch: Path) -> Iterator[SalvagedMes
 
 
 def _plain(data: bytes) -> bytes | None:
-    """Return a message without message-level compression; None if it is no CDR."""
+    """Return a message without message-level compression; None if it is not in CDR."""
     try:
         plain = unpacked_message(data)
     except ValueError:

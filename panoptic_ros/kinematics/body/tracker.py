@@ -37,7 +37,7 @@ Array = np.ndarray
 KEPT_INSTANTS = 64
 # s between observations of lengths; number of observations before the first change
 LENGTH_LOOK_S, LENGTH_LOOKS = 0.2, 10
-KEPT = 2  # instants for which the information from after a pose is reused: about 0.05 s
+KEPT = 2  # instants, about 0.05 s, for which backward information is reused before it is computed again
 SAME_LENGTHS = 0.002  # m, change of lengths below which learning ends
 
 

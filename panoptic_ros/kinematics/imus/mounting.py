@@ -232,9 +232,10 @@ class MountingEstimate:
         return state, covariance
 
     def _far(self, state: Array, covariance: Array) -> Array:
-        """Return which mountings (N,) are mistakes.
+        """Return a mask (N,) of the devices with a wrong mounting.
 
-        Their errors are larger than is usual for one person, and larger than cameras can mistake.
+        The error of a wrong mounting exceeds both the usual errors of this person's devices and the
+        uncertainty of the estimate from the cameras.
         """
         off = np.linalg.norm(self._seen_part(state[1:].reshape(-1, 3)), axis=-1)
         blocks, axes = _own_blocks(covariance), self._unseen
