@@ -167,7 +167,7 @@ def _kinds_of_parts(skeleton: SkeletonModel) -> Array:
 def typical_lengths(people: Array, kinds: Array) -> Array:
     """Return the median length (K,) m of each kind of part over people (P, J, 3) m.
 
-    It is NaN for kinds that are no bone, and for bones that no person has.
+    It is NaN for kinds that are not bones, and for bones that no person has.
     """
     lengths = np.linalg.norm(people[:, kinds[:, 0]] - people[:, kinds[:, 1]], axis=-1)
     known = (kinds[:, 2] >= 0) & np.isfinite(lengths).any(axis=0)

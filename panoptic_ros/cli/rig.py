@@ -51,7 +51,7 @@ def _read(args: argparse.Namespace, path: Path, cameras: list[str] | None = None
     try:
         panels = [int(word) for word in _words(args.panels)]
     except ValueError:
-        raise UsageError(f"--panels {args.panels!r} is no list of whole numbers") from None
+        raise UsageError(f"--panels {args.panels!r} is not a list of whole numbers") from None
     from panoptic_ros.running.plans.rig_files import read_rig_at  # imported here to keep --help fast
 
     rig = read_rig_at(path, unit=args.unit, types=_words(args.types), panels=panels, cameras=cameras)

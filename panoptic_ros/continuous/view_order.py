@@ -42,7 +42,7 @@ class ViewOrder:
         self._waiting: list[TimedFrame] = []
         self._newest: dict[int, int] = {}  # ns by camera, of its newest view, also of one that is left out
         self._accepted: dict[int, int] = {}  # ns by camera, of its newest view that is not left out
-        self._steps: dict[int, int] = {}  # ns by camera, its period
+        self._steps: dict[int, int] = {}  # ns, period by camera
         self._corrections: dict[int, int] = {}  # ns by camera, of its newest view
         self._counts: dict[int, int] = {}  # by camera, number of its views
         self._others: dict[int, dict[int, int]] = {}  # by camera: `_counts` at its newest view

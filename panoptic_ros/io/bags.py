@@ -161,7 +161,7 @@ class BagReader:
     parallel, also in separate threads.
 
     Raises:
-        DataError: if it is no bag, was never finished, or is damaged.
+        DataError: if it is not a bag, was never finished, or is damaged.
     """
 
     def __init__(self, path: Path):

@@ -62,7 +62,7 @@ def easy_instants(rig: Rig, skeleton: SkeletonModel, delay_ns: int = 0) -> Itera
     """Yield two detection sets that show a cloud of joints and one joint beside it in the first cameras.
 
     Both sets show the same joints, STEP_NS apart. Only joints inside an image are detected, so the cameras of
-    any rig could produce these sets. The joint beside the cloud is no person, so its 2D joints stay
+    any rig could produce these sets. The joint beside the cloud is not a person, so its 2D joints stay
     unexplained.
 
     Args:

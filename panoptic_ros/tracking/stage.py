@@ -284,7 +284,7 @@ class TrackingStage(Stateful):
         return tuple(notices)
 
     def _new_id(self) -> int:
-        """Return an id that no person has had, and that is no subject's."""
+        """Return an id that no person has had, and that is not a subject's."""
         while self._next in self._subjects.ids:
             self._next += 1
         self._next += 1

@@ -64,7 +64,7 @@ def test_bad_images_are_named(tmp_path):
         ImageFolderSource("cam", tmp_path)
     _images(tmp_path / "a", 3)
     (tmp_path / "a" / "frame1.png").write_bytes(b"nothing")
-    with pytest.raises(DataError, match=r"frame1\.png is no image"):
+    with pytest.raises(DataError, match=r"frame1\.png is not an image"):
         list(ImageFolderSource("cam", tmp_path / "a"))
     cv2.imwrite(str(tmp_path / "a" / "frame1.png"), np.zeros((10, 20, 3), np.uint8))
     with pytest.raises(DataError, match=r"frame1\.png is 20x10, the first of its folder 64x48"):

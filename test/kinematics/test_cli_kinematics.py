@@ -96,7 +96,7 @@ def test_files_are_read_as_they_were_written(capture, tmp_path):
         ({"id": -3}, "id = -3"),
         ({"id": True}, "id = True"),
         ({"devices": 2 * [{"device": "imu01", "segment": "hips"}]}, "imu01 is listed twice"),
-        ({"devices": [{"device": "imu01", "segment": "hips", "mount": [0, 0, 0, 0]}]}, "is no rotation"),
+        ({"devices": [{"device": "imu01", "segment": "hips", "mount": [0, 0, 0, 0]}]}, "is not a rotation"),
         ({"inertial_frame": "mars"}, "neither of world, unknown heading"),
         ({"t_pose": {"from_ns": 5, "to_ns": 1}}, "is not before to_ns"),
         ({"t_pose": {"from_ns": 0, "to_ns": 1, "facing": [0, 0, 1]}}, "no direction on the floor"),

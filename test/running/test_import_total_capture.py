@@ -1,6 +1,6 @@
 """Total Capture: a simulated body is the same when written in the formats of the data set and imported.
 
-The data themselves are not at hand: this is no test on them.
+The data themselves are not at hand: this is not a test on them.
 """
 
 from dataclasses import replace

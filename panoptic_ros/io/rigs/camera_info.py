@@ -61,7 +61,7 @@ def parse(folder: Path, options: ReadOptions) -> Rig:
     """Read a rig from the folder, cameras in the order of poses.yaml; cameras without a pose are left out.
 
     Raises:
-        DataError: if a file cannot be read or is no YAML.
+        DataError: if a file cannot be read or is not YAML.
         CalibrationError: naming the file and the key.
     """
     document = read_yaml(folder / POSES)
@@ -69,7 +69,7 @@ def parse(folder: Path, options: ReadOptions) -> Rig:
     frame_id = name_of(document, "frame_id", POSES)
     poses = entry(document, "poses", POSES)
     if not isinstance(poses, dict) or not poses:
-        raise CalibrationError(f"{POSES}: 'poses' is no table of cameras, or an empty one")
+        raise CalibrationError(f"{POSES}: 'poses' is not a table of cameras, or an empty one")
     taken = ReadCameras(options)
     for name, pose in poses.items():
         taken.take(str(name), partial(_camera, folder, str(name), pose, taken))

@@ -28,7 +28,7 @@ class Document:
 
 
 def load_document(path: Path) -> Document | None:
-    """Read the content of a file; None if it is no text, or empty.
+    """Read the content of a file; None if it is not text, or empty.
 
     Raises:
         DataError: if it cannot be read.

@@ -51,7 +51,7 @@ def add_second_differences(
     and a linearisation that is kept while the pose moves would distort the body.
 
     The newest pose is a prediction at constant velocity. When a body stops or starts, the residuals of all
-    sites share the error of that prediction, and this is no outlier. With enough sites, the robust loss
+    sites share the error of that prediction, and this is not an outlier. With enough sites, the robust loss
     therefore acts on the difference of each residual from their mean.
 
     Args:

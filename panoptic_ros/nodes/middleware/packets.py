@@ -29,7 +29,7 @@ def header_of(data: bytes) -> tuple[int, str]:
     """
     end = BEGIN + HEADER.size
     if len(data) < end or data[:2] != LITTLE_ENDIAN:
-        raise DataError(f"{len(data)} bytes are no message with a header")
+        raise DataError(f"{len(data)} bytes are not a message with a header")
     seconds, nanoseconds, length = HEADER.unpack_from(data, BEGIN)
     if nanoseconds >= SECOND:
         raise DataError(f"a stamp has nanosec = {nanoseconds}, which is a second and more")

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 Array = np.ndarray
-# Hz, band limits. Above 4 kHz the phase difference of two clocks with a relative drift of 1e-4 changes too much
-# within a part
+# Hz, band limits. Above 4 kHz a relative drift of 1e-4 between two clocks changes their phase difference too
+# much within a part
 LOW, HIGH = 200, 4000
 SIZE = 8192  # lags per second
 PARTS = 2  # number of parts of 1 s in a window

@@ -54,9 +54,9 @@ def turned(rig: Rig, up: str) -> Rig:
         up: up direction in the rig's own world frame: x, -y, ..., or three numbers separated by commas.
 
     Raises:
-        UsageError: if it is no direction.
+        UsageError: if it is not a direction.
     """
     direction = direction_of(up)
     if direction is None:
-        raise UsageError(f"--up {up!r} is no direction; write an axis, as --up=-y, or three numbers")
+        raise UsageError(f"--up {up!r} is not a direction; write an axis, as --up=-y, or three numbers")
     return turned_up(rig, direction)

@@ -104,7 +104,7 @@ def _read_file(path: Path, sources: Sources, strict: bool) -> None:
     elif path.suffix.lower() == ".wav" or (path.suffix.lower() in VIDEO_SUFFIXES and known_tracks(path)):
         _read_sound(path, sources)
     elif strict:
-        raise DataError(f"{path} is no CSV of stamps, sync table, WAV file, video with sound or bag")
+        raise DataError(f"{path} is not a CSV of stamps, sync table, WAV file, video with sound or bag")
 
 
 def _read_sound(path: Path, sources: Sources) -> None:
