@@ -351,7 +351,7 @@ class KinematicsStage(Stateful):
         return outputs
 
     def _measured_at(self, stamp_ns: int) -> dict[int, ImuMeasurements]:
-        """Return what each person's devices measured at an instant, by id."""
+        """Return the measurements of each person's devices at an instant, by id."""
         offsets = {number: person.fitting.offset_ns for number, person in self._people.items()}
         return self._wearers.measured(self._streams, stamp_ns, offsets)
 

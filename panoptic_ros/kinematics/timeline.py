@@ -24,7 +24,7 @@ CATCHES_UP = 1.5
 # from most of the devices
 BELIEVED = 5
 WAIT_NS = 500_000_000  # waiting time for cameras, before instants begin with the first sample of an IMU
-STOPPED_NS = 500_000_000  # time after which a silent source is no longer waited for
+STOPPED_NS = 500_000_000  # ns of silence after which instants no longer wait for a source
 USUAL_PERIOD_NS = 40_000_000  # default period of a camera with fewer than two timestamps
 LONGEST_PERIOD_NS = 100_000_000
 # minimum waiting time: views of faster cameras still pass through association and tracking

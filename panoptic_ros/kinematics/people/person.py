@@ -132,7 +132,7 @@ class PersonState:
         return done, notices
 
     def feel(self, stamp_ns: int, measured: ImuMeasurements) -> list[Notice]:
-        """Add what the person's devices measured at an instant, and return notices."""
+        """Add the measurements of the person's devices at an instant, and return notices."""
         return self.fitting.take(stamp_ns, self.subject, measured)
 
     @property
