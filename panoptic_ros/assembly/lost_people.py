@@ -23,7 +23,7 @@ Array = np.ndarray
 
 MIN_VIEWS = 3  # minimum number of views of a node; two views of an empty place can agree by chance
 MIN_SHARE = 0.5  # minimum share of joints that nodes show
-MIN_VOTE = 0.3  # smallest mean vote of the joints, which most views show; joints of fewer views reach 0.2
+MIN_VOTE = 0.3  # smallest mean vote of the joints. Joints that most views show exceed it, others reach 0.2
 EXPLAINED = 0.15  # m, nodes nearer to a known person's joint, or its mirror joint, are explained
 LENGTH_SHARE = 0.25  # relative standard deviation of bone lengths between people
 SKIP_WEIGHT = 0.5  # weight of a part that skips a joint

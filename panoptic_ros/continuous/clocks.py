@@ -20,7 +20,7 @@ from panoptic_ros.solving.clock_gauge import KNOWN, common_shift
 from panoptic_ros.stage import Progress, untold
 
 Array = np.ndarray
-# greatest standard deviations of values that are applied, beside KNOWN for offsets
+# maximum standard deviations of drifts and line delays that are applied; KNOWN is that of offsets
 KNOWN_DRIFT = 7e-5
 KNOWN_LINE_S = 5e-6  # s per row
 ROUNDS = 16  # number of iterations
@@ -83,7 +83,7 @@ class CameraTimes:
         known: Array = self.deviations <= np.array([[KNOWN], [KNOWN_DRIFT], [KNOWN_LINE_S]])
         free = self.deviations[2] > 0.0
         if free.any() and not (known[2] & free).any():
-            known[2] = False  # line delays relative to a camera without a line delay, which was a guess
+            known[2] = False  # the camera with line delay 0, to which these are relative, is a guess
         return known
 
     def referenced(self) -> CameraTimes:

@@ -28,7 +28,7 @@ from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.view.body_drawing import DrawnBody, drawn_bodies
 
 KEPT_LIVE = 3600  # instants that the report of a live run covers, as the run has no end; 2 min
-KEPT_FREE = 2_000_000  # bytes that a live take leaves free on the disk: the bag's index of one hour
+KEPT_FREE = 2_000_000  # bytes that a live take leaves free on the disk, for the index of its bag (one hour)
 BAG, SKELETONS, BODIES, CLOCKS = "bag", "skeletons.json.gz", "kinematics.json.gz", "offsets.json"
 # files and folders that a run writes before its end
 MADE = (BAG, SKELETONS, BODIES, CLOCKS, "rig.json", "launch.json", "occluders.json", "logs")
