@@ -36,8 +36,8 @@ class MotionClocksConfig:
 
     Args:
         solve: solver that returns tracked persons for sets, which it reads in order.
-        trusted_camera: camera whose timestamps are right; "": the offsets have mean 0 unless most cameras
-            agree.
+        trusted_camera: camera whose timestamps are right. "" = the majority of cameras with equal clocks is
+            right; without a majority, the offsets have mean 0.
     """
 
     solve: Solver

@@ -158,9 +158,9 @@ def first_differences(
 def add_motion(
     information: Array, second: tuple[Array, Array, float], first: tuple[Array, Array], rest: Array
 ) -> None:
-    """Complete the information of the last pose, the new pose and the constant 1 after an elimination.
+    """Compute the information about the last and the new pose, after elimination of the pose before them.
 
-    The pose before the last has been eliminated.
+    Its last row and column are the linear term.
 
     Args:
         information: (2 D, 2 D), of the pose before the last and the last pose.
@@ -288,9 +288,9 @@ def join(
 
     Args:
         rest: (2 D + 1, 2 D + 1), information before the evidence of the new instant.
-        told: Matrices (D, D), half of the second derivatives with the anchor, and of the anchor alone.
-        pulls: Sensitivities to persistent errors: the part that elimination subtracts (2 D, D), those before
-            it (2 D, D), and that of the new pose (D, D).
+        told: Half of the second derivatives (D, D) of the cost with its anchor, and of the anchor alone.
+        pulls: Sensitivities to persistent errors: the part that elimination subtracts (2 D, D), the value
+            before elimination (2 D, D), and the value of the new pose (D, D).
         joint, pulled: (2 D, 2 D) and (2 D, D) outputs.
     """
     hessian, anchor = told
