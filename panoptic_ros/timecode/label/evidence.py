@@ -131,7 +131,7 @@ class UserBits:
 
         Args:
             soft: (32,) nats in favour of ones.
-            contradiction: nats by which the word fits better if its user bits are free than with the likely ones.
+            contradiction: nats by which the word fits free user bits better than the likely ones.
             clear: True if no click or noise distorts the word.
         """
         heard = (soft > 0.0).astype(np.int8)
