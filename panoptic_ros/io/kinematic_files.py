@@ -138,7 +138,7 @@ def read_subject(path: Path, model: SegmentModel) -> Subject:
     """
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") != SUBJECT:
-        raise DataError(f"{path} is no {SUBJECT} file")
+        raise DataError(f"{path} is not a {SUBJECT} file")
     tell_unknown(document, KEYS, path)
     with parsing(path):
         return _subject(document, model, path)

@@ -80,6 +80,23 @@ def test_cameras_without_a_video(make_video, tmp_path):
     assert capture.notices == ("camera cam2 of the rig has no images",)
 
 
+def test_an_assumed_frame_rate_is_told(make_video, make_rig_file, tmp_path):
+    """Images state no rate. Videos do, and timestamps or --frame-rate replace it."""
+    make_rig_file(tmp_path / "rig.json", {"a": SIZE, "b": SIZE})
+    _images(tmp_path / "a", 3)
+    make_video(tmp_path / "b.mp4", 3)
+    with open_capture_folder(tmp_path) as capture:
+        assert capture.sources[0].frame_rate == 30.0
+        (line,) = capture.notices
+        assert line.startswith("camera a: 30 Hz is assumed") and "--frame-rate" in line
+    with open_capture_folder(tmp_path, frame_rate=25.0) as capture:
+        assert capture.notices == ()
+    rows = [f"{camera},{i},{40_000_000 * i}" for camera in "ab" for i in range(3)]
+    (tmp_path / "timestamps.csv").write_text("camera,frame,stamp_ns\n" + "\n".join(rows) + "\n")
+    with open_capture_folder(tmp_path) as capture:
+        assert capture.notices == ()
+
+
 def test_videos_without_a_camera(make_video, tmp_path):
     make_video(tmp_path / "cam01.mp4")
     says = "for the videos cam01; it has left; cameras without a video: left; names must be equal"

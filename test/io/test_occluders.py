@@ -78,7 +78,10 @@ def test_every_kind_of_mesh_is_the_same_square(tmp_path):
         ({"boxes": [{"size": [1, 1], "centre": [0, 0, 0]}]}, "box number 0: size must be 3 finite numbers"),
         ({"boxes": [{"size": [1, -1, 1], "centre": [0, 0, 0]}]}, "negative edge"),
         ({"boxes": [{"size": [1, 1, "a"], "centre": [0, 0, 0]}]}, "size has something that is not a number"),
-        ({"boxes": [{"size": [1, 1, 1], "centre": [0, 0, 0], "R": np.ones((3, 3)).tolist()}]}, "no rotation"),
+        (
+            {"boxes": [{"size": [1, 1, 1], "centre": [0, 0, 0], "R": np.ones((3, 3)).tolist()}]},
+            "not a rotation",
+        ),
         ({"meshes": [{"vertices": [[0, 0, 0]], "triangles": [[0, 0, 1]]}]}, "mesh number 0: .* among the 1"),
         ({"meshes": [{"file": "not_there.ply"}]}, "not_there.ply"),
     ],

@@ -89,7 +89,7 @@ def test_files_are_read_as_they_were_written(capture, tmp_path):
     ("change", "told"),
     [
         ({"height_m": 17.5}, "height_m = 17.5"),
-        ({"format": "other"}, "no panoptic-subject-1"),
+        ({"format": "other"}, "not a panoptic-subject-1"),
         ({"devices": [{"device": "imu01", "segment": "tail"}]}, "no segment 'tail'"),
         ({"segments": {"hips": [0, 0]}}, "is not 3 numbers"),
         ({"segments": {"lShin": [0, 0, -40]}}, "more than half of the stature"),

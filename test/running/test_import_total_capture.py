@@ -144,7 +144,7 @@ def test_accelerations_without_gravity_are_left_out_and_told(take, tmp_path, cap
     path.write_text("\n".join(text))
     words = ["--take", "S1/Acting1", "--out", str(tmp_path / "out")]
     assert main(["import", "total-capture", str(tmp_path / "data"), *words]) == 0
-    assert "no specific forces" in capsys.readouterr().out
+    assert "not specific forces" in capsys.readouterr().out
     assert all(np.isnan(s.forces).all() for s in read_imus(tmp_path / "out" / "imu.csv.gz").values())
 
 

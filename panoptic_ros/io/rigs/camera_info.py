@@ -8,8 +8,8 @@ distortion_coefficients. ROS has no file format for the poses, so this package d
     poses:
       cam01: {translation: [x, y, z], rotation: [x, y, z, w]}
 
-Each entry is the pose of the camera's optical frame (x right, y down, z forward) in `frame_id`, in metres and
-as a quaternion. `tf2_echo world cam01_optical_frame` prints the same.
+Each entry is the pose of the camera's optical frame (x right, y down, z forward) in `frame_id` (optional), in
+metres and as a quaternion. `tf2_echo world cam01_optical_frame` prints the same.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def parse(folder: Path, options: ReadOptions) -> Rig:
     """
     document = read_yaml(folder / POSES)
     tell_unknown(document, POSES_KEYS, folder / POSES)
-    frame_id = name_of(document, "frame_id", POSES)
     poses = entry(document, "poses", POSES)
+    frame_id = name_of(document, "frame_id", POSES) if "frame_id" in document else "world"
     if not isinstance(poses, dict) or not poses:
         raise CalibrationError(f"{POSES}: 'poses' is not a table of cameras, or an empty one")
     taken = ReadCameras(options)

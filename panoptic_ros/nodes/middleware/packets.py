@@ -78,4 +78,4 @@ def unpacked(data: bytes, kind: Any) -> Any:
         return deserialize_message(data, kind)
     except (RuntimeError, ValueError, OverflowError, MemoryError, SystemError) as error:
         reason = str(error).split(", at ")[0].splitlines()[0] if str(error) else type(error).__name__
-        raise DataError(f"{len(data)} bytes are no {kind.__name__}: {reason}") from None
+        raise DataError(f"{len(data)} bytes are not a {kind.__name__}: {reason}") from None

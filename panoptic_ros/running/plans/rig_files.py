@@ -9,6 +9,7 @@ from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation.rig_check import RigReport, check_rig
 from panoptic_ros.evaluation.rig_up import direction_of, turned_up
+from panoptic_ros.io.bags import bag_in
 from panoptic_ros.io.plain_formats import read_detections
 from panoptic_ros.io.rigs import find_rig, read_rig
 from panoptic_ros.io.rigs.camera_info import POSES
@@ -39,9 +40,22 @@ def read_rig_at(
 
 
 def check_views(rig: Rig, detections: Path | None = None) -> RigReport:
-    """Check that the views of a rig agree, also by the 2D poses of a file if one is given."""
+    """Check that the views of a rig agree, also by 2D poses if they are given.
+
+    Args:
+        detections: file with 2D poses, bag with detections, or results of a run.
+
+    Raises:
+        UserError: if the 2D poses cannot be read, or are of other cameras.
+    """
     if detections is None:
         return check_rig(rig, (), load_skeleton("panoptic19"))
+    bag = bag_in(detections)
+    if bag is not None:
+        from panoptic_ros.running.runs.recorded_views import recorded_sets  # imported here: plans load slowly
+
+        sets, skeleton = recorded_sets(bag, rig)
+        return check_rig(rig, sets, skeleton)
     people = read_detections(detections)
     skeleton, mapping = map_joints("panoptic19", people.joint_names)
     return check_rig(rig, tuple(people.sets(rig, mapping, skeleton.hash)), skeleton)

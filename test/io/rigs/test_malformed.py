@@ -145,7 +145,7 @@ def test_other_files(tmp_path: Path, rig: Rig, name: str, old: str, new: str, sa
         ("cam00.yaml", "image_width", "width", "cam00.yaml has no 'image_width'"),
         ("cam00.yaml", "camera_matrix:", "matrix:", "cam00.yaml has no 'camera_matrix'"),
         ("poses.yaml", "cam02:", "cam07:", "camera cam07 has no cam07.yaml, although poses.yaml"),
-        ("poses.yaml", "frame_id", "frame", "poses.yaml has no 'frame_id'"),
+        ("poses.yaml", "frame_id: world", "frame_id: []", "poses.yaml: 'frame_id' is"),
         ("poses.yaml", "rotation:\n    - ", "rotation:\n    - 1", "no unit quaternion"),
         ("poses.yaml", "poses:", "others:", "poses.yaml has no 'poses'"),
     ],
