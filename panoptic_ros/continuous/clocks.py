@@ -194,7 +194,7 @@ def certain(information: Array, blur: Array) -> Array:
 
 
 def _covariance(information: Array, prior: Array, unknown: Array) -> Array:
-    """Return the covariance of all values, 0 for those that are not unknown."""
+    """Return the covariance of all values; known values have covariance 0."""
     covariance = np.zeros_like(information)
     normal = (information + np.diag(prior**-2.0))[np.ix_(unknown, unknown)]
     covariance[np.ix_(unknown, unknown)] = np.linalg.inv(normal)

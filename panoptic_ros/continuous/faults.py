@@ -20,7 +20,7 @@ from panoptic_ros.stage import Notice
 Array = np.ndarray
 WINDOW_S = 2.0  # s, time for which a camera is judged
 SAMPLES, LEAST_SAMPLES = 10, 5  # number of 2D people of a camera in a window: at most, and at least
-MISS = 0.08  # on the normalised plane; the mean counts larger distances of joints as this
+MISS = 0.08  # on the normalised plane, upper limit of the distance of a joint in means
 LEAST_MISS = 0.004  # on the normalised plane, mean distance of a 2D person that needs no explanation
 FAR = 2.0  # ratio to the typical mean distance from which a window is suspected
 SHIFTS_S = np.arange(-3.0, 3.01, 0.02)  # s, errors of timestamps that are tried

@@ -29,7 +29,7 @@ from panoptic_ros.solving.frames import CameraFrame
 
 Array = np.ndarray
 SIGMA = 4e-3  # standard deviation of a 2D joint on the normalised plane, for association only
-MOST_DISTANCE = 6.0  # standard deviations; the mean counts larger distances of joints as this
+MOST_DISTANCE = 6.0  # standard deviations, upper limit of the distance of a joint in means
 GATE = 3.5  # standard deviations, mean distance up to which a 2D person may belong to a person
 MIRROR_MARGIN = 0.5  # standard deviations by which an exchange of left and right has to fit better
 WIDEST = 0.15  # m, greatest standard deviation of an innovation, for association only
@@ -38,7 +38,7 @@ MEMORY_S = 0.5  # s without a view after which a person has left
 LEAST_SHARE, SHARE_VIEWS = 0.2, 6
 PAIR_S = 0.08  # s, time between two views of different cameras that may start a person
 PAIR_DISTANCE = 0.08  # m, mean distance of their rays
-MOST_RAY_DISTANCE = 0.3  # m; that mean counts larger distances of two rays as this
+MOST_RAY_DISTANCE = 0.3  # m, upper limit of the distance of two rays in that mean
 PAIR_JOINTS = 6  # minimum number of joints that both see
 LEAST_SINE = 0.2  # least sine of the angle between the rays of a joint that both see
 START_SIGMA = 0.06  # m, standard deviation of a joint that two rays start

@@ -70,9 +70,9 @@ class InstantSchedule:
         self._awaited: int | str | None = None  # the source for which the last call waited
         self._periods: dict[int | str, int] = {}
         self._slowest = USUAL_PERIOD_NS  # longest period of a camera
-        # by source, since its last timestamp that was not too far off
+        # gap since the last timestamp of a source that was not too far off, by source
         self._ahead: dict[int | str, _StampGap] = {}
-        self._others_go_on = False  # other sources continued since the first of these
+        self._others_go_on = False  # whether other sources continued since the first of these gaps
         self.newest_ns = -1
 
     @property

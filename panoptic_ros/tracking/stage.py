@@ -335,7 +335,7 @@ class TrackingStage(Stateful):
     def _convinces(self, item: PoseSet, k: int) -> bool:
         """Return whether a skeleton has enough views and joints to be confirmed at once."""
         measured = np.isfinite(item.positions[k, :, 0])
-        agreed = measured & (item.views[k] >= 2)  # other joints were inferred from these
+        agreed = measured & (item.views[k] >= 2)  # other joints were inferred from these joints
         wanted = min(self._config.confirm_views, float(item.views.max()))
         enough = agreed.any() and item.views[k][agreed].mean() >= wanted
         return bool(enough and measured.mean() >= self._config.confirm_joints)

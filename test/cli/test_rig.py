@@ -84,7 +84,7 @@ def test_a_bad_rig_is_named_with_exit_code_2(
 def test_views_are_checked_by_the_detections_of_a_bag(
     tmp_path: Path, results: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The rig is the given one, not that of the bag: with the poses of two cameras exchanged it is refused."""
+    """The rig is the given one, not that of the bag: exchanged poses of two cameras are found."""
     sample = share_folder() / "bags" / "sample"
     (tmp_path / "bag").symlink_to(sample)
     rig = plan_bags([sample]).rig

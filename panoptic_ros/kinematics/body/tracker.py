@@ -1,7 +1,7 @@
 """Solver for one designated person, one instant at a time.
 
-`RecentInstants` holds the instants that were solved recently, and finds those that are at least the lag ago.
-A late stage leaves out instants, so their spacing varies. `acceleration_goals` is the acceleration term of
+`RecentInstants` holds the instants that were solved recently, and finds those that are older than the lag. A
+late stage leaves out instants, so their spacing varies. `acceleration_goals` is the acceleration term of
 Malleson et al. 2020, eq. 13. It returns the positions of sites that the accelerations of their IMUs imply.
 """
 
@@ -84,7 +84,7 @@ class RecentInstants:
         return found
 
     def left(self, lag: int) -> list[int]:
-        """Return the pending instants less than the lag ago, the oldest first.
+        """Return the pending instants that are newer than the lag, the oldest first.
 
         They are given as numbers of instants back.
         """
@@ -252,7 +252,7 @@ class SubjectTracker:
             stride: Number of periods since the previous instant.
 
         Returns:
-            Final bodies: Those of the instants at least the lag ago that were not returned yet.
+            Final bodies: Those of the instants that are older than the lag and were not returned yet.
         """
         period = stride / self._config.rate_hz
         which, goals = self.devices.orientations(measured)

@@ -98,7 +98,7 @@ class PersonState:
         statistics: PoseStatistics,
         stride: int = 1,
     ) -> tuple[list[BodyState], list[Notice]]:
-        """Solve an instant. Return final bodies, of the instant that is the lag ago, and notices.
+        """Solve an instant. Return final bodies, of the instant before the lag, and notices.
 
         Args:
             measured: Measurements of the person's devices.

@@ -28,7 +28,8 @@ def figures_of(capture: FreeRunningCapture, times: Array, frames: Sequence[Skele
     """Score people at instants (T,) s against the truth.
 
     Returns: errors in m; `missing_s` is the longest time (s) of a present person without a result within
-        `evaluation.pairing.FOUND`; `false_s` is the time (s) of result people where no true person is.
+        `evaluation.pairing.FOUND`; `false_s` is the summed time (s) of people in the result
+        at whose place there is no true person.
     """
     pairs = pair_sequences(truth_at(capture, times), SkeletonSequence(JOINTS, tuple(frames)))
     present, scored = capture.present(times), _scored(capture, times)
