@@ -120,7 +120,7 @@ class ViewOrder:
         return due
 
     def _count(self, camera: int) -> None:
-        """Count a view, and find cameras that are silent: this one has had a few more views since theirs."""
+        """Count a view, and find silent cameras: those without a view in the last few periods of this camera."""
         count = self._counts[camera] = self._counts.get(camera, 0) + 1
         self._others[camera] = dict(self._counts)
         self._silent.discard(camera)

@@ -48,7 +48,7 @@ class Continuity:
     """
 
     _newest: int | None = None  # newest used timestamp
-    _used_ns: int = 0  # arrival time of that record
+    _used_ns: int = 0  # arrival time of the record with that timestamp
     # (timestamp, arrival time)
     _came: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=WAITING))
     # largest lead (timestamp minus clock): in the previous window of LEAD_NS, and in the current one

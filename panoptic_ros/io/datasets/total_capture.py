@@ -101,8 +101,8 @@ def read_subject(bone: Path, truth: list[BodyState], axes: Array, model: Segment
     """Read the subject: true segment lengths, and the IMUs with mounting rotations at default positions.
 
     Args:
-        bone: `*_calib_imu_bone.txt`, rotation bone from sensor.
-        axes: rotation (3, 3) to our bone axes from theirs.
+        bone: `*_calib_imu_bone.txt` with rotations from sensor axes to bone axes of the data set.
+        axes: rotation (3, 3) from bone axes of the data set to ours.
 
     Raises:
         DataError: if the file has no sensor that is worn.
