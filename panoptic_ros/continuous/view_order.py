@@ -120,7 +120,7 @@ class ViewOrder:
         return due
 
     def _count(self, camera: int) -> None:
-        """Count a view, and find silent cameras: those without a view in the last few periods of this camera."""
+        """Count a view, and mark cameras as silent that gave no view for several of their periods."""
         count = self._counts[camera] = self._counts.get(camera, 0) + 1
         self._others[camera] = dict(self._counts)
         self._silent.discard(camera)
