@@ -2,8 +2,8 @@
 
 The surface of a part is a capsule. A patch belongs to a part as long as no other part of the person is nearer
 at any instant (Joo et al. 2017, 6.2). Distances are measured from the surface instead of the axis, because
-parts differ in girth. This test removes wrong points: flow assigns points to parts by the 2D joints of one
-view, so a limb also gets points beyond its end, and an arm gets points on the chest behind it.
+parts differ in girth. This test removes wrong points. Flow assigns points to parts by the 2D joints of one
+view. So a limb also gets points beyond its end, and an arm gets points on the chest behind it.
 """
 
 from __future__ import annotations
