@@ -9,7 +9,6 @@ from panoptic_ros.domain import Rig
 from panoptic_ros.errors import UsageError
 from panoptic_ros.evaluation.rig_check import RigReport, check_rig
 from panoptic_ros.evaluation.rig_up import direction_of, turned_up
-from panoptic_ros.io.bags import bag_in
 from panoptic_ros.io.plain_formats import read_detections
 from panoptic_ros.io.rigs import find_rig, read_rig
 from panoptic_ros.io.rigs.camera_info import POSES
@@ -50,6 +49,8 @@ def check_views(rig: Rig, detections: Path | None = None) -> RigReport:
     """
     if detections is None:
         return check_rig(rig, (), load_skeleton("panoptic19"))
+    from panoptic_ros.io.bags import bag_in  # imported here: `solve` needs no bags
+
     bag = bag_in(detections)
     if bag is not None:
         from panoptic_ros.running.runs.recorded_views import recorded_sets  # imported here: plans load slowly
