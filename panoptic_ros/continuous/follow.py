@@ -29,21 +29,23 @@ from panoptic_ros.solving.frames import CameraFrame
 
 Array = np.ndarray
 SIGMA = 4e-3  # standard deviation of a 2D joint on the normalised plane, for association only
-MOST_DISTANCE = 6.0  # standard deviations, greatest distance of one joint in the mean
+MOST_DISTANCE = 6.0  # standard deviations, upper limit of the distance of a joint in means
 GATE = 3.5  # standard deviations, mean distance up to which a 2D person may belong to a person
 MIRROR_MARGIN = 0.5  # standard deviations by which an exchange of left and right has to fit better
 WIDEST = 0.15  # m, greatest standard deviation of an innovation, for association only
 MEMORY_S = 0.5  # s without a view after which a person has left
-LEAST_SHARE, SHARE_VIEWS = 0.2, 6  # a person has left, too, if fewer of the views of MEMORY_S show it
+# share of the expected views of MEMORY_S below which a person has left; minimum number of these views
+LEAST_SHARE, SHARE_VIEWS = 0.2, 6
 PAIR_S = 0.08  # s, time between two views of different cameras that may start a person
 PAIR_DISTANCE = 0.08  # m, mean distance of their rays
-MOST_RAY_DISTANCE = 0.3  # m, greatest distance of two rays in that mean
+MOST_RAY_DISTANCE = 0.3  # m, upper limit of the distance of two rays in that mean
 PAIR_JOINTS = 6  # minimum number of joints that both see
 LEAST_SINE = 0.2  # least sine of the angle between the rays of a joint that both see
 START_SIGMA = 0.06  # m, standard deviation of a joint that two rays start
 CONFIRM_CAMERAS, CONFIRM_VIEWS, CONFIRM_SHARE = 3, 5, 0.6
-PAIR_VIEWS, PAIR_SHARE = 10, 0.8  # views and share to confirm a person whom two cameras see
-SETTLED_VIEWS = 10  # views after confirmation after which the filter serves the search in reversed time
+# number of views, and share of the expected ones, that confirm a person whom two cameras see
+PAIR_VIEWS, PAIR_SHARE = 10, 0.8
+SETTLED_VIEWS = 10  # views after confirmation, after which the filter serves the search in reversed time
 
 
 class Entry(NamedTuple):

@@ -76,7 +76,7 @@ class CameraPeriods:
     def __init__(self) -> None:
         self._last: dict[int, float] = {}  # s, by camera
         self._steps: dict[int, deque[float]] = {}  # s, by camera
-        self._periods: dict[int, float] = {}  # s, by camera: their median
+        self._periods: dict[int, float] = {}  # s, by camera, median of the steps
 
     def take(self, camera: int, time: float) -> None:
         """Add the time (s) of a frame; times of a camera increase."""

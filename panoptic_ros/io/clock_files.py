@@ -158,7 +158,7 @@ def read_clocks(path: Path) -> dict[str, SavedClock]:
     found = document.get("format") if isinstance(document, dict) else None
     if found not in (FORMAT, OLDER):
         raise DataError(
-            f"{path} is no {FORMAT} file; `panoptic continuous --clocks-out` and `panoptic solve "
+            f"{path} is not a {FORMAT} file; `panoptic continuous --clocks-out` and `panoptic solve "
             "--offsets-out` write one"
         )
     tell_unknown(document, KEYS if found == FORMAT else OLDER_KEYS, path)
