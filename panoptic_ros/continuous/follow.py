@@ -71,16 +71,16 @@ class ViewTrack:
     """Person followed from view to view.
 
     Args:
-        filters: motion at `time`.
+        filters: Motion at `time`.
         time: (s) time of the filters.
-        number: order of the start.
+        number: Order of the start.
         last: (s) timestamp of the newest view that shows the person.
         entries: (V) 2D people, one per view.
         cameras: (V) their cameras.
         missed: (int) number of views in which a person was expected and not found.
         recent: (time, whether found) of the views of the last MEMORY_S in which the person was expected.
-        excess: number of views that show the person, minus LEAST_SHARE of those expected, and its maximum.
-        surest: frame of that maximum. Fewer than LEAST_SHARE of the views after it show the person.
+        excess: Number of views that show the person, minus LEAST_SHARE of those expected, and its maximum.
+        surest: Frame of that maximum. Fewer than LEAST_SHARE of the views after it show the person.
         confirmed: (int) number of views at confirmation, 0 = candidate.
         seed: (time, filters) for the search in reversed time.
     """

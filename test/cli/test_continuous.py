@@ -93,7 +93,10 @@ def test_folder_file_and_bag_give_the_same_bytes(
         (["FOLDER", "--skeleton", "octopus"], "octopus"),
         (["FOLDER", "--preset", "fast"], "'fast' (choose from 'elhayek-2012')"),
         (["FOLDER", "--subject", "FOLDER/rig.json"], "--subject needs --preset elhayek-2012"),
-        (["FOLDER", "--preset", "elhayek-2012", "--subject", "FOLDER/rig.json"], "is no panoptic-subject-1"),
+        (
+            ["FOLDER", "--preset", "elhayek-2012", "--subject", "FOLDER/rig.json"],
+            "is not a panoptic-subject-1",
+        ),
         (["FOLDER", "--images", "FOLDER"], "--images needs --preset elhayek-2012"),
         (["FOLDER", "--preset", "elhayek-2012", "--images", "FOLDER/none"], "FOLDER/none"),
         (

@@ -41,10 +41,10 @@ class BoardCase:
 
 
 CASES = {
-    "4 cameras, 60": BoardCase(BoardScene(4, 60)),
-    "4 cameras, 200": BoardCase(BoardScene(4, 200)),
-    "8 cameras, 60": BoardCase(BoardScene(8, 60)),
-    "8 cameras, 200": BoardCase(BoardScene(8, 200)),
+    "4x60": BoardCase(BoardScene(4, 60)),
+    "4x200": BoardCase(BoardScene(4, 200)),
+    "8x60": BoardCase(BoardScene(8, 60)),
+    "8x200": BoardCase(BoardScene(8, 200)),
     "outliers": BoardCase(BoardScene(4, 100, outliers=0.01)),
     "fisheye": BoardCase(BoardScene(4, 100, lens="fisheye")),
     "webcams": BoardCase(BoardScene(4, 200, smooth=True, lag_s=0.06, jitter_s=0.015), clocks=True),
@@ -115,6 +115,7 @@ class Calibration(Study):
         """See `Study`."""
         return (
             "Simulated board of 7 x 10 corners of 60 mm, noise 0.3 px, all intrinsics unknown.\n"
+            "Cases: cameras x instants. "
             "Errors of rotation, position and focal length: medians over cameras.\n"
             "Error: of points in the space of the board, triangulated from exact pixels, after rigid "
             "alignment.\nBound: the same from the Cramer-Rao bound."
