@@ -19,12 +19,14 @@ from panoptic_ros.kernels import njit
 
 Array = np.ndarray
 INTERVAL_S = 0.02  # s between two measurements of a length
-SIGMA = 5e-3  # m, standard deviation of one of these measurements
+SIGMA = 3e-3  # m, standard deviation of one of these measurements: that of a length with an error of 0.7 mm
 # m, spread of a distance beyond its noise: up to the first the pair is rigid, from the second on it is free
 RIGID, FREE = 6e-3, 5e-2
 CORRELATION_S = 0.2  # s, correlation time of a distance
 LEAST_CERTAIN = 0.1  # m, greatest standard deviation of a distance from which a length is learnt
 STEPS = 2  # Gauss-Newton steps
+POSES = 9  # number of poses over which the free share of the motion of each joint is averaged
+RANK = 1e-2  # share of the largest singular value below which lengths follow from others
 SHORTEST = 1e-3  # m, length below which a pair has no direction
 
 
@@ -147,7 +149,8 @@ def step_with_lengths(
     joints, grid = len(points), problem.grid
     times = instants(problem)
     reach = REACH if problem.persistent > 0.0 else SPAN
-    bands, rights = normal_equations(problem.rays, grid, problem.stiffness)
+    stiffness = problem.stiffness * free_shares(points, pairs, learnt)[:, None]
+    bands, rights = normal_equations(problem.rays, grid, stiffness)
     columns, right = couple(bands, rights, reach)
     gaps = _gaps(problem, points, pairs, times)
     along = gaps / np.maximum(np.linalg.norm(gaps, axis=-1), SHORTEST)[..., None]
@@ -156,6 +159,32 @@ def step_with_lengths(
     solution = cho_solve_banded((lower, True), right, check_finite=False)
     found = np.ascontiguousarray(solution.reshape(grid.number, joints, 3).transpose(1, 0, 2))
     return found, lower.T
+
+
+def free_shares(points: Array, pairs: Array, learnt: LearntLengths) -> Array:
+    """Return the share (J,) of the motion of each joint that the lengths of rigid pairs leave free.
+
+    The stiffness is learnt for single joints. The joints of a rigid part move together, so the sum of their
+    priors would count the prior of one motion several times. The share is 1 minus the mean leverage of the
+    lengths on the coordinates of the joint.
+
+    Args:
+        points: (J, K, 3) m, control points.
+    """
+    joints = len(points)
+    rigid = pairs[learnt.weights >= SIGMA**-2.0]
+    if not len(rigid):
+        return np.ones(joints)
+    poses = points[:, np.linspace(0, points.shape[1] - 1, POSES).round().astype(np.int64)]
+    gaps = (poses[rigid[:, 0]] - poses[rigid[:, 1]]).transpose(1, 0, 2)
+    gaps /= np.maximum(np.linalg.norm(gaps, axis=-1, keepdims=True), SHORTEST)
+    rows = np.zeros((len(gaps), len(rigid), joints, 3))
+    rows[:, np.arange(len(rigid)), rigid[:, 0]] = gaps
+    rows[:, np.arange(len(rigid)), rigid[:, 1]] = -gaps
+    flat = rows.reshape(len(gaps), len(rigid), 3 * joints)
+    leverages = np.einsum("qip,qpi->i", np.linalg.pinv(flat, rcond=RANK), flat) / len(gaps)
+    shares: Array = 1.0 - leverages.reshape(joints, 3).mean(axis=1)
+    return shares
 
 
 def instants(problem: CurveProblem) -> Array:
