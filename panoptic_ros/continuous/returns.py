@@ -62,8 +62,8 @@ class ReturnSearch:
             return None
         missed = np.array([new.time - lost[k].time for k in rows])
         distances = np.array([np.linalg.norm(lost[k].place - new.place) for k in rows])[:, None]
-        bones = [_bones([lost[k] for k in rows]), _bones([new])]
-        odds = bone_evidence(*bones, self._groups) + place_evidence(distances, missed)
+        bones = bone_evidence(_bones([lost[k] for k in rows]), _bones([new]), self._groups)
+        odds = bones + place_evidence(distances, missed)
         near = distances <= (DISTANCE + SPEED * missed)[:, None]
         found = returns_at_once(odds, missed, near)
         return rows[found[0][0]] if found else None
