@@ -127,8 +127,9 @@ def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt:
     Args:
         fit: curves fitted joint by joint, the start.
     """
+    stiffness = problem.stiffness * free_shares(fit.points, pairs, learnt)[:, None]
     for _ in range(STEPS):
-        points, columns = step_with_lengths(problem, fit.points, pairs, learnt)
+        points, columns = step_with_lengths(problem, fit.points, pairs, learnt, stiffness)
         fit = fit._replace(points=points)
         problem.compare(fit)
     joints = len(fit.points)
@@ -137,19 +138,19 @@ def fit_with_lengths(problem: CurveProblem, fit: CurveFit, pairs: Array, learnt:
 
 
 def step_with_lengths(
-    problem: CurveProblem, points: Array, pairs: Array, learnt: LearntLengths
+    problem: CurveProblem, points: Array, pairs: Array, learnt: LearntLengths, stiffness: Array
 ) -> tuple[Array, Array]:
     """Take one Gauss-Newton step of all curves.
 
     Args:
         points: (J, K, 3) m, control points at which the lengths are linearised.
+        stiffness: (J, K - ORDER) 1/m^2.
 
     Returns: the new control points, and the Cholesky factor as in `couple`.
     """
     joints, grid = len(points), problem.grid
     times = instants(problem)
     reach = REACH if problem.persistent > 0.0 else SPAN
-    stiffness = problem.stiffness * free_shares(points, pairs, learnt)[:, None]
     bands, rights = normal_equations(problem.rays, grid, stiffness)
     columns, right = couple(bands, rights, reach)
     gaps = _gaps(problem, points, pairs, times)
