@@ -60,6 +60,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="give what the online form would have said: each instant k / rate from the views up to SECONDS "
         "later (0: prediction); default: the whole recording",
     )
+    parser.add_argument(
+        "--preset",
+        choices=("elhayek-2012",),
+        help="method of a paper: polynomials of joint angles in overlapping segments (Elhayek et al. 2012); "
+        "default: curves of joints",
+    )
+    parser.add_argument(
+        "--subject",
+        type=Path,
+        metavar="FILE",
+        help="with --preset: subject.json with the skeleton of a person; default: one fitted to each person",
+    )
+    parser.add_argument(
+        "--images",
+        type=Path,
+        metavar="FOLDER",
+        help="with --preset: capture folder whose images are fitted, as in the paper, instead of 2D joints",
+    )
     parser.add_argument("--skeleton", default="auto", help="skeleton model; auto: that of the file's joints")
     parser.add_argument(
         "--clocks-out", type=output_file, metavar="FILE", help="file for clocks and line delays, as JSON"
@@ -86,12 +104,14 @@ def run(args: argparse.Namespace) -> int:
         without_wrong_stamps,
     )
     from panoptic_ros.running.continuous_online import check_online, solve_online
+    from panoptic_ros.running.continuous_preset import check_preset, solve_preset
     from panoptic_ros.running.known_clocks import whole_clocks, with_saved_clocks
     from panoptic_ros.view.clock_lines import camera_time_lines
     from panoptic_ros.view.progress import PassBar
 
     if args.lag is not None:
         check_online(vars(args))
+    check_preset(vars(args))
     stamps = read_instants(args.at) if args.at else None
     with PassBar("views") as bar:
         task = read_continuous_task(
@@ -117,7 +137,10 @@ def run(args: argparse.Namespace) -> int:
             print(f"{args.out}: {len(result.sets)} instants, {result.people} people")
         return 0
     with PassBar("continuous") as bar:
-        motion = solve_continuous(task, bar.show)
+        if args.preset:
+            motion = solve_preset(task, args.subject, args.images, bar.show)
+        else:
+            motion = solve_continuous(task, bar.show)
     motion = motion if known is None else whole_clocks(motion, known)
     told = [] if stamps is None else check_instants(stamps, motion)
     for line in (*task.notices, *told):

@@ -22,7 +22,7 @@ from panoptic_ros.solving.clock_gauge import KNOWN, common_shift
 from panoptic_ros.stage import Progress, untold
 
 Array = np.ndarray
-# greatest standard deviations of values that are applied, beside KNOWN for offsets
+# maximum standard deviations of drifts and line delays that are applied; KNOWN is that of offsets
 KNOWN_DRIFT = 7e-5
 KNOWN_LINE_S = 5e-6  # s per row
 ROUNDS = 16  # number of iterations
@@ -104,7 +104,7 @@ class CameraTimes:
         return found
 
     def applicable(self, start: CameraTimes) -> CameraTimes:
-        """Return the times with the values of `start` where they are not observable."""
+        """Return a copy in which each value that is not observable is replaced by the value of `start`."""
         return CameraTimes(np.where(self.observable, self.values, start.values), self.covariance)
 
 

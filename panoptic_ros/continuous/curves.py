@@ -39,7 +39,8 @@ class WeightedRays(NamedTuple):
         times: (N,) s.
         rows, rights: (N, 2, 3) and (N, 2). The ray is rows @ X = rights, in m at the depth of the joint.
         sigmas: (N,) m, standard deviation of the ray's noise at the depth of the joint.
-        growths: (N,) factor on the variance of the white part of the noise, >= 1.
+        growths: (N,) factor on the variance of the ray's noise, >= 1. It persists as the noise does: two rays
+            have the lesser factor in common.
         previous: (N,) index of the previous ray of the same joint and camera, -1 = none near enough.
         lasting: share of the variance that persists over time.
         memory: (s) time constant with which the persistent part decays.
@@ -201,7 +202,8 @@ def whiten(rays, i, members, shares, work):
     """Write a ray minus its expectation given the previous rays of its camera, as a weighted sum of rays.
 
     The noise is white noise plus a persistent part with exponential correlation. The conditional
-    distribution given the nearest previous rays replaces that given all (Vecchia 1988).
+    distribution given the nearest previous rays replaces that given all (Vecchia 1988). Outliers of detectors
+    persist, too. As independent errors, the outliers of a camera would outweigh its persistent noise.
 
     Args:
         members, shares: (MOST + 1,) written: rays, the ray itself first and the oldest last, and weights.
@@ -211,7 +213,7 @@ def whiten(rays, i, members, shares, work):
     """
     members[0], shares[0] = i, 1.0
     count = 1
-    own = rays.lasting + (1.0 - rays.lasting) * rays.growths[i]
+    own = rays.growths[i]
     if rays.lasting <= 0.0:
         return count, own
     n = rays.previous[i]
@@ -225,9 +227,11 @@ def whiten(rays, i, members, shares, work):
         for q in range(size):
             b = members[q + 1]
             gap = abs(rays.times[a] - rays.times[b])
-            work[p, q] = rays.lasting * np.exp(-gap / rays.memory)
+            common = min(rays.growths[a], rays.growths[b])
+            work[p, q] = rays.lasting * common * np.exp(-gap / rays.memory)
         work[p, p] += (1.0 - rays.lasting) * rays.growths[a]
-        work[p, size] = rays.lasting * np.exp(-(rays.times[i] - rays.times[a]) / rays.memory)
+        gap, common = rays.times[i] - rays.times[a], min(own, rays.growths[a])
+        work[p, size] = rays.lasting * common * np.exp(-gap / rays.memory)
     variance = own
     for p in range(size):  # Gauss elimination of a small positive definite system
         for q in range(p + 1, size):

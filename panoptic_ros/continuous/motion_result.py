@@ -25,15 +25,16 @@ class ContinuousMotion:
     """Result of the pass.
 
     Args:
-        people: curves of all people.
-        reference_ns: origin of the times of the curves.
-        first_ns, last_ns: first and last corrected timestamp of a view.
+        people: Curves of all people.
+        reference_ns: Origin of the times of the curves.
+        first_ns, last_ns: First and last corrected timestamp of a view.
         period: (s) typical time between two frames of a camera.
         cameras: (C) names.
         clocks: (C) clocks and line delays, with `reference_ns`.
-        skeleton_hash: skeleton of the joints.
-        derived: joints that are means of others, see `SkeletonModel`.
-        notices: faults of the recording.
+        skeleton_hash: Skeleton of the joints.
+        joints: Number of joints.
+        derived: Joints that are means of others, see `SkeletonModel`.
+        notices: Faults of the recording.
     """
 
     people: tuple[PersonCurve, ...]
@@ -44,6 +45,7 @@ class ContinuousMotion:
     cameras: tuple[str, ...]
     clocks: CameraTimes
     skeleton_hash: str
+    joints: int
     derived: tuple[tuple[int, tuple[int, ...]], ...] = ()
     notices: tuple[Notice, ...] = ()
 
@@ -65,7 +67,6 @@ class ContinuousMotion:
 
     def sets(self, stamps_ns: Sequence[int] | Array) -> Iterator[RefinedPoseSet]:
         """Yield the people at increasing instants (T,) ns."""
-        joints = self.people[0].points.shape[1] if self.people else 0
         evidence = [_evidence(person) for person in self.people]
         stamps = iter(int(stamp) for stamp in stamps_ns)
         index = 0
@@ -78,7 +79,7 @@ class ContinuousMotion:
                     for person, (here, report) in zip(self.people, people)
                     if here[k]
                 ]
-                yield pose_set(index, stamp, self.skeleton_hash, joints, shown)
+                yield pose_set(index, stamp, self.skeleton_hash, self.joints, shown)
                 index += 1
 
     def _person(self, person: PersonCurve, evidence: RayEvidence, times: Array) -> tuple[Array, JointReport]:

@@ -37,7 +37,7 @@ def certain(information: Array, blur: Array) -> Array:
 
 
 def covariance_of(information: Array, weights: Array, unknown: Array) -> Array:
-    """Return the covariance (U, U) of all values, 0 for those that are not unknown.
+    """Return the covariance (U, U) of all values, known values have covariance 0.
 
     Args:
         information: (U, U).

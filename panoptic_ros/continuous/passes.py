@@ -114,6 +114,7 @@ class ContinuousPass:
             self._rig.names,
             clocks,
             self._skeleton.hash,
+            len(self._skeleton),
             self._skeleton.derived,
             tuple(misfit_notices(ordered, times, tracks, self._rig.names)),
         )

@@ -17,7 +17,7 @@ from panoptic_ros.evaluation.nobody import why_nobody
 from panoptic_ros.evaluation.rig_check import check_rig
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.recording import InMemoryRecording
-from panoptic_ros.io.bags import is_bag
+from panoptic_ros.io.bags import bag_in
 from panoptic_ros.io.detector_context import noise_only
 from panoptic_ros.io.loading import parsing, read_bytes
 from panoptic_ros.io.recorded_people import AUTO, read_people
@@ -28,7 +28,6 @@ from panoptic_ros.sync.far_views import without_far_views
 
 Array = np.ndarray
 COLUMN = "stamp_ns"
-RESULT_BAG = "bag"  # name of the bag in the results of `panoptic run`
 DETECTION_FILES = ("detections.json.gz", "detections.json")  # files of 2D people in a capture folder
 
 
@@ -80,7 +79,8 @@ def read_continuous_task(
             f"{' and '.join(given) or 'none'}"
         )
     if capture is not None:
-        bags = [path for path in (capture, capture / RESULT_BAG) if is_bag(path)][:1]
+        found = bag_in(capture)
+        bags = [] if found is None else [found]
         files = [capture / name for name in DETECTION_FILES if (capture / name).is_file()]
         if files and not bags:
             rig, detections = rig or capture, files[0]

@@ -38,7 +38,7 @@ def check_online(options: Mapping[str, Any]) -> None:
     Raises:
         UsageError: naming the option.
     """
-    words = ("at", "clocks", "rolling_shutter", "trusted_camera", "clocks_out", "curves")
+    words = ("at", "clocks", "rolling_shutter", "trusted_camera", "clocks_out", "curves", "preset")
     given = [f"--{word.replace('_', '-')}" for word in words if options[word]]
     if given:
         raise UsageError(f"--lag does not go with {' and '.join(given)}, which need the whole recording")

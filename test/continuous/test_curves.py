@@ -28,8 +28,8 @@ def noise(rays):
         while n >= 0:
             same[i, n] = same[n, i] = True
             n = rays.previous[n]
-    covariance = np.where(same, rays.lasting * np.exp(-gaps / rays.memory), 0.0)
-    return covariance + np.diag(rays.lasting + (1.0 - rays.lasting) * rays.growths)
+    common = rays.lasting * np.minimum(rays.growths[:, None], rays.growths)
+    return np.where(same, common * np.exp(-gaps / rays.memory), 0.0) + np.diag(rays.growths)
 
 
 def random_rays(rng, lasting, count=40, cameras=2):

@@ -1,5 +1,7 @@
 """The whole pass on exact simulated truth."""
 
+from dataclasses import replace
+
 import free_cameras
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from free_cameras import START_NS, FreeCapture
 
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.passes import ContinuousPass
+from panoptic_ros.domain import DetectionSet
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.graph.recording import InMemoryRecording
 from panoptic_ros.stage import StageContext, untold
@@ -52,6 +55,18 @@ def test_views_that_lie_do_no_harm():
     capture = FreeCapture(spoil=spoil)
     errors = capture.errors(solved(capture), TIMES)
     assert np.isfinite(errors).all() and errors.mean() < 0.006 and np.quantile(errors, 0.99) < 0.03
+
+
+def test_a_joint_that_two_cameras_see_elsewhere_for_long_is_where_the_others_see_it():
+    wrist = free_cameras.captures.SKELETON.joint_names.index("lWrist")
+    wrong = {2: (-34.0, -20.0), 4: (3.0, -40.0)}  # px
+
+    def spoil(pixels, rng, camera):
+        pixels[:, wrist] += wrong.get(camera, (0.0, 0.0))
+
+    capture = FreeCapture(rate=25.0, seconds=2.0, spoil=spoil)
+    errors = capture.errors(solved(capture), TIMES[TIMES < 1.7])
+    assert errors[:, :, wrist].mean() < 0.005
 
 
 def test_sides_that_a_camera_exchanges_are_exchanged_back():
@@ -131,3 +146,27 @@ def test_equal_input_gives_equal_curves_whatever_the_order_within_a_view():
     first, second = (solved(capture) for _ in range(2))
     for one, other in zip(first.people, second.people):
         np.testing.assert_array_equal(one.points, other.points)
+
+
+def at_one_instant(capture):
+    """Return the first view of each camera, all with the same timestamp."""
+    views = {item.views[0].camera: item.views[0] for item in reversed(capture.sets)}
+    moved = tuple(replace(view, stamp_ns=START_NS) for view in views.values())
+    return DetectionSet(0, START_NS, capture.context.skeleton.hash, moved)
+
+
+@pytest.mark.filterwarnings("error")
+def test_people_of_one_instant_have_a_curve():
+    capture = FreeCapture(rate=1000.0, seconds=0.002)
+    recording = InMemoryRecording({"detection_sets": [at_one_instant(capture)]})
+    motion = ContinuousPass(ContinuousConfig(), capture.context).run(recording, untold)
+    found = np.concatenate([person.at(np.zeros(1)) for person in motion.people])
+    gaps = np.linalg.norm(found[:, None] - capture.joints(0.0)[None], axis=-1).mean(axis=-1)
+    assert gaps.min(axis=0).max() < 0.01
+
+
+def test_instants_without_people_have_all_joints():
+    capture = FreeCapture(there=lambda person, time: False)
+    motion = solved(capture)
+    (item,) = motion.sets([motion.first_ns])
+    assert motion.people == () and item.positions.shape == (0, 19, 3)

@@ -84,7 +84,7 @@ def test_clocks_and_line_delays_of_a_continuous_motion_come_back(tmp_path):
     values = np.array([[0.02, 0.0, -0.01], [1e-4, 0.0, 0.0], [2e-5, 0.0, 1e-5]])
     variances = np.array([[1e-8, 1e-8, 1e-2], [1e-12, 1e-12, 1e-8], [1e-12, 0.0, 1e-12]])
     clocks = CameraTimes(values, np.diag(variances.ravel()))
-    motion = ContinuousMotion((), reference, START, START + 10**10, 0.04, ("a", "b", "c"), clocks, "")
+    motion = ContinuousMotion((), reference, START, START + 10**10, 0.04, ("a", "b", "c"), clocks, "", 19)
     write_camera_times(tmp_path / "k.json", motion)
     assert not document(tmp_path / "k.json")["cameras"]["c"]["observable"]
     saved = read_clocks(tmp_path / "k.json")
@@ -124,8 +124,8 @@ def test_a_file_needs_offsets_only(tmp_path):
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        ([], "no panoptic-clocks-1"),
-        ({"format": "other"}, "no panoptic-clocks-1"),
+        ([], "not a panoptic-clocks-1"),
+        ({"format": "other"}, "not a panoptic-clocks-1"),
         ({"format": "panoptic-clocks-1"}, "'cameras' is missing"),
         ({"format": "panoptic-clocks-1", "cameras": []}, "a table is expected"),
         ({"format": "panoptic-clocks-1", "cameras": {"a": 0.01}}, "a table is expected"),
