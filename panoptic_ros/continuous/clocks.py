@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import block_diag
 
-from panoptic_ros.continuous.clock_sums import TERMS, clock_sums, eliminate
+from panoptic_ros.continuous.clock_sums import OVERLAP, TERMS, clock_sums, eliminate
 from panoptic_ros.continuous.observability import certain, covariance_of, known_clocks, robust_covariance
 from panoptic_ros.continuous.problem import CurveProblem, TrackRays, cauchy_of
 from panoptic_ros.continuous.shutters import fastest_shutter, global_shutters, line_doubts
@@ -200,7 +200,7 @@ def _linearise(problems: Sequence[CurveProblem], values: Array, cauchy: float) -
         )
         eliminate(own, coupling, fit.factors)
         problem.learn(fit, at, cauchy)
-        for total, part in zip(sums, (own, noise, scores.T @ scores, scores.sum(axis=0))):
+        for total, part in zip(sums, (own, noise, OVERLAP * scores.T @ scores, scores.sum(axis=0))):
             total += part
     return sums
 
