@@ -101,6 +101,7 @@ def run(args: argparse.Namespace) -> int:
         read_continuous_task,
         read_instants,
         solve_continuous,
+        without_wrong_stamps,
     )
     from panoptic_ros.running.continuous_online import check_online, solve_online
     from panoptic_ros.running.continuous_preset import check_preset, solve_preset
@@ -125,6 +126,7 @@ def run(args: argparse.Namespace) -> int:
     known = None
     if args.offsets:
         task, known = with_saved_clocks(task, args.offsets)
+    task = without_wrong_stamps(task)
     if args.lag is not None:
         with PassBar("continuous") as bar:
             result = solve_online(task, args.lag, args.rate, bar.show)

@@ -10,6 +10,10 @@ from panoptic_ros.kernels import njit
 from panoptic_ros.solving.bands import forward
 
 TERMS = 3  # unknowns of a camera: offset, drift, line delay
+# s between segments, four times the memory of the noise. Hann windows of twice that length overlap, because
+# at sharp borders, scores are those of the prior's energy there, which the next segment takes back
+SEGMENT_S = 1.0
+OVERLAP = 4.0 / 3.0  # variance of a sum over the mean sum of squares of such windows (Welch 1967)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -17,9 +21,10 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
     """Return the normal equations of the U = TERMS * C unknowns of C cameras and their coupling to curves.
 
     Unknown p of camera c has the index p * C + c. Four arrays result. They are the information (U, U), its
-    part from noise of velocities, the right-hand side (U,), and the coupling (J, 3K, U) to control points.
+    part from noise of velocities, the scores (S, U) of S segments, and the coupling (J, 3K, U) to control
+    points. A segment is a joint in a window of time. The sum of the scores is the right-hand side.
 
-    The right-hand side contains the derivative of the curves' own evidence, -1/2 log |H|. Without it, noise
+    The scores contain the derivative of the curves' own evidence, -1/2 log |H|. Without it, noise
     in the velocities would bias the clocks.
 
     Args:
@@ -30,7 +35,9 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
         count: number of cameras C.
     """
     size = TERMS * count
-    information, right = np.zeros((size, size)), np.zeros(size)
+    information = np.zeros((size, size))
+    parts = int(grid.number * grid.step / SEGMENT_S) + 2
+    scores = np.zeros((len(rays.starts) - 1, parts, size))
     blur, spread = np.zeros((size, size)), np.empty((TERMS, TERMS))
     basis, slope, bend = np.empty(SPAN), np.empty(SPAN), np.empty(SPAN)
     members, shares = np.empty(MOST + 1, np.int64), np.empty(MOST + 1)
@@ -64,18 +71,22 @@ def clock_sums(fit, rays, grid, misses, cameras, factors, count):
             width = 3 * (top - low)
             sensitivity(fit.points[j], fit.inverses[j], low, width, row, slopes, change, bend_of, spread)
             c = cameras[i]
+            place = min(max((rays.times[i] - grid.origin) / SEGMENT_S, 0.0), parts - 1.001)
+            later = np.sin(0.5 * np.pi * (place - int(place))) ** 2
             for p in range(TERMS):
-                right[p * count + c] -= w * bend_of[p]
+                score = w * bend_of[p]
                 for q in range(TERMS):
                     blur[p * count + c, q * count + c] += w * spread[p, q]
                 for e in range(2):
                     value = w * change[e, p]
-                    right[p * count + c] -= value * miss[e]
+                    score += value * miss[e]
                     for q in range(TERMS):
                         information[p * count + c, q * count + c] += value * change[e, q]
                     for a in range(width):
                         cross[3 * low + a, p * count + c] += value * row[e, a]
-    return information, blur, right, coupling
+                scores[j, int(place), p * count + c] -= (1.0 - later) * score
+                scores[j, int(place) + 1, p * count + c] -= later * score
+    return information, blur, scores.reshape(-1, size), coupling
 
 
 @njit(cache=True, error_model="numpy", nogil=True)

@@ -173,7 +173,7 @@ class ContinuousPass:
                         corrected = clocks.times(rays)
                         grid = grid_over(corrected, MARGIN_S)
                         problems.append(CurveProblem(rays, corrected, self._arrays, grid))
-            clocks = estimate_times(problems, clocks, free, share)
+            clocks = estimate_times(problems, clocks, given, free, share)
         if self._config.clocks and self._trusted < 0:
             clocks = clocks.referenced()
         return clocks.applicable(given)

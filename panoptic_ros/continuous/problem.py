@@ -35,6 +35,10 @@ START_JERK = 1000.0
 LEAST_JERK, MOST_JERK = 2.0, 2e4  # m/s^2.5
 SMOOTHING_S = 0.5  # s, standard deviation of the weights in the average of the stiffness over time
 LEAST_SURE = 0.02  # lower limit of the number of differences (of three) at a knot that the rays determine
+# s of rays on both sides of a knot from which stiffness is learnt. A loose curve explains a false ray at an
+# end of the rays, because no later ray contradicts it
+INSIDE_S = 0.2
+OUTSIDE = 1e-6  # weight of other knots, which counts where no knot within the average is inside
 FIRST_NOISE = 2.5e-3  # on the normalised plane
 # least share of the noise in residuals from which it is learnt: a curve that follows its rays hides the noise
 LEAST_LEFT = 0.4
@@ -164,6 +168,7 @@ class CurveProblem:
         self._noise = JointNoiseModel(rays.cameras, rays.joints, rays.scores, FIRST_NOISE, factors)
         self._previous = rays.previous()
         self.grid = grid
+        self._inside = knots_inside(rays, times, grid)
         shape = (joints, self.grid.number - ORDER)
         self.stiffness = np.full(shape, 1.0 / (START_JERK**2 * STEP_S**5))
         self.depths = np.maximum(rays.depths, LEAST_DEPTH)
@@ -241,7 +246,7 @@ class CurveProblem:
         self._growths = growth(self.squares, CAUCHY)
         self.persistent = persistence(fit, self.rays, self.grid, self.misses / self.sigmas[:, None])
         self._growths = growth(self.squares, cauchy)
-        self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads)
+        self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads, self._inside)
 
     def solve(self, rounds: int = ROUNDS) -> CurveFit:
         """Return the curves after all iterations; the robust weights sharpen from one to the next."""
@@ -273,7 +278,29 @@ def cauchy_of(k: int) -> float:
     return max(CAUCHY, FIRST_CAUCHY / 2.0**k)
 
 
-def learn_stiffness(stiffness: Array, differences: Array, spreads: Array) -> Array:
+def knots_inside(rays: TrackRays, times: Array, grid: KnotGrid) -> Array:
+    """Return the third differences (J, K - ORDER) that have rays of their joint on both sides.
+
+    They are those `INSIDE_S` to 2 `INSIDE_S` away. A joint without any such difference has all.
+
+    Args:
+        times: (N,) s, corrected timestamps of the rays.
+    """
+    shape = (len(rays.starts) - 1, grid.number - ORDER)
+    gap = round(INSIDE_S / grid.step)
+    knots = np.clip(np.floor((times - grid.origin) / grid.step).astype(np.int64), 0, shape[1] - 1)
+    counts = np.zeros((shape[0], shape[1] + 4 * gap + 1))
+    np.add.at(counts, (rays.joints, knots + 2 * gap + 1), 1.0)
+    total = counts.cumsum(axis=1)
+    here = np.arange(shape[1]) + 2 * gap
+    before = total[:, here - gap] - total[:, here - 2 * gap]
+    after = total[:, here + 2 * gap] - total[:, here + gap]
+    inside: Array = (before > 0.0) & (after > 0.0)
+    inside[~inside.any(axis=1)] = True
+    return inside
+
+
+def learn_stiffness(stiffness: Array, differences: Array, spreads: Array, inside: Array) -> Array:
     """Update the stiffness (J, K - ORDER) by MacKay's rule, averaged over time.
 
     The jerk of a joint changes over time: a recording of walking and running has no common value. So the rule
@@ -281,13 +308,15 @@ def learn_stiffness(stiffness: Array, differences: Array, spreads: Array) -> Arr
 
     Args:
         differences, spreads: see `CurveFit`.
+        inside: (J, K - ORDER) see `knots_inside`.
     """
     sure = np.maximum(3.0 - spreads * stiffness, LEAST_SURE)
+    weights = np.maximum(inside, OUTSIDE)
     sums = [
-        gaussian_filter1d(values, SMOOTHING_S / STEP_S, axis=1, mode="reflect", truncate=3.0)
+        gaussian_filter1d(weights * values, SMOOTHING_S / STEP_S, axis=1, mode="reflect", truncate=3.0)
         for values in (sure, differences)
     ]
-    learnt = np.sqrt(stiffness * sums[0] / np.maximum(sums[1], 1e-14))
+    learnt = np.sqrt(stiffness * sums[0] / np.maximum(sums[1], 1e-20))
     low, high = (1.0 / (jerk**2 * STEP_S**5) for jerk in (MOST_JERK, LEAST_JERK))
     clipped: Array = np.clip(learnt, low, high)
     return clipped

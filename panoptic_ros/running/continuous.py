@@ -103,12 +103,20 @@ def read_continuous_task(
 def _file_task(rig: Path, detections: Path, config: ContinuousConfig, skeleton: str) -> ContinuousTask:
     cameras = read_rig_at(rig)
     people = read_people(detections, cameras, skeleton, any_order=True)
-    sets, far = without_far_views(people.sets)
-    told = (*cameras.notices, *people.told(), *(notice.text for notice in far))
+    told = (*cameras.notices, *people.told())
     context = StageContext(cameras, people.skeleton)
-    return ContinuousTask(
-        context, InMemoryRecording({"detection_sets": sets}), config, people.joint_names, told
-    )
+    recording = InMemoryRecording({"detection_sets": people.sets})
+    return ContinuousTask(context, recording, config, people.joint_names, told)
+
+
+def without_wrong_stamps(task: ContinuousTask) -> ContinuousTask:
+    """Return the task without views whose timestamps disagree with the majority of their set.
+
+    Known clocks must be applied before, because they may be off by more.
+    """
+    sets, far = without_far_views(list(task.recording.records("detection_sets")))
+    recording = InMemoryRecording({"detection_sets": sets})
+    return replace(task, recording=recording, notices=(*task.notices, *(notice.text for notice in far)))
 
 
 def solve_continuous(task: ContinuousTask, progress: Progress) -> ContinuousMotion:

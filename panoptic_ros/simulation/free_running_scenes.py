@@ -13,7 +13,7 @@ from panoptic_ros.simulation.free_running import FreeRunning, FreeRunningScene
 from panoptic_ros.simulation.gestures import HANGING, draw_gesture
 from panoptic_ros.simulation.motions import StandMotion, StepMotion
 from panoptic_ros.simulation.paths import RoundPath
-from panoptic_ros.simulation.people import SimulatedPerson, draw_person, draw_sway, keep_apart
+from panoptic_ros.simulation.people import SimulatedPerson, draw_group, draw_person, draw_sway, keep_apart
 from panoptic_ros.simulation.rigs import VGA, Lens, Ring
 from panoptic_ros.simulation.stagings import StagingArea, crossing, visitor
 
@@ -118,6 +118,11 @@ def six_visitors(rng: np.random.Generator, seconds: float) -> list[SimulatedPers
     return people
 
 
+def two_who_stay(rng: np.random.Generator, seconds: float) -> list[SimulatedPerson]:
+    """Return a person who stands and one who sits, who move little."""
+    return draw_group(rng, ("stand", "sit"), 1.6)
+
+
 def _runner(
     rng: np.random.Generator, number: int, centre: Sequence[float], seconds: float
 ) -> SimulatedPerson:
@@ -190,6 +195,25 @@ FREE_RUNNING_SCENES: dict[str, FreeRunningScene] = {
             one_runner,
             _ring(6),
             FreeRunning((30.0,), global_every=3),
+            DETECTOR,
+            10.0,
+        ),
+        FreeRunningScene(
+            "both",
+            "5 cameras of 25 to 50 Hz, clocks off by up to 50 ms and 40 ppm, two with a rolling shutter; one "
+            "runner",
+            one_runner,
+            _ring(5),
+            FreeRunning((25.0, 30.0, 30.0, 50.0, 25.0), offset_s=0.05, drift_ppm=40.0, global_every=2),
+            DETECTOR,
+            20.0,
+        ),
+        FreeRunningScene(
+            "still",
+            "8 cameras of 25 Hz, clocks off by up to 60 ms and 60 ppm; one person stands, one sits",
+            two_who_stay,
+            _ring(8),
+            FreeRunning((25.0,), offset_s=0.06, drift_ppm=60.0),
             DETECTOR,
             10.0,
         ),

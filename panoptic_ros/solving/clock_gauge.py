@@ -10,17 +10,21 @@ AGREE = 3e-3  # s; clock offsets that differ by less are treated as equal
 CHANCE = 2.0  # standard deviations of the difference, by which equal offsets may differ by chance
 
 
-def acquainted(covariance: Array) -> Array:
+def acquainted(covariance: Array, limit: float = KNOWN) -> Array:
     """Return the cameras (C,) whose offsets are known relative to each other; all, if fewer than two.
 
     A camera without motion may have any offset. Its exclusion keeps it from degrading the other offsets.
+
+    Args:
+        covariance: (C, C) of the offsets, or of drifts.
+        limit: greatest standard deviation of what is known.
     """
     members = np.ones(len(covariance), bool)
     while members.sum() > 1:
         inside = covariance[np.ix_(members, members)]
         shared = inside.mean(axis=1)
         variances = np.diag(inside) - 2.0 * shared + shared.mean()
-        if variances.max() <= KNOWN**2:
+        if variances.max() <= limit**2:
             return members
         members[np.flatnonzero(members)[variances.argmax()]] = False
     return np.ones(len(covariance), bool)

@@ -21,6 +21,7 @@ from panoptic_ros.running.arguments import within
 from panoptic_ros.simulation.free_running import simulate_free_running
 from panoptic_ros.simulation.free_running_scenes import FREE_RUNNING_SCENES
 from panoptic_ros.stage import Progress, each
+from panoptic_ros.study.continuous.clock_figures import TIME_KEYS, UNKNOWNS
 from panoptic_ros.study.continuous.figures import SPEEDS, figures_of
 from panoptic_ros.study.continuous.methods import METHODS, OF_CASE, REFERENCE_HZ, CaptureUnderTest
 from panoptic_ros.study.options import add_seeds, known_names, words
@@ -32,9 +33,20 @@ EXACT = "cam00"  # camera whose clock and line delay are right
 CONFIGS = {  # unknowns of the continuous pass; other cases have none
     "clocks": ContinuousConfig(clocks=True, trusted_camera=EXACT),
     "shutter": ContinuousConfig(rolling_shutter=True, trusted_camera=EXACT),
+    "both": ContinuousConfig(clocks=True, rolling_shutter=True, trusted_camera=EXACT),
+    "still": ContinuousConfig(clocks=True, trusted_camera=EXACT),
 }
 # seconds of a case and seed, measured
-COSTS = {"faster": 25.0, "free": 8.0, "clocks": 13.0, "shutter": 16.0, "visitors": 40.0, "rendered": 60.0}
+COSTS = {
+    "faster": 25.0,
+    "free": 8.0,
+    "clocks": 13.0,
+    "shutter": 16.0,
+    "both": 25.0,
+    "still": 20.0,
+    "visitors": 40.0,
+    "rendered": 60.0,
+}
 SPEED_KEYS = tuple(f"speed_{low:g}_{high:g}_m" for low, high in pairwise(SPEEDS))
 
 
@@ -67,6 +79,18 @@ class Continuous(Study):
             Column(key, f"{low:g}-{high:g} m/s", ".1f", 1e3)
             for key, low, high in zip(SPEED_KEYS, SPEEDS, SPEEDS[1:])
         ),
+    )
+    times = (
+        Column("case", "case"),
+        Column("offset_error", "offset ms", ".2f", 1e3),
+        Column("offset_z2", "z2", ".1f"),
+        Column("offset_known", "observable", ".0%"),
+        Column("drift_error", "drift ppm", ".0f", 1e6),
+        Column("drift_z2", "z2", ".1f"),
+        Column("drift_known", "observable", ".0%"),
+        Column("line_error", "line us", ".2f", 1e6),
+        Column("line_z2", "z2", ".1f"),
+        Column("line_known", "observable", ".0%"),
     )
     over = ("case", "method")
     has_plot = True
@@ -131,8 +155,8 @@ class Continuous(Study):
                 "last_ratio": figures["last_m"] / unit["last_m"],
                 "wrong_views": found.wrong_views,
                 "cpu_share": found.cpu_s / at_work,
-                "clock_error_s": found.clock_error_s,
-                "line_error_s": found.line_error_s,
+                **dict.fromkeys(TIME_KEYS, np.nan),
+                **found.times,
             }
 
     def head(self, result: Result) -> str:
@@ -148,7 +172,9 @@ class Continuous(Study):
             "`elhayek`: `panoptic continuous --preset elhayek-2012`, polynomials of degree "
             f"{DEGREE} of joint angles.\n"
             f"`images`: with --images, degree {IMAGE_DEGREE}: blobs of images instead of 2D joints.\n"
-            "Unknown clocks and line delays (cases `clocks`, `shutter`) are estimated by `continuous` only.\n"
+            "Unknown clocks and line delays (cases `clocks`, `shutter`, `both`, `still`) are estimated by "
+            "`continuous` only.\n"
+            "`z2`: mean square of errors in standard deviations; errors are those of observable values.\n"
             "Ids per person; ids that follow two people; longest time without a person who is there, of all "
             "seeds;\nperson-seconds of false people; processor time per person-second."
         )
@@ -158,14 +184,10 @@ class Continuous(Study):
         rows = _averages(result["rows"])
         yield from (*self.head(result).splitlines(), "", *table(rows, self.columns))
         yield from ("", "error in mm by the speed of the joint", "", *table(rows, self.speeds))
+        if asked := [row for row in rows if any(np.isfinite(row[f"{name}_known"]) for name in UNKNOWNS)]:
+            yield from ("", "clocks and line delays, apart from the trusted camera", "")
+            yield from table(asked, self.times)
         yield ""
-        for row in rows:
-            for key, factor, text in (
-                ("clock_error_s", 1e3, "ms, RMS error of the offsets at the middle of the capture"),
-                ("line_error_s", 1e6, "us per row, RMS error of the line delays"),
-            ):
-                if np.isfinite(row[key]):
-                    yield f"{row['case']}: {factor * row[key]:.2f} {text}"
         yield from (f"{name}: {FREE_RUNNING_SCENES[name].about}" for name in grouped(rows, _case))
 
     def plot(self, path: Path, result: Result) -> None:

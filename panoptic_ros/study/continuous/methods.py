@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -28,6 +28,7 @@ from panoptic_ros.simulation.free_running import START_NS, FreeRunningCapture, T
 from panoptic_ros.simulation.rendering.renderer import Studio
 from panoptic_ros.simulation.skeleton import JOINTS, SKELETON
 from panoptic_ros.stage import Pass, StageContext, untold
+from panoptic_ros.study.continuous.clock_figures import time_figures
 
 Array = np.ndarray
 REFERENCE_HZ = 70.0  # rate of the synchronous reference in the paper
@@ -45,15 +46,13 @@ class MotionResult:
         frames: people at instants on the clock of the first camera.
         cpu_s: processor time, s.
         wrong_views: share of the assigned 2D people that went to another person; NaN = not known.
-        clock_error_s: root mean square error of the offsets in the middle of the capture, s; NaN = not asked.
-        line_error_s: the same of the line delays, s per row.
+        times: figures of estimated clocks and line delays, see `clock_figures.time_figures`.
     """
 
     frames: list[SkeletonFrame]
     cpu_s: float = np.nan
     wrong_views: float = np.nan
-    clock_error_s: float = np.nan
-    line_error_s: float = np.nan
+    times: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,19 +202,6 @@ def wrong_share(capture: FreeRunningCapture, motion: ContinuousMotion) -> float:
     return wrong / total if total else np.nan
 
 
-def clock_errors(
-    capture: FreeRunningCapture, motion: ContinuousMotion, config: ContinuousConfig
-) -> tuple[float, float]:
-    """Return the errors (RMS over cameras) of offsets (s) in the middle and of line delays (s per row)."""
-    middle = 1e-9 * (motion.reference_ns - START_NS)
-    offsets = np.array([one.offset_s + one.drift * middle for one in capture.timings])
-    lines = np.array([one.line_s for one in capture.timings])
-    found = motion.clocks.values
-    offset_error = float(np.sqrt(np.mean((found[0] - offsets)[1:] ** 2))) if config.clocks else np.nan
-    line_error = float(np.sqrt(np.mean((found[2] - lines) ** 2))) if config.rolling_shutter else np.nan
-    return offset_error, line_error
-
-
 def rendered_frames(capture: FreeRunningCapture) -> Iterator[ViewFrame]:
     """Yield the rendered images of all views, camera by camera."""
     studio = Studio(capture)
@@ -237,7 +223,9 @@ def _whole(case: CaptureUnderTest, work: Pass[ContinuousMotion]) -> MotionResult
     frames = [SkeletonFrame(r.stamp_ns, r.ids, r.positions, r.covariances) for r in motion.sets(stamps)]
     spent = time.process_time() - begin
     wrong = wrong_share(capture, motion)
-    return MotionResult(frames, spent, wrong, *clock_errors(capture, motion, case.config))
+    return MotionResult(
+        frames, spent, wrong, time_figures(capture, motion.clocks, motion.reference_ns, case.config)
+    )
 
 
 def _triangulated(

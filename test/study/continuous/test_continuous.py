@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from study_runs import run_named
 
+from panoptic_ros.continuous.clocks import CameraTimes
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.evaluation import SkeletonFrame
 from panoptic_ros.simulation.free_running import START_NS, simulate_free_running
 from panoptic_ros.simulation.free_running_scenes import FREE_RUNNING_SCENES
+from panoptic_ros.study.continuous.clock_figures import time_figures
 from panoptic_ros.study.continuous.continuous import Continuous
 from panoptic_ros.study.continuous.figures import LINGER_S, figures_of
 from panoptic_ros.study.continuous.methods import LAGS, METHODS, CaptureUnderTest, rendered_frames
@@ -140,12 +142,33 @@ def test_groups_take_each_camera_once_and_the_nearest_view():
         assert np.abs(offsets).max() <= 0.5 * task.period_s + 1e-9
 
 
+def test_figures_of_clocks_are_those_of_known_errors():
+    take = simulate_free_running(FREE_RUNNING_SCENES["both"], 1)
+    offsets, drifts, lines = np.array([(one.offset_s, one.drift, one.line_s) for one in take.timings]).T
+    middle = offsets + 2.0 * drifts
+    values = np.stack([middle + 1e-3, drifts, lines + 2e-6])
+    values[0, 4] = 0.0  # not observable
+    deviations = np.array([[5e-4] * 4 + [0.1], [1e-5] * 5, [1e-6] * 5])
+    deviations[2, 2] = 0.0
+    times = CameraTimes(values, np.diag(deviations.ravel() ** 2))
+    config = ContinuousConfig(True, True, "cam00")
+    found = time_figures(take, times, START_NS + 2 * 10**9, config)
+    assert found["offset_error"] == pytest.approx(1e-3) and found["offset_known"] == 0.75
+    assert found["offset_z2"] == pytest.approx((3 * 4.0 + (middle[4] / 0.1) ** 2) / 4.0)
+    assert found["drift_error"] == pytest.approx(0.0, abs=1e-12) and found["drift_known"] == 1.0
+    assert found["line_error"] == pytest.approx(2e-6) and found["line_z2"] == pytest.approx(4.0)
+    none = time_figures(take, times, START_NS, ContinuousConfig())
+    assert all(np.isnan(value) for value in none.values())
+
+
 def test_the_study_shows_speeds_clocks_and_a_plot(tmp_path):
     result = run_named("continuous", "--cases clocks --seeds 1 --seconds 2")
     study = parsed("continuous", ["--cases", "clocks"])
     lines = list(study.lines(result))
     assert "they reproduce no sequence of the paper" in lines[0]
-    assert any(line.startswith("clocks: ") and "RMS error of the offsets" in line for line in lines)
+    heading = lines.index("clocks and line delays, apart from the trusted camera")
+    assert "offset ms" in lines[heading + 2] and "z2" in lines[heading + 2]
+    assert any(line.split()[:1] == ["clocks"] and "%" in line for line in lines[heading + 3 : heading + 6])
     assert [row["method"] for row in result["rows"]] == list(METHODS)
     assert result["rows"][0]["mean_ratio"] == 1.0
     study.plot(tmp_path / "plot.png", result)
