@@ -60,6 +60,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="give what the online form would have said: each instant k / rate from the views up to SECONDS "
         "later (0: prediction); default: the whole recording",
     )
+    parser.add_argument(
+        "--capture-views",
+        type=within(int, 2, 1000),
+        metavar="N",
+        help="cameras whose fields of view must contain a person; with fewer, the person is a bystander; "
+        "default 3, or 2 where at most 3 cameras look at one place",
+    )
     parser.add_argument("--skeleton", default="auto", help="skeleton model; auto: that of the file's joints")
     parser.add_argument(
         "--clocks-out", type=output_file, metavar="FILE", help="file for clocks and line delays, as JSON"
@@ -86,6 +93,7 @@ def run(args: argparse.Namespace) -> int:
     )
     from panoptic_ros.running.continuous_online import check_online, solve_online
     from panoptic_ros.running.known_clocks import whole_clocks, with_saved_clocks
+    from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
     from panoptic_ros.view.clock_lines import camera_time_lines
     from panoptic_ros.view.progress import PassBar
 
@@ -96,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
         task = read_continuous_task(
             args.rig,
             args.detections,
-            (args.clocks, args.rolling_shutter, args.trusted_camera),
+            (args.clocks, args.rolling_shutter, args.trusted_camera, args.capture_views or CAPTURE_VIEWS),
             args.skeleton,
             capture=args.capture,
             bags=args.bag,

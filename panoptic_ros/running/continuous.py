@@ -23,6 +23,7 @@ from panoptic_ros.io.loading import parsing, read_bytes
 from panoptic_ros.io.recorded_people import AUTO, read_people
 from panoptic_ros.running.grouping import grouped, views_in_order
 from panoptic_ros.running.plans.rig_files import read_rig_at
+from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
 from panoptic_ros.stage import Notice, Progress, StageContext, untold
 from panoptic_ros.sync.far_views import without_far_views
 
@@ -54,7 +55,7 @@ class ContinuousTask:
 def read_continuous_task(
     rig: Path | None,
     detections: Path | None,
-    options: tuple[bool, bool, str] = (False, False, ""),
+    options: tuple[bool, bool, str, int] = (False, False, "", CAPTURE_VIEWS),
     skeleton: str = AUTO,
     *,
     capture: Path | None = None,

@@ -60,7 +60,10 @@ def solve_online(task: ContinuousTask, lag: float, rate: float, progress: Progre
         raise DataError(f"the recording has {only}; give 2D people of at least two cameras")
     found: list[RefinedPoseSet] = []
     told: list[Notice] = []
-    configs = configure({"continuous": {"active": True, "rate_hz": rate, "lag": lag}})
+    views_needed = task.config.capture_views
+    configs = configure(
+        {"continuous": {"active": True, "rate_hz": rate, "lag": lag, "capture_views": views_needed}}
+    )
     pipeline = Pipeline(
         configs,
         task.context,
