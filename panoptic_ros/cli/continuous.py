@@ -87,6 +87,7 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.io.plain_formats import write_skeletons
     from panoptic_ros.running.continuous import (
         check_instants,
+        check_outputs,
         read_continuous_task,
         read_instants,
         solve_continuous,
@@ -97,6 +98,7 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.view.clock_lines import camera_time_lines
     from panoptic_ros.view.progress import PassBar
 
+    check_outputs({"--out": args.out, "--clocks-out": args.clocks_out, "--curves": args.curves})
     if args.lag is not None:
         check_online(vars(args))
     stamps = read_instants(args.at) if args.at else None

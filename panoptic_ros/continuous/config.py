@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from panoptic_ros.params import Config, named_numbers, named_words, param
 from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
 
+MOST_HZ = 1000.0  # Hz, highest rate of the online form
+
 
 @dataclass(frozen=True, slots=True)
 class ContinuousConfig:
@@ -39,7 +41,7 @@ class ContinuousStageConfig(Config):
         50.0,
         unit="Hz",
         ge=0.1,
-        le=1000.0,
+        le=MOST_HZ,
         doc="Rate of the instants, at multiples of its period on the master clock.",
     )
     lag: float = param(
