@@ -73,7 +73,8 @@ class ContinuousPass:
         frames, notices = usable_views(seen, names)
         _check_cameras(frames, names)
         motion, faults, kept = self._motion(frames, progress)
-        faulty: set[int] = set()
+        told = {name for notice in notices for name in notice.values["views"]}
+        faulty = {names.index(name) for name in told}
         for _ in range(FAULT_ROUNDS):
             if not faults:
                 break
