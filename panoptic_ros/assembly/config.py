@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from panoptic_ros.params import Config, param
+from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +28,7 @@ class AssemblyConfig(Config):
         "in images of 640 x 480. In other images, the same share of the diagonal.",
     )
     capture_views: int = param(
-        3,
+        CAPTURE_VIEWS,
         ge=2,
         le=1000,
         doc="Cameras whose fields of view must contain a new person; with fewer, the person is a "

@@ -14,10 +14,8 @@ from panoptic_ros.assembly.judgement import (
     FEW_VIEWS,
     AcceptanceCriteria,
     AssembledPeople,
-    in_capture_space,
     judge_joints,
     kept_people,
-    needed_views,
 )
 from panoptic_ros.assembly.lost_people import with_lost_people
 from panoptic_ros.assembly.map_votes import VoteNoise, move_to_votes, vote_sigmas
@@ -32,6 +30,7 @@ from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import ContractError
 from panoptic_ros.geometry.robust import covariance_correction
 from panoptic_ros.solving.bodies import SkeletonArrays
+from panoptic_ros.solving.capture_space import in_capture_space, needed_views
 from panoptic_ros.solving.example import beside, cloud_of_joints, easy_associations
 from panoptic_ros.solving.joint_records import PersonCandidates, SolvedJoints, observed_views, view_sources
 from panoptic_ros.solving.joints import compile_claims, solve_joints, solve_without

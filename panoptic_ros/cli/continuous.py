@@ -78,6 +78,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="with --preset: capture folder whose images are fitted, as in the paper, instead of 2D joints",
     )
+    parser.add_argument(
+        "--capture-views",
+        type=within(int, 2, 1000),
+        metavar="N",
+        help="cameras whose fields of view must contain a person; with fewer, the person is a bystander; "
+        "default 3, or 2 where at most 3 cameras look at one place",
+    )
     parser.add_argument("--skeleton", default="auto", help="skeleton model; auto: that of the file's joints")
     parser.add_argument(
         "--clocks-out", type=output_file, metavar="FILE", help="file for clocks and line delays, as JSON"
@@ -98,6 +105,7 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.io.plain_formats import write_skeletons
     from panoptic_ros.running.continuous import (
         check_instants,
+        check_outputs,
         read_continuous_task,
         read_instants,
         solve_continuous,
@@ -106,9 +114,11 @@ def run(args: argparse.Namespace) -> int:
     from panoptic_ros.running.continuous_online import check_online, solve_online
     from panoptic_ros.running.continuous_preset import check_preset, solve_preset
     from panoptic_ros.running.known_clocks import whole_clocks, with_saved_clocks
+    from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
     from panoptic_ros.view.clock_lines import camera_time_lines
     from panoptic_ros.view.progress import PassBar
 
+    check_outputs({"--out": args.out, "--clocks-out": args.clocks_out, "--curves": args.curves})
     if args.lag is not None:
         check_online(vars(args))
     check_preset(vars(args))
@@ -117,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
         task = read_continuous_task(
             args.rig,
             args.detections,
-            (args.clocks, args.rolling_shutter, args.trusted_camera),
+            (args.clocks, args.rolling_shutter, args.trusted_camera, args.capture_views or CAPTURE_VIEWS),
             args.skeleton,
             capture=args.capture,
             bags=args.bag,

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from panoptic_ros.params import Config, named_numbers, named_words, param
+from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
+
+MOST_HZ = 1000.0  # Hz, highest rate of the online form
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,11 +18,14 @@ class ContinuousConfig:
         clocks: estimate the clocks of the cameras.
         rolling_shutter: estimate their line delays.
         trusted_camera: (name) camera whose clock and line delay are right. "" = most clocks, or their mean.
+        capture_views: number of cameras whose fields of view must contain a person, see
+            `assembly.capture_views`.
     """
 
     clocks: bool = False
     rolling_shutter: bool = False
     trusted_camera: str = ""
+    capture_views: int = CAPTURE_VIEWS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +41,7 @@ class ContinuousStageConfig(Config):
         50.0,
         unit="Hz",
         ge=0.1,
-        le=1000.0,
+        le=MOST_HZ,
         doc="Rate of the instants, at multiples of its period on the master clock.",
     )
     lag: float = param(
@@ -53,6 +59,13 @@ class ContinuousStageConfig(Config):
         le=1.0,
         doc="Live: longest time, in capture time, by which a view may arrive after later views of other "
         "cameras. Instants wait for it.",
+    )
+    capture_views: int = param(
+        CAPTURE_VIEWS,
+        ge=2,
+        le=1000,
+        doc="Cameras whose fields of view must contain a new person; the same as assembly.capture_views, "
+        "which is the default.",
     )
     clocks: tuple[str, ...] = param(
         (), doc="Devices whose clocks stamp cameras; the same as sync.clocks, which is the default."

@@ -15,6 +15,7 @@ from panoptic_ros.continuous.bones import (
     pair_distances,
     rigid_pairs,
 )
+from panoptic_ros.continuous.bystanders import are_inside
 from panoptic_ros.continuous.curves import ORDER, KnotGrid
 from panoptic_ros.continuous.follow import ViewTrack, ViewTracker, pairing_time_of
 from panoptic_ros.continuous.instant import CameraRows, InstantFit, fit_instant, window_rays
@@ -37,6 +38,7 @@ from panoptic_ros.domain.of_all import joined
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.geometry.splines import control_points
 from panoptic_ros.identity.returns import RETURN_S
+from panoptic_ros.solving.capture_space import CAPTURE_VIEWS, needed_views
 from panoptic_ros.solving.frames import CameraFrame
 from panoptic_ros.solving.joint_noise import JointNoiseModel
 
@@ -112,6 +114,7 @@ class OnlinePerson:
         noise: Learnt noise and stiffness. None before the first learning.
         distances: Newest measurements of the lengths.
         bones: Learnt lengths. None before there are enough measurements.
+        inside: Whether the person was in the capture space; others are not reported.
     """
 
     id: int
@@ -121,6 +124,7 @@ class OnlinePerson:
     noise: LearntNoise | None = None
     distances: PairDistances | None = None
     bones: LearntLengths | None = None
+    inside: bool = False
 
 
 class OnlineMotion:
@@ -128,9 +132,11 @@ class OnlineMotion:
 
     Args:
         arrays: cameras.
+        capture_views: see `ContinuousStageConfig`.
     """
 
-    def __init__(self, arrays: RigArrays, skeleton: SkeletonModel):
+    def __init__(self, arrays: RigArrays, skeleton: SkeletonModel, capture_views: int = CAPTURE_VIEWS):
+        self._needed_views = needed_views(capture_views, arrays.cameras)
         self._arrays, self._mirror = arrays, np.array(skeleton.mirror)
         self._pairs, self._derived = rigid_pairs(skeleton), skeleton.derived
         self._search = ReturnSearch(skeleton, self._pairs)
@@ -181,12 +187,14 @@ class OnlineMotion:
     def at(self, time: float) -> list[PersonInstant]:
         """Return the people at a time (s), by id, from the views that were taken. Nothing is changed.
 
-        People whose noise is not known yet are left out.
+        People whose noise is not known yet are left out, and so are bystanders.
         """
         period = self._periods.typical
         found = []
         for person in self._people.values():
-            if person.noise is not None and was_seen(np.array([time]), person.seen.times)[0]:
+            if person.noise is None or not person.inside:
+                continue
+            if was_seen(np.array([time]), person.seen.times)[0]:
                 fit = self._fit(person, person.noise, time)
                 rays = fit.rays.weighted
                 evidence = RayEvidence.of(
@@ -277,8 +285,23 @@ class OnlineMotion:
             new = PairDistances(*(np.concatenate(both, axis=1) for both in zip(person.distances, new)))
         person.distances = PairDistances(*(part[:, -KEPT_DISTANCES:] for part in new))
         person.learnt_at = person.track.last
+        person.inside = person.inside or self._is_inside(person)
         if person.distances.lengths.shape[1] >= LEAST_DISTANCES:
             person.bones = learn_lengths(person.distances)
+
+    def _is_inside(self, person: OnlinePerson) -> bool:
+        """Return whether a person is in the capture space."""
+        track, seen = person.track, person.seen
+        inside = are_inside(
+            np.array([track.time]),
+            track.positions[None],
+            seen.times,
+            seen.cameras,
+            self._periods.typical,
+            self._arrays.cameras,
+            self._needed_views,
+        )
+        return bool(inside[0])
 
     def _fit(self, person: OnlinePerson, noise: LearntNoise, time: float) -> InstantFit:
         """Return the joints of a person at a time (s)."""

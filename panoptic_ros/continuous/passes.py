@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from panoptic_ros.continuous.bones import rigid_pairs
+from panoptic_ros.continuous.bystanders import are_inside
 from panoptic_ros.continuous.clocks import MARGIN_S, CameraTimes, FreeClocks, estimate_times
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.faults import (
@@ -25,6 +26,7 @@ from panoptic_ros.continuous.returns import with_identities
 from panoptic_ros.continuous.stamps import partial_notices, usable_views
 from panoptic_ros.domain.rig_arrays import RigArrays
 from panoptic_ros.errors import DataError, UsageError
+from panoptic_ros.solving.capture_space import needed_views
 from panoptic_ros.solving.frames import CameraFrame, camera_frames
 from panoptic_ros.solving.spans import telling_spans
 from panoptic_ros.stage import Progress, Recording, StageContext, part_of
@@ -33,6 +35,7 @@ Array = np.ndarray
 CLOCK_ROUNDS = 2  # association and clocks in turn: wrong clocks cost some views of fast people
 LEAST_VIEWS = 4  # minimum number of views of a person in a part that is used for clocks
 UNKNOWN_PERIOD_S = 0.1  # s between frames where no camera has two
+INSIDE_EVERY = 10  # views of a person from one test of its place to the next
 FAULT_ROUNDS = 2  # number of repetitions without views whose timestamps contradict the others
 CLOCKS_SHARE = 0.5  # share of the run time for clocks
 
@@ -57,6 +60,7 @@ class ContinuousPass:
         self._pairs = rigid_pairs(context.skeleton)
         self._mirror = np.array(context.skeleton.mirror)
         self._trusted = rig.names.index(trusted) if trusted else -1
+        self._needed_views = needed_views(config.capture_views, rig.cameras)
 
     def run(self, recording: Recording, progress: Progress) -> ContinuousMotion:
         """Return the motion of all people.
@@ -69,7 +73,8 @@ class ContinuousPass:
         frames, notices = usable_views(seen, names)
         _check_cameras(frames, names)
         motion, faults, kept = self._motion(frames, progress)
-        faulty: set[int] = set()
+        told = {name for notice in notices for name in notice.values["views"]}
+        faulty = {names.index(name) for name in told}
         for _ in range(FAULT_ROUNDS):
             if not faults:
                 break
@@ -100,17 +105,20 @@ class ContinuousPass:
         progress(begin, "associating views")
         tracks = follow(ordered, times, self._arrays, self._mirror)
         people = []
+        period = float(np.median(camera_periods(frames, stamps) or [UNKNOWN_PERIOD_S]))
         share = part_of(progress, begin, 1.0)
         for k, track in enumerate(tracks):
             share(k / len(tracks), "fitting curves")
-            people.append(self._person(k, track, ordered, stamps[order], times, clocks))
+            person = self._person(k, track, ordered, stamps[order], times, clocks)
+            if self._was_inside(person, track, ordered, times, period):
+                people.append(person)
         progress(1.0, "fitting curves")
         motion = ContinuousMotion(
             tuple(with_identities(people, self._skeleton, self._pairs)),
             reference,
             reference + round(1e9 * float(times[0])),
             reference + round(1e9 * float(times[-1])),
-            float(np.median(camera_periods(frames, stamps) or [UNKNOWN_PERIOD_S])),
+            period,
             self._rig.names,
             clocks,
             self._skeleton.hash,
@@ -145,6 +153,23 @@ class ContinuousPass:
         seen = np.sort(times[[entry.frame for entry in track.entries]])
         person = fit_person(number, rays, clocks.times(rays), seen, self._arrays, self._pairs)
         return person.with_derived(self._skeleton.derived)
+
+    def _was_inside(
+        self,
+        person: PersonCurve,
+        track: ViewTrack,
+        frames: Sequence[CameraFrame],
+        times: Array,
+        period: float,
+    ) -> bool:
+        """Return whether a person was in the capture space at any time."""
+        rows = [entry.frame for entry in track.entries]
+        cameras = np.array([frames[row].camera for row in rows])
+        instants = person.seen[::INSIDE_EVERY]
+        at = person.at(instants)
+        rig = self._rig.cameras
+        inside = are_inside(instants, at, times[rows], cameras, period, rig, self._needed_views)
+        return bool(inside.any())
 
     def _estimate(
         self, frames: Sequence[CameraFrame], stamps: Array, clocks: CameraTimes, progress: Progress

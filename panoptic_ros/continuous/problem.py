@@ -249,10 +249,18 @@ class CurveProblem:
         self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads, self._inside)
 
     def solve(self, rounds: int = ROUNDS) -> CurveFit:
-        """Return the curves after all iterations; the robust weights sharpen from one to the next."""
+        """Return the curves after all iterations; the robust weights sharpen from one to the next.
+
+        The noise is learnt with the final scale of the weights only. Before, outliers bend the curves, and a
+        joint that some cameras see elsewhere would pass as a noisy one.
+        """
         for k in range(rounds):
-            fit = self.fit()
-            self.learn(fit, self.compare(fit), cauchy_of(k + 1))
+            fit, scale = self.fit(), cauchy_of(k + 1)
+            at = self.compare(fit, scale)
+            if scale > CAUCHY:
+                self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads)
+            else:
+                self.learn(fit, at)
         fit = self.fit()
         self.compare(fit)
         return fit

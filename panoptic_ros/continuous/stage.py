@@ -125,7 +125,7 @@ class ContinuousStage(Stateful):
             {camera.name: camera.clock for camera in self._rig.cameras}, config.clocks, config.delays_ms
         )
         self._order = ViewOrder(self._rig.names, round(config.wait_s * SECOND))
-        self._motion = OnlineMotion(self._arrays, self._skeleton)
+        self._motion = OnlineMotion(self._arrays, self._skeleton, config.capture_views)
         self._next: int | None = None  # number k of the next instant
         self._index = 0  # number of instants given so far
         self._reference_ns: int | None = None  # origin of the times of the motion

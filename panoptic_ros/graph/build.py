@@ -18,6 +18,7 @@ SHARED = {
     ("offsets", "delays_ms"): ("sync", "delays_ms"),
     ("continuous", "delays_ms"): ("sync", "delays_ms"),
     ("continuous", "clocks"): ("sync", "clocks"),
+    ("continuous", "capture_views"): ("assembly", "capture_views"),
     ("clocks", "master_clock"): ("sync", "master_clock"),
 }
 NEEDED = {("assembly", "method", "dynamic_programming"): {"voting": {"parts": True, "without_maps": True}}}

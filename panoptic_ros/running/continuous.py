@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import numpy as np
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.motion_result import ContinuousMotion
 from panoptic_ros.continuous.passes import ContinuousPass
+from panoptic_ros.domain import ViewDetections
 from panoptic_ros.errors import DataError, UsageError, shown
 from panoptic_ros.evaluation.nobody import why_nobody
 from panoptic_ros.evaluation.rig_check import check_rig
@@ -23,11 +24,13 @@ from panoptic_ros.io.loading import parsing, read_bytes
 from panoptic_ros.io.recorded_people import AUTO, read_people
 from panoptic_ros.running.grouping import grouped, views_in_order
 from panoptic_ros.running.plans.rig_files import read_rig_at
+from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
 from panoptic_ros.stage import Notice, Progress, StageContext, untold
 from panoptic_ros.sync.far_views import without_far_views
 
 Array = np.ndarray
 COLUMN = "stamp_ns"
+LEAST_PERIOD_NS = 20_000  # ns, between two images of the fastest cameras, at 50 kHz
 DETECTION_FILES = ("detections.json.gz", "detections.json")  # files of 2D people in a capture folder
 
 
@@ -53,7 +56,7 @@ class ContinuousTask:
 def read_continuous_task(
     rig: Path | None,
     detections: Path | None,
-    options: tuple[bool, bool, str] = (False, False, ""),
+    options: tuple[bool, bool, str, int] = (False, False, "", CAPTURE_VIEWS),
     skeleton: str = AUTO,
     *,
     capture: Path | None = None,
@@ -70,7 +73,20 @@ def read_continuous_task(
     Raises:
         UserError: on any input fault that the user can fix.
     """
-    config = ContinuousConfig(*options)
+    task = _read_task(rig, detections, ContinuousConfig(*options), skeleton, capture, bags, progress)
+    _check_unit(views_in_order(task.recording.records("detection_sets")))
+    return task
+
+
+def _read_task(
+    rig: Path | None,
+    detections: Path | None,
+    config: ContinuousConfig,
+    skeleton: str,
+    capture: Path | None,
+    bags: Sequence[Path],
+    progress: Progress,
+) -> ContinuousTask:
     sources = {"--detections": detections, "a capture folder": capture, "--bag": bags}
     given = [name for name, source in sources.items() if source]
     if len(given) != 1:
@@ -119,6 +135,24 @@ def without_wrong_stamps(task: ContinuousTask) -> ContinuousTask:
     return replace(task, recording=recording, notices=(*task.notices, *(notice.text for notice in far)))
 
 
+def _check_unit(views: Sequence[ViewDetections]) -> None:
+    """Check that timestamps can be in nanoseconds.
+
+    Raises:
+        DataError: if most views of a camera follow each other faster than any camera exposes.
+    """
+    stamps: dict[str, list[int]] = {}
+    for view in views:
+        stamps.setdefault(view.camera, []).append(view.stamp_ns)
+    for camera, own in stamps.items():
+        steps = np.diff(np.unique(own))
+        if len(steps) and np.median(steps) < LEAST_PERIOD_NS:
+            raise DataError(
+                f"views of camera {camera} are {np.median(steps):.0f} ns apart, too near for any camera; "
+                "give stamps in nanoseconds"
+            )
+
+
 def solve_continuous(task: ContinuousTask, progress: Progress) -> ContinuousMotion:
     """Return the motion of all people.
 
@@ -153,14 +187,35 @@ def read_instants(path: Path) -> Array:
         for row in rows:
             text = row[COLUMN]
             try:
-                stamps.append(np.int64(int(text)))
+                stamp = np.int64(int(text))
             except (TypeError, ValueError, OverflowError):
+                stamp = np.int64(-1)
+            if stamp < 0:
                 raise DataError(
-                    f"{path}, line {rows.line_num}: {COLUMN} = {shown(text)} is not an integer number of ns"
-                ) from None
+                    f"{path}, line {rows.line_num}: {COLUMN} = {shown(text)} is not an integer number of ns, "
+                    "0 or more"
+                )
+            stamps.append(stamp)
     if not stamps:
         raise DataError(f"{path} has no row; give one instant per row")
     return np.unique(stamps)
+
+
+def check_outputs(files: Mapping[str, Path | None]) -> None:
+    """Check that no two options name the same file.
+
+    Args:
+        files: the file of each option, None = not given.
+
+    Raises:
+        UsageError: naming both options and the file.
+    """
+    names: dict[Path, str] = {}
+    for name, path in files.items():
+        if path is not None:
+            other = names.setdefault(path.resolve(), name)
+            if other != name:
+                raise UsageError(f"{other} and {name} name the same file, {path}; name two files")
 
 
 def check_instants(stamps: Array, motion: ContinuousMotion) -> list[str]:

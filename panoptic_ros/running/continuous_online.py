@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from panoptic_ros.continuous.config import MOST_HZ
 from panoptic_ros.domain import RefinedPoseSet
 from panoptic_ros.errors import DataError, UsageError
 from panoptic_ros.graph.build import configure
@@ -33,15 +34,17 @@ class OnlineResult(NamedTuple):
 
 
 def check_online(options: Mapping[str, Any]) -> None:
-    """Check that no option of `panoptic continuous` needs the whole recording.
+    """Check that the online form can do as the options of `panoptic continuous` say.
 
     Raises:
-        UsageError: naming the option.
+        UsageError: naming an option that needs the whole recording, or a rate that is too high.
     """
     words = ("at", "clocks", "rolling_shutter", "trusted_camera", "clocks_out", "curves", "preset")
     given = [f"--{word.replace('_', '-')}" for word in words if options[word]]
     if given:
         raise UsageError(f"--lag does not go with {' and '.join(given)}, which need the whole recording")
+    if options["rate"] > MOST_HZ:
+        raise UsageError(f"--rate {options['rate']:g} with --lag is above {MOST_HZ:g} Hz; give a lower rate")
 
 
 def solve_online(task: ContinuousTask, lag: float, rate: float, progress: Progress) -> OnlineResult:
@@ -60,7 +63,10 @@ def solve_online(task: ContinuousTask, lag: float, rate: float, progress: Progre
         raise DataError(f"the recording has {only}; give 2D people of at least two cameras")
     found: list[RefinedPoseSet] = []
     told: list[Notice] = []
-    configs = configure({"continuous": {"active": True, "rate_hz": rate, "lag": lag}})
+    views_needed = task.config.capture_views
+    configs = configure(
+        {"continuous": {"active": True, "rate_hz": rate, "lag": lag, "capture_views": views_needed}}
+    )
     pipeline = Pipeline(
         configs,
         task.context,

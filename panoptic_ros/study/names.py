@@ -61,6 +61,10 @@ STUDIES: dict[str, tuple[str, str]] = {  # value: (MODULE:CLASS inside this pack
         "motion from cameras that were never synchronised, by the speed of joints (Elhayek et al. 2012, "
         "Fig. 8)",
     ),
+    "continuous-time": (
+        "continuous.cost:ContinuousTime",
+        "continuous time: processor time and memory by the length of a recording, and time of an answer",
+    ),
     "detection": (
         "detection.detection:Detection",
         "processor time and accuracy of rationed detection, regions and propagation, beside detection at "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -104,12 +105,19 @@ def test_folder_file_and_bag_give_the_same_bytes(
             "--images does not go with --offsets",
         ),
         (["FOLDER", "--preset", "elhayek-2012", "--lag", "0.1"], "--lag does not go with --preset"),
+        (["FOLDER", "--capture-views", "1"], "'1' is not a whole number from 2"),
+        (["FOLDER", "--lag", "0.1", "--rate", "5000"], "--rate 5000 with --lag is above 1000 Hz"),
+        (["FOLDER", "--curves", "OUT"], "--out and --curves name the same file"),
+        (["FOLDER", "--curves", "x", "--clocks-out", "./x"], "--clocks-out and --curves name the same"),
     ],
 )
 def test_bad_options_are_one_line_and_exit_2(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], says: str
 ) -> None:
-    assert run(tmp_path, *(word.replace("FOLDER", str(folder)) for word in words)) == 2
+    places = {"FOLDER": str(folder), "OUT": str(tmp_path / "s.json.gz")}
+    for name, place in places.items():
+        words = [word.replace(name, place) for word in words]
+    assert run(tmp_path, *words) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("panoptic continuous: ") and says.replace("FOLDER", str(folder)) in line
     assert list(tmp_path.iterdir()) == []
@@ -156,6 +164,7 @@ def test_images_go_through_the_detector_or_name_what_is_missing(
         ("stamp_ns\nnoon\n", "line 2: stamp_ns = 'noon'"),
         ("a,stamp_ns\n1,2\n3\n", "line 3: stamp_ns = None"),
         (f"stamp_ns\n{10**30}\n", "line 2: stamp_ns = '1000"),
+        ("stamp_ns\n5\n-5\n", "line 3: stamp_ns = '-5' is not an integer number of ns, 0 or more"),
         ("stamp_ns\n1\n2\n", "all 2 instants of --at are outside of the recording, 10000125"),
     ],
 )
@@ -234,6 +243,20 @@ def test_a_rig_that_does_not_fit_is_named(
     assert "none of the joints joint0" in capsys.readouterr().err
 
 
+def test_stamps_in_milliseconds_are_named(
+    capture: FreeCapture, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sets = [
+        replace(s, views=(replace(s.views[0], stamp_ns=s.views[0].stamp_ns // 10**6),)) for s in capture.sets
+    ]
+    folder = write(tmp_path / "c", capture.rig, sets)
+    for words in ((), ("--lag", "0.1")):
+        assert run(tmp_path, folder, *words) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert "views of camera cam0 are 100 ns apart" in line and "in nanoseconds" in line
+    assert not (tmp_path / "s.json.gz").exists()
+
+
 def test_frames_that_run_backwards_are_used(
     capture: FreeCapture, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -255,6 +278,33 @@ def test_clocks_of_people_who_stand_are_not_observable(
     assert told.out.count("clock not observable, stamps kept") == 3
     document = json.loads((tmp_path / "clocks.json").read_text())
     assert all(row["offset_s"] == 0.0 and row["offset_sd_s"] > 0.012 for row in document["cameras"].values())
+
+
+@pytest.mark.parametrize(("largest", "whole"), [(2_000, []), (40_000, ["c.json", "s.json.gz"])])
+def test_a_full_disk_leaves_whole_files_only(
+    folder: Path, tmp_path: Path, largest: int, whole: list[str]
+) -> None:
+    """A limit on the size of files stands for the full disk."""
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+
+    words = ["continuous", str(folder), "--rate", "4", "--out", str(tmp_path / "s.json.gz")]
+    words += ["--clocks-out", str(tmp_path / "c.json"), "--curves", str(tmp_path / "c.npz")]
+    done = subprocess.run(
+        [sys.executable, "-m", "panoptic_ros.cli.main", *words],
+        preexec_fn=limit,
+        capture_output=True,
+        text=True,
+        timeout=120.0,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    (line,) = done.stderr.splitlines()
+    assert done.returncode == 2 and line.startswith("panoptic continuous: cannot write")
+    assert sorted(path.name for path in tmp_path.iterdir()) == whole
+    if whole:
+        assert len(read_skeletons(tmp_path / "s.json.gz").frames) == 10
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

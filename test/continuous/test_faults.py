@@ -58,6 +58,14 @@ def test_a_clock_that_jumps_is_left_out_from_there_on(capture):
     assert np.isfinite(errors).all() and errors.mean() < 0.006
 
 
+def test_a_camera_whose_stamps_jump_far_is_named_once(capture):
+    motion = solved(capture, moved(capture, "cam3", 7.0, since_s=3.0))
+    (notice,) = motion.notices
+    assert notice.code == "continuous.stray_stamps" and notice.values["views"] == {"cam3": 30}
+    errors = capture.errors(motion, TIMES)
+    assert np.isfinite(errors).all() and errors.mean() < 0.006
+
+
 def test_clocks_are_not_spoilt_by_a_camera_that_is_off(capture):
     motion = solved(capture, moved(capture, "cam3", 1.0), clocks=True)
     values, known = motion.clocks.values[0], motion.clocks.observable[0]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import free_cameras
 import numpy as np
 import pytest
-from free_cameras import START_NS, FreeCapture
+from free_cameras import START_NS, CaptureWithBystander, FreeCapture
 
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.passes import ContinuousPass
@@ -57,9 +57,11 @@ def test_views_that_lie_do_no_harm():
     assert np.isfinite(errors).all() and errors.mean() < 0.006 and np.quantile(errors, 0.99) < 0.03
 
 
-def test_a_joint_that_two_cameras_see_elsewhere_for_long_is_where_the_others_see_it():
+@pytest.mark.parametrize(  # px, by camera
+    "wrong", [{2: (-34.0, -20.0), 4: (3.0, -40.0)}, {0: (16.0, 37.0), 3: (-22.0, 33.0)}]
+)
+def test_a_joint_that_two_cameras_see_elsewhere_for_long_is_where_the_others_see_it(wrong):
     wrist = free_cameras.captures.SKELETON.joint_names.index("lWrist")
-    wrong = {2: (-34.0, -20.0), 4: (3.0, -40.0)}  # px
 
     def spoil(pixels, rng, camera):
         pixels[:, wrist] += wrong.get(camera, (0.0, 0.0))
@@ -170,3 +172,12 @@ def test_instants_without_people_have_all_joints():
     motion = solved(capture)
     (item,) = motion.sets([motion.first_ns])
     assert motion.people == () and item.positions.shape == (0, 19, 3)
+
+
+def test_people_where_only_two_cameras_look_are_left_out_unless_asked_for():
+    capture = CaptureWithBystander(cameras=5, rate=15.0, seconds=2.0)
+    inside, found = solved(capture), solved(capture, capture_views=2)
+    assert [person.id for person in inside.people] == [0]
+    assert sorted(person.id for person in found.people) == [0, 1]
+    errors = capture.errors(inside, TIMES[TIMES < 1.7])
+    assert np.isfinite(errors[0]).all() and np.isnan(errors[1]).all()

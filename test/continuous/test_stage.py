@@ -6,7 +6,7 @@ from itertools import pairwise
 import captures
 import numpy as np
 import pytest
-from free_cameras import START_NS, FreeCapture
+from free_cameras import START_NS, CaptureWithBystander, FreeCapture
 
 from panoptic_ros.domain import ClockModel, JointState, Rig
 from panoptic_ros.errors import ConfigError, DataError
@@ -293,3 +293,15 @@ def test_faults_of_input_and_configuration_are_named():
     assert new(one, active=False).step(VIEWS[0]).outputs == ()
     with pytest.raises(ConfigError, match="lag = 1.5 is above 1.0 s"):
         new(lag=1.5)
+
+
+def test_people_where_only_two_cameras_look_are_left_out_unless_asked_for():
+    views = views_of(CaptureWithBystander(cameras=5, rate=15.0, seconds=1.5))
+    for needed, people in ((3, 1), (2, 2)):
+        stage = make_stage(
+            "continuous",
+            configure({"continuous": {"active": True}, "assembly": {"capture_views": needed}})["continuous"],
+            CaptureWithBystander(cameras=5, seconds=0.1).context,
+        )
+        sets, _ = play(stage, views)
+        assert [len(item.ids) for item in sets[-20:-5]] == [people] * 15

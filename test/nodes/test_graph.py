@@ -15,7 +15,7 @@ from panoptic_ros.cli.main import main
 from panoptic_ros.domain import Occluders, Rig, VisibilityLimit
 from panoptic_ros.io.bags import BagReader
 from panoptic_ros.io.messages import from_message
-from panoptic_ros.io.plain_formats import read_skeletons
+from panoptic_ros.io.plain_formats import read_skeletons, write_skeletons
 
 pytest.importorskip("rclpy")
 pytestmark = pytest.mark.ros
@@ -64,6 +64,26 @@ def test_instants_of_free_cameras_are_the_same_in_one_process_and_in_one_node(tm
         with BagReader(tmp_path / out / "bag") as bag_of_run:
             found[out] = [str(message) for _, _, message in bag_of_run.messages("/skeletons_at")]
     assert len(found["node"]) > 100 and found["node"] == found["process"]
+
+
+def test_instants_of_a_bag_are_those_of_the_graph(tmp_path):
+    """`panoptic continuous --lag` reads the bag, a run in one process and one with nodes play it."""
+    capture = FreeCapture(seconds=2.0)
+    bag = write_bag(tmp_path / "bag", [item.views[0] for item in capture.sets], capture.rig)
+    words = ["--bag", str(bag), "--lag", "0.05", "--rate", "40", "--out", str(tmp_path / "bag.json.gz")]
+    assert main(["continuous", *words]) == 0
+    settings = [f"--set=continuous.{text}" for text in ("active=true", "lag=0.05", "rate_hz=40")]
+    for out, more in (("process", ["--in-process"]), ("node", [])):
+        run = ["run", "--bag", str(bag), "--no-pictures", *settings, "--out", str(tmp_path / out), *more]
+        assert main(run) == 0
+        with BagReader(tmp_path / out / "bag") as bag_of_run:
+            sets = [
+                from_message(message, "RefinedPoseSet")
+                for _, _, message in bag_of_run.messages("/skeletons_at")
+            ]
+        write_skeletons(tmp_path / f"{out}.json.gz", captures.SKELETON.joint_names, sets)
+        assert (tmp_path / f"{out}.json.gz").read_bytes() == (tmp_path / "bag.json.gz").read_bytes()
+    assert len(read_skeletons(tmp_path / "bag.json.gz").frames) == 79
 
 
 def test_rolling_shutters_give_the_same_bytes_with_and_without_ros(tmp_path):

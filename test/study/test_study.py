@@ -31,6 +31,7 @@ SMALLEST = {  # options of the smallest case
     "captures": "--scenes body-leaves --seeds 1",
     "clocks": "--minutes 0.2 --only midnight",
     "continuous": "--cases free --seeds 1 --seconds 2",
+    "continuous-time": "--seconds 2 --times 2",
     "devices": "--scenes body-walk --seeds 1",
     "kinematics": "--scenes body-walk --seeds 1",
     "kinematics-inputs": "--scenes body-walk --cameras 1",

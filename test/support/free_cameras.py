@@ -85,7 +85,8 @@ class FreeCapture:
         return pixels
 
     def _set(self, index, stamp, camera, points):
-        scores = np.full(points.shape[:2], 0.9)
+        points = points[np.isfinite(points).any(axis=(1, 2))]  # a camera does not see people behind it
+        scores = np.where(np.isfinite(points).all(axis=-1), 0.9, 0.0)
         view = ViewDetections(
             camera.name,
             stamp,
@@ -109,3 +110,12 @@ class FreeCapture:
                 nearest = int(np.nanmean(gaps, axis=1).argmin())
                 found[nearest, t] = gaps[nearest]
         return found
+
+
+class CaptureWithBystander(FreeCapture):
+    """The second person stands behind the first of five cameras, where only two of them look."""
+
+    def joints(self, time_s):
+        body, angle = super().joints(time_s)[0], 0.2 * 2.0 * np.pi / 5
+        behind = 6.3 * np.array([np.cos(angle), np.sin(angle)])
+        return np.stack([body, captures.person(tuple(behind), 0.3 * np.sin(time_s))])

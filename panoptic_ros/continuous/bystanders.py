@@ -1,0 +1,37 @@
+"""Bystanders: people who never stand where enough cameras look, see `solving.capture_space`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from panoptic_ros.domain import Camera
+from panoptic_ros.solving.capture_space import in_capture_space
+
+Array = np.ndarray
+
+
+def are_inside(
+    instants: Array,
+    positions: Array,
+    times: Array,
+    of_cameras: Array,
+    period: float,
+    cameras: Sequence[Camera],
+    needed: int,
+) -> Array:
+    """Return whether a person is in the capture space at instants (T,) s.
+
+    Args:
+        positions: (T, J, 3) m, NaN = missing.
+        times, of_cameras: (V,) s, sorted, and indices of the cameras of the views that show the person.
+        period: (s) time within which a camera exposes.
+        needed: see `needed_views`.
+    """
+    first, last = (
+        np.searchsorted(times, instants - period),
+        np.searchsorted(times, instants + period, "right"),
+    )
+    supporting = np.array([len(np.unique(of_cameras[a:b])) for a, b in zip(first, last)])
+    return in_capture_space(positions, supporting, cameras, needed)
