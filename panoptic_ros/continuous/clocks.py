@@ -188,7 +188,8 @@ def _linearise(problems: Sequence[CurveProblem], values: Array, cauchy: float) -
     """
     cameras = values.shape[1]
     size = TERMS * cameras
-    sums = _Sums(*(np.zeros((size, size)) for _ in range(3)), np.zeros(size))
+    information, blur, scatter = np.zeros((3, size, size))
+    sums = _Sums(information, blur, scatter, np.zeros(size))
     for problem in problems:
         factors = factors_of(problem.seen)
         problem.times = problem.seen.stamps + (values[:, problem.seen.cameras].T * factors).sum(1)

@@ -258,7 +258,7 @@ class CurveProblem:
             fit, scale = self.fit(), cauchy_of(k + 1)
             at = self.compare(fit, scale)
             if scale > CAUCHY:
-                self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads)
+                self.stiffness = learn_stiffness(self.stiffness, fit.differences, fit.spreads, self._inside)
             else:
                 self.learn(fit, at)
         fit = self.fit()
