@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from panoptic_ros.continuous.bones import INTERVAL_S, PairDistances, learn_lengths
+from panoptic_ros.continuous.bones import CORRELATION_S, INTERVAL_S, PairDistances, learn_lengths
 from panoptic_ros.continuous.config import ContinuousConfig
 from panoptic_ros.continuous.passes import ContinuousPass
 from panoptic_ros.graph.build import configure
@@ -51,7 +51,7 @@ def test_ids_of_people_who_leave_and_come_back_are_those_of_solve(seed):
 
 def test_variances_of_lengths_are_those_of_their_errors():
     rng = np.random.default_rng(0)
-    step = np.exp(-INTERVAL_S / 0.2)  # correlation of successive distances
+    step = np.exp(-INTERVAL_S / CORRELATION_S)  # correlation of successive distances
     errors = []
     for _ in range(200):
         noise = rng.standard_normal((4, 500))
