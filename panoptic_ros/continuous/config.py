@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from panoptic_ros.params import Config, named_numbers, named_words, param
+from panoptic_ros.params import Config, named_words, param
+from panoptic_ros.stamps.delays import named_delays
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,4 +65,4 @@ class ContinuousStageConfig(Config):
     def __post_init__(self) -> None:
         Config.__post_init__(self)
         named_words("ContinuousStageConfig.clocks", self.clocks)
-        named_numbers("ContinuousStageConfig.delays_ms", self.delays_ms)
+        named_delays("ContinuousStageConfig.delays_ms", self.delays_ms)
