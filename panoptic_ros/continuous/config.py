@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from panoptic_ros.params import Config, named_numbers, named_words, param
+from panoptic_ros.params import Config, named_words, param
 from panoptic_ros.solving.capture_space import CAPTURE_VIEWS
+from panoptic_ros.stamps.delays import named_delays
 
 MOST_HZ = 1000.0  # Hz, highest rate of the online form
 
@@ -77,4 +78,4 @@ class ContinuousStageConfig(Config):
     def __post_init__(self) -> None:
         Config.__post_init__(self)
         named_words("ContinuousStageConfig.clocks", self.clocks)
-        named_numbers("ContinuousStageConfig.delays_ms", self.delays_ms)
+        named_delays("ContinuousStageConfig.delays_ms", self.delays_ms)

@@ -122,20 +122,24 @@ def write_clocks(path: Path, clocks: CameraClocks, reference_ns: int) -> None:
     _write(path, reference_ns, cameras)
 
 
-def write_models(path: Path, models: Mapping[str, ClockModel], delays_ms: Mapping[str, float]) -> None:
+def write_models(path: Path, models: Mapping[str, ClockModel], delays: Mapping[str, StampLine]) -> None:
     """Write the final clock models of a run, added to the configured delays.
 
     Args:
         models: clock models by camera, at least one. The offsets hold at the newest of their references.
-        delays_ms: configured delays by camera, ms. A camera with a delay but no model keeps the delay,
-            without a standard deviation.
+        delays: configured delays by camera. A camera with a delay but no model keeps the delay, without
+            standard deviations.
     """
     reference = max(model.reference_ns for model in models.values())
-    cameras = {name: _clock(1e-3 * delay, 0.0, 0.0, 0.0) for name, delay in delays_ms.items()}
+    cameras = {
+        name: _clock(1e-9 * (line.corrected(reference) - reference), 0.0, line.drift, 0.0)
+        for name, line in delays.items()
+    }
     for name, model in models.items():
         master, deviation = model.master_from_device(reference)
-        offset = 1e-3 * delays_ms.get(name, 0.0) + 1e-9 * (master - reference)
-        cameras[name] = _clock(offset, 1e-9 * deviation, model.drift, np.sqrt(model.covariance[1, 1]))
+        line = delays.get(name, StampLine(0, 0))
+        offset, drift = 1e-9 * (line.corrected(master) - reference), model.drift + line.drift
+        cameras[name] = _clock(offset, 1e-9 * deviation, drift, np.sqrt(model.covariance[1, 1]))
     _write(path, reference, cameras)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from panoptic_ros.params import Config, named_numbers, param
+from panoptic_ros.params import Config, param
+from panoptic_ros.stamps.delays import named_delays
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,4 +48,4 @@ class OffsetsConfig(Config):
 
     def __post_init__(self) -> None:
         Config.__post_init__(self)
-        named_numbers("OffsetsConfig.delays_ms", self.delays_ms)
+        named_delays("OffsetsConfig.delays_ms", self.delays_ms)

@@ -27,10 +27,10 @@ from panoptic_ros.offsets.estimate import ClockFilter, fit_clocks
 from panoptic_ros.offsets.passes import PRIOR_DRIFT, PRIOR_OFFSET, SCALES
 from panoptic_ros.offsets.tracks import TrackInterpolation
 from panoptic_ros.offsets.uncertainty import honest_information
-from panoptic_ros.params import named_numbers, of_name
 from panoptic_ros.solving.example import cloud_of_joints, easy_instants
 from panoptic_ros.solving.frames import CameraFrame, camera_frames
 from panoptic_ros.stage import Notice, StageContext, StepResult
+from panoptic_ros.stamps.delays import delay_of, named_delays
 from panoptic_ros.state import Fields, Stateful, StateLayout
 
 Array = np.ndarray
@@ -119,8 +119,7 @@ class OffsetsStage(Stateful):
     def __init__(self, config: OffsetsConfig, context: StageContext):
         self._config, self._rig, self._skeleton = config, context.rig, context.skeleton
         self._arrays = RigArrays.of(context.rig)
-        delays = named_numbers("OffsetsConfig.delays_ms", config.delays_ms)
-        self._delays = {name: round(1e6 * of_name(delays, name)) for name in context.rig.names}
+        self._delays = named_delays("OffsetsConfig.delays_ms", config.delays_ms)
         if config.trusted_camera and config.trusted_camera not in context.rig.names:
             raise ConfigError(
                 f"offsets.trusted_camera = {config.trusted_camera!r} is not a camera of the rig; it has "
@@ -171,7 +170,7 @@ class OffsetsStage(Stateful):
         """Buffer a frame until the block ends, if this frame of the camera is used (see `ALL_FRAMES`)."""
         turn = self._turns.get(view.camera, self._arrays.index.get(view.camera, 0))
         if turn % -(-len(self._rig) // ALL_FRAMES) == 0:
-            stamp = max(0, view.stamp_ns + self._delays.get(view.camera, 0))
+            stamp = max(0, delay_of(self._delays, view.camera).corrected(view.stamp_ns))
             bare = replace(view, maps=None, stamp_ns=stamp)
             single = DetectionSet(0, stamp, view.skeleton_hash, (bare,))
             self._frames += camera_frames([single], self._arrays, self._skeleton)

@@ -10,9 +10,10 @@ from itertools import pairwise
 import numpy as np
 
 from panoptic_ros.domain import ClockModel, ViewDetections
-from panoptic_ros.params import named_numbers, named_words, of_name
+from panoptic_ros.params import named_words
 from panoptic_ros.params.named import ALL
 from panoptic_ros.stage import Notice, Severity
+from panoptic_ros.stamps.delays import delay_of, named_delays
 
 SECOND = 1_000_000_000
 LATEST_NS = (2**31 - 1) * SECOND  # ns; ROS messages cannot hold later timestamps
@@ -74,7 +75,7 @@ class StampCorrection:
         most_held: int = HELD,
     ):
         self._device = named_words("clocks", devices)
-        self._delays = named_numbers("delays_ms", delays_ms)
+        self._delays = named_delays("delays_ms", delays_ms)
         self._clocks = dict(clocks)
         self._cameras = {name: CameraClock() for name in clocks}
         self._most_held = most_held
@@ -296,13 +297,12 @@ class StampCorrection:
         """Return frames in master time; drop frames with an impossible time: their clock model is wrong."""
         moved = []
         for view in views:
-            delay = round(1e6 * of_name(self._delays, view.camera))
             stamp = view.stamp_ns if model is None else model.master_from_device(view.stamp_ns)[0]
-            if not 0 <= stamp + delay < LATEST_NS:
+            stamp = delay_of(self._delays, view.camera).corrected(stamp)
+            if not 0 <= stamp < LATEST_NS:
                 notices.append(_lost(view, "its clock model puts it outside of all time"))
             else:
-                same = stamp + delay == view.stamp_ns
-                moved.append(view if same else replace(view, stamp_ns=stamp + delay))
+                moved.append(view if stamp == view.stamp_ns else replace(view, stamp_ns=stamp))
         return moved
 
 

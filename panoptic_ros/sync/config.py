@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from panoptic_ros.params import Config, named_numbers, named_words, param
+from panoptic_ros.params import Config, named_words, param
+from panoptic_ros.stamps.delays import named_delays
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +84,8 @@ class SyncConfig(Config):
         (),
         unit="ms",
         doc='Delay from a frame\'s timestamp to its mid-exposure, as "camera=milliseconds"; "*" applies to '
-        "all other cameras. Half the exposure if timestamps are of its start; negative if they are of "
+        'all other cameras. "camera=ms,ppm,reference_ns" drifts. '
+        "Half the exposure if timestamps are of its start; negative if they are of "
         "arrivals.",
         when="timestamps are not of mid-exposure: half the exposure, or the delay that "
         "`--offsets-from-motion` found.",
@@ -92,4 +94,4 @@ class SyncConfig(Config):
     def __post_init__(self) -> None:
         Config.__post_init__(self)
         named_words("SyncConfig.clocks", self.clocks)
-        named_numbers("SyncConfig.delays_ms", self.delays_ms)
+        named_delays("SyncConfig.delays_ms", self.delays_ms)

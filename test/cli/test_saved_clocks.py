@@ -134,15 +134,44 @@ def test_estimates_start_from_known_clocks_and_refer_to_the_stamps_of_the_record
         assert abs(middle - expected) < 1e-3 and own["observable"]
 
 
-def test_a_run_adds_offsets_without_drifts_and_takes_line_delays(capture, tmp_path):
+def test_a_run_takes_clocks_and_line_delays_and_the_drifts_of_its_own_recording(capture, tmp_path):
+    elsewhere = json.loads((capture / "clocks.json").read_text())
+    elsewhere["reference_ns"] += 3600 * 10**9
+    write(tmp_path / "elsewhere.json", elsewhere)
     arguments = ["run", "--bag", str(capture / "bag"), "--in-process", "--no-pictures", "--out"]
-    errors = {}
-    for name, options in (("with", ["--offsets", str(capture / "clocks.json")]), ("without", [])):
+    errors, told = {}, {}
+    for name, options in (
+        ("own", ["--offsets", str(capture / "clocks.json")]),
+        ("elsewhere", ["--offsets", str(tmp_path / "elsewhere.json")]),
+        ("without", []),
+    ):
         assert main([*arguments, str(tmp_path / name), *options]) == 0
         errors[name] = error_mm(tmp_path / name / "skeletons.json.gz")
-    assert errors["with"] < 12.0 and errors["without"] > 20.0  # 2 ms of drift are 4 mm
-    told = [n["text"] for n in json.loads((tmp_path / "with" / "report.json").read_text())["notices"]]
-    assert any("cam1 drifts by +120.0 ms a minute" in text for text in told)
+        report = json.loads((tmp_path / name / "report.json").read_text())
+        told[name] = " ".join(notice["text"] for notice in report["notices"])
+    assert errors["own"] < errors["elsewhere"] < 12.0 and errors["without"] > 20.0  # 2 ms of drift are 4 mm
+    assert "with drifts" in told["own"] and "drift +2000 ppm" in told["own"]
+    assert "without drifts" in told["elsewhere"]
+    assert "cam1 drifts by +120.0 ms a minute" in told["elsewhere"]
+
+
+@pytest.mark.parametrize("verb", ["solve", "continuous"])
+def test_a_clock_may_be_off_by_more_than_views_of_a_set_may_be_apart(capture, tmp_path, verb):
+    sets, clocks = taken(), json.loads((capture / "clocks.json").read_text())
+    for k, item in enumerate(sets):
+        views = [
+            replace(view, stamp_ns=view.stamp_ns - 5 * 10**9 * (view.camera == "cam3")) for view in item.views
+        ]
+        sets[k] = replace(item, views=tuple(views))
+    write_detections(tmp_path / "detections.json.gz", captures.SKELETON.joint_names, sets)
+    clocks["cameras"]["cam3"]["offset_s"] += 5.0
+    write(tmp_path / "clocks.json", clocks)
+    write_rig(tmp_path / "rig.json", captures.RIG)
+    out = tmp_path / "out"
+    out.mkdir()
+    assert run(verb, tmp_path, out, "--offsets", tmp_path / "clocks.json") < 5.0
+    seen = [frame.views.max(initial=0) for frame in read_skeletons(out / "s.json.gz").frames]
+    assert max(seen) == 4
 
 
 @pytest.mark.parametrize("verb", ["solve", "continuous"])

@@ -8,7 +8,7 @@ import pytest
 
 from panoptic_ros.continuous.clocks import CameraTimes
 from panoptic_ros.continuous.motion_result import ContinuousMotion
-from panoptic_ros.domain import ClockModel
+from panoptic_ros.domain import ClockModel, StampLine
 from panoptic_ros.errors import DataError
 from panoptic_ros.io.clock_files import (
     SavedClock,
@@ -70,10 +70,12 @@ def test_clocks_of_a_run_come_back_with_the_delays_that_they_came_on_top_of(tmp_
         "a": ClockModel("a", START, 2e6, 1e-5, np.diag([1e-8, 1e-10])),
         "c": ClockModel("c", START - 10**9, -3e6, 1e-4, np.diag([1e-8, 0.0])),
     }
-    write_models(tmp_path / "o.json", models, {"a": 30.0, "b": -5.0})
+    delays = {"a": StampLine(START, 30_000_000), "b": StampLine(START - 10**9, -5_000_000, 1e-4)}
+    write_models(tmp_path / "o.json", models, delays)
     saved = read_clocks(tmp_path / "o.json")
     assert {clock.reference_ns for clock in saved.values()} == {START}
-    assert saved["a"].offset_s == pytest.approx(0.032) and saved["b"].offset_s == pytest.approx(-0.005)
+    assert saved["a"].offset_s == pytest.approx(0.032) and saved["b"].offset_s == pytest.approx(-0.0049)
+    assert saved["b"].drift == pytest.approx(1e-4)
     assert saved["a"].offset_sd_s == pytest.approx(1e-4) and saved["b"].offset_sd_s == 0.0
     assert not saved["a"].drifts  # 1e-5 +- 1e-5
     assert saved["c"].offset_s == pytest.approx(-0.003 + 1e-4) and saved["c"].drift == pytest.approx(1e-4)

@@ -27,10 +27,10 @@ def ended_after(plan: Plan, duration_s: float) -> Plan:
     Raises:
         UserError: if a source cannot be opened.
     """
-    begins = list(_begins(plan))
-    if not begins:
+    first = list(begins(plan))
+    if not first:
         return plan
-    until = min(begins) + round(duration_s * SECOND)
+    until = min(first) + round(duration_s * SECOND)
     frames = math.ceil(duration_s * plan.frame_rate)
     sound = TOPICS[SOUND_KEY]
     return replace(
@@ -54,7 +54,7 @@ def _at_most(count: int | None, most: int) -> int | None:
     return None if count is None else min(count, most)
 
 
-def _begins(plan: Plan) -> Iterator[int]:
+def begins(plan: Plan) -> Iterator[int]:
     """Yield the timestamp, ns, of the first record of each camera; without cameras, of each IMU."""
     for camera, description in plan.sources.items():
         source, _ = open_source(camera, plan.rig, description)

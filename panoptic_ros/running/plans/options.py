@@ -16,15 +16,18 @@ from panoptic_ros.domain.upright import Z_UP
 from panoptic_ros.errors import UsageError
 from panoptic_ros.graph.build import configure
 from panoptic_ros.graph.topics import check_names
+from panoptic_ros.io.clock_files import SavedClock
 from panoptic_ros.io.detector_context import bias_extras, detector_extras, noise_only
 from panoptic_ros.io.skeletons import DEFAULT_SKELETON
 from panoptic_ros.offsets.config import OffsetsConfig
 from panoptic_ros.offsets.sound.passes import APART
 from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.designated import with_bodies, with_subjects
+from panoptic_ros.running.plans.duration import begins
 from panoptic_ros.running.plans.parameters import Parameters, with_occluders
 from panoptic_ros.running.plans.plan import Plan
-from panoptic_ros.running.plans.saved_clocks import saved_clocks, saved_lines, with_line_delays
+from panoptic_ros.running.plans.saved_clocks import NEAR_NS, saved_clocks, saved_lines, with_line_delays
+from panoptic_ros.stamps.delays import delay_entry
 from panoptic_ros.sync.config import SyncConfig
 
 
@@ -124,13 +127,14 @@ def _with_offsets(plan: Plan, path: Path) -> Plan:
     if sync.delays_ms:
         raise UsageError("--offsets and sync.delays_ms both state the delays of stamps; give one of them")
     saved = saved_clocks(path, plan.rig.names)
-    delays = tuple(f"{name}={1e3 * offset.offset_s:.4f}" for name, offset in saved.items())
+    first, drifting = _contains_reference(plan, saved)
+    delays = tuple(delay_entry(name, clock.line(first, drifting)) for name, clock in saved.items())
     configs = {
         **plan.configs,
         "sync": replace(sync, delays_ms=delays),
         "offsets": replace(offsets, delays_ms=delays),
     }
-    told = tuple(line.strip() for line in saved_lines(saved, plan.rig.names, False))
+    told = tuple(line.strip() for line in saved_lines(saved, plan.rig.names, drifting))
     # offsets may be seconds, so the streams are aligned by their corrected timestamps
     more = {name: round(SECOND * offset.offset_s) for name, offset in saved.items()}
     streams = tuple(replace(s, shift_ns=s.shift_ns + more.get(s.camera, 0)) for s in plan.streams)
@@ -138,6 +142,23 @@ def _with_offsets(plan: Plan, path: Path) -> Plan:
     notices = (*plan.notices, *told)
     rig = with_line_delays(plan.rig, saved)
     return replace(plan, rig=rig, configs=configs, streams=streams, shifts=shifts, notices=notices)
+
+
+def _contains_reference(plan: Plan, saved: Mapping[str, SavedClock]) -> tuple[int, bool]:
+    """Return the first timestamp (ns) of a recording, and whether drifts of saved clocks count in it.
+
+    They count if they were estimated in this recording, so that it contains their reference. Elsewhere the
+    reference is too far away.
+    """
+    if plan.live or plan.instants is None or not any(clock.drift for clock in saved.values()):
+        return 0, False
+    stamps = list(begins(plan))
+    if not stamps:
+        return 0, False
+    last = max(stamps) + round(SECOND * plan.instants / plan.frame_rate)
+    references = {clock.reference_ns for clock in saved.values()}
+    drifting = any(at is None or min(stamps) - NEAR_NS <= at <= last + NEAR_NS for at in references)
+    return min(stamps), drifting
 
 
 def _with_upright_images(plan: Plan) -> Plan:

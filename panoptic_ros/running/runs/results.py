@@ -22,8 +22,9 @@ from panoptic_ros.io.messages.family import bag_typestore
 from panoptic_ros.io.messages.markers import marker_array
 from panoptic_ros.io.plain_formats import SkeletonStream
 from panoptic_ros.io.previews import Previews
-from panoptic_ros.params import config_of, named_numbers, of_name
+from panoptic_ros.params import config_of
 from panoptic_ros.running.plans.plan import Plan
+from panoptic_ros.stamps.delays import NO_DELAY, delay_of, named_delays
 from panoptic_ros.sync.config import SyncConfig
 from panoptic_ros.view.body_drawing import DrawnBody, drawn_bodies
 
@@ -249,8 +250,9 @@ class Results:
     def _write_clocks(self) -> None:
         found = {name: model for name, model in self.clocks.items() if name in self.views}
         if found:
-            given = named_numbers("SyncConfig.delays_ms", config_of(self._plan.configs, SyncConfig).delays_ms)
-            delays = {name: of_name(given, name) for name in self.views if of_name(given, name)}
+            given = named_delays("SyncConfig.delays_ms", config_of(self._plan.configs, SyncConfig).delays_ms)
+            delays = {name: delay_of(given, name) for name in self.views}
+            delays = {name: delay for name, delay in delays.items() if delay != NO_DELAY}
             write_models(self.folder / CLOCKS, found, delays)
 
     def __enter__(self) -> Results:
